@@ -31,7 +31,7 @@ from somrs.runtime.clock import Clock, TimeOfDay
 from somrs.runtime.host import Host
 from somrs.runtime.node import Node, Report
 from somrs.scheduling.component import Scheduler
-from somrs.scheduling.program import put
+from somrs.scheduling.program import add_scheduler
 from somrs.scheduling.state import OrdersDue
 from somrs.scheduling.store import FILE as ORDERS
 from somrs.scheduling.store import orders_journal
@@ -187,7 +187,7 @@ async def scheduler_at(system: SmallSystem, clock: Clock | None = None) -> Async
     rim = Host(HERE, system.scheduler_port, clock=clock or TimeOfDay())
     try:
         await rim.start()
-        node = put(rim, journal, system.addresses)
+        node = add_scheduler(rim, journal, system.addresses)
         if isinstance(clock, Time):
             clock.drive(node)
         system.addresses = replace(system.addresses, scheduler=node.address)

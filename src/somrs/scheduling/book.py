@@ -35,26 +35,28 @@ class Book(Struct, kw_only=True):
 
     def note(self, id: str, run: Run) -> None:
         """Note what came of a time at which an order was due, in place of what is known of the same time."""
-        others = (one for one in self.runs_of(id) if one.due != run.due)
-        self.runs[id] = tuple(sorted([*others, run], key=lambda one: one.due))[-MOST_RUNS:]
+        other_runs = (entry for entry in self.runs_of(id) if entry.due != run.due)
+        self.runs[id] = tuple(sorted([*other_runs, run], key=lambda entry: entry.due))[-MOST_RUNS:]
 
     def remove_template(self, template: Template) -> None:
         """Raises Changed when an order uses it."""
         if users := [order.name for order in self.orders.values() if order.template == template.name]:
-            used = f"the template {template.name} is used by the order {', '.join(users)}"
-            raise Changed(f"{used}; remove that first, or give it another task")
+            problem = f"the template {template.name} is used by the order {', '.join(users)}"
+            raise Changed(f"{problem}; remove that first, or give it another task")
         del self.templates[template.name]
 
-    def rename_template(self, template: Template, to: str, by: str, now: float) -> Template:
+    def rename_template(self, template: Template, new_name: str, author: str, now: float) -> Template:
         """Give a template another name, also where orders use it."""
-        if to != template.name and to in self.templates:
-            raise Changed(f"there is a template {to} already; take another name, or remove that one first")
+        if new_name != template.name and new_name in self.templates:
+            raise Changed(f"there is a template {new_name} already; take another name, or remove that one first")
         del self.templates[template.name]
-        self.templates[to] = made = structs.replace(template, name=to, version=template.version + 1, changed_at=now, changed_by=by)
+        self.templates[new_name] = new_template = structs.replace(
+            template, name=new_name, version=template.version + 1, changed_at=now, changed_by=author
+        )
         for order in self.orders.values():
             if order.template == template.name:
-                self.orders[order.id] = structs.replace(order, template=to, version=order.version + 1)
-        return made
+                self.orders[order.id] = structs.replace(order, template=new_name, version=order.version + 1)
+        return new_template
 
     def remove_order(self, id: str) -> None:
         """Take an order back, with what is known of its times."""
@@ -62,10 +64,10 @@ class Book(Struct, kw_only=True):
         self.runs.pop(id, None)
 
 
-def expect(version: int | None, now: int, what: str, by: str = "") -> None:
+def expect(version: int | None, current_version: int, subject: str, author: str = "") -> None:
     """Raises Changed if somebody else changed it since it had that version."""
-    if version is not None and version != now:
-        who = f" by {person_name(by)}" if by else ""
-        changed = f"was changed{who} meanwhile" if now else "was removed meanwhile"
-        there = f"{what} is there already" if version == 0 else f"{what} {changed}"
-        raise Changed(f"{there}; nothing was saved: look at it as it is now, and say again what is to be otherwise")
+    if version is not None and version != current_version:
+        author_text = f" by {person_name(author)}" if author else ""
+        changed = f"was changed{author_text} meanwhile" if current_version else "was removed meanwhile"
+        problem = f"{subject} is there already" if version == 0 else f"{subject} {changed}"
+        raise Changed(f"{problem}; nothing was saved: look at it as it is now, and say again what is to be otherwise")

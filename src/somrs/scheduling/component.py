@@ -36,9 +36,9 @@ from somrs.protocol.messages.orders import OrderSaved, OrdersChanged, Run, RunSt
 from somrs.protocol.messages.paging import fit_page
 from somrs.scheduling.book import Book, expect
 from somrs.scheduling.execution import LATE, Execution, task_for
-from somrs.scheduling.recurrence import checked, due_after, due_between, zone_of
+from somrs.scheduling.recurrence import check_recurrence, due_after, due_between, zone_of
 from somrs.scheduling.state import Located, MapDue, OrdersDue, SchedulerState, Timer
-from somrs.scheduling.templates import check, filled, name_of
+from somrs.scheduling.templates import check, fill_template, name_of
 
 LOOK = 30.0
 """Seconds after which the time is looked at in any case: the machine's clock may be put forward."""
@@ -64,9 +64,9 @@ class Scheduler:
     @classmethod
     def restored(cls, state: SchedulerState) -> Self:
         """The Scheduler that has this state."""
-        made = cls.__new__(cls)
-        made._adopt(state)
-        return made
+        scheduler = cls.__new__(cls)
+        scheduler._adopt(state)
+        return scheduler
 
     def _adopt(self, state: SchedulerState) -> None:
         self.state = state
@@ -102,14 +102,14 @@ class Scheduler:
         if self.replica.ready:
             yield from self._serve_waiting(now)
         if news is None or news.reloaded:  # nothing is due because the map changed, and that is most of what comes
-            yield from self._go_on(now)
+            yield from self._run_due_orders(now)
 
     def _handle(self, event: Input, now: float) -> Effects:
         state = self.state
         match event:
             case Started(address):
                 state.address = state.replica.owner = address
-                state.begun = now
+                state.started_at = now
                 yield from state.replica.start(now)
             case Received(Message(header=header, body=body)) if header.relates_to in state.questions:
                 yield from self._execution.answered(header.relates_to or "", body, now)
@@ -120,7 +120,7 @@ class Scheduler:
             case DeliveryFailed(message):
                 self._execution.undelivered(message.header.message_id, now)
             case TimerFired(OrdersDue()):
-                yield from self._execution.ring(now)
+                yield from self._execution.ask_again(now)
             case TimerFired(MapDue(request)) if (waiting := state.until_ready.pop(request, None)) is not None:
                 text = f"the map of the environment is not known yet, because {state.located.repository} does not answer; try again later"
                 yield self._answer(waiting, Fault(code="env:Receiver", text=text))
@@ -138,49 +138,49 @@ class Scheduler:
         dues = (self._due_after(order, self._considered(order)) for order in self.book.orders.values() if order.enabled)
         return min((due for due in dues if due is not None), default=None)
 
-    def _due_after(self, order: StandingOrder, after: float) -> float | None:
-        return due_after(order.when, after, zone_of(self.state.located.zone))
+    def _due_after(self, order: StandingOrder, start: float) -> float | None:
+        return due_after(order.when, start, zone_of(self.state.located.zone))
 
     def _considered(self, order: StandingOrder) -> float:
         """Until when all times were dealt with."""
         runs = self.book.runs_of(order.id)
         return max(order.changed_at, runs[-1].due if runs else 0.0)
 
-    def _go_on(self, now: float) -> Effects:
+    def _run_due_orders(self, now: float) -> Effects:
         """Have everything stated that is due, once the map was read, by which templates are filled in."""
         ready = self.replica.ready
         if ready:
             for order in [*self.book.orders.values()]:
                 if order.enabled:
                     yield from self._state_due(order, now)
-        times = (self.next_due if ready else None, self._execution.next, now + LOOK)
+        times = (self.next_due if ready else None, self._execution.next_retry, now + LOOK)
         yield SetTimer(OrdersDue(), max(now, min(time for time in times if time is not None)))
 
     def _state_due(self, order: StandingOrder, now: float) -> Effects:
         """The last time at which it was due, unless that is long ago; those before were missed."""
         considered, zone = self._considered(order), zone_of(self.state.located.zone)
-        times, last = due_between(order.when, considered, now, zone)
-        if last is None:
+        times, last_due = due_between(order.when, considered, now, zone)
+        if last_due is None:
             return
-        late = now - last > LATE
+        late = now - last_due > LATE
         if missed := times if late else times - 1:
-            of = last if late else due_between(order.when, considered, last - 0.001, zone)[1] or last - 0.001
-            run = Run(due=of, state=RunState.MISSED, at=now, times=missed, note="the Scheduler was not running")
+            missed_due = last_due if late else due_between(order.when, considered, last_due - 0.001, zone)[1] or last_due - 0.001
+            run = Run(due=missed_due, state=RunState.MISSED, at=now, times=missed, note="the Scheduler was not running")
             yield from self._note(order.id, run)
         if not late:
-            run = Run(due=last, state=RunState.SUBMITTING, at=now, task=task_for(order.id, last))
+            run = Run(due=last_due, state=RunState.SUBMITTING, at=now, task=task_for(order.id, last_due))
             yield from self._note(order.id, run)
-            yield from self._execution.state(order, run, now)
+            yield from self._execution.start_run(order, run, now)
 
     def _task_of(self, order: StandingOrder) -> Submit:
         if order.task is not None:
             return order.task
-        return filled(self.book.template(order.template or ""), order.values, self.replica)
+        return fill_template(self.book.template(order.template or ""), order.values, self.replica)
 
     def _note(self, id: str, run: Run) -> Effects:
         if id in self.book.orders:  # it may have been taken back meanwhile
             self.book.note(id, run)
-            yield from self._tell(orders=True)
+            yield from self._publish(orders=True)
 
     # What is asked
 
@@ -195,11 +195,11 @@ class Scheduler:
                     self.state.until_ready[message.header.message_id] = message
                     yield SetTimer(MapDue(message.header.message_id), now + READY_TIME)
                 case body:
-                    answer = yield from self._asked(message, body, now)
+                    answer = yield from self._handle_request(message, body, now)
                     yield self._answer(message, answer)
         except SomrsError as error:
-            said = error_report(error)
-            yield self._answer(message, orders.OrdersRejected(**{name: getattr(said, name) for name in REJECTED}))
+            report = error_report(error)
+            yield self._answer(message, orders.OrdersRejected(**{name: getattr(report, name) for name in REJECTED}))
 
     def _serve_waiting(self, now: float) -> Effects:
         waiting, self.state.until_ready = self.state.until_ready, {}
@@ -207,48 +207,48 @@ class Scheduler:
             yield SetTimer(MapDue(id), None)
             yield from self._received(message, now)
 
-    def _answer(self, to: Message, body: Body) -> Send:
-        return Send(reply(to, body, self.state.address))
+    def _answer(self, request: Message, body: Body) -> Send:
+        return Send(reply(request, body, self.state.address))
 
-    def _asked(self, message: Message, body: Body, now: float) -> EffectsReturning[Body]:
+    def _handle_request(self, message: Message, body: Body, now: float) -> EffectsReturning[Body]:
         match body:
-            case orders.ReadTemplates(after=after, name=None):
-                found, more = _page(self.book.templates, after)
-                return orders.TemplatesPage(templates=tuple(found), more=more)
+            case orders.ReadTemplates(after=cursor, name=None):
+                templates, has_next_page = _page(self.book.templates, cursor)
+                return orders.TemplatesPage(templates=tuple(templates), more=has_next_page)
             case orders.ReadTemplates(name=str() as name):
                 return orders.TemplatesPage(templates=(self.book.template(name),))
             case orders.SaveTemplate():
                 return (yield from self._save_template(body, now))
-            case orders.RenameTemplate(name=name, to=to, expected_version=version, by=by):
-                renamed = self.book.rename_template(self._expected(name, version), name_of(to), by, now)
-                yield from self._tell(templates=True, orders=True)
+            case orders.RenameTemplate(name=name, to=new_name, expected_version=version, by=author):
+                renamed = self.book.rename_template(self._expected(name, version), name_of(new_name), author, now)
+                yield from self._publish(templates=True, orders=True)
                 return orders.TemplateKept(template=renamed)
             case orders.RemoveTemplate(name=name, expected_version=version):
                 self.book.remove_template(self._expected(name, version))
-                yield from self._tell(templates=True)
+                yield from self._publish(templates=True)
                 return orders.NoLongerKept()
             case orders.FillTemplate(name=name, values=values):
-                return orders.TemplateFilled(task=filled(self.book.template(name), values, self.replica))
-            case orders.ReadOrders(after=after, id=None):
-                listed, more = _page(self.book.orders, after)
-                return orders.OrdersPage(orders=tuple(self._seen(one, now) for one in listed), more=more)
+                return orders.TemplateFilled(task=fill_template(self.book.template(name), values, self.replica))
+            case orders.ReadOrders(after=cursor, id=None):
+                listed, has_next_page = _page(self.book.orders, cursor)
+                return orders.OrdersPage(orders=tuple(self._order_view(order, now) for order in listed), more=has_next_page)
             case orders.ReadOrders(id=str() as id):
-                return orders.OrdersPage(orders=(self._seen(self.book.order(id), now),))
+                return orders.OrdersPage(orders=(self._order_view(self.book.order(id), now),))
             case orders.SaveOrder(id=None, saved=saved):
                 # The same message, sent again, is the same order.
-                made = message_id("order", message.header.message_id)[9:].replace("-", "")[:12]
-                return (yield from self._save_order(made, saved, now))
+                order_id = message_id("order", message.header.message_id)[9:].replace("-", "")[:12]
+                return (yield from self._save_order(order_id, saved, now))
             case orders.SaveOrder(id=str() as id, saved=saved):
                 return (yield from self._save_order(self.book.order(id).id, saved, now))
-            case orders.TurnOrder(id=id, enabled=enabled, by=by):
-                before = self.book.order(id)
-                turned = structs.replace(before, enabled=enabled, version=before.version + 1, changed_at=now, changed_by=by)
+            case orders.TurnOrder(id=id, enabled=enabled, by=author):
+                old_order = self.book.order(id)
+                turned = structs.replace(old_order, enabled=enabled, version=old_order.version + 1, changed_at=now, changed_by=author)
                 return (yield from self._order_kept(turned, now))
             case orders.RemoveOrder(id=id, expected_version=version):
-                before = self.book.order(id)
-                expect(version, before.version, f"the order {before.name}", before.changed_by)
+                old_order = self.book.order(id)
+                expect(version, old_order.version, f"the order {old_order.name}", old_order.changed_by)
                 self.book.remove_order(id)
-                yield from self._tell(orders=True)
+                yield from self._publish(orders=True)
                 return orders.NoLongerKept()
             case orders.ReadRuns():
                 return self._runs(body)
@@ -259,42 +259,49 @@ class Scheduler:
         expect(version, template.version, f"the template {name}", template.changed_by)
         return template
 
-    def _save_template(self, wanted: orders.SaveTemplate, now: float) -> EffectsReturning[Body]:
-        name, saved = name_of(wanted.name), wanted.saved
+    def _save_template(self, request: orders.SaveTemplate, now: float) -> EffectsReturning[Body]:
+        name, saved = name_of(request.name), request.saved
         check(saved.task, saved.blanks, self.replica)
-        before = self.book.templates.get(name)
-        expect(saved.expected_version, before.version if before else 0, f"the template {name}", before.changed_by if before else "")
-        self.book.templates[name] = made = Template(
+        old_template = self.book.templates.get(name)
+        expect(
+            saved.expected_version,
+            old_template.version if old_template else 0,
+            f"the template {name}",
+            old_template.changed_by if old_template else "",
+        )
+        self.book.templates[name] = template = Template(
             name=name,
             task=saved.task,
             blanks=saved.blanks,
             note=saved.note,
-            version=before.version + 1 if before else 1,
+            version=old_template.version + 1 if old_template else 1,
             changed_at=now,
             changed_by=saved.by,
         )
-        yield from self._tell(templates=True)
-        return orders.TemplateKept(template=made)
+        yield from self._publish(templates=True)
+        return orders.TemplateKept(template=template)
 
     def _save_order(self, id: str, saved: OrderSaved, now: float) -> EffectsReturning[Body]:
-        name, before = name_of(saved.name), self.book.orders.get(id)
-        expect(saved.expected_version, before.version if before else 0, f"the order {name}", before.changed_by if before else "")
-        when = saved.when if before is not None and saved.when == before.when else checked(saved.when, now)
-        made = StandingOrder(
+        name, old_order = name_of(saved.name), self.book.orders.get(id)
+        expect(
+            saved.expected_version, old_order.version if old_order else 0, f"the order {name}", old_order.changed_by if old_order else ""
+        )
+        recurrence = saved.when if old_order is not None and saved.when == old_order.when else check_recurrence(saved.when, now)
+        order = StandingOrder(
             id=id,
             name=name,
-            when=when,
+            when=recurrence,
             task=saved.task,
             template=saved.template,
             values=saved.values,
             enabled=saved.enabled,
             skip=saved.skip,
-            version=before.version + 1 if before else 1,
+            version=old_order.version + 1 if old_order else 1,
             changed_at=now,
             changed_by=saved.by,
         )
-        self._check(made)
-        return (yield from self._order_kept(made, now))
+        self._check(order)
+        return (yield from self._order_kept(order, now))
 
     def _check(self, order: StandingOrder) -> None:
         """Raises InputError where it could not be stated even now."""
@@ -309,19 +316,19 @@ class Scheduler:
 
     def _order_kept(self, order: StandingOrder, now: float) -> EffectsReturning[Body]:
         self.book.orders[order.id] = order
-        yield from self._tell(orders=True)
-        return orders.OrderKept(order=self._seen(order, now))
+        yield from self._publish(orders=True)
+        return orders.OrderKept(order=self._order_view(order, now))
 
-    def _seen(self, order: StandingOrder, now: float) -> StandingOrder:
+    def _order_view(self, order: StandingOrder, now: float) -> StandingOrder:
         """The order, with when it is due next, and what came of the last time."""
         runs = self.book.runs_of(order.id)
-        next = self._due_after(order, max(self._considered(order), now)) if order.enabled else None
-        return structs.replace(order, next=next, last=runs[-1] if runs else None)
+        next_due = self._due_after(order, max(self._considered(order), now)) if order.enabled else None
+        return structs.replace(order, next=next_due, last=runs[-1] if runs else None)
 
-    def _runs(self, wanted: orders.ReadRuns) -> Body:
-        self.book.order(wanted.id)
-        runs = [run for run in reversed(self.book.runs_of(wanted.id)) if wanted.before is None or run.due < wanted.before]
-        runs = runs[: max(wanted.limit, 0)]
+    def _runs(self, request: orders.ReadRuns) -> Body:
+        self.book.order(request.id)
+        runs = [run for run in reversed(self.book.runs_of(request.id)) if request.before is None or run.due < request.before]
+        runs = runs[: max(request.limit, 0)]
         page = tuple(fit_page(runs))
         return orders.RunsPage(runs=page, more=len(page) < len(runs))
 
@@ -331,30 +338,30 @@ class Scheduler:
         if message.header.sender == ANONYMOUS:
             raise UsageError("news can only be sent to somebody who has an address: set the sender to one that can be reached")
         state = self.state
-        state.subscribers[message.header.sender] = until = now + lease
+        state.subscribers[message.header.sender] = lease_end = now + lease
         state.subscribers = {address: end for address, end in state.subscribers.items() if end > now}
-        return self._answer(message, orders.OrdersSubscribed(until=until, begun=state.begun))
+        return self._answer(message, orders.OrdersSubscribed(until=lease_end, begun=state.started_at))
 
-    def _tell(self, *, templates: bool = False, orders: bool = False) -> Effects:
-        self.state.told += 1
+    def _publish(self, *, templates: bool = False, orders: bool = False) -> Effects:
+        self.state.news_count += 1
         news = OrdersChanged(templates=templates, orders=orders)
         for subscriber in self.state.subscribers:
             yield Send(Message(header=self._header(subscriber), body=news))
 
     def _header(self, subscriber: str) -> Header:
         # When it was begun is part of the id: with another file, news are counted from 1 again.
-        here = self.state.address
-        id = message_id(here, subscriber, "news", self.state.told, self.state.begun)
-        return Header(sender=here, recipient=subscriber, message_id=id)
+        address = self.state.address
+        id = message_id(address, subscriber, "news", self.state.news_count, self.state.started_at)
+        return Header(sender=address, recipient=subscriber, message_id=id)
 
 
 REJECTED = orders.OrdersRejected.__struct_fields__
 
 
-def _page(kept: dict[str, T], after: str) -> tuple[list[T], bool]:
+def _page(entries: dict[str, T], cursor: str) -> tuple[list[T], bool]:
     """As many as one message holds of those behind that name, and whether there are others."""
-    names = sorted(name for name in kept if name > after)
-    page = [*fit_page(kept[name] for name in names)]
+    names = sorted(name for name in entries if name > cursor)
+    page = [*fit_page(entries[name] for name in names)]
     return page, len(page) < len(names)
 
 

@@ -31,7 +31,7 @@ WAIT = 10.0
 ANSWER_TIME = 5.0
 """Seconds, besides, after which a question that nobody answered is asked again."""
 
-AGAIN = 1.0
+RETRY_DELAY = 1.0
 """Seconds before a question is asked again that could not be delivered."""
 
 ALL_EVENTS = 10**9
@@ -45,80 +45,92 @@ Note = Callable[[str, Run], Effects]
 class Execution:
     """All times whose tasks may be under way. `task_of` gives the task of an order, and raises InputError when there is none."""
 
-    def __init__(self, known: SchedulerState, task_of: Callable[[StandingOrder], Submit], note: Note) -> None:
-        self._known, self._task_of, self._note = known, task_of, note
+    def __init__(self, scheduler_state: SchedulerState, task_of: Callable[[StandingOrder], Submit], note: Note) -> None:
+        self._scheduler_state, self._task_of, self._note = scheduler_state, task_of, note
 
     @property
-    def next(self) -> float | None:
+    def next_retry(self) -> float | None:
         """When a question is to be asked again."""
-        return min((one.until for one in self._known.questions.values()), default=None)
+        return min((question.until for question in self._scheduler_state.questions.values()), default=None)
 
-    def state(self, order: StandingOrder, run: Run, now: float) -> Effects:
+    def start_run(self, order: StandingOrder, run: Run, now: float) -> Effects:
         """State the task, unless the one before runs."""
-        before = [one.task for one in self._known.book.runs_of(order.id) if one.due < run.due and one.open and one.task is not None]
-        if order.skip and before:
-            yield self._ask(order.id, run, WatchTask(task=before[-1], after=ALL_EVENTS, wait=0.0), now, about=before[-1])
+        earlier_tasks = [
+            earlier_run.task
+            for earlier_run in self._scheduler_state.book.runs_of(order.id)
+            if earlier_run.due < run.due and earlier_run.open and earlier_run.task is not None
+        ]
+        if order.skip and earlier_tasks:
+            yield self._ask(
+                order.id, run, WatchTask(task=earlier_tasks[-1], after=ALL_EVENTS, wait=0.0), now, earlier_task=earlier_tasks[-1]
+            )
         else:
             yield from self._submit(order, run, now)
 
-    def ring(self, now: float) -> Effects:
+    def ask_again(self, now: float) -> Effects:
         """Ask again what nobody answered."""
-        for id, question in [*self._known.questions.items()]:
+        for id, question in [*self._scheduler_state.questions.items()]:
             if question.until <= now:
                 yield from self._unanswered(id, question, now)
 
     def undelivered(self, id: str, now: float) -> None:
         """A message was not delivered; if it was a question, it is to be asked again."""
-        questions = self._known.questions
+        questions = self._scheduler_state.questions
         if (question := questions.get(id)) is not None:
-            questions[id] = structs.replace(question, until=now + AGAIN)
+            questions[id] = structs.replace(question, until=now + RETRY_DELAY)
 
     def answered(self, id: str, body: Body, now: float) -> Effects:
         """An answer to the question that this message asked, which is open."""
-        question = self._known.questions.pop(id)
+        question = self._scheduler_state.questions.pop(id)
         run = self._run(question)
         if run is None:
             return  # the order was taken back, or it is known already
         if question.about is not None:
-            yield from self._of_before(question, run, body, now)
+            yield from self._check_earlier_task(question, run, body, now)
             return
         match body:
             case Submitted():
                 run = structs.replace(run, state=RunState.SUBMITTED)
                 yield from self._note(question.order, run)
                 yield self._follow(question.order, run, now)
-            case TaskRejected(problem=why):
-                yield from self._refused(question.order, run, why)
-            case Fault(text=why) if isinstance(question.body, Submit):
-                yield from self._refused(question.order, run, why)
+            case TaskRejected(problem=reason):
+                yield from self._refused(question.order, run, reason)
+            case Fault(text=reason) if isinstance(question.body, Submit):
+                yield from self._refused(question.order, run, reason)
             case TaskNews(view=view):
-                yield from self._seen(question.order, run, view.phase, view.outcome, view.ended_at, reasons(view), now)
+                yield from self._record_progress(question.order, run, view.phase, view.outcome, view.ended_at, reasons(view), now)
             case Records(records=records) if records:
-                kept = records[0]
-                yield from self._seen(question.order, run, Phase.ENDED, kept.outcome, kept.ended_at, reasons(kept), now)
+                record = records[0]
+                yield from self._record_progress(question.order, run, Phase.ENDED, record.outcome, record.ended_at, reasons(record), now)
             case Records():
                 yield from self._unknown(question.order, run, now)
             case _ if isinstance(question.body, ReadRecords):
-                self._known.questions[id] = structs.replace(question, until=now + AGAIN)
+                self._scheduler_state.questions[id] = structs.replace(question, until=now + RETRY_DELAY)
             case _:  # nobody has it in mind: it may be over long since
                 yield self._ask(question.order, run, ReadRecords(task=run.task, brief=True, limit=1), now)
 
     # What is asked
 
     def _ask(
-        self, order: str, run: Run, body: Submit | WatchTask | ReadRecords, now: float, about: str | None = None, by: str | None = None
+        self,
+        order: str,
+        run: Run,
+        body: Submit | WatchTask | ReadRecords,
+        now: float,
+        earlier_task: str | None = None,
+        author: str | None = None,
     ) -> Send:
-        here, known = self._known.address, self._known
-        known.asked += 1
+        address, scheduler_state = self._scheduler_state.address, self._scheduler_state
+        scheduler_state.question_count += 1
         if isinstance(body, Submit):
-            id, until = message_for(order, run.due), max(now + ANSWER_TIME, run.due + LATE)
+            id, deadline = message_for(order, run.due), max(now + ANSWER_TIME, run.due + LATE)
         else:
             wait = body.wait if isinstance(body, WatchTask) else 0.0
-            id, until = message_id(here, order, run.due, known.asked, now), now + wait + ANSWER_TIME
-        known.questions[id] = Question(order=order, due=run.due, body=body, about=about, until=until)
-        sender = client_address(by) if by is not None else here
-        header = Header(sender=sender, recipient=known.located.task_manager, message_id=id, reply_to=here)
-        return Send(Message(header=header, body=body), expires_at=until, strict=isinstance(body, Submit))
+            id, deadline = message_id(address, order, run.due, scheduler_state.question_count, now), now + wait + ANSWER_TIME
+        scheduler_state.questions[id] = Question(order=order, due=run.due, body=body, about=earlier_task, until=deadline)
+        sender = client_address(author) if author is not None else address
+        header = Header(sender=sender, recipient=scheduler_state.located.task_manager, message_id=id, reply_to=address)
+        return Send(Message(header=header, body=body), expires_at=deadline, strict=isinstance(body, Submit))
 
     def _submit(self, order: StandingOrder, run: Run, now: float) -> Effects:
         try:
@@ -126,7 +138,7 @@ class Execution:
         except InputError as error:
             yield from self._refused(order.id, run, str(error))
         else:
-            yield self._ask(order.id, run, task, now, by=f"order {order.name}")
+            yield self._ask(order.id, run, task, now, author=f"order {order.name}")
 
     def _look(self, order: str, run: Run, now: float) -> Send:
         """It was not heard whether the task was taken, or it was, and may be over."""
@@ -136,7 +148,7 @@ class Execution:
         return self._ask(order, run, WatchTask(task=run.task or "", after=ALL_EVENTS, wait=WAIT), now)
 
     def _unanswered(self, id: str, question: Question, now: float) -> Effects:
-        del self._known.questions[id]
+        del self._scheduler_state.questions[id]
         run = self._run(question)
         if run is None:
             return
@@ -148,15 +160,17 @@ class Execution:
     # What comes of it
 
     def _run(self, question: Question) -> Run | None:
-        runs = self._known.book.runs_of(question.order)
+        runs = self._scheduler_state.book.runs_of(question.order)
         return next((run for run in runs if run.due == question.due and run.open), None)
 
-    def _seen(
-        self, order: str, run: Run, phase: Phase, outcome: Outcome | None, ended_at: float | None, why: Sequence[str], now: float
+    def _record_progress(
+        self, order: str, run: Run, phase: Phase, outcome: Outcome | None, ended_at: float | None, reason_texts: Sequence[str], now: float
     ) -> Effects:
         if phase is Phase.ENDED:
-            over = structs.replace(run, state=RunState.SUBMITTED, outcome=outcome, ended_at=ended_at or now, note=why[0] if why else "")
-            yield from self._note(order, over)
+            ended_run = structs.replace(
+                run, state=RunState.SUBMITTED, outcome=outcome, ended_at=ended_at or now, note=reason_texts[0] if reason_texts else ""
+            )
+            yield from self._note(order, ended_run)
             return
         if run.state is not RunState.SUBMITTED:
             run = structs.replace(run, state=RunState.SUBMITTED)
@@ -167,16 +181,16 @@ class Execution:
         """The Task Manager knows nothing of the task."""
         if run.state is RunState.SUBMITTED:
             yield from self._note(id, structs.replace(run, ended_at=now, note="nothing is known of its task any more"))
-        elif now - run.due <= LATE and (order := self._known.book.orders.get(id)) is not None:
-            yield from self.state(order, run, now)
+        elif now - run.due <= LATE and (order := self._scheduler_state.book.orders.get(id)) is not None:
+            yield from self.start_run(order, run, now)
         else:
             note = "the Task Manager was not there, and has not taken the task"
             yield from self._note(id, structs.replace(run, state=RunState.MISSED, task=None, note=note))
 
-    def _of_before(self, question: Question, run: Run, body: Body, now: float) -> Effects:
+    def _check_earlier_task(self, question: Question, run: Run, body: Body, now: float) -> Effects:
         """What was asked is whether the task before still runs."""
         assert question.about is not None, "else it is not asked"
-        order = self._known.book.orders.get(question.order)
+        order = self._scheduler_state.book.orders.get(question.order)
         if order is None:
             return
         if isinstance(body, TaskNews) and body.view.phase is not Phase.ENDED:
@@ -184,12 +198,12 @@ class Execution:
         else:
             yield from self._submit(order, run, now)
 
-    def _skipped(self, id: str, run: Run, before: str) -> Effects:
-        note = f"the task before ({before}) was still under way"
+    def _skipped(self, id: str, run: Run, earlier_task: str) -> Effects:
+        note = f"the task before ({earlier_task}) was still under way"
         yield from self._note(id, structs.replace(run, state=RunState.SKIPPED, task=None, note=note))
 
-    def _refused(self, id: str, run: Run, why: str) -> Effects:
-        yield from self._note(id, structs.replace(run, state=RunState.REFUSED, task=None, note=why))
+    def _refused(self, id: str, run: Run, reason: str) -> Effects:
+        yield from self._note(id, structs.replace(run, state=RunState.REFUSED, task=None, note=reason))
 
 
 def message_for(order: str, due: float) -> str:

@@ -22,16 +22,16 @@ async def run_scheduler(data: Path, addresses: Addresses, host: str, port: int) 
     data.mkdir(parents=True, exist_ok=True)
     journal = orders_journal(data / FILE)
     try:
-        rim = Host(host, port, clock=TimeOfDay())
-        await rim.start()
-        await until_stopped("scheduler", put(rim, journal, addresses).address)
-        await rim.stop()
+        runtime = Host(host, port, clock=TimeOfDay())
+        await runtime.start()
+        await until_stopped("scheduler", add_scheduler(runtime, journal, addresses).address)
+        await runtime.stop()
     finally:
         journal.close()
 
 
-def put(rim: Host, journal: Journal, addresses: Addresses) -> Node:
+def add_scheduler(runtime: Host, journal: Journal, addresses: Addresses) -> Node:
     """A Scheduler with that journal, at its path."""
     located = Located(addresses.repository, addresses.task_manager, local_zone())
     # The other parts may be elsewhere since the journal was written, and so may the machine.
-    return rim.add_journaled(PATH, lambda address: Scheduler(address, located), journal, notices=(located,))
+    return runtime.add_journaled(PATH, lambda address: Scheduler(address, located), journal, notices=(located,))

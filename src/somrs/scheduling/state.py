@@ -54,10 +54,10 @@ class SchedulerState(Struct, kw_only=True):
     replica: Replica
     book: Book = field(default_factory=Book)
     questions: dict[str, Question] = field(default_factory=dict)
-    asked: int = 0
+    question_count: int = field(default=0, name="asked")
     subscribers: dict[str, float] = field(default_factory=dict)
-    told: int = 0
-    begun: float = 0.0
+    news_count: int = field(default=0, name="told")
+    started_at: float = field(default=0.0, name="begun")
     until_ready: dict[str, Message] = field(default_factory=dict)
 
     @classmethod

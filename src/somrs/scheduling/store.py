@@ -43,18 +43,18 @@ def _state(db: sqlite3.Connection) -> SchedulerState:
     templates = db.execute("SELECT document FROM templates ORDER BY name").fetchall()
     orders = db.execute("SELECT document FROM orders ORDER BY rowid").fetchall()
     runs: dict[str, tuple[Run, ...]] = {}
-    for of, document in db.execute("SELECT of, document FROM runs ORDER BY of, due").fetchall():
-        runs[of] = (*runs.get(of, ()), msgspec.json.decode(document, type=Run))
+    for order_id, document in db.execute("SELECT of, document FROM runs ORDER BY of, due").fetchall():
+        runs[order_id] = (*runs.get(order_id, ()), msgspec.json.decode(document, type=Run))
     state = SchedulerState.new("", Located("", ""))
     state.book = Book(
-        templates={one.name: one for one in (msgspec.json.decode(document, type=Template) for (document,) in templates)},
-        orders={one.id: one for one in (msgspec.json.decode(document, type=StandingOrder) for (document,) in orders)},
+        templates={template.name: template for template in (msgspec.json.decode(document, type=Template) for (document,) in templates)},
+        orders={order.id: order for order in (msgspec.json.decode(document, type=StandingOrder) for (document,) in orders)},
         runs=runs,
     )
     state.questions = {
-        message_id("question", of, run.due): Question(order=of, due=run.due, body=WatchTask(task=run.task or ""), until=0.0)
-        for of, one in runs.items()
-        for run in one
+        message_id("question", order_id, run.due): Question(order=order_id, due=run.due, body=WatchTask(task=run.task or ""), until=0.0)
+        for order_id, order_runs in runs.items()
+        for run in order_runs
         if run.open
     }
     return state

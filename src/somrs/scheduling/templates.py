@@ -38,12 +38,12 @@ def check(task: Submit, blanks: tuple[Blank, ...], replica: Replica) -> None:
         _check_blank(blank, replica)
     if len(named) < len(blanks):
         raise UsageError("two blanks have the same name; rename one of them")
-    used = dict.fromkeys(_used(task))
-    for name in used:
+    used_names = dict.fromkeys(_used_names(task))
+    for name in used_names:
         if name not in named:
             raise UsageError(f"{{{name}}} is in a formula, and no blank of that name; say what may be filled in there")
     for name in named:
-        if name not in used:
+        if name not in used_names:
             raise UsageError(f"the blank {name} is in no formula; write {{{name}}} where it belongs, or remove it")
     examples = {name: _example(blank, replica) for name, blank in named.items()}
     for formula in (task.effect, task.precondition):
@@ -60,16 +60,16 @@ def _check_formula(formula: str, examples: Mapping[str, str], replica: Replica) 
         check_formula(written, replica.ontology, replica.map)
     except FormulaError as error:
         position = error.position
-        for found in BLANK.finditer(formula):
-            if found.start() >= position:
+        for match in BLANK.finditer(formula):
+            if match.start() >= position:
                 break
-            example = examples[found[1].strip()]
+            example = examples[match[1].strip()]
             # Behind a blank everything is elsewhere; in one, it is the blank that is wrong.
-            position = max(found.start(), position - len(example) + len(found[0]))
+            position = max(match.start(), position - len(example) + len(match[0]))
         raise FormulaError(formula, min(position, len(formula)), error.problem, error.hint) from None
 
 
-def filled(template: Template, values: Mapping[str, str], replica: Replica) -> Submit:
+def fill_template(template: Template, values: Mapping[str, str], replica: Replica) -> Submit:
     """The task, with the blanks filled in. Raises UsageError for what is missing, or does not fit."""
     named = {blank.name: blank for blank in template.blanks}
     for name in values:
@@ -81,28 +81,28 @@ def filled(template: Template, values: Mapping[str, str], replica: Replica) -> S
 
 def _value(blank: Blank, text: str, replica: Replica) -> str:
     """What is written for the blank, as Entish."""
-    said = text.strip() or blank.default.strip()
-    what = f"{blank.label or blank.name} ({blank.type})"
-    if not said and blank.type != "text":
-        raise UsageError(f"fill in {what}")
+    value = text.strip() or blank.default.strip()
+    blank_text = f"{blank.label or blank.name} ({blank.type})"
+    if not value and blank.type != "text":
+        raise UsageError(f"fill in {blank_text}")
     match blank.type:
         case "number":
-            if _NUMBER.fullmatch(said) is None:
-                raise UsageError(f"{what}: {said!r} is no number; write it as 12.5, or with a unit, as 500 g")
-            return said
+            if _NUMBER.fullmatch(value) is None:
+                raise UsageError(f"{blank_text}: {value!r} is no number; write it as 12.5, or with a unit, as 500 g")
+            return value
         case "truth":
-            if said.upper() not in ("TRUE", "FALSE"):
-                raise UsageError(f"{what}: {said!r} is neither TRUE nor FALSE")
-            return said.upper()
+            if value.upper() not in ("TRUE", "FALSE"):
+                raise UsageError(f"{blank_text}: {value!r} is neither TRUE nor FALSE")
+            return value.upper()
         case "text":
-            return json.dumps(said, ensure_ascii=False)
-    found = replica.map.objects.get(said)
-    if found is None:
+            return json.dumps(value, ensure_ascii=False)
+    map_object = replica.map.objects.get(value)
+    if map_object is None:
         of_type = _objects(blank.type, replica)
-        raise UsageError(f"{what}: there is no {said} on the map; {nearest(said, of_type) or 'choose one that there is'}")
-    if not replica.ontology.is_subtype(found.type, blank.type):
-        raise UsageError(f"{what}: {said} is a {found.type}, and no {blank.type}")
-    return said
+        raise UsageError(f"{blank_text}: there is no {value} on the map; {nearest(value, of_type) or 'choose one that there is'}")
+    if not replica.ontology.is_subtype(map_object.type, blank.type):
+        raise UsageError(f"{blank_text}: {value} is a {map_object.type}, and no {blank.type}")
+    return value
 
 
 def _check_blank(blank: Blank, replica: Replica) -> None:
@@ -137,10 +137,10 @@ def _formulas(task: Submit) -> Iterator[str]:
         yield from (handler.effect, handler.when or "")
 
 
-def _used(task: Submit) -> Iterator[str]:
+def _used_names(task: Submit) -> Iterator[str]:
     for formula in _formulas(task):
-        for found in BLANK.finditer(formula):
-            name = found[1].strip()
+        for match in BLANK.finditer(formula):
+            name = match[1].strip()
             if _WORD.fullmatch(name) is None:
-                raise FormulaError(formula, found.start(), "a blank is a name in braces", "such as {Thing}")
+                raise FormulaError(formula, match.start(), "a blank is a name in braces", "such as {Thing}")
             yield name

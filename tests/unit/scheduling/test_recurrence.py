@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from somrs.errors import UsageError
 from somrs.protocol.messages.orders import Daily, Every, Once, Schedule
-from somrs.scheduling.recurrence import checked, due_after, due_between, in_words
+from somrs.scheduling.recurrence import check_recurrence, due_after, due_between, in_words
 
 WARSAW = ZoneInfo("Europe/Warsaw")
 MINUTE = 60.0
@@ -113,12 +113,12 @@ def _is_due(when: Schedule, moment: float) -> bool:
 )
 def test_what_is_no_time_is_refused(when: Schedule, wrong: str) -> None:
     with pytest.raises(UsageError, match=wrong):
-        checked(when, 10.0)
+        check_recurrence(when, 10.0)
 
 
 def test_as_it_is_kept_and_as_people_say_it() -> None:
-    assert checked(Daily(at="7:05", days=(4, 0, 0)), 0.0) == Daily(at="07:05", days=(0, 4))
-    assert checked(Every(minutes=5), 100.0) == Every(minutes=5, since=100.0)
+    assert check_recurrence(Daily(at="7:05", days=(4, 0, 0)), 0.0) == Daily(at="07:05", days=(0, 4))
+    assert check_recurrence(Every(minutes=5), 100.0) == Every(minutes=5, since=100.0)
     assert in_words(Daily(at="07:05", days=(0, 4))) == "Mon, Fri at 07:05"
     assert in_words(Daily(at="07:05", days=tuple(range(7)))) == "daily at 07:05"
     assert in_words(Every(minutes=120)) == "every 2 h"

@@ -24,7 +24,7 @@ from somrs.ontology.services import Handler, Occasion
 from somrs.ontology.types import Kind
 from somrs.protocol.messages.clients import Policy, Submit
 from somrs.protocol.messages.orders import Blank, Daily, Every, Once, StandingOrder, Template
-from somrs.scheduling.templates import check, filled
+from somrs.scheduling.templates import check, fill_template
 from tests.support.small import ONTOLOGY, formulas
 
 MAP = Map(
@@ -145,8 +145,8 @@ def test_a_task_made_a_template_and_filled_in_is_the_task_again(task: Submit) ->
         name="t", task=made, blanks=tuple(Blank(name=name, type=MAP.objects[thing].type, default=thing) for thing, name in blanks.items())
     )
     check(made, template.blanks, REPLICA)
-    assert filled(template, {}, REPLICA) == task
-    assert filled(template, {"Jar": "Jar2"}, REPLICA).effect == "Jar2 isOn Table1"
+    assert fill_template(template, {}, REPLICA) == task
+    assert fill_template(template, {"Jar": "Jar2"}, REPLICA).effect == "Jar2 isOn Table1"
 
 
 def test_only_whole_names_become_blanks() -> None:
