@@ -9,7 +9,7 @@ import pint
 import yaml
 from beside import side_by_side
 
-from somrs.api.formulas import checked
+from somrs.api.formulas import check_text
 from somrs.entish.parse import parse
 from somrs.ontology import units
 from somrs.ontology.completion import complete
@@ -118,10 +118,10 @@ def write(map: Map, ontology: Ontology) -> None:
         """Another text each time, as what is typed is."""
         return f"Jar7 isOn ?Where: Platform AND Jar7.PositionX < {next(numbers)} AND Jar7.Color = {rest}"
 
-    assert checked(typed("Red"), ontology, map, {}).ok
+    assert check_text(typed("Red"), ontology, map, {}).ok
     ways = {
         "parse: the text alone": lambda: parse(typed("Red")),
-        "checked: does it fit ontology and map": lambda: checked(typed("Red"), ontology, map, {}),
+        "checked: does it fit ontology and map": lambda: check_text(typed("Red"), ontology, map, {}),
         "complete: what can come at its end": lambda: complete(text := typed(""), len(text), ontology, map),
     }
     side_by_side("writing a formula, as the windows ask with each key", ways)

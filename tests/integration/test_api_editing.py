@@ -11,7 +11,7 @@ import httpx
 import pytest
 from msgspec import structs
 
-from somrs.api.affected import User
+from somrs.api.affected import WordUserKind
 from somrs.api.ontology import ImportOntology
 from somrs.api.remote import LiveApi
 from somrs.cli.editing import alter
@@ -53,8 +53,8 @@ def test_a_type_is_made_considered_renamed_and_undone(tmp_path: Path) -> None:
         await known(desk, made.version)
         seen = await desk.ontology.read()
         assert "Vat" in [type.name for type in seen.definitions.types]
-        assert DefinitionKey(section=Section.TYPES, name="Device") in seen.relied
-        assert DefinitionKey(section=Section.TYPES, name="Vat") not in seen.relied
+        assert DefinitionKey(section=Section.TYPES, name="Device") in seen.required_words
+        assert DefinitionKey(section=Section.TYPES, name="Vat") not in seen.required_words
         rename = Define(renamed=(Renaming(section=Section.TYPES, name="Vat", to="Tub"),), author="Ben")
         consequences = await desk.ontology.consider(rename)
         assert (consequences.broken, consequences.version) == ((), made.version)
@@ -106,11 +106,16 @@ def test_consequences_name_the_tasks_orders_and_templates_whose_words_would_be_g
         platform = DefinitionKey(section=Section.TYPES, name="Platform")
         rename = Define(renamed=(Renaming(section=Section.TYPES, name="Platform", to="Stand"),))
         found = (await desk.ontology.consider(rename)).affected
-        users = {(User.TASK, task), (User.ORDER, filled.id), (User.ORDER, whole.id), (User.TEMPLATE, "Bring")}
-        assert {(one.user, one.id) for one in found} == users
-        assert {(one.what, one.to) for one in found} == {(platform, "Stand")}
+        users = {
+            (WordUserKind.TASK, task),
+            (WordUserKind.ORDER, filled.id),
+            (WordUserKind.ORDER, whole.id),
+            (WordUserKind.TEMPLATE, "Bring"),
+        }
+        assert {(one.user_kind, one.id) for one in found} == users
+        assert {(one.word, one.new_name) for one in found} == {(platform, "Stand")}
         removal = (await desk.ontology.consider(Define(removed=(platform,)))).affected
-        assert {(one.user, one.id, one.to) for one in removal} == {(*user, "") for user in users}
+        assert {(one.user_kind, one.id, one.new_name) for one in removal} == {(*user, "") for user in users}
         done = await desk.ontology.change(rename)
         await known(desk, done.version)
         with pytest.raises(InputError, match="Platform"):
@@ -118,7 +123,7 @@ def test_consequences_name_the_tasks_orders_and_templates_whose_words_would_be_g
         renewed = Submit(effect="Jar001 isOn ?P: Stand")
         await desk.orders.save_order(whole.id, OrderSaved(name="Evening", when=daily, task=renewed))
         back = (await desk.ontology.consider_undo(done.version)).affected
-        assert [(one.name, str(one.what), one.to) for one in back] == [("Evening", "type Stand", "Platform")]
+        assert [(one.name, str(one.word), one.new_name) for one in back] == [("Evening", "type Stand", "Platform")]
         assert (await desk.ontology.consider(Define(definitions=Definitions(types=(VAT,))))).affected == ()
 
     desk(tmp_path, use, Porter("Robot1", seconds=60), Porter("Robot2", seconds=60))

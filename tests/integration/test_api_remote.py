@@ -22,7 +22,7 @@ from somrs.api.formulas import CheckFormula
 from somrs.api.map_news import MapNews
 from somrs.api.program import served
 from somrs.api.remote import TOPICS, Api, LiveApi, live_api
-from somrs.api.service import desk_of
+from somrs.api.service import open_api_service
 from somrs.client.api_client import ApiClient
 from somrs.client.client import Client
 from somrs.client.hub import News
@@ -50,7 +50,7 @@ class Program:
 
     async def start(self) -> str:
         await self._stack.enter_async_context(scheduler_at(self._system))
-        desk = await self._stack.enter_async_context(desk_of(self._system.addresses, self._system.data))
+        desk = await self._stack.enter_async_context(open_api_service(self._system.addresses, self._system.data))
         url = await self._stack.enter_async_context(served(desk, bound(HERE, self._port)))
         self._port = urlsplit(url).port or 0
         return url

@@ -45,8 +45,8 @@ def test_the_scene_has_all_that_takes_up_space() -> None:
     }
     jar = found["Jar1"]
     assert (jar.x, jar.y, jar.z, jar.radius, jar.height) == (1.15, 4, 0.7, 0.04, 0.14), "its form is its type's"
-    assert jar.at is not None
-    assert (jar.at.relation, jar.at.object) == ("isOn", "Table1")
+    assert jar.placement is not None
+    assert (jar.placement.relation, jar.placement.object) == ("isOn", "Table1")
     assert found["Robot1"].arm is not None
     assert found["Floor1"].storey == "Storey1"
 
@@ -84,7 +84,7 @@ class Viewer:
         """How many movers each had."""
 
     async def look(self) -> None:
-        self._seen, messages = await self._feed.after(self._seen)
+        self._seen, messages = await self._feed.wait_for_tick(self._seen)
         for message in messages:
             self._take(message) if isinstance(message, bytes) else self._read(message)
 

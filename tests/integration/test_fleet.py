@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from somrs.api.reliability_stats import WINDOW, Experience, Tally
-from somrs.api.service_presence import UNSEEN, Roster
+from somrs.api.reliability_stats import WINDOW, ReliabilityStats, Tally
+from somrs.api.service_presence import UNSEEN, ServicePresence
 from somrs.client.task_history import TaskHistory
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Value
@@ -29,30 +29,30 @@ def offer(service: str, price: float = 1.0) -> Offer:
     return Offer(service=service, provider=device, provider_type="Robot", address="http://r", service_type=kind, attributes=attributes)
 
 
-def log(roster: Roster) -> list[tuple[float, str, bool, str]]:
+def log(roster: ServicePresence) -> list[tuple[float, str, bool, str]]:
     return [(one.at, one.device, one.joined, one.reason) for one in roster.log]
 
 
 def test_comings_and_goings_are_told_once_each() -> None:
-    roster = Roster()
+    roster = ServicePresence()
     roster.read([offer("A.Go")], 0.0)
     assert log(roster) == [], "what was there before anybody listened did not come then"
-    roster.heard(ServicesJoined(offers=(offer("B.Go"), offer("B.Look"))), 1.0)
-    roster.heard(ServicesJoined(offers=(offer("B.Go", price=2.0),)), 2.0)
+    roster.handle_news(ServicesJoined(offers=(offer("B.Go"), offer("B.Look"))), 1.0)
+    roster.handle_news(ServicesJoined(offers=(offer("B.Go", price=2.0),)), 2.0)
     roster.read([offer("A.Go"), offer("B.Go", price=2.0), offer("B.Look")], 3.0)
     assert log(roster) == [(1.0, "B", True, "")], "another price is no coming"
     assert roster.offers["B.Go"].attributes == {"Price": 2.0}
     left = ServicesLeft(services=("B.Go", "B.Look"), provider="B", reason="expired")
-    roster.heard(left, 4.0)
-    roster.heard(left, 5.0)
+    roster.handle_news(left, 4.0)
+    roster.handle_news(left, 5.0)
     assert log(roster)[1:] == [(4.0, "B", False, "expired")]
-    assert (going := roster.last_going("B")) is not None
+    assert (going := roster.last_departure("B")) is not None
     assert going.services == ("B.Go", "B.Look")
 
 
 def test_what_news_missed_is_seen_when_all_is_read() -> None:
-    roster = Roster()
-    roster.heard(ServicesJoined(offers=(offer("B.Go"),)), 0.5)
+    roster = ServicePresence()
+    roster.handle_news(ServicesJoined(offers=(offer("B.Go"),)), 0.5)
     roster.read([offer("A.Go"), offer("B.Go")], 1.0)
     roster.read([offer("C.Go"), offer("B.Go")], 11.0)
     assert log(roster) == [(0.5, "B", True, ""), (11.0, "A", False, UNSEEN), (11.0, "C", True, "")]
@@ -95,34 +95,34 @@ class Kept:
         self.read += len(page.records)
         return page
 
-    def teach(self, experience: Experience) -> None:
+    def teach(self, experience: ReliabilityStats) -> None:
         asyncio.run(experience.learn(TaskHistory(self.ask)))
 
 
 def test_reliability_is_what_was_completed_of_what_was_begun_whatever_was_undone_later() -> None:
-    kept, experience = Kept(), Experience()
+    kept, experience = Kept(), ReliabilityStats()
     kept.keep(
         record(1, 10.0, work("A.Go", 0, 5, State.COMPENSATED, State.COMPLETED), work("A.Go", 5, 6, State.COMPENSATED, State.FAILED)),
         record(2, 20.0, work("A.Go", 12, 15, State.COMPLETED, State.COMPLETED), work("B.Go", 12, 13, State.UNREACHABLE, State.UNREACHABLE)),
         record(3, 30.0, work("A.Go", 22, 25, State.STOPPED, State.STOPPED)),
     )
     kept.teach(experience)
-    assert experience.tally("A.Go") == Tally(began=4, completed=2, failed=1, stopped=1)
+    assert experience.tally("A.Go") == Tally(started=4, completed=2, failed=1, stopped=1)
     assert experience.tally("A.Go").in_words() == "2 of 3 done, 1 stopped"
-    assert experience.tally("B.Go") == Tally(began=1, failed=1)
+    assert experience.tally("B.Go") == Tally(started=1, failed=1)
     assert experience.tally("C.Go").in_words() == "nothing done yet"
-    assert Tally(began=9, completed=8, failed=1).in_words() == "8 of 9 done (89 %)"
+    assert Tally(started=9, completed=8, failed=1).in_words() == "8 of 9 done (89 %)"
 
 
 def test_nothing_is_learned_twice_even_when_tasks_end_at_the_same_moment() -> None:
-    kept, experience = Kept(), Experience()
+    kept, experience = Kept(), ReliabilityStats()
     kept.keep(*(record(number, float(number // 2), work("A.Go", 0, 1, State.COMPLETED)) for number in range(100)))
     kept.teach(experience)
     first = kept.read
     kept.keep(record(100, 49.0, work("A.Go", 0, 1, State.FAILED)), record(101, 50.0, work("A.Go", 0, 1, State.COMPLETED)))
     kept.teach(experience)
     kept.teach(experience)
-    assert experience.tally("A.Go") == Tally(began=102, completed=101, failed=1)
+    assert experience.tally("A.Go") == Tally(started=102, completed=101, failed=1)
     assert kept.read - first < 10, "what is known is not read again"
 
 
@@ -130,7 +130,7 @@ def test_nothing_is_learned_twice_even_when_tasks_end_at_the_same_moment() -> No
 def test_load_is_the_share_of_seconds_in_which_anything_was_done(spans: list[tuple[int, int]]) -> None:
     now = 900
     works = [work("A.Go", float(began), float(began + lasts), State.COMPLETED) for began, lasts in spans]
-    kept, experience = Kept(), Experience()
+    kept, experience = Kept(), ReliabilityStats()
     kept.keep(record(1, 900.0, *works))
     kept.teach(experience)
     busy = {second for began, lasts in spans for second in range(began, began + lasts) if now - WINDOW <= second < now}
@@ -138,5 +138,5 @@ def test_load_is_the_share_of_seconds_in_which_anything_was_done(spans: list[tup
 
 
 def test_what_is_under_way_counts_until_now() -> None:
-    loads = Experience().loads([work("A.Go", 880.0, None, State.EXECUTING), work("B.Look", 100.0, 250.0, State.COMPLETED)], 1000.0)
+    loads = ReliabilityStats().loads([work("A.Go", 880.0, None, State.EXECUTING), work("B.Look", 100.0, 250.0, State.COMPLETED)], 1000.0)
     assert loads == {"A": pytest.approx(120 / WINDOW)}

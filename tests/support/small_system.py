@@ -14,7 +14,7 @@ from msgspec.structs import replace
 
 from somrs.api.program import served
 from somrs.api.remote import LiveApi, live_api
-from somrs.api.service import desk_of
+from somrs.api.service import open_api_service
 from somrs.client.client import Addresses
 from somrs.deployment.device import DeviceRunner
 from somrs.kernel.component import TimerFired
@@ -177,7 +177,7 @@ async def desk_at(system: SmallSystem, clock: Clock | None = None) -> AsyncItera
 @asynccontextmanager
 async def api_at(system: SmallSystem, clock: Clock | None = None) -> AsyncIterator[str]:
     """Where the API is; there is a Scheduler behind it, that goes by the clock."""
-    async with scheduler_at(system, clock), desk_of(system.addresses, system.data) as desk, served(desk, bound(HERE, 0)) as url:
+    async with scheduler_at(system, clock), open_api_service(system.addresses, system.data) as desk, served(desk, bound(HERE, 0)) as url:
         yield url
 
 

@@ -22,7 +22,7 @@ from somrs.protocol.messages.knowledge import Revision
 from somrs.protocol.messages.orders import StandingOrder, Template, blanks_to_variables
 
 
-class User(StrEnum):
+class WordUserKind(StrEnum):
     """What uses a word."""
 
     TASK = "task"
@@ -33,75 +33,79 @@ class User(StrEnum):
     """Nothing can be stated with it any more."""
 
 
-class Affected(msgspec.Struct, frozen=True, kw_only=True):
+class WordUse(msgspec.Struct, frozen=True, kw_only=True):
     """Somebody uses the word `what`, which would be called otherwise (`to`) or be removed (""). `id` is a task's or an order's, or the name
     of a template; `name` is what people know it by, of a task its wish."""
 
-    user: User
+    user_kind: WordUserKind = msgspec.field(name="user")
     id: str
     name: str
-    what: DefinitionKey
-    to: str = ""
+    word: DefinitionKey = msgspec.field(name="what")
+    new_name: str = msgspec.field(default="", name="to")
 
     @property
-    def called(self) -> str:
+    def display_name(self) -> str:
         """A task by as much of its id as people need."""
-        return f"{self.id.rpartition(':')[2][:8]} ({self.name})" if self.user is User.TASK else self.name
+        return f"{self.id.rpartition(':')[2][:8]} ({self.name})" if self.user_kind is WordUserKind.TASK else self.name
 
     def __str__(self) -> str:
-        return f"it uses {self.what}, which would be {f'called {self.to}' if self.to else 'removed'}"
+        return f"it uses {self.word}, which would be {f'called {self.new_name}' if self.new_name else 'removed'}"
 
 
-def gone(revision: Revision | None, renamed: Iterable[Renaming]) -> dict[DefinitionKey, str]:
+def find_obsolete_words(revision: Revision | None, renamed: Iterable[Renaming]) -> dict[DefinitionKey, str]:
     """The words that a change takes away, each with what it is called then."""
-    words = {DefinitionKey(section=one.section, name=one.name): one.to for one in renamed}
+    words = {DefinitionKey(section=renaming.section, name=renaming.name): renaming.to for renaming in renamed}
     if revision is None:
         return words
-    there = set(map(key_of, revision.after.all_definitions()))
-    return words | {what: "" for what in map(key_of, revision.before.all_definitions()) if what not in there and what not in words}
+    remaining_words = set(map(key_of, revision.after.all_definitions()))
+    return words | {
+        word: "" for word in map(key_of, revision.before.all_definitions()) if word not in remaining_words and word not in words
+    }
 
 
-def affected(
+def find_word_uses(
     words: Mapping[DefinitionKey, str],
     ontology: Ontology,
     tasks: Iterable[TaskView],
     orders: Iterable[StandingOrder],
     templates: Mapping[str, Template],
-) -> Iterator[Affected]:
+) -> Iterator[WordUse]:
     """Who uses the words, in the ontology as it is before they go."""
 
-    def used(by: _Words) -> Iterator[tuple[DefinitionKey, str]]:
-        return ((what, to) for what, to in words.items() if by.have(what, ontology))
+    def find_used_words(vocabulary: _Vocabulary) -> Iterator[tuple[DefinitionKey, str]]:
+        return ((word, new_name) for word, new_name in words.items() if vocabulary.contains(word, ontology))
 
     for task in tasks:
-        for what, to in used(_Words(task)):
-            yield Affected(user=User.TASK, id=task.task, name=task.effect, what=what, to=to)
-    known = {name: _Words(blanks_to_variables(template), (blank.type for blank in template.blanks)) for name, template in templates.items()}
+        for word, new_name in find_used_words(_Vocabulary(task)):
+            yield WordUse(user_kind=WordUserKind.TASK, id=task.task, name=task.effect, word=word, new_name=new_name)
+    template_vocabularies = {
+        name: _Vocabulary(blanks_to_variables(template), (blank.type for blank in template.blanks)) for name, template in templates.items()
+    }
     for order in orders:
-        by = _Words(order.task) if order.task is not None else known.get(order.template or "")
-        for what, to in used(by) if by is not None else ():
-            yield Affected(user=User.ORDER, id=order.id, name=order.name, what=what, to=to)
-    for name, by in known.items():
-        for what, to in used(by):
-            yield Affected(user=User.TEMPLATE, id=name, name=name, what=what, to=to)
+        vocabulary = _Vocabulary(order.task) if order.task is not None else template_vocabularies.get(order.template or "")
+        for word, new_name in find_used_words(vocabulary) if vocabulary is not None else ():
+            yield WordUse(user_kind=WordUserKind.ORDER, id=order.id, name=order.name, word=word, new_name=new_name)
+    for name, vocabulary in template_vocabularies.items():
+        for word, new_name in find_used_words(vocabulary):
+            yield WordUse(user_kind=WordUserKind.TEMPLATE, id=name, name=name, word=word, new_name=new_name)
 
 
-class _Words:
+class _Vocabulary:
     """What a task speaks of; `types` are those of its blanks."""
 
     def __init__(self, task: Submit | TaskView, types: Iterable[str] = ()) -> None:
-        self._formulas = tuple(_read(task))
+        self._formulas = tuple(_read_formulas(task))
         services = {handler.service_type for handler in task.handlers}
         if isinstance(task, TaskView):
             services |= {step.service_type for step in task.steps if step.state is not State.COMPLETED}
         self._named: dict[Section, set[str | None]] = {Section.TYPES: set(types), Section.SERVICES: services}
 
-    def have(self, what: DefinitionKey, ontology: Ontology) -> bool:
-        named = what.name in self._named.get(what.section, ())
-        return named or any(speaks_of(formula, what, ontology) for formula in self._formulas)
+    def contains(self, word: DefinitionKey, ontology: Ontology) -> bool:
+        named = word.name in self._named.get(word.section, ())
+        return named or any(speaks_of(formula, word, ontology) for formula in self._formulas)
 
 
-def _read(task: Submit | TaskView) -> Iterator[Formula]:
+def _read_formulas(task: Submit | TaskView) -> Iterator[Formula]:
     texts = [task.effect, task.precondition]
     for handler in task.handlers:
         texts += [handler.effect, handler.when]

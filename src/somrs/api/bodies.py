@@ -14,13 +14,13 @@ from somrs.errors import SimulationError
 from somrs.ontology.objects import Map, Object
 from somrs.ontology.types import Ontology, Value
 
-PLACING = ("isOn", "isIn", "isHeldBy")
+PLACEMENT_RELATIONS = ("isOn", "isIn", "isHeldBy")
 """The relations that say where something is, by what it is on, in, or held by."""
 FURNITURE = "furniture"
 KINDS = {Role.MARK: "place", Role.SUPPORT: FURNITURE, Role.STATIC: FURNITURE}
 
 
-NEAR = 0.15
+MAX_OVERHANG = 0.15
 """As far as this, m, what stands on something may stick out."""
 
 
@@ -36,7 +36,7 @@ class Arm(msgspec.Struct, frozen=True, kw_only=True):
     reach: float
 
 
-class Whereabouts(msgspec.Struct, frozen=True, kw_only=True):
+class Placement(msgspec.Struct, frozen=True, kw_only=True):
     """Where something is by what it is on, in or held by: `relation` says which."""
 
     relation: str
@@ -75,7 +75,7 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """Angle of a camera's field of view, and how far it sees."""
     sight: float = 0.0
     arm: Arm | None = None
-    at: Whereabouts | None = None
+    placement: Placement | None = msgspec.field(default=None, name="at")
     unknown: bool = False
     """Nothing is known of where it is; it is shown where it was."""
 
@@ -101,7 +101,7 @@ def scene_of(map: Map, version: int, ontology: Ontology, objects: Iterable[Objec
             problems.append(str(error))
             continue
         if solid is not None:
-            bodies.append(_body(object, _settled(solid, map, ontology), map, ontology))
+            bodies.append(_body(object, _place_solid(solid, map, ontology), map, ontology))
     types = {type: tuple(ontology.ancestors(type)) for type in {body.type for body in bodies}}
     return Scene(version=version, title=_title(map), bodies=tuple(bodies), types=types, problems=tuple(problems))
 
@@ -134,7 +134,7 @@ def _body(object: Object, solid: Solid, map: Map, ontology: Ontology) -> Body:
         view=solid.view if camera else 0.0,
         sight=solid.sight if camera else 0.0,
         arm=Arm(hang=size.hang, finger=FINGER, lift=size.clear + size.hang, reach=size.drawn_in) if solid.gripper else None,
-        at=_whereabouts(solid.name, map),
+        placement=_find_placement(solid.name, map),
         unknown=object.values.get("Unknown") is True,
     )
 
@@ -147,35 +147,39 @@ def _room(floor: str, map: Map, ontology: Ontology) -> Value | None:
 
 def _storey(floor: str, map: Map, ontology: Ontology) -> str | None:
     """What the storey is called that a floor is part of, whatever is in between."""
-    seen, whole = {floor}, map.whole(floor)
-    while whole is not None and whole in map.objects and whole not in seen:
+    visited, whole = {floor}, map.whole(floor)
+    while whole is not None and whole in map.objects and whole not in visited:
         if ontology.is_subtype(map.objects[whole].type, "Storey"):
             return str(map.objects[whole].values.get("Label", whole))
-        seen.add(whole)
+        visited.add(whole)
         whole = map.whole(whole)
     return None
 
 
-def _whereabouts(name: str, map: Map) -> Whereabouts | None:
-    for relation in PLACING:
+def _find_placement(name: str, map: Map) -> Placement | None:
+    for relation in PLACEMENT_RELATIONS:
         for arguments in map.facts_with(relation, 0, name):
-            return Whereabouts(relation=relation, object=arguments[1])
+            return Placement(relation=relation, object=arguments[1])
     return None
 
 
-def _settled(solid: Solid, map: Map, ontology: Ontology) -> Solid:
+def _place_solid(solid: Solid, map: Map, ontology: Ontology) -> Solid:
     """A thing where its relations say that it is, when it has a position of which they say otherwise: nobody may have measured it since."""
-    at = _whereabouts(solid.name, map) if solid.role is Role.THING else None
-    other = map.objects.get(at.object) if at is not None else None
-    if at is None or other is None:
+    placement = _find_placement(solid.name, map) if solid.role is Role.THING else None
+    base_object = map.objects.get(placement.object) if placement is not None else None
+    if placement is None or base_object is None:
         return solid
     try:
-        below = solid_of(other, ontology)
+        base_solid = solid_of(base_object, ontology)
     except SimulationError:  # its own problem, which is told of it
         return solid
-    if below is None or (at.relation != "isHeldBy" and below.distance(solid.x, solid.y) < NEAR and abs(below.top - solid.z) < NEAR):
+    if base_solid is None or (
+        placement.relation != "isHeldBy"
+        and base_solid.distance(solid.x, solid.y) < MAX_OVERHANG
+        and abs(base_solid.top - solid.z) < MAX_OVERHANG
+    ):
         return solid
-    return replace(solid, x=below.x, y=below.y, z=below.z if at.relation == "isIn" else below.top)
+    return replace(solid, x=base_solid.x, y=base_solid.y, z=base_solid.z if placement.relation == "isIn" else base_solid.top)
 
 
 def movers(map: Map, ontology: Ontology) -> Iterator[Object]:

@@ -40,14 +40,14 @@ class Thing(msgspec.Struct, frozen=True, kw_only=True):
     type: str
     symbol: str
     label: str = ""
-    where: str = ""
+    location: str = msgspec.field(default="", name="where")
 
 
 class Things(msgspec.Struct, frozen=True, kw_only=True):
     """The likeliest first; `more`: there are others."""
 
     things: tuple[Thing, ...]
-    more: bool = False
+    is_truncated: bool = msgspec.field(default=False, name="more")
 
 
 class SayableRelation(msgspec.Struct, frozen=True, kw_only=True):
@@ -55,7 +55,7 @@ class SayableRelation(msgspec.Struct, frozen=True, kw_only=True):
 
     name: str
     joins: str
-    wished: bool
+    achievable: bool = msgspec.field(name="wished")
     doc: str = ""
 
 
@@ -64,7 +64,7 @@ class SayableAttribute(msgspec.Struct, frozen=True, kw_only=True):
 
     path: str
     kind: Kind
-    wished: bool
+    achievable: bool = msgspec.field(name="wished")
     units: tuple[str, ...] = ()
     values: tuple[str, ...] = ()
     now: Value | None = None
@@ -88,55 +88,57 @@ class Placings(msgspec.Struct, frozen=True, kw_only=True):
 def thing(object: Object, ontology: Ontology, map: Map) -> Thing:
     symbol = next((icon for type_name, icon in SYMBOLS if ontology.is_subtype(object.type, type_name)), "category")
     label = object.values.get("Label")
-    around = (next(iter(map.facts_with(relation, 0, object.name)), None) for relation in ("isOn", "isIn", "isHeldBy", "isAt", PART_OF))
-    where = next((fact[1] for fact in around if fact is not None), "")
-    return Thing(name=object.name, type=object.type, symbol=symbol, label=label if isinstance(label, str) else "", where=where)
+    location_facts = (
+        next(iter(map.facts_with(relation, 0, object.name)), None) for relation in ("isOn", "isIn", "isHeldBy", "isAt", PART_OF)
+    )
+    location = next((fact[1] for fact in location_facts if fact is not None), "")
+    return Thing(name=object.name, type=object.type, symbol=symbol, label=label if isinstance(label, str) else "", location=location)
 
 
 def things(ontology: Ontology, map: Map, *, typed: str, type_name: str, relation: str | None, place: int, limit: int) -> Things:
-    found = fitting_objects(ontology, map, Slot(relation=relation, place=place, type=type_name), typed)
-    return Things(things=tuple(thing(one, ontology, map) for one in found[:limit]), more=len(found) > limit)
+    candidates = fitting_objects(ontology, map, Slot(relation=relation, place=place, type=type_name), typed)
+    return Things(things=tuple(thing(candidate, ontology, map) for candidate in candidates[:limit]), is_truncated=len(candidates) > limit)
 
 
 def sayable(object: Object, ontology: Ontology, map: Map) -> Sayable:
-    wished = service_effects(ontology)
+    achievable_names = service_effects(ontology)
     relations = [
-        SayableRelation(name=one.name, joins=one.joins[1], wished=one.name in wished, doc=one.doc)
-        for one in ontology.relations.values()
-        if len(one.joins) == 2 and ontology.is_subtype(object.type, one.joins[0])
+        SayableRelation(name=relation.name, joins=relation.joins[1], achievable=relation.name in achievable_names, doc=relation.doc)
+        for relation in ontology.relations.values()
+        if len(relation.joins) == 2 and ontology.is_subtype(object.type, relation.joins[0])
     ]
     attributes = [
         SayableAttribute(
             path=path,
-            kind=one.kind,
-            wished=path in wished,
-            units=units_of(one) if one.kind is Kind.NUMBER else (),
-            values=one.values,
+            kind=attribute.kind,
+            achievable=path in achievable_names,
+            units=units_of(attribute) if attribute.kind is Kind.NUMBER else (),
+            values=attribute.values,
             now=value_of(object.name, path, map, ontology),
-            doc=one.doc,
+            doc=attribute.doc,
         )
-        for path, one in ontology.attributes_of(object.type).items()
-        if one.kind is not Kind.COMPLEX
+        for path, attribute in ontology.attributes_of(object.type).items()
+        if attribute.kind is not Kind.COMPLEX
     ]
     return Sayable(
         thing=thing(object, ontology, map),
-        relations=tuple(sorted(relations, key=lambda one: not one.wished)),
-        attributes=tuple(sorted(attributes, key=lambda one: not one.wished)),
+        relations=tuple(sorted(relations, key=lambda relation: not relation.achievable)),
+        attributes=tuple(sorted(attributes, key=lambda attribute: not attribute.achievable)),
     )
 
 
 def placings(object: Object, target: Object, ontology: Ontology) -> Placings:
     """By the relations that say where something is: those of which it is in one at a time."""
-    wished = service_effects(ontology)
-    found = [
-        one
-        for one in ontology.relations.values()
-        if len(one.joins) == 2
-        and (one.excludes is not None or one.functional)
-        and one.name != PART_OF
-        and ontology.is_subtype(object.type, one.joins[0])
-        and ontology.is_subtype(target.type, one.joins[1])
+    achievable_names = service_effects(ontology)
+    relations = [
+        relation
+        for relation in ontology.relations.values()
+        if len(relation.joins) == 2
+        and (relation.excludes is not None or relation.functional)
+        and relation.name != PART_OF
+        and ontology.is_subtype(object.type, relation.joins[0])
+        and ontology.is_subtype(target.type, relation.joins[1])
     ]
     # A robot is at a place rather than on it: what is said of some targets only means more than what is said of all.
-    found.sort(key=lambda one: (one.joins[1] == ROOT, one.name not in wished))
-    return Placings(formulas=tuple(str(Relation(one.name, (Name(object.name), Name(target.name)))) for one in found))
+    relations.sort(key=lambda relation: (relation.joins[1] == ROOT, relation.name not in achievable_names))
+    return Placings(formulas=tuple(str(Relation(relation.name, (Name(object.name), Name(target.name)))) for relation in relations))

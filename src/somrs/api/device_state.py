@@ -21,7 +21,7 @@ class DeviceState(StrEnum):
     """Something of it is broken, whether or not it has something to do."""
     NOTHING_ON_OFFER = "nothing-on-offer"
     """It is on the map, and offers nothing now."""
-    GONE = "gone"
+    DEPARTED = "gone"
     """It is on no map, and left a short time ago."""
 
 
@@ -31,7 +31,7 @@ LABELS: Mapping[DeviceState, str] = {
     DeviceState.BOOKED: "Booked",
     DeviceState.NOT_WORKING: "Not working",
     DeviceState.NOTHING_ON_OFFER: "Nothing on offer",
-    DeviceState.GONE: "Gone",
+    DeviceState.DEPARTED: "Gone",
 }
 """What people read."""
 
@@ -53,7 +53,7 @@ def is_working(on_map: bool, faults: Collection[Fault] | None) -> bool:
 def state_of(*, on_map: bool, offers: bool, working: bool, busy: bool, booked: bool) -> DeviceState:
     """By whether it is on the map and has services on offer, whether it works, and what it does and is to do for tasks."""
     if not on_map and not offers:
-        return DeviceState.GONE
+        return DeviceState.DEPARTED
     if not working:
         return DeviceState.NOT_WORKING
     if not offers:

@@ -12,9 +12,9 @@ import msgspec
 
 from somrs.api.context import Context
 from somrs.api.device_state import DeviceState, is_working, state_of
-from somrs.api.reliability_stats import WINDOW, Experience, Tally, device_of
-from somrs.api.service_presence import Coming
-from somrs.api.simulator_gateway import Simulated, break_or_mend, robots
+from somrs.api.reliability_stats import WINDOW, ReliabilityStats, Tally, device_of
+from somrs.api.service_presence import PresenceChange
+from somrs.api.simulator_gateway import SimulatedRobot, break_or_mend, robots
 from somrs.client.operations import operation
 from somrs.client.refusals import ErrorReport, error_report
 from somrs.client.task_history import TaskHistory
@@ -36,7 +36,7 @@ HELD_BY = "isHeldBy"
 STALE = 10.0
 """Seconds after which all offers are read again: some news of them may have been lost."""
 
-GONE = 600.0
+DEPARTED_TIME = 600.0
 """Seconds for which somebody who left is still told of."""
 
 TICK = 1.0
@@ -56,11 +56,11 @@ class Presence(StrEnum):
     """It has services on offer."""
     SILENT = "silent"
     """It is on the map, and offers nothing now."""
-    GONE = "gone"
+    DEPARTED = "gone"
     """It is on no map, and left a short time ago."""
 
 
-class ServiceSeen(msgspec.Struct, frozen=True, kw_only=True):
+class ServiceView(msgspec.Struct, frozen=True, kw_only=True):
     """A service of a device. `price`: what the device asks as a rule, if it says so; the terms of a task may say otherwise."""
 
     service: str
@@ -74,7 +74,7 @@ class ServiceSeen(msgspec.Struct, frozen=True, kw_only=True):
     tally: Tally = Tally()
 
 
-class Doing(msgspec.Struct, frozen=True, kw_only=True):
+class Assignment(msgspec.Struct, frozen=True, kw_only=True):
     """A step of a task that a device does, or (`Committed`) is to do. `fraction`: how much of it is done, as far as that is told."""
 
     task: str
@@ -87,7 +87,7 @@ class Doing(msgspec.Struct, frozen=True, kw_only=True):
     fraction: float | None = None
 
 
-class DeviceSeen(msgspec.Struct, frozen=True, kw_only=True):
+class DeviceView(msgspec.Struct, frozen=True, kw_only=True):
     """A device. `lineage`: its type, and those above it. `load`: the share of the last `Devices.window` seconds in which it was busy.
     `since`: when it joined, if that was heard; `left` and `reason`: when and why it left. `simulated`: what the simulator has of it."""
 
@@ -104,30 +104,30 @@ class DeviceSeen(msgspec.Struct, frozen=True, kw_only=True):
     """The storey that it is on."""
     holding: tuple[str, ...] = ()
     charge: float | None = None
-    services: tuple[ServiceSeen, ...] = ()
-    doing: tuple[Doing, ...] = ()
+    services: tuple[ServiceView, ...] = ()
+    assignments: tuple[Assignment, ...] = msgspec.field(default=(), name="doing")
     load: float = 0.0
     since: float | None = None
-    left: float | None = None
+    departed_at: float | None = msgspec.field(default=None, name="left")
     reason: str = ""
-    simulated: Simulated | None = None
+    simulated: SimulatedRobot | None = None
 
 
 class Devices(msgspec.Struct, frozen=True, kw_only=True):
     """All devices by name, and who came and went lately, the latest first."""
 
     at: float
-    devices: tuple[DeviceSeen, ...]
-    log: tuple[Coming, ...]
+    devices: tuple[DeviceView, ...]
+    log: tuple[PresenceChange, ...]
     window: float = WINDOW
 
 
-class FleetDesk:
+class FleetService:
     def __init__(self, context: Context) -> None:
         self._context = context
-        self._roster = context.listener.roster
-        self._past = TaskHistory(context.client.records, context.client)
-        self._experience = Experience()
+        self._presence = context.listener.presence
+        self._task_history = TaskHistory(context.client.records, context.client)
+        self._reliability = ReliabilityStats()
         context.hub.feed("fleet", self._feed)
 
     @operation("GET", "/services")
@@ -146,14 +146,14 @@ class FleetDesk:
             self._context.client.tasks(running=True),
             robots(self._context.addresses.simulator),
             self._read_offers(now),
-            self._experience.learn(self._past),
+            self._reliability.learn(self._task_history),
         )
-        doing = _by_device(tasks)
-        loads = self._experience.loads(_works(tasks), now)
-        names = {*self._on_map(), *(offer.provider for offer in self._roster.offers.values())}
-        names.update(one.device for one in self._roster.log if not one.joined and one.at > now - GONE)
-        devices = (self._device(name, doing.get(name, ()), loads.get(name, 0.0), states.get(name)) for name in sorted(names))
-        return Devices(at=now, devices=tuple(devices), log=tuple(reversed(self._roster.log)))
+        assignments = _by_device(tasks)
+        loads = self._reliability.loads(_works(tasks), now)
+        names = {*self._on_map(), *(offer.provider for offer in self._presence.offers.values())}
+        names.update(change.device for change in self._presence.log if not change.joined and change.at > now - DEPARTED_TIME)
+        devices = (self._device(name, assignments.get(name, ()), loads.get(name, 0.0), states.get(name)) for name in sorted(names))
+        return Devices(at=now, devices=tuple(devices), log=tuple(reversed(self._presence.log)))
 
     @operation("POST", "/fleet/{robot}/faults/{fault}")
     async def fault(self, robot: str, fault: Fault, repair: bool = False) -> None:
@@ -161,54 +161,54 @@ class FleetDesk:
         await break_or_mend(self._context.addresses.simulator, robot, fault, repair=repair)
 
     async def _read_offers(self, now: float) -> None:
-        if self._roster.read_at is None or now - self._roster.read_at > STALE:
-            self._roster.read(await self._context.client.services(), now)
+        if self._presence.read_at is None or now - self._presence.read_at > STALE:
+            self._presence.read(await self._context.client.services(), now)
 
     def _on_map(self) -> Iterator[str]:
         map, ontology = self._context.map, self._context.ontology
         for type_name in ontology.subtypes(DEVICE):
             yield from map.of_type(type_name)
 
-    def _device(self, name: str, doing: tuple[Doing, ...], load: float, state: Simulated | None) -> DeviceSeen:
+    def _device(self, name: str, assignments: tuple[Assignment, ...], load: float, state: SimulatedRobot | None) -> DeviceView:
         map, ontology = self._context.map, self._context.ontology
         object = map.objects.get(name)
-        offers = [offer for offer in self._roster.offers.values() if offer.provider == name]
-        going, coming = self._roster.last_going(name), self._roster.last_coming(name)
+        offers = [offer for offer in self._presence.offers.values() if offer.provider == name]
+        departure, arrival = self._presence.last_departure(name), self._presence.last_arrival(name)
         type_name = object.type if object is not None else offers[0].provider_type if offers else ""
         offered = [self._service(offer) for offer in offers]
-        if not offered and going is not None:
-            offered = [self._former(service) for service in going.services]
+        if not offered and departure is not None:
+            offered = [self._former_service(service) for service in departure.services]
         working = is_working(value_of(name, WORKING, map, ontology) is not False, state.faults if state is not None else None)
-        return DeviceSeen(
+        return DeviceView(
             name=name,
             type=type_name,
             lineage=ontology.ancestors(type_name),
-            presence=Presence.OFFERS if offers else Presence.SILENT if object is not None else Presence.GONE,
+            presence=Presence.OFFERS if offers else Presence.SILENT if object is not None else Presence.DEPARTED,
             label=_text(value_of(name, "Label", map, ontology)),
             working=working,
             state=state_of(
                 on_map=object is not None,
                 offers=bool(offers),
                 working=working,
-                busy=any(one.state in BUSY for one in doing),
-                booked=bool(doing),
+                busy=any(assignment.state in BUSY for assignment in assignments),
+                booked=bool(assignments),
             ),
             position=self._position(name),
             place=self._place(name),
             holding=tuple(arguments[0] for arguments in map.facts_with(HELD_BY, 1, name)),
             charge=_number(value_of(name, "Charge", map, ontology)),
             services=tuple(sorted(offered, key=lambda service: service.service)),
-            doing=doing,
+            assignments=assignments,
             load=round(load, 3),
-            since=coming.at if coming is not None and offers else None,
-            left=going.at if going is not None and not offers else None,
-            reason=going.reason if going is not None and not offers else "",
+            since=arrival.at if arrival is not None and offers else None,
+            departed_at=departure.at if departure is not None and not offers else None,
+            reason=departure.reason if departure is not None and not offers else "",
             simulated=state,
         )
 
-    def _service(self, offer: Offer) -> ServiceSeen:
+    def _service(self, offer: Offer) -> ServiceView:
         kind = offer.service_type
-        return ServiceSeen(
+        return ServiceView(
             service=offer.service,
             type=kind.name,
             kind=kind.kind,
@@ -216,51 +216,51 @@ class FleetDesk:
             precondition=kind.precondition,
             price=_number(offer.attributes.get("Price")),
             attributes=offer.attributes,
-            tally=self._experience.tally(offer.service),
+            tally=self._reliability.tally(offer.service),
         )
 
-    def _former(self, service: str) -> ServiceSeen:
+    def _former_service(self, service: str) -> ServiceView:
         """A service that is not on offer any more."""
         type_name = service.partition(".")[2]
         kind = self._context.ontology.services.get(type_name)
-        return ServiceSeen(
+        return ServiceView(
             service=service,
             type=type_name,
             kind=kind.kind if kind is not None else ServiceKind.PHYSICAL,
             effect=kind.effect if kind is not None else "",
             on_offer=False,
-            tally=self._experience.tally(service),
+            tally=self._reliability.tally(service),
         )
 
     def _position(self, name: str) -> tuple[float, ...] | None:
         map, ontology = self._context.map, self._context.ontology
-        found = [_number(value_of(name, path, map, ontology)) for path in ("PositionX", "PositionY", "PositionZ")]
-        known = [one for one in found if one is not None]
-        return tuple(known) if found[0] is not None and found[1] is not None else None
+        coordinates = [_number(value_of(name, path, map, ontology)) for path in ("PositionX", "PositionY", "PositionZ")]
+        known_coordinates = [coordinate for coordinate in coordinates if coordinate is not None]
+        return tuple(known_coordinates) if coordinates[0] is not None and coordinates[1] is not None else None
 
     def _place(self, name: str) -> str | None:
         map, ontology = self._context.map, self._context.ontology
-        above, seen = map.whole(name), set[str]()
-        while above is not None and above in map.objects and above not in seen:
-            if ontology.is_subtype(map.objects[above].type, STOREY):
-                return above
-            seen.add(above)
-            above = map.whole(above)
+        whole, visited = map.whole(name), set[str]()
+        while whole is not None and whole in map.objects and whole not in visited:
+            if ontology.is_subtype(map.objects[whole].type, STOREY):
+                return whole
+            visited.add(whole)
+            whole = map.whole(whole)
         return None
 
     async def _feed(self, topic: str) -> None:
         """Publish the fleet whenever it changes, and what is wrong while it cannot be told."""
-        last: object = None
+        published_fleet: object = None
         with self._context.hub.subscribe("services") as news:
             while True:
                 try:
-                    found: Devices | ErrorReport = await self.devices()
+                    fleet: Devices | ErrorReport = await self.devices()
                 except SomrsError as error:
-                    found = error_report(error)
-                same = msgspec.structs.replace(found, at=0.0) if isinstance(found, Devices) else found
-                if same != last:
-                    last = same
-                    self._context.hub.publish(topic, found)
+                    fleet = error_report(error)
+                timeless_fleet = msgspec.structs.replace(fleet, at=0.0) if isinstance(fleet, Devices) else fleet
+                if timeless_fleet != published_fleet:
+                    published_fleet = timeless_fleet
+                    self._context.hub.publish(topic, fleet)
                 with contextlib.suppress(TimeoutError):
                     async with asyncio.timeout(TICK):
                         await news.next_news()
@@ -270,34 +270,37 @@ def _works(tasks: Iterable[TaskView]) -> Iterator[WorkView]:
     return (work for task in tasks for work in task.work)
 
 
-def _by_device(tasks: Iterable[TaskView]) -> Mapping[str, tuple[Doing, ...]]:
+def _by_device(tasks: Iterable[TaskView]) -> Mapping[str, tuple[Assignment, ...]]:
     """What devices do and are to do, that which is under way first."""
-    found: dict[str, list[Doing]] = {}
+    device_assignments: dict[str, list[Assignment]] = {}
     for task in tasks:
-        for doing in _doing(task):
-            found.setdefault(device_of(doing.service), []).append(doing)
-    return {device: tuple(sorted(doings, key=lambda one: one.state not in BUSY)) for device, doings in found.items()}
+        for assignment in _find_assignments(task):
+            device_assignments.setdefault(device_of(assignment.service), []).append(assignment)
+    return {
+        device: tuple(sorted(assignments, key=lambda assignment: assignment.state not in BUSY))
+        for device, assignments in device_assignments.items()
+    }
 
 
-def _doing(task: TaskView) -> Iterator[Doing]:
+def _find_assignments(task: TaskView) -> Iterator[Assignment]:
     steps = [step for step in task.steps if step.service is not None and step.state in (*BUSY, State.COMMITTED)]
     planned = {step.step for step in steps}
     for step in steps:
-        yield _of(task, step, step.fraction)
+        yield _make_assignment(task, step, step.fraction)
     for work in task.work:
         if work.state in BUSY and work.step not in planned:  # it looks, or undoes, or follows a procedure
-            yield _of(task, work)
+            yield _make_assignment(task, work)
 
 
-def _of(task: TaskView, one: StepView | WorkView, fraction: float | None = None) -> Doing:
-    return Doing(
+def _make_assignment(task: TaskView, step: StepView | WorkView, fraction: float | None = None) -> Assignment:
+    return Assignment(
         task=task.task,
         effect=task.effect,
-        step=one.step,
-        service=one.service or "",
-        service_type=one.service_type,
-        inputs=one.inputs,
-        state=one.state,
+        step=step.step,
+        service=step.service or "",
+        service_type=step.service_type,
+        inputs=step.inputs,
+        state=step.state,
         fraction=fraction,
     )
 

@@ -47,7 +47,7 @@ class Mistake(msgspec.Struct, frozen=True, kw_only=True):
     hint: str = ""
 
 
-class Checked(msgspec.Struct, frozen=True, kw_only=True):
+class CheckResult(msgspec.Struct, frozen=True, kw_only=True):
     """`ok`: it is a formula, and fits the ontology and the map. `unfinished`: nothing is wrong so far, but it ends too early."""
 
     ok: bool
@@ -55,14 +55,14 @@ class Checked(msgspec.Struct, frozen=True, kw_only=True):
     problems: tuple[Mistake, ...] = ()
 
 
-class FormulasDesk:
+class FormulaService:
     def __init__(self, context: Context) -> None:
         self._context = context
 
     @operation("POST", "/formulas/check")
-    async def check(self, body: CheckFormula) -> Checked:
+    async def check(self, body: CheckFormula) -> CheckResult:
         """Is this a formula, and does it fit the ontology and the map as they are now? All mistakes that can be found."""
-        return checked(body.text, self._ontology(body), self._context.map, body.variables)
+        return check_text(body.text, self._ontology(body), self._context.map, body.variables)
 
     @operation("POST", "/formulas/complete")
     async def complete(self, body: CompleteFormula) -> Completions:
@@ -79,52 +79,53 @@ class FormulasDesk:
         With `typed`, those that have it in their name, their label or their type's name.
         """
         if relation is not None:
-            known = _known(relation, self._context.ontology.relations, "relation")
-            if not 0 <= place < len(known.joins):
-                raise UsageError(f"{relation} joins {len(known.joins)} objects; there is no place {place}, they are counted from 0")
-            type = known.joins[place]
+            relation_type = _look_up(relation, self._context.ontology.relations, "relation")
+            if not 0 <= place < len(relation_type.joins):
+                raise UsageError(f"{relation} joins {len(relation_type.joins)} objects; there is no place {place}, they are counted from 0")
+            type = relation_type.joins[place]
         return things(self._context.ontology, self._context.map, typed=typed, type_name=type, relation=relation, place=place, limit=limit)
 
     @operation("GET", "/formulas/things/{name}")
     async def sayable(self, name: str) -> Sayable:
         """What can be said of an object: the relations that it can be in, and the attributes that it can have."""
-        return sayable(_known(name, self._context.map.objects, "object"), self._context.ontology, self._context.map)
+        return sayable(_look_up(name, self._context.map.objects, "object"), self._context.ontology, self._context.map)
 
     @operation("GET", "/formulas/things/{name}/at/{target}")
     async def placings(self, name: str, target: str) -> Placings:
         """What it means to have an object brought to another."""
         objects = self._context.map.objects
-        return placings(_known(name, objects, "object"), _known(target, objects, "object"), self._context.ontology)
+        return placings(_look_up(name, objects, "object"), _look_up(target, objects, "object"), self._context.ontology)
 
 
-Known = TypeVar("Known")
+Entry = TypeVar("Known")
 
 
-def _known(name: str, all: Mapping[str, Known], what: str) -> Known:
-    found = all.get(name)
-    if found is None:
-        raise NotFound(f"there is no {what} {name}" + (f"; {hint}" if (hint := nearest(name, all)) else ""))
-    return found
+def _look_up(name: str, entries: Mapping[str, Entry], noun: str) -> Entry:
+    entry = entries.get(name)
+    if entry is None:
+        raise NotFound(f"there is no {noun} {name}" + (f"; {hint}" if (hint := nearest(name, entries)) else ""))
+    return entry
 
 
-def checked(text: str, ontology: Ontology, map: Map, variables: dict[str, str]) -> Checked:
+def check_text(text: str, ontology: Ontology, map: Map, variables: dict[str, str]) -> CheckResult:
     try:
-        found = mistakes(read(text), ontology, map, variables)
+        errors = mistakes(read(text), ontology, map, variables)
         unfinished = False
     except FormulaError as error:
         # What the other parts say wrong is said all the same: a formula has mistakes while it is not written to its end, too.
         unfinished = error.position >= len(text.rstrip())
-        others = [one for part in _parts(text) for one in _of_part(part, ontology, map, variables)]
-        found = [*others, error]
-        unfinished = unfinished and not others
-    said = {(one.position, one.problem): one for one in sorted(found, key=lambda one: one.position)}
+        part_errors = [mistake for part in _parts(text) for mistake in _part_mistakes(part, ontology, map, variables)]
+        errors = [*part_errors, error]
+        unfinished = unfinished and not part_errors
+    distinct_mistakes = {(mistake.position, mistake.problem): mistake for mistake in sorted(errors, key=lambda mistake: mistake.position)}
     problems = tuple(
-        Mistake(position=one.position, end=_end(text, one.position), problem=one.problem, hint=one.hint) for one in said.values()
+        Mistake(position=mistake.position, end=_end(text, mistake.position), problem=mistake.problem, hint=mistake.hint)
+        for mistake in distinct_mistakes.values()
     )
-    return Checked(ok=not problems, unfinished=unfinished, problems=problems)
+    return CheckResult(ok=not problems, unfinished=unfinished, problems=problems)
 
 
-def _of_part(part: str, ontology: Ontology, map: Map, variables: dict[str, str]) -> list[FormulaError]:
+def _part_mistakes(part: str, ontology: Ontology, map: Map, variables: dict[str, str]) -> list[FormulaError]:
     try:
         return mistakes(read(part), ontology, map, variables)
     except FormulaError:
@@ -133,23 +134,23 @@ def _of_part(part: str, ontology: Ontology, map: Map, variables: dict[str, str])
 
 def _parts(text: str) -> list[str]:
     """What stands between AND, OR, NOT and parentheses that group, each with blanks before it, so that places stay."""
-    found: list[str] = []
+    parts: list[str] = []
     begin, depth, named = 0, 0, False
-    for one in _PARTS.finditer(text):
-        word = one[0]
+    for token in _PARTS.finditer(text):
+        word = token[0]
         groups = word == "(" and not named and not depth
         if word == "(" and not groups:
             depth += 1
         elif word == ")" and depth:
             depth -= 1
         elif word in ("AND", "OR", "NOT") or word in "()" or groups:
-            found.append(" " * begin + text[begin : one.start()])
-            begin, depth = one.end(), 0
+            parts.append(" " * begin + text[begin : token.start()])
+            begin, depth = token.end(), 0
         named = word[0].isalpha() and word not in ("AND", "OR", "NOT")
-    found.append(" " * begin + text[begin:])
-    return [part for part in found if part.strip()]
+    parts.append(" " * begin + text[begin:])
+    return [part for part in parts if part.strip()]
 
 
 def _end(text: str, position: int) -> int:
-    found = _PLACE.match(text, position)
-    return found.end() if found is not None else position
+    match = _PLACE.match(text, position)
+    return match.end() if match is not None else position

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 
 from somrs.api.map_news import MapNews
-from somrs.api.service_presence import Roster
+from somrs.api.service_presence import ServicePresence
 from somrs.client.client import Addresses
 from somrs.client.hub import Hub
 from somrs.kernel.component import Effect, Input, Received, Send, SetTimer, Started, TimerFired
@@ -17,7 +17,7 @@ from somrs.protocol.messages.orders import OrdersChanged, OrdersSubscribed, Subs
 
 LEASE = 30.0
 """Seconds for which the Registry and the Scheduler are asked to send news."""
-AGAIN = 10.0
+RENEWAL_INTERVAL = 10.0
 """Seconds after which they are asked again."""
 RENEWAL = "services"
 """The timer of that."""
@@ -30,11 +30,11 @@ class Listener:
         self.address = address
         self.replica = Replica(address, addresses.repository)
         self.ready = asyncio.Event()
-        self.roster = Roster()
+        self.presence = ServicePresence()
         self._registry, self._scheduler = addresses.registry, addresses.scheduler
-        self._scheduler_begun: float | None = None
+        self._scheduler_started_at: float | None = None
         self._hub = hub
-        self._asked = 0
+        self._request_count = 0
 
     def handle(self, event: Input, now: float) -> list[Effect]:
         if isinstance(event, Started):
@@ -52,14 +52,14 @@ class Listener:
             case TimerFired(timer) if timer == RENEWAL:
                 return self._subscribe(now)
             case Received(Message(body=ServicesJoined() | ServicesLeft() as body)):
-                self.roster.heard(body, now)
+                self.presence.handle_news(body, now)
                 self._hub.publish("services", body)
             case Received(Message(body=ServicesSubscribed())):
                 self._hub.publish("services")
             case Received(Message(body=OrdersChanged(templates=templates, orders=orders))):
                 self._orders_changed(templates=templates, orders=orders)
-            case Received(Message(body=OrdersSubscribed(begun=begun))) if begun != self._scheduler_begun:
-                self._scheduler_begun = begun  # another one than before: what it did meanwhile was not heard
+            case Received(Message(body=OrdersSubscribed(begun=started_at))) if started_at != self._scheduler_started_at:
+                self._scheduler_started_at = started_at  # another one than before: what it did meanwhile was not heard
                 self._orders_changed(templates=True, orders=True)
         return []
 
@@ -69,13 +69,16 @@ class Listener:
                 self._hub.publish(topic)
 
     def _subscribe(self, now: float) -> list[Effect]:
-        effects: list[Effect] = [SetTimer(RENEWAL, now + AGAIN), self._question(self._registry, SubscribeServices(lease=LEASE), now)]
+        effects: list[Effect] = [
+            SetTimer(RENEWAL, now + RENEWAL_INTERVAL),
+            self._make_request(self._registry, SubscribeServices(lease=LEASE), now),
+        ]
         if self._scheduler is not None:
-            effects.append(self._question(self._scheduler, SubscribeOrders(lease=LEASE), now))
+            effects.append(self._make_request(self._scheduler, SubscribeOrders(lease=LEASE), now))
         return effects
 
-    def _question(self, recipient: str, body: Body, now: float) -> Send:
-        self._asked += 1
-        identity = message_id(self.address, recipient, RENEWAL, self._asked, now)
+    def _make_request(self, recipient: str, body: Body, now: float) -> Send:
+        self._request_count += 1
+        identity = message_id(self.address, recipient, RENEWAL, self._request_count, now)
         header = Header(sender=self.address, recipient=recipient, message_id=identity, reply_to=self.address)
-        return Send(Message(header=header, body=body), expires_at=now + AGAIN)
+        return Send(Message(header=header, body=body), expires_at=now + RENEWAL_INTERVAL)

@@ -13,11 +13,11 @@ from somrs.repository.past import rewind_map
 
 YAML = "application/yaml"
 
-NEAR = 100
+MAX_REWOUND_VERSIONS = 100
 """So many changes are told in less time than a map of thousands of objects."""
 
 
-class MapSeen(msgspec.Struct, frozen=True, kw_only=True):
+class MapView(msgspec.Struct, frozen=True, kw_only=True):
     """A map: all its objects and facts, and the version that it is of."""
 
     version: int
@@ -25,17 +25,17 @@ class MapSeen(msgspec.Struct, frozen=True, kw_only=True):
     facts: tuple[Fact, ...]
 
 
-class MapDesk:
+class MapService:
     def __init__(self, context: Context) -> None:
         self._context = context
 
     @operation("GET", "/map")
-    async def read(self, version: int | None = None) -> MapSeen:
+    async def read(self, version: int | None = None) -> MapView:
         """The whole map as it is now, or as it was at a version."""
         map, now = self._context.map, self._context.version
         if version is not None and version != now:
-            map, now = await self._as_it_was(map, now, version), version
-        return MapSeen(version=now, objects=tuple(map.objects.values()), facts=tuple(map.facts()))
+            map, now = await self._read_map_at(map, now, version), version
+        return MapView(version=now, objects=tuple(map.objects.values()), facts=tuple(map.facts()))
 
     @operation("POST", "/map/changes")
     async def change(self, body: UpdateMap) -> Updated:
@@ -85,11 +85,11 @@ class MapDesk:
         text = dump_site(self._context.ontology, self._context.map)
         return Document(content=text.encode(), media_type=YAML, name="site.yaml")
 
-    async def _as_it_was(self, map: Map, now: int, version: int) -> Map:
+    async def _read_map_at(self, map: Map, now: int, version: int) -> Map:
         """The map at a version: of one that is near, what leads back is soon told; any other is read as a whole."""
-        if 0 < now - version <= NEAR:
-            found = await self._context.client.read_events(ReadEvents(after=version, limit=now - version))
-            whole = [event.version for event in found.events] == [*range(version + 1, now + 1)] and found.since <= version
-            if whole and all(event.all_changes is None for event in found.events):
-                return rewind_map(map, (event.before for event in reversed(found.events)))
+        if 0 < now - version <= MAX_REWOUND_VERSIONS:
+            page = await self._context.client.read_events(ReadEvents(after=version, limit=now - version))
+            whole = [event.version for event in page.events] == [*range(version + 1, now + 1)] and page.since <= version
+            if whole and all(event.all_changes is None for event in page.events):
+                return rewind_map(map, (event.before for event in reversed(page.events)))
         return await self._context.client.map(version)

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Iterator
 
 import msgspec
 
-from somrs.api.affected import Affected, affected, gone
+from somrs.api.affected import WordUse, find_obsolete_words, find_word_uses
 from somrs.api.context import Context
-from somrs.api.orders import OrdersDesk
+from somrs.api.orders import OrderService
 from somrs.client.operations import Document, operation
 from somrs.ontology.consistency import ontology_violations
 from somrs.ontology.dependency_index import required_definitions
@@ -25,16 +25,16 @@ from somrs.repository.outcome import apply_revision
 YAML = "application/yaml"
 
 
-class OntologySeen(msgspec.Struct, frozen=True, kw_only=True):
+class OntologyView(msgspec.Struct, frozen=True, kw_only=True):
     """All definitions, and the version that they are of. `relied`: those that SO-MRS itself relies on, which can be neither removed nor
     renamed."""
 
     version: int
     definitions: Definitions
-    relied: tuple[DefinitionKey, ...] = ()
+    required_words: tuple[DefinitionKey, ...] = msgspec.field(default=(), name="relied")
 
 
-class OfferBroken(msgspec.Struct, frozen=True, kw_only=True):
+class BrokenOffer(msgspec.Struct, frozen=True, kw_only=True):
     """A service on offer now that could not be planned with any more, and why."""
 
     service: str
@@ -56,8 +56,8 @@ class Consequences(msgspec.Struct, frozen=True, kw_only=True):
     changes: tuple[Change, ...] = ()
     all_broken: int = 0
     all_changes: int = 0
-    offers: tuple[OfferBroken, ...] = ()
-    affected: tuple[Affected, ...] = ()
+    offers: tuple[BrokenOffer, ...] = ()
+    affected: tuple[WordUse, ...] = ()
 
 
 class ImportOntology(msgspec.Struct, frozen=True, kw_only=True):
@@ -70,25 +70,25 @@ class ImportOntology(msgspec.Struct, frozen=True, kw_only=True):
     file: str = "the file"
 
 
-class Imported(msgspec.Struct, frozen=True, kw_only=True):
+class ImportResult(msgspec.Struct, frozen=True, kw_only=True):
     """What a file would change, or changed: `version` has it, if it was not dry. `consequences` are of before."""
 
     consequences: Consequences
     version: int | None = None
 
 
-class OntologyDesk:
-    def __init__(self, context: Context, orders: OrdersDesk) -> None:
+class OntologyService:
+    def __init__(self, context: Context, orders: OrderService) -> None:
         self._context = context
         self._orders = orders
 
     @operation("GET", "/ontology")
-    async def read(self, version: int | None = None) -> OntologySeen:
+    async def read(self, version: int | None = None) -> OntologyView:
         """The whole ontology as it is now, or as it was at a version."""
         ontology, now = self._context.ontology, self._context.version
         if version is not None and version != now:
             ontology, now = await self._context.client.ontology(version), version
-        return OntologySeen(version=now, definitions=by_kind(ontology), relied=required_definitions(ontology))
+        return OntologyView(version=now, definitions=by_kind(ontology), required_words=required_definitions(ontology))
 
     @operation("POST", "/ontology/changes")
     async def change(self, body: Define) -> Defined:
@@ -125,41 +125,45 @@ class OntologyDesk:
         return Document(content=text.encode(), media_type=YAML, name="ontology.yaml")
 
     @operation("POST", "/ontology/import.yaml")
-    async def import_yaml(self, body: ImportOntology, dry: bool = False) -> Imported:
+    async def import_yaml(self, body: ImportOntology, dry: bool = False) -> ImportResult:
         """Take over the definitions of a file; `dry`: only say what would come of it."""
-        return await self.taken_over(load_definitions(body.text, body.file, self._context.ontology), body, dry)
+        return await self.import_definitions(load_definitions(body.text, body.file, self._context.ontology), body, dry)
 
-    async def taken_over(self, ontology: Ontology, wanted: ImportOntology, dry: bool) -> Imported:
+    async def import_definitions(self, ontology: Ontology, request: ImportOntology, dry: bool) -> ImportResult:
         """Have the ontology be this one, that a file says; `dry`: only say what would come of it."""
-        define = diff_ontologies(self._context.ontology, ontology, wanted.author, wanted.expected_version)
+        define = diff_ontologies(self._context.ontology, ontology, request.author, request.expected_version)
         consequences = await self._consequences(define)
-        return Imported(consequences=consequences, version=None if dry else await self._context.client.define(define))
+        return ImportResult(consequences=consequences, version=None if dry else await self._context.client.define(define))
 
     async def _consequences(self, change: Define | Undo) -> Consequences:
-        found = await self._context.client.consider(change)
-        offers = tuple(broken_offers(self._context.ontology, found.revision, await self._context.client.services()))
-        users = tuple(await self._affected(change, found.revision))
-        return Consequences(**{name: getattr(found, name) for name in found.__struct_fields__}, offers=offers, affected=users)
+        outcome = await self._context.client.consider(change)
+        offers = tuple(broken_offers(self._context.ontology, outcome.revision, await self._context.client.services()))
+        users = tuple(await self._find_word_uses(change, outcome.revision))
+        return Consequences(**{name: getattr(outcome, name) for name in outcome.__struct_fields__}, offers=offers, affected=users)
 
-    async def _affected(self, change: Define | Undo, revision: Revision | None) -> Iterator[Affected]:
-        words = gone(revision, change.renamed if isinstance(change, Define) else await self._called_back(change.version))
+    async def _find_word_uses(self, change: Define | Undo, revision: Revision | None) -> Iterator[WordUse]:
+        words = find_obsolete_words(
+            revision, change.renamed if isinstance(change, Define) else await self._reverse_renamings(change.version)
+        )
         if not words:
             return iter(())
         tasks = await self._context.client.tasks(running=True)
-        return affected(words, self._context.ontology, tasks, *await self._orders.kept())
+        return find_word_uses(words, self._context.ontology, tasks, *await self._orders.read_all())
 
-    async def _called_back(self, version: int) -> list[Renaming]:
+    async def _reverse_renamings(self, version: int) -> list[Renaming]:
         """What would get its name back if the version were undone."""
         events = (await self._context.client.read_events(ReadEvents(before=version + 1, limit=1, ontology=True))).events
-        renamed = (one for event in events if event.version == version for one in event.renamed)
-        return [Renaming(section=one.section, name=one.to, to=one.name) for one in renamed]
+        renamed = (renaming for event in events if event.version == version for renaming in event.renamed)
+        return [Renaming(section=renaming.section, name=renaming.to, to=renaming.name) for renaming in renamed]
 
 
-def broken_offers(ontology: Ontology, change: Revision | None, offers: Iterable[Offer]) -> Iterator[OfferBroken]:
+def broken_offers(ontology: Ontology, change: Revision | None, offers: Iterable[Offer]) -> Iterator[BrokenOffer]:
     """The services on offer that could be planned with in the ontology, and could not after the change, with the reason."""
-    after = apply_revision(ontology, change) if change is not None else ontology
+    ontology_after = apply_revision(ontology, change) if change is not None else ontology
     for offer in offers if change is not None else ():
-        before = set(map(str, ontology_violations(ontology, (offer.service_type,))))
-        broken = [violation for violation in ontology_violations(after, (offer.service_type,)) if str(violation) not in before]
+        violations_before = set(map(str, ontology_violations(ontology, (offer.service_type,))))
+        broken = [
+            violation for violation in ontology_violations(ontology_after, (offer.service_type,)) if str(violation) not in violations_before
+        ]
         if broken:
-            yield OfferBroken(service=offer.service, provider=offer.provider, problem=broken[0].message)
+            yield BrokenOffer(service=offer.service, provider=offer.provider, problem=broken[0].message)

@@ -16,13 +16,13 @@ _REFERENCE = "#/components/schemas/{name}"
 
 def document(operations: Sequence[Operation]) -> dict[str, Any]:
     """The document, as JSON values."""
-    types = [one.returns for one in operations if one.returns not in (None, type(None), Document)]
-    types += [parameter.type for one in operations for parameter in one.parameters]
+    types = [operation.returns for operation in operations if operation.returns not in (None, type(None), Document)]
+    types += [parameter.type for operation in operations for parameter in operation.parameters]
     schemas, components = msgspec.json.schema_components([*types, ErrorReport], ref_template=_REFERENCE)
     by_type = dict(zip(map(repr, [*types, ErrorReport]), schemas, strict=True))
     paths: dict[str, Any] = {}
-    for one in operations:
-        paths.setdefault(one.path, {})[one.method.lower()] = _described(one, by_type)
+    for operation in operations:
+        paths.setdefault(operation.path, {})[operation.method.lower()] = _describe(operation, by_type)
     return {
         "openapi": "3.1.0",
         "info": {"title": "SO-MRS", "version": __version__, "description": "State wishes about a building, and see them come true."},
@@ -32,30 +32,35 @@ def document(operations: Sequence[Operation]) -> dict[str, Any]:
     }
 
 
-def _described(one: Operation, schemas: dict[str, Any]) -> dict[str, Any]:
-    summary, _, rest = one.doc.partition("\n")
-    found: dict[str, Any] = {"operationId": one.name, "tags": [one.group], "summary": summary, "responses": _responses(one, schemas)}
+def _describe(operation: Operation, schemas: dict[str, Any]) -> dict[str, Any]:
+    summary, _, rest = operation.doc.partition("\n")
+    description: dict[str, Any] = {
+        "operationId": operation.name,
+        "tags": [operation.group],
+        "summary": summary,
+        "responses": _responses(operation, schemas),
+    }
     if rest.strip():
-        found["description"] = rest.strip()
-    if plain := [_parameter(parameter, schemas) for parameter in one.parameters if parameter.place != "body"]:
-        found["parameters"] = plain
-    for parameter in one.parameters:
+        description["description"] = rest.strip()
+    if plain := [_parameter(parameter, schemas) for parameter in operation.parameters if parameter.place != "body"]:
+        description["parameters"] = plain
+    for parameter in operation.parameters:
         if parameter.place == "body":
             content = {"application/json": {"schema": schemas[repr(parameter.type)]}}
-            found["requestBody"] = {"required": parameter.required, "content": content}
-    return found
+            description["requestBody"] = {"required": parameter.required, "content": content}
+    return description
 
 
 def _parameter(parameter: Parameter, schemas: dict[str, Any]) -> dict[str, Any]:
     return {"name": parameter.name, "in": parameter.place, "required": parameter.required, "schema": schemas[repr(parameter.type)]}
 
 
-def _responses(one: Operation, schemas: dict[str, Any]) -> dict[str, Any]:
-    if one.returns is Document:
+def _responses(operation: Operation, schemas: dict[str, Any]) -> dict[str, Any]:
+    if operation.returns is Document:
         good: dict[str, Any] = {"description": "The file", "content": {"application/octet-stream": {}}}
-    elif one.returns in (None, type(None)):
+    elif operation.returns in (None, type(None)):
         good = {"description": "Done"}
     else:
-        good = {"description": "The answer", "content": {"application/json": {"schema": schemas[repr(one.returns)]}}}
-    trouble = {"application/json": {"schema": schemas[repr(ErrorReport)]}}
-    return {"200": good, **{str(code): {"description": text, "content": trouble} for code, text in REFUSALS.items()}}
+        good = {"description": "The answer", "content": {"application/json": {"schema": schemas[repr(operation.returns)]}}}
+    error_content = {"application/json": {"schema": schemas[repr(ErrorReport)]}}
+    return {"200": good, **{str(code): {"description": text, "content": error_content} for code, text in REFUSALS.items()}}

@@ -18,7 +18,7 @@ from somrs.protocol.messages.clients import Submit, Submitted
 from somrs.protocol.messages.envelope import message_id
 from somrs.protocol.messages.orders import Filled, OrderSaved, Run, StandingOrder, Template, TemplateSaved
 
-AWHILE = 10.0
+RESTART_PATIENCE = 10.0
 """Seconds for which a Scheduler that is started again is waited for by those who read."""
 
 T = TypeVar("T")
@@ -38,7 +38,7 @@ class Runs(msgspec.Struct, frozen=True, kw_only=True):
     runs: tuple[Run, ...]
 
 
-class OrdersDesk:
+class OrderService:
     """News of the topics `templates` and `orders` say that something changed there: read it again."""
 
     def __init__(self, context: Context) -> None:
@@ -49,12 +49,12 @@ class OrdersDesk:
     @operation("GET", "/templates")
     async def templates(self) -> Templates:
         """All templates, by name."""
-        return Templates(templates=tuple(sorted(await self._templates(), key=lambda one: one.name.casefold())))
+        return Templates(templates=tuple(sorted(await self._templates(), key=lambda template: template.name.casefold())))
 
     @operation("GET", "/templates/{name}")
     async def template(self, name: str) -> Template:
         """One template."""
-        return (await self._ask(orders.ReadTemplates(name=name), orders.TemplatesPage, AWHILE)).templates[0]
+        return (await self._ask(orders.ReadTemplates(name=name), orders.TemplatesPage, RESTART_PATIENCE)).templates[0]
 
     @operation("PUT", "/templates/{name}")
     async def save_template(self, name: str, body: TemplateSaved) -> Template:
@@ -64,8 +64,8 @@ class OrdersDesk:
     @operation("POST", "/templates/{name}/rename")
     async def rename_template(self, name: str, to: str, expected_version: int | None = None, by: str = "") -> Template:
         """Give a template another name; the orders that use it know it by the new one."""
-        wanted = orders.RenameTemplate(name=name, to=to, expected_version=expected_version, by=by)
-        return (await self._ask(wanted, orders.TemplateKept)).template
+        request = orders.RenameTemplate(name=name, to=to, expected_version=expected_version, by=by)
+        return (await self._ask(request, orders.TemplateKept)).template
 
     @operation("DELETE", "/templates/{name}")
     async def remove_template(self, name: str, expected_version: int | None = None) -> None:
@@ -75,7 +75,7 @@ class OrdersDesk:
     @operation("POST", "/templates/{name}/filled")
     async def fill_template(self, name: str, body: Filled) -> Submit:
         """The task that a template is, with its blanks filled in; nothing is stated."""
-        return (await self._ask(orders.FillTemplate(name=name, values=body.values), orders.TemplateFilled, AWHILE)).task
+        return (await self._ask(orders.FillTemplate(name=name, values=body.values), orders.TemplateFilled, RESTART_PATIENCE)).task
 
     @operation("POST", "/templates/{name}/use")
     async def use_template(self, name: str, body: Filled, once: str | None = None) -> Submitted:
@@ -94,19 +94,19 @@ class OrdersDesk:
     @operation("GET", "/orders/{id}")
     async def order(self, id: str) -> StandingOrder:
         """One standing order."""
-        return (await self._ask(orders.ReadOrders(id=id), orders.OrdersPage, AWHILE)).orders[0]
+        return (await self._ask(orders.ReadOrders(id=id), orders.OrdersPage, RESTART_PATIENCE)).orders[0]
 
     @operation("GET", "/orders/{id}/runs")
     async def runs(self, id: str, limit: int = 50) -> Runs:
         """When an order was due, and what came of it, the latest first."""
-        found: list[Run] = []
-        more = True
-        while more:
-            wanted = orders.ReadRuns(id=id, limit=max(limit, 0) - len(found), before=found[-1].due if found else None)
-            page = await self._ask(wanted, orders.RunsPage, AWHILE)
-            found += page.runs
-            more = page.more
-        return Runs(runs=tuple(found))
+        runs: list[Run] = []
+        has_next_page = True
+        while has_next_page:
+            request = orders.ReadRuns(id=id, limit=max(limit, 0) - len(runs), before=runs[-1].due if runs else None)
+            page = await self._ask(request, orders.RunsPage, RESTART_PATIENCE)
+            runs += page.runs
+            has_next_page = page.more
+        return Runs(runs=tuple(runs))
 
     @operation("POST", "/orders")
     async def add_order(self, body: OrderSaved) -> StandingOrder:
@@ -135,30 +135,32 @@ class OrdersDesk:
 
     # What they are made of
 
-    async def kept(self) -> tuple[Collection[StandingOrder], Mapping[str, Template]]:
+    async def read_all(self) -> tuple[Collection[StandingOrder], Mapping[str, Template]]:
         """All orders, and the templates by name; none where there is no Scheduler."""
         if self._context.addresses.scheduler is None:
             return (), {}
-        return await self._orders(), {one.name: one for one in await self._templates()}
+        return await self._orders(), {template.name: template for template in await self._templates()}
 
     async def _templates(self) -> list[Template]:
-        found: list[Template] = []
-        more = True
-        while more:
-            wanted = orders.ReadTemplates(after=found[-1].name if found else "")
-            page = await self._ask(wanted, orders.TemplatesPage, AWHILE)
-            found += page.templates
-            more = page.more
-        return found
+        templates: list[Template] = []
+        has_next_page = True
+        while has_next_page:
+            request = orders.ReadTemplates(after=templates[-1].name if templates else "")
+            page = await self._ask(request, orders.TemplatesPage, RESTART_PATIENCE)
+            templates += page.templates
+            has_next_page = page.more
+        return templates
 
     async def _orders(self) -> list[StandingOrder]:
-        found: list[StandingOrder] = []
-        more = True
-        while more:
-            page = await self._ask(orders.ReadOrders(after=found[-1].id if found else ""), orders.OrdersPage, AWHILE)
-            found += page.orders
-            more = page.more
-        return found
+        standing_orders: list[StandingOrder] = []
+        has_next_page = True
+        while has_next_page:
+            page = await self._ask(
+                orders.ReadOrders(after=standing_orders[-1].id if standing_orders else ""), orders.OrdersPage, RESTART_PATIENCE
+            )
+            standing_orders += page.orders
+            has_next_page = page.more
+        return standing_orders
 
     async def _ask(self, body: Body, expected: type[T], patience: float = 0.0) -> T:
         scheduler = self._context.addresses.scheduler

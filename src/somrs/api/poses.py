@@ -30,7 +30,7 @@ from somrs.errors import RemoteError
 
 RATE = 20.0
 """Ticks a second."""
-AGAIN = 0.5
+RETRY_DELAY = 0.5
 """Seconds before the simulator is sought again."""
 HEADER = struct.Struct("<ddII")
 
@@ -82,15 +82,15 @@ class PoseFeed:
                 self._running.cancel()
                 self._running = None
 
-    async def after(self, seen: int | None) -> tuple[int, list[Message]]:
+    async def wait_for_tick(self, last_tick: int | None) -> tuple[int, list[Message]]:
         """The latest tick, and what brings somebody there who has seen that one."""
-        while self._tick == (seen or 0):
+        while self._tick == (last_tick or 0):
             await self._wake.wait()
-        if seen == self._tick - 1:
+        if last_tick == self._tick - 1:
             return self._tick, self._news
         if self._whole is None:
-            said = PosesNews(table=self._table, movers=self._movers, robots=self._works, source=self._source, alive=self._alive)
-            self._whole = [_text(said), self._frame(range(len(self._rows)), chain.from_iterable(self._rows))]
+            news = PosesNews(table=self._table, movers=self._movers, robots=self._works, source=self._source, alive=self._alive)
+            self._whole = [_text(news), self._frame(range(len(self._rows)), chain.from_iterable(self._rows))]
         return self._tick, self._whole
 
     # Where it comes from
@@ -102,19 +102,19 @@ class PoseFeed:
             try:
                 async with link(address) as operator, aclosing(operator.poses(RATE)) as lines:
                     async for line in lines:
-                        self._hear(line)
+                        self._take_poses(line)
             except RemoteError:
-                self._next([_text(PosesNews(alive=False))], alive=False)
-            await asyncio.sleep(AGAIN)
+                self._publish_tick([_text(PosesNews(alive=False))], alive=False)
+            await asyncio.sleep(RETRY_DELAY)
 
     async def _follow_map(self) -> None:
         with self._context.hub.subscribe("map") as news:
             while True:
-                self._hear(self._by_map())
+                self._take_poses(self._read_map_poses())
                 await news.next_news()
                 await asyncio.sleep(1 / RATE)
 
-    def _by_map(self) -> Poses:
+    def _read_map_poses(self) -> Poses:
         """What moved on the map."""
         map, ontology = self._context.map, self._context.ontology
         scene = scene_of(map, self._context.version, ontology, movers(map, ontology))
@@ -122,7 +122,7 @@ class PoseFeed:
         table = tuple(Mover(name=body.name, numbers=4 if body.kind == "robot" else 6) for body in bodies)
         rows = [(body.x, body.y, body.z, body.yaw, 0.0, 0.0)[: mover.numbers] for body, mover in zip(bodies, table, strict=True)]
         works = {body.name: RobotStatus() for body in bodies if body.kind == "robot"}
-        held = {body.at.object: body.name for body in bodies if body.at is not None and body.at.relation == "isHeldBy"}
+        held = {body.placement.object: body.name for body in bodies if body.placement is not None and body.placement.relation == "isHeldBy"}
         works.update({robot: RobotStatus(holding=thing) for robot, thing in held.items() if robot in works})
         anew = table != self._movers or not self._tick
         moved = tuple(i for i, row in enumerate(rows) if anew or row != self._rows[i])
@@ -137,7 +137,7 @@ class PoseFeed:
 
     # What is told
 
-    def _hear(self, line: Poses) -> None:
+    def _take_poses(self, line: Poses) -> None:
         self._clock, self._time = line.clock, line.time
         news = PosesNews(robots=line.robots, alive=None if self._alive else True)
         if line.movers is not None:
@@ -151,13 +151,13 @@ class PoseFeed:
             self._rows[i] = line.values[start:end]
             start = end
         frame = self._frame(line.moved, line.values)
-        self._next([_text(news), frame] if news != NOTHING else [frame], alive=True)
+        self._publish_tick([_text(news), frame] if news != NO_NEWS else [frame], alive=True)
 
     def _frame(self, moved: Iterable[int], values: Iterable[float]) -> bytes:
-        which = array("I", moved)
-        return HEADER.pack(self._clock, self._time, self._table, len(which)) + which.tobytes() + array("f", values).tobytes()
+        indices = array("I", moved)
+        return HEADER.pack(self._clock, self._time, self._table, len(indices)) + indices.tobytes() + array("f", values).tobytes()
 
-    def _next(self, news: list[Message], *, alive: bool) -> None:
+    def _publish_tick(self, news: list[Message], *, alive: bool) -> None:
         self._alive, self._news, self._whole = alive, news, None
         self._tick += 1
         self._wake.set()
@@ -168,4 +168,4 @@ def _text(news: PosesNews) -> str:
     return msgspec.json.encode(news).decode()
 
 
-NOTHING = PosesNews()
+NO_NEWS = PosesNews()

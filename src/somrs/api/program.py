@@ -15,7 +15,7 @@ from starlette.responses import RedirectResponse
 from starlette.routing import Mount, Route, WebSocketRoute
 
 from somrs.api.rest import application
-from somrs.api.service import Desk, desk_of
+from somrs.api.service import ApiService, open_api_service
 from somrs.client.client import Addresses
 from somrs.deployment.programs import until_stopped
 from somrs.ports import bound
@@ -26,18 +26,18 @@ PATH = "/api"
 
 async def run_api(data: Path, addresses: Addresses, host: str, port: int) -> None:
     """Serve the API until this process is to end."""
-    listening = bound(host, port)
-    async with desk_of(addresses, data, host) as desk, served(desk, listening) as url:
+    server_socket = bound(host, port)
+    async with open_api_service(addresses, data, host) as service, served(service, server_socket) as url:
         await until_stopped("api", url)
 
 
 @asynccontextmanager
-async def served(desk: Desk, listening: socket.socket) -> AsyncIterator[str]:
+async def served(service: ApiService, server_socket: socket.socket) -> AsyncIterator[str]:
     """With the API at that socket: its address."""
-    host, port = listening.getsockname()[:2]
+    host, port = server_socket.getsockname()[:2]
     # A client keeps its connections for less long than they are kept here, so that none is closed when it begins to ask.
     config = uvicorn.Config(
-        _site(desk),
+        _site(service),
         log_level="warning",
         access_log=False,
         ws="websockets-sansio",
@@ -45,7 +45,7 @@ async def served(desk: Desk, listening: socket.socket) -> AsyncIterator[str]:
         timeout_graceful_shutdown=1,
     )
     server = QuietServer(config)
-    serving = asyncio.create_task(server.serve(sockets=[listening]))
+    serving = asyncio.create_task(server.serve(sockets=[server_socket]))
     while not server.started and not serving.done():
         await asyncio.sleep(0.01)
     try:
@@ -56,6 +56,6 @@ async def served(desk: Desk, listening: socket.socket) -> AsyncIterator[str]:
             await serving
 
 
-def _site(desk: Desk) -> Starlette:
-    api = application([*desk.operations()], desk.context.hub, [WebSocketRoute("/poses", desk.scene.poses)])
+def _site(service: ApiService) -> Starlette:
+    api = application([*service.operations()], service.context.hub, [WebSocketRoute("/poses", service.scene.poses)])
     return Starlette(routes=[Mount(PATH, api), Route("/", lambda request: RedirectResponse(f"{PATH}/"))])

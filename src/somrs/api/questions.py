@@ -27,7 +27,7 @@ class Answer(msgspec.Struct, frozen=True, kw_only=True):
     formula: str | None = None
 
 
-class QuestionsDesk:
+class QuestionService:
     def __init__(self, context: Context) -> None:
         self._data = context.data
         self._hub = context.hub
@@ -47,9 +47,9 @@ class QuestionsDesk:
         await asyncio.to_thread(put_answer, number, body.formula, self._data)
 
     async def _feed(self, topic: str) -> None:
-        last: OpenQuestions | None = None
+        published_questions: OpenQuestions | None = None
         while True:
-            if (found := await self.open()) != last:
-                last = found
-                self._hub.publish(topic, found)
+            if (questions := await self.open()) != published_questions:
+                published_questions = questions
+                self._hub.publish(topic, questions)
             await asyncio.sleep(TICK)

@@ -18,10 +18,10 @@ from somrs.protocol.messages.records import ReadRecords, Records, TaskRecord
 MEDIA_TYPES = {Format.JSONL: "application/jsonl", Format.CSV: "text/csv; charset=utf-8"}
 
 
-class RecordsDesk:
+class RecordService:
     def __init__(self, context: Context) -> None:
         self._client = context.client
-        self._past = TaskHistory(context.client.records, context.client)
+        self._task_history = TaskHistory(context.client.records, context.client)
 
     @operation("GET", "/records")
     async def find(
@@ -39,16 +39,16 @@ class RecordsDesk:
         was wished for. `service`: those in which this service, or a service of this device, did something. A page may end early; `more`
         says so, and `behind` (the last task of a page) asks for the next.
         """
-        return await self._client.records(_wanted(since, outcome, text, service, limit, behind, brief=True))
+        return await self._client.records(_make_query(since, outcome, text, service, limit, behind, brief=True))
 
     @operation("GET", "/records/{id}")
     async def read(self, id: str) -> TaskRecord:
         """Everything of a task that is over: plan, work, terms, events, messages. The beginning of its id will do."""
-        found = (await self._client.records(ReadRecords(task=id, limit=2, brief=True))).records
-        if len(found) != 1:
-            how = "several ids begin" if found else "no id begins"
-            raise NotFound(f"of the tasks that are over, {how} with {id}")
-        return (await self._past.first(ReadRecords(task=found[0].task), 1))[0]
+        records = (await self._client.records(ReadRecords(task=id, limit=2, brief=True))).records
+        if len(records) != 1:
+            problem = "several ids begin" if records else "no id begins"
+            raise NotFound(f"of the tasks that are over, {problem} with {id}")
+        return (await self._task_history.first(ReadRecords(task=records[0].task), 1))[0]
 
     @operation("GET", "/records/export")
     async def export(
@@ -64,21 +64,21 @@ class RecordsDesk:
         if format is Format.JSONL and table is not None:
             raise UsageError(f"table={table} is for CSV, and JSON lines hold all of a task; leave one of the two out")
         file = io.StringIO()
-        wanted = _wanted(since, outcome, text, service, PAGE)
-        await write(self._past, wanted, file, format, table or Table.TASKS)
-        what = table or Table.TASKS
+        query = _make_query(since, outcome, text, service, PAGE)
+        await write(self._task_history, query, file, format, table or Table.TASKS)
+        table_name = table or Table.TASKS
         return Document(
-            content=file.getvalue().encode(), media_type=MEDIA_TYPES[format], name=f"{what}-{datetime.now():%Y%m%d-%H%M}.{format}"
+            content=file.getvalue().encode(), media_type=MEDIA_TYPES[format], name=f"{table_name}-{datetime.now():%Y%m%d-%H%M}.{format}"
         )
 
 
-def _wanted(
+def _make_query(
     since: str | None,
     outcome: Outcome | None,
     text: str | None,
     service: str | None,
     limit: int,
-    behind: str | None = None,
+    last_task: str | None = None,
     *,
     brief: bool = False,
 ) -> ReadRecords:
@@ -88,6 +88,6 @@ def _wanted(
         text=text or None,
         service=service or None,
         limit=limit,
-        behind=behind,
+        behind=last_task,
         brief=brief,
     )

@@ -19,57 +19,57 @@ MOST_TASKS = 1000
 WINDOW = 600.0
 """Seconds for which it is told how busy a device was."""
 
-FEW = 5
+MIN_SAMPLE_SIZE = 5
 """Pieces of work below which no percentage is told."""
 
 
 class Tally(msgspec.Struct, frozen=True, kw_only=True):
     """What became of what a service began, in tasks that are over. `failed`: or nothing more was heard; `stopped`: it was told to."""
 
-    began: int = 0
+    started: int = msgspec.field(default=0, name="began")
     completed: int = 0
     failed: int = 0
     stopped: int = 0
 
     def in_words(self) -> str:
         """Of few pieces of work no percentage is told: one of one is no certainty."""
-        tried = self.completed + self.failed
+        attempts = self.completed + self.failed
         stopped = f", {self.stopped} stopped" if self.stopped else ""
-        if not tried:
+        if not attempts:
             return f"nothing done yet{stopped}"
-        percent = f" ({100 * self.completed / tried:.0f} %)" if tried >= FEW else ""
-        return f"{self.completed} of {tried} done{percent}{stopped}"
+        percent = f" ({100 * self.completed / attempts:.0f} %)" if attempts >= MIN_SAMPLE_SIZE else ""
+        return f"{self.completed} of {attempts} done{percent}{stopped}"
 
 
-class Experience:
+class ReliabilityStats:
     """Made of what is kept of tasks that are over; what was learned once is not read again."""
 
     def __init__(self) -> None:
         self._counts: dict[str, Counter[State]] = {}
         self._spans: list[tuple[str, float, float]] = []
         """Device, began, ended; those of the window."""
-        self._until: float | None = None
-        self._known: set[str] = set()
+        self._latest_end: float | None = None
+        self._latest_tasks: set[str] = set()
         """Tasks that ended at `_until`."""
         self._learning = asyncio.Lock()
 
-    async def learn(self, past: TaskHistory) -> None:
+    async def learn(self, history: TaskHistory) -> None:
         """Read what has come to be kept."""
         async with self._learning:
-            since, found = self._until, 0
+            latest_end, record_count = self._latest_end, 0
             new: list[TaskRecord] = []
-            async for page in past.pages(ReadRecords(since=since, brief=True, limit=200)):
-                new += [record for record in page.records if record.task not in self._known]
-                found += len(page.records)
-                if since is None and found >= MOST_TASKS:
+            async for page in history.pages(ReadRecords(since=latest_end, brief=True, limit=200)):
+                new += [record for record in page.records if record.task not in self._latest_tasks]
+                record_count += len(page.records)
+                if latest_end is None and record_count >= MOST_TASKS:
                     break
             for record in new:
                 self._add(record)
             if new:
                 latest = max(record.ended_at for record in new)
-                kept = self._known if latest == self._until else set()
-                self._known = kept | {record.task for record in new if record.ended_at == latest}
-                self._until = latest
+                earlier_tasks = self._latest_tasks if latest == self._latest_end else set()
+                self._latest_tasks = earlier_tasks | {record.task for record in new if record.ended_at == latest}
+                self._latest_end = latest
 
     def _add(self, record: TaskRecord) -> None:
         for work in record.work:
@@ -81,15 +81,15 @@ class Experience:
         failed = counts[State.FAILED] + counts[State.UNREACHABLE] + counts[State.STRANDED]
         # What was undone before it was kept how it ended is taken to have been done.
         completed = counts[State.COMPLETED] + counts[State.COMPENSATED]
-        return Tally(began=counts.total(), completed=completed, failed=failed, stopped=counts[State.STOPPED])
+        return Tally(started=counts.total(), completed=completed, failed=failed, stopped=counts[State.STOPPED])
 
     def loads(self, under_way: Iterable[WorkView], now: float) -> dict[str, float]:
         """By device: the share of the window, up to now, in which it was busy with steps of tasks."""
         self._spans = [span for span in self._spans if span[2] > now - WINDOW]
         spans: dict[str, list[tuple[float, float]]] = {}
-        for device, began, ended in [*self._spans, *(_span(work, now) for work in under_way)]:
-            if ended > now - WINDOW:
-                spans.setdefault(device, []).append((max(began, now - WINDOW), min(ended, now)))
+        for device, started_at, ended_at in [*self._spans, *(_span(work, now) for work in under_way)]:
+            if ended_at > now - WINDOW:
+                spans.setdefault(device, []).append((max(started_at, now - WINDOW), min(ended_at, now)))
         return {device: _covered(parts) / WINDOW for device, parts in spans.items()}
 
 
@@ -105,7 +105,7 @@ def device_of(service: str) -> str:
 def _covered(spans: Iterable[tuple[float, float]]) -> float:
     """How long at least one of the spans lasts."""
     total, end = 0.0, float("-inf")
-    for began, ended in sorted(spans):
-        total += max(0.0, ended - max(began, end))
-        end = max(end, ended)
+    for started_at, ended_at in sorted(spans):
+        total += max(0.0, ended_at - max(started_at, end))
+        end = max(end, ended_at)
     return total

@@ -8,18 +8,18 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Any, get_type_hints
 
-from somrs.api.fleet import Devices, FleetDesk
-from somrs.api.formulas import FormulasDesk
-from somrs.api.map import MapDesk
+from somrs.api.fleet import Devices, FleetService
+from somrs.api.formulas import FormulaService
+from somrs.api.map import MapService
 from somrs.api.map_news import MapNews
-from somrs.api.orders import OrdersDesk
-from somrs.api.owl import OwlDesk
-from somrs.api.questions import OpenQuestions, QuestionsDesk
-from somrs.api.records import RecordsDesk
-from somrs.api.scene import SceneDesk
-from somrs.api.system import SystemDesk, SystemSeen
+from somrs.api.orders import OrderService
+from somrs.api.owl import OwlService
+from somrs.api.questions import OpenQuestions, QuestionService
+from somrs.api.records import RecordService
+from somrs.api.scene import SceneService
+from somrs.api.system import SystemService, SystemView
 from somrs.api.task_feed import TaskChanged, TasksChanged
-from somrs.api.tasks import TasksDesk
+from somrs.api.tasks import TaskService
 from somrs.client.api_client import ApiClient, address_of
 from somrs.client.client import Addresses
 from somrs.client.hub import News
@@ -38,34 +38,34 @@ TOPICS: dict[str, tuple[Any, ...]] = {
     "tasks": (TasksChanged,),
     "task": (TaskChanged,),
     "questions": (OpenQuestions,),
-    "system": (SystemSeen,),
+    "system": (SystemView,),
 }
 """What the values of a topic's news are, by its first word; those of all others are None."""
 
-FIRST_TIME = 60.0
+STARTUP_TIMEOUT = 60.0
 """Seconds that the API is waited for at the start."""
 
 
 class Api:
     """Each attribute is a part of the API: the class says which operations there are, and the API's process carries them out."""
 
-    ontology: OwlDesk
-    map: MapDesk
-    tasks: TasksDesk
-    fleet: FleetDesk
-    formulas: FormulasDesk
-    orders: OrdersDesk
-    questions: QuestionsDesk
-    records: RecordsDesk
-    scene: SceneDesk
-    system: SystemDesk
+    ontology: OwlService
+    map: MapService
+    tasks: TaskService
+    fleet: FleetService
+    formulas: FormulaService
+    orders: OrderService
+    questions: QuestionService
+    records: RecordService
+    scene: SceneService
+    system: SystemService
 
     def __init__(self, client: ApiClient) -> None:
         for group, declared in get_type_hints(Api).items():
             setattr(self, group, client.part(group, declared))
 
 
-class Known:
+class LiveContext:
     """The map and the ontology as far as they are known here: read once, and brought up to date with the news. `hub` has the news."""
 
     def __init__(self, client: ApiClient, api: Api) -> None:
@@ -85,12 +85,12 @@ class Known:
         await self._read_map()
         self.ready.set()
 
-    async def heed(self, news: News) -> None:
+    async def apply_news(self, news: News) -> None:
         match news:
-            case News(topic="map", value=MapNews(read=False) as told):
+            case News(topic="map", value=MapNews(read=False) as map_news):
                 # One that the map, when it was read, had in it comes late: news are told in order, and so are their versions.
-                if told.version > self._versions["map"]:
-                    self.map, self._versions["map"] = self.map.changed(told.changes), told.version
+                if map_news.version > self._versions["map"]:
+                    self.map, self._versions["map"] = self.map.changed(map_news.changes), map_news.version
             case News(topic="map"):
                 await self._read_map()
             case News(topic="ontology", value=value):
@@ -99,12 +99,12 @@ class Known:
                     self._versions["ontology"] = value  # what is newer in what was read is told next, with how the map changed with it
 
     async def _read_map(self) -> None:
-        seen = await self._api.map.read()
-        self.map, self._versions["map"] = Map(seen.objects, seen.facts), seen.version
+        map_view = await self._api.map.read()
+        self.map, self._versions["map"] = Map(map_view.objects, map_view.facts), map_view.version
 
     async def _read_ontology(self) -> None:
-        seen = await self._api.ontology.read()
-        self.ontology, self._versions["ontology"] = Ontology(seen.definitions.all_definitions()), seen.version
+        ontology_view = await self._api.ontology.read()
+        self.ontology, self._versions["ontology"] = Ontology(ontology_view.definitions.all_definitions()), ontology_view.version
 
 
 class LiveApi(Api):
@@ -113,7 +113,7 @@ class LiveApi(Api):
     def __init__(self, client: ApiClient) -> None:
         super().__init__(client)
         self.client = client
-        self.context = Known(client, self)
+        self.context = LiveContext(client, self)
 
 
 @asynccontextmanager
@@ -127,15 +127,15 @@ async def api_of(addresses: Addresses) -> AsyncIterator[Api]:
 async def live_api(url: str) -> AsyncIterator[LiveApi]:
     """The API at an address, once the map was read. It may come and go from then on."""
     async with ApiClient(url) as client:
-        desk = LiveApi(client)
-        following = asyncio.create_task(desk.context.hub.run())
+        api = LiveApi(client)
+        hub_task = asyncio.create_task(api.context.hub.run())
         try:
             try:
-                async with asyncio.timeout(FIRST_TIME):
-                    await desk.context.ready.wait()
+                async with asyncio.timeout(STARTUP_TIMEOUT):
+                    await api.context.ready.wait()
             except TimeoutError:
-                raise RemoteError(f"the API at {url} did not answer within {FIRST_TIME:.0f} s; is it running?") from None
-            yield desk
+                raise RemoteError(f"the API at {url} did not answer within {STARTUP_TIMEOUT:.0f} s; is it running?") from None
+            yield api
         finally:
-            following.cancel()
-            await asyncio.gather(following, return_exceptions=True)
+            hub_task.cancel()
+            await asyncio.gather(hub_task, return_exceptions=True)

@@ -42,59 +42,62 @@ def has_page() -> bool:
     return find_spec(PAGE_LIBRARY) is not None
 
 
-def application(operations: Sequence[Operation], hub: Hub, more: Sequence[Route | WebSocketRoute | Mount] = ()) -> Starlette:
+def application(operations: Sequence[Operation], hub: Hub, extra_routes: Sequence[Route | WebSocketRoute | Mount] = ()) -> Starlette:
     """Serves the operations, `openapi.json`, the page that shows it (without its library, the document itself), and the news at `live`."""
 
     @cache
-    def described() -> bytes:
+    def document_bytes() -> bytes:
         return json.dumps(document(operations)).encode()
 
     async def openapi(request: Request) -> Response:
-        return Response(described(), media_type="application/json")
+        return Response(document_bytes(), media_type="application/json")
 
     async def page(request: Request) -> Response:
         return HTMLResponse(PAGE.format(root=request.scope.get("root_path", "").rstrip("/")))
 
     async def live(socket: WebSocket) -> None:
-        await _tell(socket, hub)
+        await _serve_news(socket, hub)
 
     routes: list[Any] = [
         *([Route("/", page), Mount("/page", StaticFiles(packages=[(PAGE_LIBRARY, "resources")]))] if has_page() else [Route("/", openapi)]),
         Route("/openapi.json", openapi),
         WebSocketRoute("/live", live),
-        *more,
+        *extra_routes,
         # What has no parameter in its path comes first: `/tasks/preview` is not the task `preview`.
-        *(Route(one.path, _served(one), methods=[one.method]) for one in sorted(operations, key=lambda one: one.path.count("{"))),
+        *(
+            Route(operation.path, _endpoint(operation), methods=[operation.method])
+            for operation in sorted(operations, key=lambda operation: operation.path.count("{"))
+        ),
     ]
     return Starlette(routes=routes)
 
 
-def _served(one: Operation) -> Any:
+def _endpoint(operation: Operation) -> Any:
     async def serve(request: Request) -> Response:
         try:
-            _known(one, request)
-            arguments = {parameter.name: value for parameter in one.parameters for value in await _given(parameter, request)}
-            found = await one.function(**arguments)
+            _check_parameters(operation, request)
+            arguments = {parameter.name: value for parameter in operation.parameters for value in await _read_argument(parameter, request)}
+            result = await operation.function(**arguments)
         except SomrsError as error:
             return Response(msgspec.json.encode(error_report(error)), status_code=status(error), media_type="application/json")
-        if isinstance(found, Document):
-            headers = {"Content-Disposition": f'attachment; filename="{found.name}"'}
-            return Response(found.content, media_type=found.media_type, headers=headers)
-        return Response(msgspec.json.encode(found), media_type="application/json")
+        if isinstance(result, Document):
+            headers = {"Content-Disposition": f'attachment; filename="{result.name}"'}
+            return Response(result.content, media_type=result.media_type, headers=headers)
+        return Response(msgspec.json.encode(result), media_type="application/json")
 
     return serve
 
 
-def _known(one: Operation, request: Request) -> None:
+def _check_parameters(operation: Operation, request: Request) -> None:
     """Raises InputError for a parameter that the operation does not have: whoever said it wanted something else than what it would do."""
-    names = [parameter.name for parameter in one.parameters if parameter.place == "query"]
+    names = [parameter.name for parameter in operation.parameters if parameter.place == "query"]
     for name in request.query_params:
         if name not in names:
             hint = nearest(name, names) or f"it takes {', '.join(names)}" if names else "it takes none"
-            raise InputError(f"{one.method} {one.path} has no parameter {name}; {hint}")
+            raise InputError(f"{operation.method} {operation.path} has no parameter {name}; {hint}")
 
 
-async def _given(parameter: Parameter, request: Request) -> list[Any]:
+async def _read_argument(parameter: Parameter, request: Request) -> list[Any]:
     """The value that the request gives for the parameter; none, if it gives none and need not."""
     try:
         if parameter.place == "body":
@@ -109,29 +112,29 @@ async def _given(parameter: Parameter, request: Request) -> list[Any]:
             raise InputError(f"{parameter.name} is missing; say it in the query: ?{parameter.name}=...")
         return [msgspec.convert(text, type=parameter.type, strict=False)]
     except (msgspec.ValidationError, msgspec.DecodeError) as error:
-        where = "the body" if parameter.place == "body" else parameter.name
-        raise InputError(f"{where}: {error}; the API's page says what is expected") from None
+        location = "the body" if parameter.place == "body" else parameter.name
+        raise InputError(f"{location}: {error}; the API's page says what is expected") from None
 
 
-async def _tell(socket: WebSocket, hub: Hub) -> None:
+async def _serve_news(socket: WebSocket, hub: Hub) -> None:
     """Send the news of the topics that were asked for last, until the connection ends."""
     await socket.accept()
-    with hub.subscribe() as listening:
-        telling = asyncio.create_task(_telling(socket, listening))
+    with hub.subscribe() as subscription:
+        sender = asyncio.create_task(_send_news(socket, subscription))
         try:
             while True:
-                wanted = msgspec.json.decode(await socket.receive_text(), type=Follow)
-                listening.follow(wanted.follow)
-                if wanted.confirm is not None:
-                    await socket.send_text(msgspec.json.encode(Confirmed(confirmed=wanted.confirm)).decode())
+                request = msgspec.json.decode(await socket.receive_text(), type=Follow)
+                subscription.follow(request.follow)
+                if request.confirm is not None:
+                    await socket.send_text(msgspec.json.encode(Confirmed(confirmed=request.confirm)).decode())
         except msgspec.MsgspecError as error:
             await socket.close(1008, f'say what you want to hear of, such as {{"follow": ["map"]}}: {error}'[:120])
         except (WebSocketDisconnect, RuntimeError, KeyError):  # the connection ended, or what came is no text
             pass
         finally:
-            telling.cancel()
+            sender.cancel()
 
 
-async def _telling(socket: WebSocket, listening: NewsSubscription) -> None:
-    async for news in listening:
+async def _send_news(socket: WebSocket, subscription: NewsSubscription) -> None:
+    async for news in subscription:
         await socket.send_text(msgspec.json.encode(news).decode())

@@ -13,7 +13,7 @@ from somrs.client.operations import operation
 from somrs.client.refusals import NotFound
 
 
-class SceneDesk:
+class SceneService:
     def __init__(self, context: Context) -> None:
         self._context = context
         self._feed = PoseFeed(context)
@@ -27,8 +27,8 @@ class SceneDesk:
         """
         map, now, ontology = self._context.map, self._context.version, self._context.ontology
         if names is not None:
-            wanted = [name for name in names.split(",") if name in map.objects]
-            return scene_of(map, now, ontology, (map.objects[name] for name in wanted))
+            selected_names = [name for name in names.split(",") if name in map.objects]
+            return scene_of(map, now, ontology, (map.objects[name] for name in selected_names))
         if version is not None and version != now:
             if not 0 <= version <= now:
                 raise NotFound(f"there is no version {version} of the map; the latest is {now}")
@@ -42,18 +42,18 @@ class SceneDesk:
         """Send where things are, as they move, until the connection ends. `poses.py` says what is sent."""
         await socket.accept()
         with self._feed.viewing():
-            telling = asyncio.create_task(self._tell(socket))
+            sender = asyncio.create_task(self._send_poses(socket))
             try:
                 while (await socket.receive())["type"] != "websocket.disconnect":
                     pass
             finally:
-                telling.cancel()
+                sender.cancel()
 
-    async def _tell(self, socket: WebSocket) -> None:
+    async def _send_poses(self, socket: WebSocket) -> None:
         """What waits here for a slow viewer is only the latest: ticks in between are skipped."""
-        seen: int | None = None
+        last_tick: int | None = None
         while True:
-            tick, messages = await self._feed.after(seen)
+            tick, messages = await self._feed.wait_for_tick(last_tick)
             for message in messages:
                 await (socket.send_bytes(message) if isinstance(message, bytes) else socket.send_text(message))
-            seen = tick
+            last_tick = tick

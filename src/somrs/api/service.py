@@ -8,43 +8,43 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 from somrs.api.context import Context
-from somrs.api.fleet import FleetDesk
-from somrs.api.formulas import FormulasDesk
+from somrs.api.fleet import FleetService
+from somrs.api.formulas import FormulaService
 from somrs.api.listener import Listener
-from somrs.api.map import MapDesk
-from somrs.api.orders import OrdersDesk
-from somrs.api.owl import OwlDesk
-from somrs.api.questions import QuestionsDesk
-from somrs.api.records import RecordsDesk
-from somrs.api.scene import SceneDesk
-from somrs.api.system import SystemDesk
-from somrs.api.tasks import TasksDesk
+from somrs.api.map import MapService
+from somrs.api.orders import OrderService
+from somrs.api.owl import OwlService
+from somrs.api.questions import QuestionService
+from somrs.api.records import RecordService
+from somrs.api.scene import SceneService
+from somrs.api.system import SystemService
+from somrs.api.tasks import TaskService
 from somrs.client.client import Addresses, Client
 from somrs.client.hub import Hub
 from somrs.client.operations import Operation, operations
 from somrs.errors import RemoteError
 from somrs.runtime.host import Host
 
-MAP_TIME = 60.0
+MAP_TIMEOUT = 60.0
 """Seconds that the map is waited for at the start."""
 
 
-class Desk:
+class ApiService:
     """Each attribute is a part of the API; its operations are named after it."""
 
     def __init__(self, context: Context) -> None:
         self.context = context
-        orders = OrdersDesk(context)
-        self.ontology = OwlDesk(context, orders)
-        self.map = MapDesk(context)
-        self.tasks = TasksDesk(context)
-        self.fleet = FleetDesk(context)
-        self.formulas = FormulasDesk(context)
+        orders = OrderService(context)
+        self.ontology = OwlService(context, orders)
+        self.map = MapService(context)
+        self.tasks = TaskService(context)
+        self.fleet = FleetService(context)
+        self.formulas = FormulaService(context)
         self.orders = orders
-        self.questions = QuestionsDesk(context)
-        self.records = RecordsDesk(context)
-        self.scene = SceneDesk(context)
-        self.system = SystemDesk(context)
+        self.questions = QuestionService(context)
+        self.records = RecordService(context)
+        self.scene = SceneService(context)
+        self.system = SystemService(context)
 
     def operations(self) -> Iterator[Operation]:
         for group, part in vars(self).items():
@@ -53,19 +53,19 @@ class Desk:
 
 
 @asynccontextmanager
-async def desk_of(addresses: Addresses, data: Path, host: str = "127.0.0.1") -> AsyncIterator[Desk]:
+async def open_api_service(addresses: Addresses, data: Path, host: str = "127.0.0.1") -> AsyncIterator[ApiService]:
     """The desk of a running system, once the map was read."""
-    hub, rim = Hub(), Host(host)
-    await rim.start()
-    listener = Listener(f"{rim.url}/desk", addresses, hub)
-    rim.add("/desk", lambda address: listener)
+    hub, runtime = Hub(), Host(host)
+    await runtime.start()
+    listener = Listener(f"{runtime.url}/desk", addresses, hub)
+    runtime.add("/desk", lambda address: listener)
     try:
         async with Client(addresses) as client:
-            async with asyncio.timeout(MAP_TIME):
+            async with asyncio.timeout(MAP_TIMEOUT):
                 await listener.ready.wait()
-            yield Desk(Context(addresses=addresses, data=data, client=client, listener=listener, hub=hub))
+            yield ApiService(Context(addresses=addresses, data=data, client=client, listener=listener, hub=hub))
     except TimeoutError:
-        raise RemoteError(f"no map came from {addresses.repository} within {MAP_TIME:.0f} s; is the Repository running?") from None
+        raise RemoteError(f"no map came from {addresses.repository} within {MAP_TIMEOUT:.0f} s; is the Repository running?") from None
     finally:
         await hub.close()
-        await rim.stop()
+        await runtime.stop()

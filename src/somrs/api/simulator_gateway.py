@@ -15,33 +15,33 @@ PATIENCE = 1.5
 """Seconds that whoever looks at the whole fleet waits for the simulator."""
 
 
-class Simulated(msgspec.Struct, frozen=True, kw_only=True):
+class SimulatedRobot(msgspec.Struct, frozen=True, kw_only=True):
     """A robot in the simulator: where it truly is (metres and radians), what it holds, the command that it carries out, its faults."""
 
     x: float
     y: float
     yaw: float
     holding: str | None = None
-    doing: str | None = None
+    command: str | None = msgspec.field(default=None, name="doing")
     faults: tuple[Fault, ...] = ()
 
 
-async def robots(simulator: str | None) -> Mapping[str, Simulated]:
+async def robots(simulator: str | None) -> Mapping[str, SimulatedRobot]:
     """The robots by name; none where there is no simulator, or it does not answer now."""
     if simulator is None:
         return {}
     try:
         async with asyncio.timeout(PATIENCE), link(simulator) as operator:
-            found = await operator.robots()
+            states = await operator.robots()
     except (TimeoutError, SomrsError):
         return {}
-    return {name: _simulated(state) for name, state in found.items()}
+    return {name: _simulated(state) for name, state in states.items()}
 
 
-def _simulated(state: RobotState) -> Simulated:
+def _simulated(state: RobotState) -> SimulatedRobot:
     """Rounded, so that what stands still does not change."""
     x, y, yaw = (round(value, 2) for value in (state.x, state.y, state.yaw))
-    return Simulated(x=x, y=y, yaw=yaw, holding=state.holding, doing=state.activity, faults=state.faults)
+    return SimulatedRobot(x=x, y=y, yaw=yaw, holding=state.holding, command=state.activity, faults=state.faults)
 
 
 async def break_or_mend(simulator: str | None, robot: str, fault: Fault, *, repair: bool) -> None:

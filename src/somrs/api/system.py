@@ -22,17 +22,17 @@ from somrs.protocol.messages.orders import ReadTemplates, TemplatesPage
 PATIENCE = 2.0
 """Seconds in which a part has to answer."""
 
-PAST_ALL = 1_000_000
+OFFSET_BEYOND_ALL = 1_000_000
 """More definitions than there are: their page is empty, and quickly read."""
 
-LAST = "\U0010fffd"
+NAME_BEYOND_ALL = "\U0010fffd"
 """Behind all names."""
 
 TICK = 5.0
 """Seconds between two looks at the parts, while somebody follows them."""
 
 
-class PartSeen(msgspec.Struct, frozen=True, kw_only=True):
+class PartView(msgspec.Struct, frozen=True, kw_only=True):
     """A part of the system. `milliseconds`: how long it took to answer; None when it did not, and `problem` says why."""
 
     name: str
@@ -41,7 +41,7 @@ class PartSeen(msgspec.Struct, frozen=True, kw_only=True):
     problem: str = ""
 
 
-class SystemSeen(msgspec.Struct, frozen=True, kw_only=True):
+class SystemView(msgspec.Struct, frozen=True, kw_only=True):
     """The system. `site` is what its map is of, `data` the folder where it keeps what it knows."""
 
     version: str
@@ -50,40 +50,42 @@ class SystemSeen(msgspec.Struct, frozen=True, kw_only=True):
     objects: int
     types: int
     map_version: int
-    parts: tuple[PartSeen, ...]
+    parts: tuple[PartView, ...]
 
 
-class SystemDesk:
+class SystemService:
     def __init__(self, context: Context) -> None:
         self._context = context
         context.hub.feed("system", self._feed)
 
     @operation("GET", "/system")
-    async def read(self) -> SystemSeen:
+    async def read(self) -> SystemView:
         """What runs here, and whether each part answers.
 
         The topic `system` tells the same every few seconds.
         """
         context, addresses = self._context, self._context.addresses
-        asked: list[tuple[str, str, Callable[[], Awaitable[object]]]] = [
+        probes: list[tuple[str, str, Callable[[], Awaitable[object]]]] = [
             (
                 "Repository",
                 addresses.repository,
-                lambda: context.client.ask(addresses.repository, ReadOntology(after=PAST_ALL), OntologyPage),
+                lambda: context.client.ask(addresses.repository, ReadOntology(after=OFFSET_BEYOND_ALL), OntologyPage),
             ),
             ("Service Registry", addresses.registry, lambda: context.client.ask(addresses.registry, Discover(provider="-"), Discovered)),
             ("Task Manager", addresses.task_manager, lambda: context.client.ask(addresses.task_manager, ReadTasks(limit=0), Tasks)),
         ]
         if (scheduler := addresses.scheduler) is not None:
-            asked.append(("Scheduler", scheduler, lambda: context.client.ask(scheduler, ReadTemplates(after=LAST), TemplatesPage)))
-        if (stage := addresses.simulator) is not None:
-            asked.append(("Simulator", stage, lambda: _clock(stage)))
-        parts = await asyncio.gather(*(_seen(*one) for one in asked))
+            probes.append(
+                ("Scheduler", scheduler, lambda: context.client.ask(scheduler, ReadTemplates(after=NAME_BEYOND_ALL), TemplatesPage))
+            )
+        if (simulator := addresses.simulator) is not None:
+            probes.append(("Simulator", simulator, lambda: _clock(simulator)))
+        parts = await asyncio.gather(*(_probe_part(*probe) for probe in probes))
         if addresses.api is not None:
-            parts.append(PartSeen(name="API", address=addresses.api, milliseconds=0.0))  # this is its answer
+            parts.append(PartView(name="API", address=addresses.api, milliseconds=0.0))  # this is its answer
         map, ontology = context.map, context.ontology
         site = next((name for name in map.roots() if ontology.is_subtype(map.objects[name].type, ABSTRACT)), "")
-        return SystemSeen(
+        return SystemView(
             version=__version__,
             site=str(map.objects[site].values.get("Label", site)) if site else "",
             data=str(context.data),
@@ -99,18 +101,18 @@ class SystemDesk:
             await asyncio.sleep(TICK)
 
 
-async def _seen(name: str, address: str, ask: Callable[[], Awaitable[object]]) -> PartSeen:
-    began = time.perf_counter()
+async def _probe_part(name: str, address: str, ask: Callable[[], Awaitable[object]]) -> PartView:
+    start_time = time.perf_counter()
     try:
         async with asyncio.timeout(PATIENCE):
             await ask()
     except TimeoutError:
-        return PartSeen(name=name, address=address, problem=f"no answer within {PATIENCE:g} s")
+        return PartView(name=name, address=address, problem=f"no answer within {PATIENCE:g} s")
     except SomrsError as error:
-        return PartSeen(name=name, address=address, problem=str(error))
-    return PartSeen(name=name, address=address, milliseconds=round(1000 * (time.perf_counter() - began), 1))
+        return PartView(name=name, address=address, problem=str(error))
+    return PartView(name=name, address=address, milliseconds=round(1000 * (time.perf_counter() - start_time), 1))
 
 
-async def _clock(stage: str) -> object:
-    async with link(stage) as operator:
+async def _clock(simulator: str) -> object:
+    async with link(simulator) as operator:
         return await operator.clock()

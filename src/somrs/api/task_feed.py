@@ -26,7 +26,7 @@ PAUSE = 0.2
 PAUSE_PER_PART = 0.005
 """Seconds more for each step, and each piece of work, that every news shows: those of a plan of hundreds of steps are long."""
 
-AGAIN = 1.0
+RETRY_DELAY = 1.0
 """Seconds after which a Task Manager that did not answer is asked again."""
 
 
@@ -47,7 +47,7 @@ class TaskChanged(msgspec.Struct, frozen=True, kw_only=True):
     messages: int = 0
 
 
-class Following:
+class TaskFeed:
     """The feeds of the topics `tasks` and `task ID`."""
 
     def __init__(self, client: Client, hub: Hub) -> None:
@@ -56,42 +56,42 @@ class Following:
         hub.feed("task", self._task)
 
     async def _tasks(self, topic: str) -> None:
-        after = 0
-        begun: float | None = None
+        version = 0
+        started_at: float | None = None
         while True:
             try:
-                news = await self._list(WatchTasks(after=after, wait=WAIT))
-                anew = news.begun != begun
-                if anew and begun is not None:
+                news = await self._list(WatchTasks(after=version, wait=WAIT))
+                anew = news.begun != started_at
+                if anew and started_at is not None:
                     news = await self._list(WatchTasks(after=0, wait=0))
             except RemoteError:
-                await asyncio.sleep(AGAIN)
+                await asyncio.sleep(RETRY_DELAY)
                 continue
             if news.rows or anew:
                 self._hub.publish(topic, TasksChanged(rows=news.rows, anew=anew))
-            after, begun = news.version, news.begun
+            version, started_at = news.version, news.begun
             await asyncio.sleep(PAUSE)
 
-    async def _list(self, wanted: WatchTasks) -> TasksNews:
+    async def _list(self, request: WatchTasks) -> TasksNews:
         """The news, all pages of them."""
-        news = await self._client.watch_list(wanted)
+        news = await self._client.watch_list(request)
         while news.more:
-            more = await self._client.watch_list(WatchTasks(after=news.version, wait=0))
-            kept = {row.task: row for row in (*news.rows, *more.rows)}
-            news = msgspec.structs.replace(more, rows=tuple(kept.values()))
+            page = await self._client.watch_list(WatchTasks(after=news.version, wait=0))
+            rows_by_task = {row.task: row for row in (*news.rows, *page.rows)}
+            news = msgspec.structs.replace(page, rows=tuple(rows_by_task.values()))
         return news
 
     async def _task(self, topic: str) -> None:
         id = topic.partition(" ")[2]
         events = messages = contracts = 0
         while True:
-            wanted = WatchTask(task=id, after=events, wait=WAIT, messages=messages, contracts=contracts)
+            request = WatchTask(task=id, after=events, wait=WAIT, messages=messages, contracts=contracts)
             try:
-                news = await self._client.watch(wanted)
-                over = news.view.phase is Phase.ENDED
-                changed = await final_contracts(self._client, id) if over and not news.more else news.contracts
+                news = await self._client.watch(request)
+                has_ended = news.view.phase is Phase.ENDED
+                changed = await final_contracts(self._client, id) if has_ended and not news.more else news.contracts
             except Unanswered:
-                await asyncio.sleep(AGAIN)
+                await asyncio.sleep(RETRY_DELAY)
                 continue
             except RemoteError:  # it is not known there any more
                 self._hub.publish(topic, missed=True)
@@ -99,7 +99,7 @@ class Following:
             if news.messages != messages or news.events or changed:
                 self._hub.publish(topic, TaskChanged(view=news.view, events=news.events, contracts=changed, messages=news.messages))
             events, messages, contracts = events + len(news.events), news.messages, news.contracts_at
-            if over and not news.more:
+            if has_ended and not news.more:
                 return
             if not news.more:
                 await asyncio.sleep(PAUSE + PAUSE_PER_PART * (len(news.view.steps) + len(news.view.work)))
@@ -107,6 +107,6 @@ class Following:
 
 async def final_contracts(client: Client, task: str) -> tuple[ContractView, ...]:
     """Who was asked in a task that is over, and what became of it."""
-    wanted = ReadRecords(task=task, without=("steps", "work", "events", "messages"))
-    records = await TaskHistory(client.records).first(wanted, 1)
+    query = ReadRecords(task=task, without=("steps", "work", "events", "messages"))
+    records = await TaskHistory(client.records).first(query, 1)
     return records[0].contracts if records else ()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 
 from somrs.api.context import Context
-from somrs.api.task_feed import Following, TaskChanged, TasksChanged, final_contracts
+from somrs.api.task_feed import TaskChanged, TaskFeed, TasksChanged, final_contracts
 from somrs.client.client import PATIENCE
 from somrs.client.message_chart import chart
 from somrs.client.operations import Document, operation
@@ -31,7 +31,7 @@ from somrs.protocol.messages.envelope import message_id
 from somrs.protocol.messages.records import ReadRecords
 from somrs.runtime.wire import Unanswered
 
-__all__ = ["TaskChanged", "TaskList", "TaskSeen", "TasksChanged", "TasksDesk"]
+__all__ = ["TaskChanged", "TaskList", "TaskDetails", "TasksChanged", "TaskService"]
 
 WHOLE_ID = len("urn:uuid:00000000-0000-0000-0000-000000000000")
 
@@ -45,7 +45,7 @@ class TaskList(msgspec.Struct, frozen=True, kw_only=True):
     rows: tuple[TaskRow, ...]
 
 
-class TaskSeen(msgspec.Struct, frozen=True, kw_only=True):
+class TaskDetails(msgspec.Struct, frozen=True, kw_only=True):
     """A task, all that happened to it, and who was asked for its steps, on which terms. `messages`: how many there are; None for a task
     of long ago."""
 
@@ -55,13 +55,13 @@ class TaskSeen(msgspec.Struct, frozen=True, kw_only=True):
     messages: int | None = None
 
 
-class TasksDesk:
+class TaskService:
     """The topic `tasks` tells of all tasks (`TasksChanged`), `task ID` of one (`TaskChanged`): listen first, then read."""
 
     def __init__(self, context: Context) -> None:
         self._context = context
         self._client = context.client
-        self._following = Following(context.client, context.hub)
+        self._task_feed = TaskFeed(context.client, context.hub)
 
     @operation("POST", "/tasks")
     async def submit(self, body: Submit, once: str | None = None, by: str | None = None) -> Submitted:
@@ -85,62 +85,62 @@ class TasksDesk:
         return TaskList(rows=tuple(row for row in rows if not running or row.phase is not Phase.ENDED)[: max(limit, 0)])
 
     @operation("GET", "/tasks/{id}")
-    async def read(self, id: str) -> TaskSeen:
+    async def read(self, id: str) -> TaskDetails:
         """One task, whether it runs or is over. `id` may be the beginning of one."""
-        task = await self._named(id)
-        return await self._known(task) or await self._kept(task)
+        task = await self._complete_id(id)
+        return await self._read_current(task) or await self._read_recorded(task)
 
     @operation("GET", "/tasks/{id}/messages")
     async def messages(self, id: str, after: int = 0) -> Messages:
         """The messages of a task's protocol behind the first so many, a page of them."""
-        return await self._client.messages(await self._named(id), after)
+        return await self._client.messages(await self._complete_id(id), after)
 
     @operation("GET", "/tasks/{id}/chart")
     async def chart(self, id: str) -> Document:
         """The messages of a task as a picture (SVG): of signs of life in a row, the last."""
-        task = await self._named(id)
-        found = await self._client.all_messages(task)
-        seen = await self.read(task)
-        drawn = chart(without_heartbeats(lines_from(found, task)), seen.view.effect)
-        return Document(content=drawn.encode(), media_type="image/svg+xml", name=f"messages-{task.rpartition(':')[2][:8]}.svg")
+        task = await self._complete_id(id)
+        messages = await self._client.all_messages(task)
+        details = await self.read(task)
+        svg = chart(without_heartbeats(lines_from(messages, task)), details.view.effect)
+        return Document(content=svg.encode(), media_type="image/svg+xml", name=f"messages-{task.rpartition(':')[2][:8]}.svg")
 
     @operation("POST", "/tasks/{id}/cancel")
     async def cancel(self, id: str, reason: str = "cancelled by the client") -> None:
         """Stop what runs, and undo what was done."""
-        await self._client.cancel(await self._named(id), reason)
+        await self._client.cancel(await self._complete_id(id), reason)
 
-    async def _known(self, task: str) -> TaskSeen | None:
+    async def _read_current(self, task: str) -> TaskDetails | None:
         """As the Task Manager has it in mind, if it does."""
         try:
-            seen = await self._client.read_task(task)
+            news = await self._client.read_task(task)
         except Unanswered:
             raise
         except RemoteError:
             return None
-        over = seen.view.phase is Phase.ENDED
-        contracts = await final_contracts(self._client, task) if over else seen.contracts
-        return TaskSeen(view=seen.view, events=seen.events, contracts=contracts, messages=seen.messages)
+        has_ended = news.view.phase is Phase.ENDED
+        contracts = await final_contracts(self._client, task) if has_ended else news.contracts
+        return TaskDetails(view=news.view, events=news.events, contracts=contracts, messages=news.messages)
 
-    async def _kept(self, task: str) -> TaskSeen:
+    async def _read_recorded(self, task: str) -> TaskDetails:
         """As its record says."""
         records = await TaskHistory(self._client.records).first(ReadRecords(task=task, without=("messages",)), 1)
         if not records:
-            raise _no_such(task)
-        return TaskSeen(view=view_of(records[0]), events=records[0].events, contracts=records[0].contracts)
+            raise _task_not_found(task)
+        return TaskDetails(view=view_of(records[0]), events=records[0].events, contracts=records[0].contracts)
 
-    async def _named(self, name: str) -> str:
+    async def _complete_id(self, name: str) -> str:
         """The whole id of the task whose id begins so."""
         if len(name) == WHOLE_ID and name.startswith("urn:uuid:"):
             return name
-        known = [row.task for row in await self._client.rows()]
-        kept = await TaskHistory(self._client.records).first(ReadRecords(task=name, brief=True), MOST_NAMED) if name else []
-        found = [*dict.fromkeys(id for id in (*known, *(record.task for record in kept)) if is_named(id, name))]
-        if not found:
-            raise _no_such(name)
-        if len(found) > 1:
-            raise UsageError(f"{len(found)} tasks or more begin with {name}; say more of the id")
-        return found[0]
+        known_ids = [row.task for row in await self._client.rows()]
+        records = await TaskHistory(self._client.records).first(ReadRecords(task=name, brief=True), MOST_NAMED) if name else []
+        matches = [*dict.fromkeys(id for id in (*known_ids, *(record.task for record in records)) if is_named(id, name))]
+        if not matches:
+            raise _task_not_found(name)
+        if len(matches) > 1:
+            raise UsageError(f"{len(matches)} tasks or more begin with {name}; say more of the id")
+        return matches[0]
 
 
-def _no_such(task: str) -> NotFound:
+def _task_not_found(task: str) -> NotFound:
     return NotFound(f"there is no task {task}; `/tasks` lists those that are known, and the records have those of long ago")

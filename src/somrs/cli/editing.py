@@ -143,7 +143,7 @@ def _considered(found: Considered | Consequences, *, json: bool) -> int:
         for offer in found.offers:
             print(f"service {offer.service}: it could not be planned with any more: {offer.problem}")
         for one in found.affected:
-            print(f"{one.user} {one.called}: {one}")
+            print(f"{one.user_kind} {one.display_name}: {one}")
         if found.affected:
             print("tasks, orders and templates keep the words that they have")
     for rule in found.broken:

@@ -9,8 +9,8 @@ from rich.live import Live
 from rich.text import Text
 
 from somrs.api.device_state import FAULT_LABELS, LABELS, DeviceState
-from somrs.api.fleet import BUSY, Devices, DeviceSeen
-from somrs.api.service import desk_of
+from somrs.api.fleet import BUSY, Devices, DeviceView
+from somrs.api.service import open_api_service
 from somrs.client import terminal
 from somrs.client.client import Addresses
 from somrs.client.refusals import ErrorReport
@@ -24,13 +24,13 @@ SIGNS = {
     DeviceState.BOOKED: ("▷", "green"),
     DeviceState.NOT_WORKING: ("✘", "red"),
     DeviceState.NOTHING_ON_OFFER: ("", "yellow"),
-    DeviceState.GONE: ("", "dim"),
+    DeviceState.DEPARTED: ("", "dim"),
 }
 """A sign and a colour for each state; colour is never the only sign."""
 
 
 async def fleet(data: Path, *, follow: bool, json: bool) -> None:
-    async with desk_of(Addresses.read(data), data) as desk:
+    async with open_api_service(Addresses.read(data), data) as desk:
         if not follow:
             found = await desk.fleet.devices()
             if json:
@@ -62,7 +62,7 @@ def seen(found: Devices) -> Group:
     return Group(made, *log)
 
 
-def _state(device: DeviceSeen) -> Text:
+def _state(device: DeviceView) -> Text:
     sign, colour = SIGNS.get(device.state, ("", ""))
     state = Text(f"{sign} {LABELS[device.state].lower()}".strip(), style=colour)
     state.append(f"\nload {100 * device.load:.0f} %", style="dim")
@@ -73,9 +73,9 @@ def _state(device: DeviceSeen) -> Text:
     return state
 
 
-def _does(device: DeviceSeen) -> str:
+def _does(device: DeviceView) -> str:
     said: list[str] = []
-    for one in device.doing:
+    for one in device.assignments:
         how = f"{100 * one.fraction:.0f} %" if one.fraction is not None and one.state in BUSY else one.state.value.lower()
         said.append(f"{one.service_type} ({', '.join(one.inputs.values())}), {how}\nfor {one.effect} ({terminal.short(one.task)})")
     held = device.simulated.holding if device.simulated is not None else None
@@ -84,7 +84,7 @@ def _does(device: DeviceSeen) -> str:
     return "\n".join(said) or "-"
 
 
-def _services(device: DeviceSeen) -> str:
+def _services(device: DeviceView) -> str:
     return (
         "\n".join(
             terminal.lines(

@@ -8,7 +8,7 @@ from urllib.parse import urlencode
 from nicegui import ui
 
 from somrs.api.device_state import FAULT_LABELS, LABELS, DeviceState
-from somrs.api.fleet import BUSY, DeviceSeen, Doing, Presence, ServiceSeen
+from somrs.api.fleet import BUSY, Assignment, DeviceView, Presence, ServiceView
 from somrs.devices.simulator.link.commands import Fault
 from somrs.gui.icons import Badge, Gauge, Sign, clock, listed
 
@@ -36,7 +36,7 @@ SIGNS = {
     DeviceState.BOOKED: ("event", "busy"),
     DeviceState.NOT_WORKING: ("error", "bad"),
     DeviceState.NOTHING_ON_OFFER: ("cloud_off", "busy"),
-    DeviceState.GONE: ("logout", "plain"),
+    DeviceState.DEPARTED: ("logout", "plain"),
 }
 """The icon and the tone of each state."""
 
@@ -49,11 +49,11 @@ Break = Callable[[str, Fault, bool], Awaitable[None]]
 """Breaks something of a robot, or, if True, mends it."""
 
 
-def icon(device: DeviceSeen) -> str:
+def icon(device: DeviceView) -> str:
     return next((ICONS[name] for name in device.lineage if name in ICONS), "memory")
 
 
-def state(device: DeviceSeen) -> Sign:
+def state(device: DeviceView) -> Sign:
     """The one word that says most of a device."""
     icon, tone = SIGNS[device.state]
     return Sign(icon, LABELS[device.state], tone)
@@ -62,7 +62,7 @@ def state(device: DeviceSeen) -> Sign:
 class DeviceCard:
     """Changed in place, so that an open menu and the focus stay."""
 
-    def __init__(self, device: DeviceSeen, break_or_mend: Break) -> None:
+    def __init__(self, device: DeviceView, break_or_mend: Break) -> None:
         self._break = break_or_mend
         self._shown: dict[str, object] = {}
         self.device = device
@@ -84,24 +84,24 @@ class DeviceCard:
             self._services = ui.element("div").classes("somrs-device-services").props('role="list" aria-label="Services"')
         self.show(device)
 
-    def show(self, device: DeviceSeen) -> None:
+    def show(self, device: DeviceView) -> None:
         self.device = device
         self._icon.name = icon(device)
         self._name.set_text(device.name)
         self._where.set_text(" · ".join(part for part in (device.label or "", device.type, _where(device)) if part))
         self._state.show(state(device))
-        self.element.classes(**{"add" if device.presence is Presence.GONE else "remove": "somrs-device-gone"})
+        self.element.classes(**{"add" if device.presence is Presence.DEPARTED else "remove": "somrs-device-gone"})
         self._note.set_text(_note(device))
         self._note.visible = bool(self._note.text)
         faults = device.simulated.faults if device.simulated is not None else None
         self._again("menu", (faults is not None, faults), lambda: self._fill_menu(faults))
         self._again("faults", faults, lambda: self._fill_faults(faults or ()))
-        self._again("doing", tuple((one.task, one.step, one.state, one.service) for one in device.doing), self._fill_doing)
+        self._again("doing", tuple((one.task, one.step, one.state, one.service) for one in device.assignments), self._fill_doing)
         self._again("services", device.services, self._fill_services)
-        fraction = next((one.fraction for one in device.doing if one.state in BUSY), None)
+        fraction = next((one.fraction for one in device.assignments if one.state in BUSY), None)
         self._work.element.visible = fraction is not None
         self._work.show(fraction or 0.0, f"{100 * (fraction or 0):.0f} %", "busy")
-        self._load.element.visible = device.presence is not Presence.GONE
+        self._load.element.visible = device.presence is not Presence.DEPARTED
         self._load.show(device.load, f"{100 * device.load:.0f} %")
         self._charge.element.visible = device.charge is not None
         charge = device.charge or 0.0
@@ -136,9 +136,9 @@ class DeviceCard:
 
     def _fill_doing(self) -> None:
         self._doing.clear()
-        self._doing.visible = bool(self.device.doing)
+        self._doing.visible = bool(self.device.assignments)
         with self._doing:
-            for one in self.device.doing:
+            for one in self.device.assignments:
                 with ui.element("div"):
                     ui.label("now" if one.state in BUSY else "then").classes("somrs-soft somrs-device-when")
                     with ui.link(target=f"/tasks/{one.task}").classes("somrs-device-task"):
@@ -154,23 +154,23 @@ class DeviceCard:
                 ui.label("It offers no service.").classes("somrs-soft")
 
 
-def _service(service: ServiceSeen) -> None:
+def _service(service: ServiceView) -> None:
     price = f"{service.price:g} EUR" if service.price is not None else ""
     with ui.element("div").props('role="listitem"').classes("somrs-device-service"):
         ui.label(service.type).classes("somrs-device-service-name").tooltip(f"brings about: {service.effect}")
         ui.label(price if service.on_offer else "not on offer").classes("somrs-soft")
         tally = service.tally.in_words()
-        if service.tally.began:
+        if service.tally.started:
             ui.link(tally, f"/history?{urlencode({'service': service.service})}").classes("somrs-device-tally somrs-history-link")
         else:
             ui.label(tally).classes("somrs-soft somrs-device-tally")
 
 
-def _said(doing: Doing) -> str:
+def _said(doing: Assignment) -> str:
     return f"{doing.service_type}: {listed([*doing.inputs.values()])}" if doing.inputs else doing.service_type
 
 
-def _where(device: DeviceSeen) -> str:
+def _where(device: DeviceView) -> str:
     if device.simulated is not None:
         x, y = device.simulated.x, device.simulated.y
     elif device.position is not None:
@@ -180,17 +180,17 @@ def _where(device: DeviceSeen) -> str:
     return f"at {x:.1f}, {y:.1f} m".replace(" ", NO_BREAK)
 
 
-def _note(device: DeviceSeen) -> str:
+def _note(device: DeviceView) -> str:
     """What else is to be known of it just now."""
     parts: list[str] = []
-    if device.left is not None:
-        parts.append(f"It {LEAVING.get(device.reason, device.reason)} at {clock(device.left)}.")
+    if device.departed_at is not None:
+        parts.append(f"It {LEAVING.get(device.reason, device.reason)} at {clock(device.departed_at)}.")
     held = device.simulated.holding if device.simulated is not None else None
     holding = listed([*dict.fromkeys([*((held,) if held else ()), *device.holding])])
     if holding:
         parts.append(f"It holds {holding}.")
-    if device.simulated is not None and device.simulated.doing:
-        parts.append(f"It is {DOING.get(device.simulated.doing, f'doing {device.simulated.doing}')}.")
+    if device.simulated is not None and device.simulated.command:
+        parts.append(f"It is {DOING.get(device.simulated.command, f'doing {device.simulated.command}')}.")
     return " ".join(parts)
 
 

@@ -7,7 +7,7 @@ import time
 from nicegui import ui
 
 from somrs.api.remote import LiveApi
-from somrs.api.system import SystemSeen
+from somrs.api.system import SystemView
 from somrs.client.hub import News
 from somrs.client.live_news import CONNECTION, LiveHub
 from somrs.gui.icons import clock
@@ -28,7 +28,7 @@ class Silence:
         """It is as it was until it is heard."""
 
     async def _hear(self, news: News) -> None:
-        if not isinstance(news.value, SystemSeen):
+        if not isinstance(news.value, SystemView):
             return
         silent = any(part.name == self._part and part.milliseconds is None for part in news.value.parts)
         if silent:

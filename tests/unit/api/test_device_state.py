@@ -40,7 +40,7 @@ def test_of_a_device_that_is_not_simulated_the_map_says_whether_it_works(on_map:
         (True, True, False, False, DeviceState.READY),
         (True, False, False, False, DeviceState.NOTHING_ON_OFFER),
         (False, True, False, False, DeviceState.READY),
-        (False, False, False, False, DeviceState.GONE),
+        (False, False, False, False, DeviceState.DEPARTED),
     ],
 )
 def test_the_state_of_a_device_that_works(on_map: bool, offers: bool, busy: bool, booked: bool, state: DeviceState) -> None:
@@ -48,7 +48,7 @@ def test_the_state_of_a_device_that_works(on_map: bool, offers: bool, busy: bool
 
 
 def test_who_left_is_gone_and_not_broken() -> None:
-    assert state_of(on_map=False, offers=False, working=False, busy=False, booked=False) is DeviceState.GONE
+    assert state_of(on_map=False, offers=False, working=False, busy=False, booked=False) is DeviceState.DEPARTED
 
 
 def test_every_state_has_a_label_and_a_sign() -> None:

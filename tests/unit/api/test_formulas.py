@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from somrs.api.context import Context
-from somrs.api.formulas import Checked, CheckFormula, CompleteFormula, FormulasDesk, checked
+from somrs.api.formulas import CheckFormula, CheckResult, CompleteFormula, FormulaService, check_text
 from somrs.client.refusals import NotFound
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError, UsageError
@@ -25,11 +25,11 @@ from tests.support.paths import SCENARIO_1
 SITE = SCENARIO_1
 ONTOLOGY = load([str(SITE)]).ontology
 MAP = load([str(SITE)]).map or Map()
-DESK = FormulasDesk(cast(Context, SimpleNamespace(ontology=ONTOLOGY, map=MAP)))
+DESK = FormulaService(cast(Context, SimpleNamespace(ontology=ONTOLOGY, map=MAP)))
 
 
-def checking(text: str, **variables: str) -> Checked:
-    return checked(text, ONTOLOGY, MAP, variables)
+def checking(text: str, **variables: str) -> CheckResult:
+    return check_text(text, ONTOLOGY, MAP, variables)
 
 
 def completing(marked: str) -> Completions:
@@ -260,8 +260,8 @@ def test_things_are_found_by_name_label_and_type() -> None:
         assert await names(type="Charger") == ["Charger001", "Charger002"]
         found = await DESK.things(limit=2)
         assert len(found.things) == 2
-        assert found.more
-        assert (await DESK.things(typed="Jar002")).things[0].where == "Cupboard001"
+        assert found.is_truncated
+        assert (await DESK.things(typed="Jar002")).things[0].location == "Cupboard001"
         with pytest.raises(NotFound, match="did you mean isOn"):
             await names(relation="isOm")
         with pytest.raises(UsageError, match="no place 2"):
@@ -273,7 +273,7 @@ def test_things_are_found_by_name_label_and_type() -> None:
 def test_what_can_be_said_of_a_thing() -> None:
     found = asyncio.run(DESK.sayable("Jar002"))
     assert found.relations[0].name == "isOn"
-    assert found.relations[0].wished
+    assert found.relations[0].achievable
     attributes = {one.path: one for one in found.attributes}
     assert attributes["Weight"].units == ("kg", "g")
     assert attributes["Weight"].now == 0.3

@@ -5,9 +5,9 @@ from __future__ import annotations
 from nicegui import ui
 
 from somrs.api.device_state import FAULT_LABELS, LABELS, DeviceState
-from somrs.api.fleet import BUSY, Devices, DeviceSeen, Presence
+from somrs.api.fleet import BUSY, Devices, DeviceView, Presence
 from somrs.api.remote import LiveApi
-from somrs.api.service_presence import Coming
+from somrs.api.service_presence import PresenceChange
 from somrs.client.hub import News
 from somrs.client.refusals import ErrorReport, error_report
 from somrs.devices.simulator.link.commands import Fault
@@ -37,7 +37,7 @@ class _Fleet:
     def __init__(self, desk: LiveApi) -> None:
         self._desk = desk
         self._cards: dict[str, DeviceCard] = {}
-        self._log: tuple[Coming, ...] | None = None
+        self._log: tuple[PresenceChange, ...] | None = None
         with ui.element("div").classes("somrs-fleet"):
             with ui.element("div").classes("somrs-fleet-main"):
                 with ui.element("div").classes("somrs-fleet-head"):
@@ -106,24 +106,24 @@ class _Fleet:
         await self.read()
 
 
-def _summary(devices: tuple[DeviceSeen, ...]) -> str:
+def _summary(devices: tuple[DeviceView, ...]) -> str:
     def some(count: int, text: str) -> list[str]:
         return [f"{count} {text}"] if count else []
 
-    here = [device for device in devices if device.presence is not Presence.GONE]
+    here = [device for device in devices if device.presence is not Presence.DEPARTED]
     broken = sum(device.state is DeviceState.NOT_WORKING for device in here)
     return " · ".join(
         [
             f"{len(here)} device{'s' if len(here) != 1 else ''}",
             *some(sum(device.presence is Presence.OFFERS for device in here), "on offer"),
-            *some(sum(any(one.state in BUSY for one in device.doing) for device in here), "busy"),
+            *some(sum(any(one.state in BUSY for one in device.assignments) for device in here), "busy"),
             *some(broken, LABELS[DeviceState.NOT_WORKING].lower()),
             *some(len(devices) - len(here), "gone lately"),
         ]
     )
 
 
-def _coming(one: Coming) -> None:
+def _coming(one: PresenceChange) -> None:
     services = listed([service.removeprefix(f"{one.device}.") for service in one.services])
     with ui.element("div").classes("somrs-fleet-coming"):
         ui.icon("login" if one.joined else "logout").props('aria-hidden="true"').classes("somrs-good" if one.joined else "somrs-plain")

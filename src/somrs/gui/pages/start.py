@@ -6,7 +6,7 @@ from nicegui import ui
 
 from somrs.api.fleet import Devices
 from somrs.api.remote import LiveApi
-from somrs.api.system import PartSeen, SystemSeen
+from somrs.api.system import PartView, SystemView
 from somrs.client.hub import News
 from somrs.gui.device_card import state
 from somrs.gui.icons import Badge, Sign
@@ -43,7 +43,7 @@ def register(desk: LiveApi) -> None:
                 tasks, fleet, parts = (_sheet(title) for title in ("Under way", "Fleet", "Parts of the system"))
 
         async def show_system(news: News | None = None) -> None:
-            seen = news.value if news is not None and isinstance(news.value, SystemSeen) else await desk.system.read()
+            seen = news.value if news is not None and isinstance(news.value, SystemView) else await desk.system.read()
             head.clear()
             with head:
                 ui.label(seen.site or "SO-MRS").classes("somrs-title").props("role=heading aria-level=1")
@@ -86,7 +86,7 @@ def _sheet(title: str) -> ui.element:
         return ui.element("div").classes("somrs-start-rows")
 
 
-def _part(part: PartSeen) -> None:
+def _part(part: PartView) -> None:
     with ui.element("div").classes("somrs-start-row"):
         Badge(Sign("check_circle", "Answers", "good") if part.milliseconds is not None else Sign("error", "Silent", "bad"))
         ui.label(part.name)

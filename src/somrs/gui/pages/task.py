@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from nicegui import ui
 
 from somrs.api.remote import LiveApi
-from somrs.api.tasks import TaskChanged, TaskSeen
+from somrs.api.tasks import TaskChanged, TaskDetails
 from somrs.client.hub import News
 from somrs.client.refusals import NotFound
 from somrs.errors import SomrsError
@@ -85,7 +85,7 @@ class _Opening:
 class _Seen:
     """The page of a task that was read: kept up to date until it is closed."""
 
-    def __init__(self, desk: LiveApi, seen: TaskSeen) -> None:
+    def __init__(self, desk: LiveApi, seen: TaskDetails) -> None:
         self._desk, self._id = desk, seen.view.task
         self._view = seen.view
         self._events: list[TaskEvent] = []

@@ -25,12 +25,12 @@ from nicegui.elements.mixins.disableable_element import DisableableElement
 from nicegui.elements.mixins.value_element import ValueElement
 from nicegui.events import GenericEventArguments, Handler, ValueChangeEventArguments
 
-from somrs.api.formulas import Checked
+from somrs.api.formulas import CheckResult
 from somrs.gui.components import LIVE
 from somrs.ontology.types import ObjectType
 
 
-class Report(Checked, frozen=True, kw_only=True):
+class Report(CheckResult, frozen=True, kw_only=True):
     """What was found in `text`."""
 
     text: str

@@ -151,7 +151,7 @@ class _Row:
         self._thing.blame("")
         self._known = known
         relations = [
-            Choice(value=one.name, text=_words(one.name), detail=one.doc, symbol="link", group=GROUPS[0 if one.wished else 1])
+            Choice(value=one.name, text=_words(one.name), detail=one.doc, symbol="link", group=GROUPS[0 if one.achievable else 1])
             for one in known.relations
         ]
         attributes = [

@@ -126,9 +126,9 @@ class Finding:
             for one in found.things:
                 with ui.element("li"), ui.button(one.name, icon=one.symbol, on_click=lambda one=one: self._go(one.name)) as button:
                     button.props("flat dense no-caps align=left")
-                    more = one.type + (f", {one.label}" if one.label else "") + (f", {one.where}" if one.where else "")
+                    more = one.type + (f", {one.label}" if one.label else "") + (f", {one.location}" if one.location else "")
                     ui.label(more).classes("somrs-soft")
-            if found.more:
+            if found.is_truncated:
                 ui.label("There are more; type more of the name.").classes("somrs-soft")
             if not found.things:
                 ui.label("Nothing is called so.").classes("somrs-soft")

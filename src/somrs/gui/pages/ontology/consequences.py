@@ -6,14 +6,14 @@ from collections.abc import Sequence
 
 from nicegui import ui
 
-from somrs.api.affected import Affected, User
+from somrs.api.affected import WordUse, WordUserKind
 from somrs.api.ontology import Consequences
 from somrs.gui.pages.ontology.changes import Changed, changed, on_map
 from somrs.gui.pages.ontology.pieces import Word, cell, note, row, table, titled
 from somrs.gui.pages.task_words import key, path
 from somrs.ontology.naming import Renaming
 
-USERS = {User.TASK: "running task", User.ORDER: "standing order", User.TEMPLATE: "template"}
+USERS = {WordUserKind.TASK: "running task", WordUserKind.ORDER: "standing order", WordUserKind.TEMPLATE: "template"}
 
 MOST = 100
 """So many lines are shown of one list."""
@@ -86,14 +86,14 @@ def _broken(found: Consequences) -> None:
             note(f"and {total - len(found.broken[:MOST])} more")
 
 
-def _affected(users: Sequence[Affected]) -> None:
+def _affected(users: Sequence[WordUse]) -> None:
     """Who keeps words that would be gone, and what that means."""
     with ui.element("section"):
         _heading("warning", "Tasks, orders and templates use words that would be gone", "busy")
         with table("What", "Which", "Why"):
             for one in users[:MOST]:
                 with row():
-                    Word("td", USERS[one.user])
+                    Word("td", USERS[one.user_kind])
                     with cell():
                         _user(one)
                     Word("td", str(one))
@@ -105,9 +105,9 @@ def _affected(users: Sequence[Affected]) -> None:
         )
 
 
-def _user(one: Affected) -> None:
+def _user(one: WordUse) -> None:
     """A task by its wish, which leads to its page; that is another tab, for the dialog waits here."""
-    if one.user is User.TASK:
+    if one.user_kind is WordUserKind.TASK:
         with ui.link(target=path(one.id), new_tab=True).classes("somrs-onto-way"):
             Word("code", one.name)
         Word("div", f"task {key(one.id)[:8]}", "somrs-soft")

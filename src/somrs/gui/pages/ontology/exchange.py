@@ -6,8 +6,8 @@ from collections.abc import Awaitable, Sequence
 
 from nicegui import events, ui
 
-from somrs.api.ontology import Imported, ImportOntology
-from somrs.api.owl import ImportedOwl
+from somrs.api.ontology import ImportOntology, ImportResult
+from somrs.api.owl import OwlImportResult
 from somrs.api.remote import LiveApi
 from somrs.errors import ModelError, Problem, SomrsError
 from somrs.gui.pages.ontology.consequences import show
@@ -89,13 +89,13 @@ class Import:
             self._body.clear()
             with self._body:
                 show(found.consequences)
-                if isinstance(found, ImportedOwl):
+                if isinstance(found, OwlImportResult):
                     self._show_besides(found)
             self._version = found.consequences.version
             nothing = found.consequences.revision is None and not self._map.value
             self._take_over.visible = not (found.consequences.broken or nothing)
 
-    def _show_besides(self, found: ImportedOwl) -> None:
+    def _show_besides(self, found: OwlImportResult) -> None:
         """What else is in an OWL file: objects, and what there are no words for."""
         self._map.visible = found.objects > 0
         individuals = f"{found.objects} individuals" if found.objects != 1 else "one individual"
@@ -106,7 +106,7 @@ class Import:
             Word("h3", f"Not taken over: {len(found.notes)}").classes("somrs-onto-heading")
             self._list(found.notes, "What to do")
 
-    def _run(self, *, dry: bool) -> Awaitable[Imported]:
+    def _run(self, *, dry: bool) -> Awaitable[ImportResult]:
         ending = self._file[self._file.rfind(".") :].lower()
         # What was shown is what is done: not if somebody changed the same definitions since.
         version = None if dry else self._version

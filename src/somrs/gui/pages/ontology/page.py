@@ -282,7 +282,7 @@ class OntologyPage:
     async def _read(self) -> None:
         found = await self._desk.ontology.read()
         self._seen.ontology, self._seen.version = Ontology(found.definitions.all_definitions()), found.version
-        self._seen.relied = frozenset((one.section.value, one.name) for one in found.relied)
+        self._seen.relied = frozenset((one.section.value, one.name) for one in found.required_words)
         self._seen.take((await self._desk.map.read()).objects)
 
     async def _heard(self, news: News) -> None:
