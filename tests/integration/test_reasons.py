@@ -12,9 +12,9 @@ from somrs.cli.task_report import tell
 from somrs.client import terminal
 from somrs.client.task_report import TaskReport, reasons, view
 from somrs.gui.pages.history import _row as history_row
-from somrs.gui.pages.task_head import item
+from somrs.gui.pages.task_head import reason_text
 from somrs.gui.pages.task_story import story
-from somrs.gui.pages.tasks import _told as task_row
+from somrs.gui.pages.tasks import _table_row as task_row
 from somrs.protocol.messages.clients import TaskRow, TasksNews, WatchTasks
 from somrs.protocol.messages.events import EventKind
 from somrs.protocol.messages.records import TaskRecord
@@ -62,7 +62,7 @@ def test_a_reason_with_a_list_in_it_is_one_reason(record: TaskRecord) -> None:
 
 def test_the_page_of_a_task_shows_it_whole(record: TaskRecord) -> None:
     whole = WHY[:1].upper() + WHY[1:]
-    assert [item(reason) for reason in reasons(view(record))] == [whole]
+    assert [reason_text(reason) for reason in reasons(view(record))] == [whole]
     assert [line.text for line in story(view(record), record.events)[-1].lines] == [whole]
 
 

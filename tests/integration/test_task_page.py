@@ -5,11 +5,11 @@ from __future__ import annotations
 from msgspec import structs
 
 from somrs.client.task_report import view
-from somrs.gui.pages.task import asked_about
+from somrs.gui.pages.task import observed_objects
 from somrs.gui.pages.task_chapters import Chapter, failures, summary
-from somrs.gui.pages.task_ending import consequences
+from somrs.gui.pages.task_ending import cancel_consequences
 from somrs.gui.pages.task_story import story
-from somrs.gui.pages.task_terms import verdict
+from somrs.gui.pages.task_terms import bid_status
 from somrs.gui.pages.task_words import gist
 from somrs.ontology.services import Handler, Occasion
 from somrs.protocol.messages.clients import CancelTask
@@ -46,7 +46,11 @@ def test_another_takes_over_and_does_it() -> None:
     system = VirtualSystem(Robot("Robot1", 1, 10, works=slips), Robot("Robot2", 25, 60))
     system.finish(system.submit(WISH))
     (failure,) = failures(told(system))
-    assert (failure.title, failure.text, failure.left) == ("Failure 1: Robot1.TransferObject", "failed: it slipped", "Jar002 isOn Floor001")
+    assert (failure.title, failure.text, failure.situation) == (
+        "Failure 1: Robot1.TransferObject",
+        "failed: it slipped",
+        "Jar002 isOn Floor001",
+    )
     assert rungs(failure) == ["Rung 1: replace"]
     assert (failure.result, failure.result_tone) == ("Robot2.TransferObject did it: Jar002 isOn Platform001", "good")
     assert failure.ended is not None
@@ -81,11 +85,11 @@ def test_questions_about_what_is_looked_at_are_the_tasks() -> None:
     system = patrolled("Floor001", Robot("Robot1", 10, 600), Robot("Robot2", 25, 60))
     task = system.submit(WISH)
     goes_silent(system, task)
-    assert asked_about(system.view(task)) == frozenset()
+    assert observed_objects(system.view(task)) == frozenset()
     assert system.world.run(600, lambda: any(work.step.startswith("look") for work in system.view(task).work))
-    assert asked_about(system.view(task)) == {"Jar002"}
+    assert observed_objects(system.view(task)) == {"Jar002"}
     system.finish(task)
-    assert asked_about(system.view(task)) == frozenset()
+    assert observed_objects(system.view(task)) == frozenset()
 
 
 def test_a_new_plan_ends_the_failure_that_it_is_for() -> None:
@@ -112,9 +116,9 @@ def test_undoing_because_the_task_ends_is_no_rung_of_a_failure() -> None:
 def test_before_a_task_is_cancelled_it_is_said_what_will_be_undone() -> None:
     system = VirtualSystem(Robot("Robot1", 10, 60, undoes=puts_back))
     task = system.submit(BOTH)
-    assert consequences(system.view(task)) == ["Nothing was done yet, so nothing has to be undone."]
+    assert cancel_consequences(system.view(task)) == ["Nothing was done yet, so nothing has to be undone."]
     until_one_is_done(system, task)
-    said = consequences(system.view(task))
+    said = cancel_consequences(system.view(task))
     assert said[0].startswith("Robot1.TransferObject is stopped (step2, ")
     assert said[-1].startswith("What Robot1.TransferObject did is undone: again Jar001 isOn Cupboard002")
     system.ask(CancelTask(task=task))
@@ -135,11 +139,11 @@ def test_what_became_of_each_bid_is_known_without_reading_why() -> None:
     system.finish(system.submit(WISH))
     (record,) = [entry for entry in system.world.records["tm"] if isinstance(entry, TaskRecord)]
     steps = [contract.step for contract in record.contracts if contract.accepted]
-    bids = {contract.service: verdict(contract, steps).text for contract in record.contracts}
+    bids = {contract.service: bid_status(contract, steps).text for contract in record.contracts}
     assert bids == {
         "Robot1.TransferObject": "Chosen, done",
         "Robot2.TransferObject": "Not chosen",
         "Robot3.TransferObject": "Refused",
     }
     before = [structs.replace(contract, refused=None) for contract in record.contracts if contract.refused]
-    assert [verdict(contract, steps).text for contract in before] == ["Let go"]
+    assert [bid_status(contract, steps).text for contract in before] == ["Let go"]

@@ -16,7 +16,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 FILES = "/_nicegui/"
 """Addresses below which there are only files."""
 
-MOST = 32 * 2**20
+MAX_BYTES = 32 * 2**20
 """Bytes that are kept in all: a file has more addresses than one, as with `/./` in it, and somebody may try them all."""
 
 CONDITIONS = ("range", "if-none-match", "if-modified-since", "if-match", "if-unmodified-since", "if-range")
@@ -34,8 +34,8 @@ class Cache:
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
-        self._kept: dict[tuple[str, bool], _Answer] = {}
-        self._room = MOST
+        self._answers: dict[tuple[str, bool], _Answer] = {}
+        self._bytes_left = MAX_BYTES
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http" or scope["method"] != "GET" or scope["query_string"] or not scope["path"].startswith(FILES):
@@ -46,43 +46,43 @@ class Cache:
             await self._app(scope, receive, send)
             return
         key = scope["path"], "gzip" in headers.get("accept-encoding", "")
-        if (kept := self._kept.get(key)) is not None:
-            await send(kept.start)
-            await send({"type": "http.response.body", "body": kept.body})
+        if (answer := self._answers.get(key)) is not None:
+            await send(answer.start)
+            await send({"type": "http.response.body", "body": answer.body})
             return
-        said: list[Message] = []
+        messages: list[Message] = []
 
-        async def heard(message: Message) -> None:
-            if message["type"] == "http.response.start" and _immutable(message):
-                message = _anyones(message)
-                said.append(message)
-            elif said:
-                said.append(message)
+        async def capture(message: Message) -> None:
+            if message["type"] == "http.response.start" and _is_immutable(message):
+                message = _without_private_headers(message)
+                messages.append(message)
+            elif messages:
+                messages.append(message)
             await send(message)
 
-        await self._app(scope, _patient(), heard)
-        if said and not said[-1].get("more_body", False):
-            body = b"".join(message.get("body", b"") for message in said[1:])
-            if len(body) <= self._room and key not in self._kept:
-                self._kept[key] = _Answer(said[0], body)
-                self._room -= len(body)
+        await self._app(scope, _patient_receive(), capture)
+        if messages and not messages[-1].get("more_body", False):
+            body = b"".join(message.get("body", b"") for message in messages[1:])
+            if len(body) <= self._bytes_left and key not in self._answers:
+                self._answers[key] = _Answer(messages[0], body)
+                self._bytes_left -= len(body)
 
 
-def _patient() -> Receive:
+def _patient_receive() -> Receive:
     """One who asks and does not leave: else a file would end where the first who asked for it closed the page."""
-    asked: list[Message] = [{"type": "http.request", "body": b"", "more_body": False}]
+    pending_messages: list[Message] = [{"type": "http.request", "body": b"", "more_body": False}]
 
     async def receive() -> Message:
-        return asked.pop() if asked else await asyncio.get_running_loop().create_future()
+        return pending_messages.pop() if pending_messages else await asyncio.get_running_loop().create_future()
 
     return receive
 
 
-def _immutable(start: Message) -> bool:
+def _is_immutable(start: Message) -> bool:
     return start["status"] == 200 and "immutable" in Headers(raw=start["headers"]).get("cache-control", "")
 
 
-def _anyones(start: Message) -> Message:
+def _without_private_headers(start: Message) -> Message:
     """Without what concerns only the one who asked."""
     headers = MutableHeaders(raw=[*start["headers"]])
     del headers["set-cookie"]

@@ -10,7 +10,7 @@ from nicegui import ui
 from somrs.api.device_state import FAULT_LABELS, LABELS, DeviceState
 from somrs.api.fleet import BUSY, Assignment, DeviceView, Presence, ServiceView
 from somrs.devices.simulator.link.commands import Fault
-from somrs.gui.icons import Badge, Gauge, Sign, clock, listed
+from somrs.gui.icons import Badge, Gauge, Sign, format_time, join_names
 
 ICONS = {
     "Person": "person",
@@ -64,53 +64,57 @@ class DeviceCard:
 
     def __init__(self, device: DeviceView, break_or_mend: Break) -> None:
         self._break = break_or_mend
-        self._shown: dict[str, object] = {}
+        self._shown_values: dict[str, object] = {}
         self.device = device
         with ui.element("article").classes("somrs-device").props(f'aria-label="{device.name}"') as self.element:
             with ui.element("header").classes("somrs-device-head"):
                 self._icon = ui.icon(icon(device)).classes("somrs-device-icon").props('aria-hidden="true"')
                 with ui.element("div").classes("somrs-device-name"):
                     self._name = ui.label().classes("somrs-device-title").props('role="heading" aria-level="2"')
-                    self._where = ui.label().classes("somrs-soft")
+                    self._place_label = ui.label().classes("somrs-soft")
                 self._state = Badge(state(device))
                 self._menu = ui.element("div")
             self._note = ui.label().classes("somrs-device-note")
             self._faults = ui.element("div").classes("somrs-device-faults")
-            self._doing = ui.element("div").classes("somrs-device-doing")
+            self._activities = ui.element("div").classes("somrs-device-doing")
             with ui.element("div").classes("somrs-device-gauges"):
                 self._work = Gauge("Step", "How much of the step is done")
                 self._load = Gauge("Load", "How much of the last 10 minutes it was busy")
                 self._charge = Gauge("Battery", "How much charge is left")
             self._services = ui.element("div").classes("somrs-device-services").props('role="list" aria-label="Services"')
-        self.show(device)
+        self.show_device(device)
 
-    def show(self, device: DeviceView) -> None:
+    def show_device(self, device: DeviceView) -> None:
         self.device = device
         self._icon.name = icon(device)
         self._name.set_text(device.name)
-        self._where.set_text(" · ".join(part for part in (device.label or "", device.type, _where(device)) if part))
-        self._state.show(state(device))
+        self._place_label.set_text(" · ".join(part for part in (device.label or "", device.type, _position_text(device)) if part))
+        self._state.show_sign(state(device))
         self.element.classes(**{"add" if device.presence is Presence.DEPARTED else "remove": "somrs-device-gone"})
         self._note.set_text(_note(device))
         self._note.visible = bool(self._note.text)
         faults = device.simulated.faults if device.simulated is not None else None
-        self._again("menu", (faults is not None, faults), lambda: self._fill_menu(faults))
-        self._again("faults", faults, lambda: self._fill_faults(faults or ()))
-        self._again("doing", tuple((one.task, one.step, one.state, one.service) for one in device.assignments), self._fill_doing)
-        self._again("services", device.services, self._fill_services)
-        fraction = next((one.fraction for one in device.assignments if one.state in BUSY), None)
+        self._refill_if_changed("menu", (faults is not None, faults), lambda: self._fill_menu(faults))
+        self._refill_if_changed("faults", faults, lambda: self._fill_faults(faults or ()))
+        self._refill_if_changed(
+            "doing",
+            tuple((activity.task, activity.step, activity.state, activity.service) for activity in device.assignments),
+            self._fill_activities,
+        )
+        self._refill_if_changed("services", device.services, self._fill_services)
+        fraction = next((activity.fraction for activity in device.assignments if activity.state in BUSY), None)
         self._work.element.visible = fraction is not None
-        self._work.show(fraction or 0.0, f"{100 * (fraction or 0):.0f} %", "busy")
+        self._work.show_share(fraction or 0.0, f"{100 * (fraction or 0):.0f} %", "busy")
         self._load.element.visible = device.presence is not Presence.DEPARTED
-        self._load.show(device.load, f"{100 * device.load:.0f} %")
+        self._load.show_share(device.load, f"{100 * device.load:.0f} %")
         self._charge.element.visible = device.charge is not None
         charge = device.charge or 0.0
-        self._charge.show(charge / 100, f"{charge:.0f} %", "bad" if charge < 15 else "good")
+        self._charge.show_share(charge / 100, f"{charge:.0f} %", "bad" if charge < 15 else "good")
 
-    def _again(self, part: str, value: object, fill: Callable[[], None]) -> None:
+    def _refill_if_changed(self, part: str, value: object, fill: Callable[[], None]) -> None:
         """Make a part anew when it changed."""
-        if part not in self._shown or self._shown[part] != value:
-            self._shown[part] = value
+        if part not in self._shown_values or self._shown_values[part] != value:
+            self._shown_values[part] = value
             fill()
 
     def _fill_menu(self, faults: tuple[Fault, ...] | None) -> None:
@@ -134,16 +138,16 @@ class DeviceCard:
             for fault in faults:
                 Badge(Sign("warning", FAULT_LABELS[fault].capitalize(), "bad"))
 
-    def _fill_doing(self) -> None:
-        self._doing.clear()
-        self._doing.visible = bool(self.device.assignments)
-        with self._doing:
-            for one in self.device.assignments:
+    def _fill_activities(self) -> None:
+        self._activities.clear()
+        self._activities.visible = bool(self.device.assignments)
+        with self._activities:
+            for activity in self.device.assignments:
                 with ui.element("div"):
-                    ui.label("now" if one.state in BUSY else "then").classes("somrs-soft somrs-device-when")
-                    with ui.link(target=f"/tasks/{one.task}").classes("somrs-device-task"):
-                        ui.label(_said(one))
-                        ui.label(f"for {one.effect}").classes("somrs-formula somrs-soft")
+                    ui.label("now" if activity.state in BUSY else "then").classes("somrs-soft somrs-device-when")
+                    with ui.link(target=f"/tasks/{activity.task}").classes("somrs-device-task"):
+                        ui.label(_activity_text(activity))
+                        ui.label(f"for {activity.effect}").classes("somrs-formula somrs-soft")
 
     def _fill_services(self) -> None:
         self._services.clear()
@@ -166,11 +170,11 @@ def _service(service: ServiceView) -> None:
             ui.label(tally).classes("somrs-soft somrs-device-tally")
 
 
-def _said(doing: Assignment) -> str:
-    return f"{doing.service_type}: {listed([*doing.inputs.values()])}" if doing.inputs else doing.service_type
+def _activity_text(activity: Assignment) -> str:
+    return f"{activity.service_type}: {join_names([*activity.inputs.values()])}" if activity.inputs else activity.service_type
 
 
-def _where(device: DeviceView) -> str:
+def _position_text(device: DeviceView) -> str:
     if device.simulated is not None:
         x, y = device.simulated.x, device.simulated.y
     elif device.position is not None:
@@ -184,17 +188,17 @@ def _note(device: DeviceView) -> str:
     """What else is to be known of it just now."""
     parts: list[str] = []
     if device.departed_at is not None:
-        parts.append(f"It {LEAVING.get(device.reason, device.reason)} at {clock(device.departed_at)}.")
+        parts.append(f"It {LEAVING.get(device.reason, device.reason)} at {format_time(device.departed_at)}.")
     held = device.simulated.holding if device.simulated is not None else None
-    holding = listed([*dict.fromkeys([*((held,) if held else ()), *device.holding])])
+    holding = join_names([*dict.fromkeys([*((held,) if held else ()), *device.holding])])
     if holding:
         parts.append(f"It holds {holding}.")
     if device.simulated is not None and device.simulated.command:
-        parts.append(f"It is {DOING.get(device.simulated.command, f'doing {device.simulated.command}')}.")
+        parts.append(f"It is {COMMAND_LABELS.get(device.simulated.command, f'doing {device.simulated.command}')}.")
     return " ".join(parts)
 
 
-DOING = {
+COMMAND_LABELS = {
     "DriveTo": "driving",
     "Approach": "driving up to something",
     "Grip": "gripping",

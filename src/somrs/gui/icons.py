@@ -36,9 +36,9 @@ class Badge:
             self._icon = ui.icon(sign.icon).props('aria-hidden="true"')
             self._text = ui.label(sign.text)
         self._sign: Sign | None = None
-        self.show(sign)
+        self.show_sign(sign)
 
-    def show(self, sign: Sign) -> None:
+    def show_sign(self, sign: Sign) -> None:
         if sign != self._sign:
             self._sign = sign
             self._icon.name = sign.icon
@@ -56,24 +56,24 @@ class Gauge:
                 self._fill = ui.element("div").classes("somrs-gauge-fill")
             self._text = ui.label().classes("somrs-gauge-text")
             ui.tooltip(tip)
-        self._shown: tuple[float, str] | None = None
+        self._shown_content: tuple[float, str] | None = None
 
-    def show(self, share: float, text: str, tone: str = "accent") -> None:
+    def show_share(self, share: float, text: str, tone: str = "accent") -> None:
         percent = round(100 * min(max(share, 0.0), 1.0))
-        if (percent, text + tone) != self._shown:
-            self._shown = percent, text + tone
+        if (percent, text + tone) != self._shown_content:
+            self._shown_content = percent, text + tone
             self._track.props(f'aria-valuenow="{percent}" aria-valuemin="0" aria-valuemax="100"')
             self._fill.style(f"width: {percent}%; background: var(--{tone})")
             self._text.set_text(text)
 
 
-def clock(at: float) -> str:
+def format_time(timestamp: float) -> str:
     """With the date, unless it is today."""
-    then = datetime.fromtimestamp(at)
-    return f"{then:%H:%M:%S}" if then.date() == datetime.now().date() else f"{then:%Y-%m-%d %H:%M}"
+    moment = datetime.fromtimestamp(timestamp)
+    return f"{moment:%H:%M:%S}" if moment.date() == datetime.now().date() else f"{moment:%Y-%m-%d %H:%M}"
 
 
-def lasted(seconds: float) -> str:
+def format_duration(seconds: float) -> str:
     """So long, as people say it."""
     if seconds < 10:
         return f"{seconds:.1f} s"
@@ -83,6 +83,6 @@ def lasted(seconds: float) -> str:
     return f"{minutes} min" if minutes < 120 else f"{minutes // 60} h {minutes % 60} min"
 
 
-def listed(names: Sequence[str]) -> str:
+def join_names(names: Sequence[str]) -> str:
     """`A, B and C`."""
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)

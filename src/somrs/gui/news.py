@@ -13,10 +13,10 @@ from somrs.errors import SomrsError
 
 log = logging.getLogger(__name__)
 
-Hear = Callable[[News], Awaitable[None]]
+NewsHandler = Callable[[News], Awaitable[None]]
 
 
-def follow(hub: Hub, topic: str, begin: Callable[[], Awaitable[None]], hear: Hear) -> None:
+def follow(hub: Hub, topic: str, begin: Callable[[], Awaitable[None]], hear: NewsHandler) -> None:
     """Have `begin` called once the page of this moment is in its browser, and `hear` with all news of the topic from then on, until the
     page is closed. What cannot be read, as a part of the system is away, is read with the next news: after it was away, there are some."""
     client = ui.context.client
@@ -25,18 +25,18 @@ def follow(hub: Hub, topic: str, begin: Callable[[], Awaitable[None]], hear: Hea
         await client.connected()
         with hub.subscribe(topic) as listening:
             await listening.wait_until_followed()
-            begun = await _tried(topic, begin)
+            is_started = await _try_read(topic, begin)
             async for news in listening:
-                if not begun:
-                    begun = await _tried(topic, begin)
-                if begun:
-                    await _tried(topic, partial(hear, news))
+                if not is_started:
+                    is_started = await _try_read(topic, begin)
+                if is_started:
+                    await _try_read(topic, partial(hear, news))
 
     task = background_tasks.create(following(), name=f"follow {topic}", context=client)
     client.on_delete(lambda: task.cancel())
 
 
-async def _tried(topic: str, read: Callable[[], Awaitable[None]]) -> bool:
+async def _try_read(topic: str, read: Callable[[], Awaitable[None]]) -> bool:
     try:
         await read()
     except SomrsError as error:

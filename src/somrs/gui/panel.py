@@ -34,8 +34,8 @@ def panel(title: str, icon: str, key: str, classes: str = "") -> Iterator[Panel]
         with ui.element("div").classes("somrs-panel-body"):
             yield Panel(element, note)
 
-    def turned(event: GenericEventArguments) -> None:
-        kept = [one for one in app.storage.user.get(FOLDED, ()) if one != key]
-        app.storage.user[FOLDED] = kept if event.args else [*kept, key]
+    def save_folded(event: GenericEventArguments) -> None:
+        folded_keys = [folded_key for folded_key in app.storage.user.get(FOLDED, ()) if folded_key != key]
+        app.storage.user[FOLDED] = folded_keys if event.args else [*folded_keys, key]
 
-    element.on("toggle", turned, js_handler="(event) => emit(event.target.open)")
+    element.on("toggle", save_folded, js_handler="(event) => emit(event.target.open)")

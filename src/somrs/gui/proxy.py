@@ -18,16 +18,18 @@ from somrs.client.api_client import ApiClient
 from somrs.client.refusals import error_report, status
 from somrs.runtime.wire import Unanswered
 
-OWN = frozenset(("connection", "keep-alive", "proxy-authenticate", "proxy-authorization", "te", "trailer", "transfer-encoding", "upgrade"))
+HOP_HEADERS = frozenset(
+    ("connection", "keep-alive", "proxy-authenticate", "proxy-authorization", "te", "trailer", "transfer-encoding", "upgrade")
+)
 """Headers that concern one connection only (RFC 9110, 7.6.1)."""
 
-KEPT_BACK = OWN | {"host", "cookie", "accept-encoding"}
+DROPPED_HEADERS = HOP_HEADERS | {"host", "cookie", "accept-encoding"}
 """Of a request: also who is asked, what the pages keep in the browser; and between two programs of one machine nothing is compressed."""
 
-PART = 2**16
+CHUNK_SIZE = 2**16
 """Bytes that are passed on at once."""
 
-TRY_AGAIN = 1013
+UNAVAILABLE_CODE = 1013
 """The WebSocket's code for: it is not there now."""
 
 
@@ -39,18 +41,18 @@ class Proxy:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] == "websocket":
-            await self._join(WebSocket(scope, receive, send))
+            await self._join_websockets(WebSocket(scope, receive, send))
         elif scope["type"] == "http":
-            await (await self._asked(Request(scope, receive)))(scope, receive, send)
+            await (await self._forward(Request(scope, receive)))(scope, receive, send)
 
     def _url(self, scope: Scope) -> URL:
         path: bytes = scope.get("raw_path") or scope["path"].encode()
         rest = path.decode("latin-1").removeprefix(scope.get("root_path", ""))
-        asked = scope["query_string"].decode("latin-1")
-        return URL(f"{self._api.url}{rest}{f'?{asked}' if asked else ''}", encoded=True)
+        query = scope["query_string"].decode("latin-1")
+        return URL(f"{self._api.url}{rest}{f'?{query}' if query else ''}", encoded=True)
 
-    async def _asked(self, request: Request) -> Response:
-        headers = [(name, value) for name, value in request.headers.items() if name not in KEPT_BACK]
+    async def _forward(self, request: Request) -> Response:
+        headers = [(name, value) for name, value in request.headers.items() if name not in DROPPED_HEADERS]
         body = await request.body()
         try:
             answer = await self._api.session.request(
@@ -64,31 +66,31 @@ class Proxy:
         except (aiohttp.ClientError, TimeoutError) as error:
             silent = Unanswered(self._api.no_answer_text(error))
             return Response(msgspec.json.encode(error_report(silent)), status(silent), media_type="application/json")
-        passed = {name: value for name, value in answer.headers.items() if name.lower() not in OWN}
+        response_headers = {name: value for name, value in answer.headers.items() if name.lower() not in HOP_HEADERS}
 
-        async def parts() -> AsyncIterator[bytes]:
+        async def chunks() -> AsyncIterator[bytes]:
             async with answer:
-                async for part in answer.content.iter_chunked(PART):
-                    yield part
+                async for chunk in answer.content.iter_chunked(CHUNK_SIZE):
+                    yield chunk
 
-        return StreamingResponse(parts(), answer.status, passed)
+        return StreamingResponse(chunks(), answer.status, response_headers)
 
-    async def _join(self, browser: WebSocket) -> None:
+    async def _join_websockets(self, browser: WebSocket) -> None:
         try:
             api = await self._api.session.ws_connect(self._url(browser.scope), max_msg_size=0)
         except (aiohttp.ClientError, TimeoutError):
-            await browser.close(TRY_AGAIN)
+            await browser.close(UNAVAILABLE_CODE)
             return
         async with api:
             await browser.accept()
-            back = asyncio.create_task(_pass_back(api, browser))
+            return_task = asyncio.create_task(_forward_to_browser(api, browser))
             try:
-                await _pass_on(browser, api)
+                await _forward_to_api(browser, api)
             finally:
-                back.cancel()
+                return_task.cancel()
 
 
-async def _pass_on(browser: WebSocket, api: aiohttp.ClientWebSocketResponse) -> None:
+async def _forward_to_api(browser: WebSocket, api: aiohttp.ClientWebSocketResponse) -> None:
     """What the browser says, until it is gone."""
     with contextlib.suppress(aiohttp.ClientError, ConnectionError, RuntimeError, WebSocketDisconnect):
         while (message := await browser.receive())["type"] == "websocket.receive":
@@ -98,7 +100,7 @@ async def _pass_on(browser: WebSocket, api: aiohttp.ClientWebSocketResponse) -> 
                 await api.send_bytes(message["bytes"])
 
 
-async def _pass_back(api: aiohttp.ClientWebSocketResponse, browser: WebSocket) -> None:
+async def _forward_to_browser(api: aiohttp.ClientWebSocketResponse, browser: WebSocket) -> None:
     """What the API says, until it is gone: then the browser's connection ends, too. Who is slow holds it up, so that it skips ticks."""
     with contextlib.suppress(RuntimeError, WebSocketDisconnect):
         while True:
@@ -112,5 +114,5 @@ async def _pass_back(api: aiohttp.ClientWebSocketResponse, browser: WebSocket) -
                     await browser.close(message.data, message.extra)
                     return
                 case _:
-                    await browser.close(TRY_AGAIN)
+                    await browser.close(UNAVAILABLE_CODE)
                     return

@@ -36,32 +36,32 @@ and all of them until it is forgotten. A page that was forgotten is loaded anew,
 async def run_gui(data: Path, addresses: Addresses, host: str, port: int) -> None:
     """Serve the windows until this process is to end."""
     os.environ.setdefault("NICEGUI_STORAGE_PATH", str((data / "gui").resolve()))  # read when NiceGUI is imported
-    listening = bound(host, port)
-    async with live_api(address_of(addresses)) as desk:
+    listener = bound(host, port)
+    async with live_api(address_of(addresses)) as api:
         config = uvicorn.Config(
-            Cache(_application(desk, data)), log_level="warning", access_log=False, ws="websockets-sansio", timeout_graceful_shutdown=1
+            Cache(_application(api, data)), log_level="warning", access_log=False, ws="websockets-sansio", timeout_graceful_shutdown=1
         )
         server = QuietServer(config)
-        serving = asyncio.create_task(server.serve(sockets=[listening]))
+        serving = asyncio.create_task(server.serve(sockets=[listener]))
         while not server.started and not serving.done():
             await asyncio.sleep(0.01)
-        await until_stopped("gui", f"http://{host}:{listening.getsockname()[1]}")
+        await until_stopped("gui", f"http://{host}:{listener.getsockname()[1]}")
         server.should_exit = True
         with contextlib.suppress(asyncio.CancelledError):
             await serving
 
 
-def _application(desk: LiveApi, data: Path) -> FastAPI:
+def _application(api: LiveApi, data: Path) -> FastAPI:
     from fastapi import FastAPI
     from nicegui import app, ui
 
     from somrs.gui.pages import define, fleet, history, map, ontology, start, tasks
 
     pages = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
-    pages.mount("/api", Proxy(desk.client))
+    pages.mount("/api", Proxy(api.client))
     app.add_static_file(local_file=str(resources.files("somrs.gui").joinpath("look.css")), url_path="/look/look.css")
-    for one in (start, map, ontology, define, tasks, fleet, history):
-        one.register(desk)
+    for page_module in (start, map, ontology, define, tasks, fleet, history):
+        page_module.register(api)
     ui.run_with(
         pages,
         title="SO-MRS",

@@ -13,7 +13,7 @@ from nicegui import app, ui
 from somrs.api.remote import LiveApi
 from somrs.client.client import client_name
 from somrs.errors import SomrsError
-from somrs.gui.unavailable_banner import Unreachable
+from somrs.gui.unavailable_banner import ApiUnavailableBanner
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -27,7 +27,7 @@ class Focusable(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class PageLink:
     """A page that one can go to."""
 
     path: str
@@ -36,16 +36,16 @@ class Place:
     window: str
 
 
-PLACES = (
-    Place("/map", "Map", "map", "Repository"),
-    Place("/ontology", "Ontology", "account_tree", "Repository"),
-    Place("/define", "New task", "add_task", "Task Manager"),
-    Place("/tasks", "Tasks", "checklist", "Task Manager"),
-    Place("/fleet", "Fleet", "smart_toy", "Task Manager"),
-    Place("/history", "History", "history", "Task Manager"),
+PAGE_LINKS = (
+    PageLink("/map", "Map", "map", "Repository"),
+    PageLink("/ontology", "Ontology", "account_tree", "Repository"),
+    PageLink("/define", "New task", "add_task", "Task Manager"),
+    PageLink("/tasks", "Tasks", "checklist", "Task Manager"),
+    PageLink("/fleet", "Fleet", "smart_toy", "Task Manager"),
+    PageLink("/history", "History", "history", "Task Manager"),
 )
 
-LOOK = "/look/look.css"
+STYLESHEET = "/look/look.css"
 
 for popup in (ui.select, ui.menu, ui.dialog):
     # Lists, menus and dialogs come and go at once. While one moves, Quasar holds back where the focus is to go, and takes it there
@@ -54,34 +54,38 @@ for popup in (ui.select, ui.menu, ui.dialog):
 
 
 @contextmanager
-def page(title: str, path: str, desk: LiveApi) -> Iterator[None]:
+def page(title: str, path: str, api: LiveApi) -> Iterator[None]:
     """The frame of a page; what is made inside is its content. `path`: the place that it belongs to."""
     ui.page_title(f"{title} · SO-MRS")
-    ui.add_head_html(f'<link rel="stylesheet" href="{LOOK}">')
+    ui.add_head_html(f'<link rel="stylesheet" href="{STYLESHEET}">')
     dark = ui.dark_mode(value=app.storage.user.get("dark"))
     with ui.header(elevated=False).classes("somrs-header"), ui.element("nav").classes("somrs-nav").props('aria-label="Pages"'):
         ui.link("SO-MRS", "/").classes("somrs-home")
         window = ""
-        for place in PLACES:
+        for place in PAGE_LINKS:
             if place.window != window:
                 ui.label(window := place.window).classes("somrs-window")
-            _way(place, here=place.path == path)
+            _page_link(place, is_current=place.path == path)
         ui.space()
         with ui.link(target="/api/", new_tab=True).classes("somrs-way").props('aria-label="The API"'):
             ui.icon("api")
             ui.label("API").classes("somrs-way-label")
         button = ui.button().props("flat round dense").classes("somrs-turn")
         button.props(f"icon={_icon(dark.value)} aria-label='Light or dark'").tooltip("Light, dark, or as the system")
-        button.on_click(lambda: _turn(dark, button))
+        button.on_click(lambda: _switch_theme(dark, button))
     with ui.element("main").classes("somrs-main") as content:
         yield
-    Unreachable(desk.context.hub)
+    ApiUnavailableBanner(api.context.hub)
     ui.skip_link("Skip to the content", target=content)
 
 
-def _way(place: Place, *, here: bool) -> None:
-    current = ' aria-current="page"' if here else ""
-    with ui.link(target=place.path).classes("somrs-way" + (" somrs-here" if here else "")).props(f'aria-label="{place.label}"{current}'):
+def _page_link(place: PageLink, *, is_current: bool) -> None:
+    current = ' aria-current="page"' if is_current else ""
+    with (
+        ui.link(target=place.path)
+        .classes("somrs-way" + (" somrs-here" if is_current else ""))
+        .props(f'aria-label="{place.label}"{current}')
+    ):
         ui.icon(place.icon)
         ui.label(place.label).classes("somrs-way-label")
 
@@ -90,7 +94,7 @@ def _icon(dark: bool | None) -> str:
     return {None: "brightness_auto", True: "dark_mode", False: "light_mode"}[dark]
 
 
-def _turn(dark: ui.dark_mode, button: ui.button) -> None:
+def _switch_theme(dark: ui.dark_mode, button: ui.button) -> None:
     dark.value = {None: False, False: True, True: None}[dark.value]
     app.storage.user["dark"] = dark.value
     button.props(f"icon={_icon(dark.value)}")
@@ -102,7 +106,7 @@ def author() -> str:
     return str(app.storage.user.get("author") or client_name())
 
 
-def tell(text: str, *, bad: bool = False) -> None:
+def notify(text: str, *, bad: bool = False) -> None:
     """A message that stays until it is read, when it is a bad one."""
     kind: Literal["negative", "positive"] = "negative" if bad else "positive"
     ui.notify(text, type=kind, timeout=0 if bad else 4000, close_button="Close" if bad else False, multi_line=True)
@@ -111,11 +115,11 @@ def tell(text: str, *, bad: bool = False) -> None:
 def focus(field: Focusable, *, unless_left: Focusable | None = None) -> None:
     """Have what is typed go into the field, at once: Quasar's own `focus` waits until lists have closed, and takes what is typed by then
     from where it is meant to go. With `unless_left`, only for who is still there, or nowhere."""
-    go = f"const field = getHtmlElement({field.id}); (field?.querySelector('input, textarea') ?? field)?.focus();"
+    script = f"const field = getHtmlElement({field.id}); (field?.querySelector('input, textarea') ?? field)?.focus();"
     if unless_left is not None:
-        still = f"[document.body, null].includes(at) || getHtmlElement({unless_left.id})?.contains(at)"
-        go = f"const at = document.activeElement; if ({still}) {{ {go} }}"
-    ui.run_javascript(f"(() => {{ {go} }})()")
+        focus_check = f"[document.body, null].includes(at) || getHtmlElement({unless_left.id})?.contains(at)"
+        script = f"const at = document.activeElement; if ({focus_check}) {{ {script} }}"
+    ui.run_javascript(f"(() => {{ {script} }})()")
 
 
 def guarded(action: Callable[P, Awaitable[R]]) -> Callable[P, Awaitable[R | None]]:
@@ -126,7 +130,7 @@ def guarded(action: Callable[P, Awaitable[R]]) -> Callable[P, Awaitable[R | None
         try:
             return await action(*args, **kwargs)
         except SomrsError as error:
-            tell(str(error), bad=True)
+            notify(str(error), bad=True)
             return None
 
     return guard

@@ -11,21 +11,21 @@ PAUSE = 0.2
 """Seconds; what happens within is one change of the page."""
 
 
-class Soon:
+class Throttle:
     """Called as often as one likes, it calls the action a moment after the first time, in the page of now, and then is ready again."""
 
     def __init__(self, action: Callable[[], None], pause: float = PAUSE) -> None:
         self._action, self._pause = action, pause
         self._client = ui.context.client
-        self._asked = False
+        self._is_pending = False
 
     def __call__(self) -> None:
-        if not self._asked:
-            self._asked = True
-            background_tasks.create(self._act(), name="change the page", context=self._client)
+        if not self._is_pending:
+            self._is_pending = True
+            background_tasks.create(self._run_action(), name="change the page", context=self._client)
 
-    async def _act(self) -> None:
+    async def _run_action(self) -> None:
         await asyncio.sleep(self._pause)
-        self._asked = False
+        self._is_pending = False
         if not self._client.is_deleted:
             self._action()

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from starlette.types import Message, Receive, Scope, Send
 
-from somrs.gui.cache import CONDITIONS, MOST, Cache
+from somrs.gui.cache import CONDITIONS, MAX_BYTES, Cache
 
 FOREVER = "public, max-age=31536000, immutable"
 
@@ -68,7 +68,7 @@ def test_what_varies_with_nothing_but_cookies_varies_with_nothing() -> None:
 
 @pytest.mark.parametrize(
     "server",
-    [Server(cache="no-cache"), Server(status=404), Server(body=bytes(MOST + 1))],
+    [Server(cache="no-cache"), Server(status=404), Server(body=bytes(MAX_BYTES + 1))],
     ids=["what may change", "what is not there", "what is too large"],
 )
 def test_nothing_else_is_kept(server: Server) -> None:
@@ -79,7 +79,7 @@ def test_nothing_else_is_kept(server: Server) -> None:
 
 
 def test_no_more_is_kept_than_there_is_room_for() -> None:
-    server = Server(body=bytes(MOST // 2))
+    server = Server(body=bytes(MAX_BYTES // 2))
     app = Cache(server)
     for path in ("/_nicegui/a.js", "/_nicegui/./a.js", "/_nicegui/././a.js"):
         got(app, path)

@@ -10,19 +10,19 @@ from nicegui.element import Element
 from nicegui.events import GenericEventArguments
 
 
-class Keeper(Element, component="draft_storage.js"):
+class DraftStorage(Element, component="draft_storage.js"):
     """`found` hears what was kept on the `shelf` when the page was made: JSON objects with the form's values in `form`."""
 
-    def __init__(self, shelf: str, found: Callable[[list[Any]], None]) -> None:
+    def __init__(self, storage_key: str, on_restore: Callable[[list[Any]], None]) -> None:
         super().__init__()
-        self._props["shelf"] = shelf
+        self._props["shelf"] = storage_key
 
-        def hear(event: GenericEventArguments) -> None:
-            found(event.args)
+        def handle(event: GenericEventArguments) -> None:
+            on_restore(event.args)
 
-        self.on("found", hear)
+        self.on("found", handle)
 
-    def keep(self, key: str, draft: Any) -> None:
+    def save(self, key: str, draft: Any) -> None:
         self.run_method("keep", key, draft)
 
     def forget(self, key: str) -> None:
@@ -30,5 +30,5 @@ class Keeper(Element, component="draft_storage.js"):
 
     def mirror(self, element: Element, event: str, key: str, path: str, value: str = "value") -> None:
         """Keep what is written into the element as it is written; `value`: how to say it in JavaScript, of the event's `value`."""
-        put = f"getElement({self.id})?.put({json.dumps(key)}, {json.dumps(path)}, {value})"
-        element.on(event, js_handler=f"(value) => {put}")
+        store_script = f"getElement({self.id})?.put({json.dumps(key)}, {json.dumps(path)}, {value})"
+        element.on(event, js_handler=f"(value) => {store_script}")

@@ -13,29 +13,29 @@ from somrs.client.refusals import ErrorReport, error_report
 from somrs.devices.simulator.link.commands import Fault
 from somrs.errors import SomrsError
 from somrs.gui.device_card import LEAVING, DeviceCard
-from somrs.gui.icons import clock, listed
+from somrs.gui.icons import format_time, join_names
 from somrs.gui.news import follow
-from somrs.gui.question_panel import Asked
-from somrs.gui.shell import guarded, page, tell
+from somrs.gui.question_panel import QuestionPanel
+from somrs.gui.shell import guarded, notify, page
 
-SHOWN = 30
+MAX_LOG_ENTRIES = 30
 """Comings and goings that are listed."""
 
 
-def register(desk: LiveApi) -> None:
+def register(api: LiveApi) -> None:
     @ui.page("/fleet")
-    async def show() -> None:
-        with page("Fleet", "/fleet", desk):
-            fleet = _Fleet(desk)
+    async def show_page() -> None:
+        with page("Fleet", "/fleet", api):
+            fleet = _Fleet(api)
             await fleet.read()
-            follow(desk.context.hub, "fleet", fleet.read, fleet.hear)
+            follow(api.context.hub, "fleet", fleet.read, fleet.hear)
 
 
 class _Fleet:
     """The page's content, changed in place."""
 
-    def __init__(self, desk: LiveApi) -> None:
-        self._desk = desk
+    def __init__(self, api: LiveApi) -> None:
+        self._api = api
         self._cards: dict[str, DeviceCard] = {}
         self._log: tuple[PresenceChange, ...] | None = None
         with ui.element("div").classes("somrs-fleet"):
@@ -46,25 +46,25 @@ class _Fleet:
                 self._trouble = ui.label().classes("somrs-trouble").props('role="alert"')
                 self._trouble.visible = False
                 self._devices = ui.element("div").classes("somrs-fleet-devices")
-                self._nobody = ui.label("There is no device on the map, and nobody offers a service.").classes("somrs-soft")
+                self._empty_label = ui.label("There is no device on the map, and nobody offers a service.").classes("somrs-soft")
             with ui.element("aside").classes("somrs-fleet-side"):
                 with ui.element("section").classes("somrs-sheet").props('aria-label="Questions"'):
                     ui.label("Questions to people").classes("somrs-fleet-subtitle").props('role="heading" aria-level="2"')
-                    Asked(desk, nobody="Nobody is asked anything.")
+                    QuestionPanel(api, empty_text="Nobody is asked anything.")
                 with ui.element("section").classes("somrs-sheet").props('aria-label="Came and went"'):
                     ui.label("Came and went").classes("somrs-fleet-subtitle").props('role="heading" aria-level="2"')
-                    self._comings = ui.element("div").classes("somrs-fleet-log").props('role="log"')
+                    self._log_list = ui.element("div").classes("somrs-fleet-log").props('role="log"')
 
     async def read(self) -> None:
         try:
-            self._show(await self._desk.fleet.devices())
+            self._show_devices(await self._api.fleet.devices())
         except SomrsError as error:
             self._show_trouble(error_report(error))
 
     async def hear(self, news: News) -> None:
         match news.value:
             case Devices() as devices:
-                self._show(devices)
+                self._show_devices(devices)
             case ErrorReport() as wrong:
                 self._show_trouble(wrong)
             case _:
@@ -74,59 +74,59 @@ class _Fleet:
         self._trouble.set_text(f"What is shown may be old: {wrong.problem}")
         self._trouble.visible = True
 
-    def _show(self, found: Devices) -> None:
+    def _show_devices(self, devices: Devices) -> None:
         self._trouble.visible = False
-        self._summary.set_text(_summary(found.devices))
-        self._nobody.visible = not found.devices
-        known = {device.name for device in found.devices}
-        for name in [name for name in self._cards if name not in known]:
+        self._summary.set_text(_summary(devices.devices))
+        self._empty_label.visible = not devices.devices
+        device_names = {device.name for device in devices.devices}
+        for name in [name for name in self._cards if name not in device_names]:
             self._cards.pop(name).element.delete()
-        for index, device in enumerate(found.devices):
+        for index, device in enumerate(devices.devices):
             if (card := self._cards.get(device.name)) is not None:
                 if card.device != device:
-                    card.show(device)
+                    card.show_device(device)
                 continue
             with self._devices:
                 card = self._cards[device.name] = DeviceCard(device, guarded(self._break))
             if index != len(self._cards) - 1:
                 card.element.move(target_index=index)
-        if found.log != self._log:
-            self._log = found.log
-            self._comings.clear()
-            with self._comings:
-                for one in found.log[:SHOWN]:
-                    _coming(one)
-                if not found.log:
+        if devices.log != self._log:
+            self._log = devices.log
+            self._log_list.clear()
+            with self._log_list:
+                for entry in devices.log[:MAX_LOG_ENTRIES]:
+                    _log_row(entry)
+                if not devices.log:
                     ui.label("Nobody came or went since this window's server was started.").classes("somrs-soft")
 
     async def _break(self, robot: str, fault: Fault, repair: bool) -> None:
-        await self._desk.fleet.fault(robot, fault, repair)
+        await self._api.fleet.fault(robot, fault, repair)
         name = FAULT_LABELS[fault]
-        tell(f"{robot}: mended ({name})" if repair else f"{robot}: {name}")
+        notify(f"{robot}: mended ({name})" if repair else f"{robot}: {name}")
         await self.read()
 
 
 def _summary(devices: tuple[DeviceView, ...]) -> str:
-    def some(count: int, text: str) -> list[str]:
+    def count_text(count: int, text: str) -> list[str]:
         return [f"{count} {text}"] if count else []
 
-    here = [device for device in devices if device.presence is not Presence.DEPARTED]
-    broken = sum(device.state is DeviceState.NOT_WORKING for device in here)
+    present_devices = [device for device in devices if device.presence is not Presence.DEPARTED]
+    broken = sum(device.state is DeviceState.NOT_WORKING for device in present_devices)
     return " · ".join(
         [
-            f"{len(here)} device{'s' if len(here) != 1 else ''}",
-            *some(sum(device.presence is Presence.OFFERS for device in here), "on offer"),
-            *some(sum(any(one.state in BUSY for one in device.assignments) for device in here), "busy"),
-            *some(broken, LABELS[DeviceState.NOT_WORKING].lower()),
-            *some(len(devices) - len(here), "gone lately"),
+            f"{len(present_devices)} device{'s' if len(present_devices) != 1 else ''}",
+            *count_text(sum(device.presence is Presence.OFFERS for device in present_devices), "on offer"),
+            *count_text(sum(any(activity.state in BUSY for activity in device.assignments) for device in present_devices), "busy"),
+            *count_text(broken, LABELS[DeviceState.NOT_WORKING].lower()),
+            *count_text(len(devices) - len(present_devices), "gone lately"),
         ]
     )
 
 
-def _coming(one: PresenceChange) -> None:
-    services = listed([service.removeprefix(f"{one.device}.") for service in one.services])
+def _log_row(entry: PresenceChange) -> None:
+    services = join_names([service.removeprefix(f"{entry.device}.") for service in entry.services])
     with ui.element("div").classes("somrs-fleet-coming"):
-        ui.icon("login" if one.joined else "logout").props('aria-hidden="true"').classes("somrs-good" if one.joined else "somrs-plain")
+        ui.icon("login" if entry.joined else "logout").props('aria-hidden="true"').classes("somrs-good" if entry.joined else "somrs-plain")
         with ui.element("div"):
-            ui.label(f"{one.device} {'joined' if one.joined else LEAVING.get(one.reason, one.reason)}")
-            ui.label(f"{clock(one.at)} · {services}").classes("somrs-soft")
+            ui.label(f"{entry.device} {'joined' if entry.joined else LEAVING.get(entry.reason, entry.reason)}")
+            ui.label(f"{format_time(entry.at)} · {services}").classes("somrs-soft")

@@ -14,7 +14,7 @@ from somrs.api.remote import LiveApi
 from somrs.api.task_feed import TasksChanged
 from somrs.client.hub import News
 from somrs.client.task_report import reasons
-from somrs.gui.icons import OUTCOMES, clock, lasted
+from somrs.gui.icons import OUTCOMES, format_duration, format_time
 from somrs.gui.news import follow
 from somrs.gui.shell import guarded, page
 from somrs.protocol.messages.clients import Phase
@@ -24,12 +24,12 @@ from somrs.protocol.messages.records import Records, TaskRecord
 PAGE = 50
 """Tasks on a page."""
 
-ARCHIVED = 0.5
+ARCHIVE_DELAY = 0.5
 """Seconds after which a task that ended is kept."""
 
-ANY = ""
-TIMES = {ANY: "Any time", "1h": "The last hour", "1d": "The last day", "7d": "The last 7 days", "30d": "The last 30 days"}
-ENDS = {ANY: "Any end", **{outcome.value: sign.text for outcome, sign in OUTCOMES.items()}}
+ANY_VALUE = ""
+TIMES = {ANY_VALUE: "Any time", "1h": "The last hour", "1d": "The last day", "7d": "The last 7 days", "30d": "The last 30 days"}
+ENDS = {ANY_VALUE: "Any end", **{outcome.value: sign.text for outcome, sign in OUTCOMES.items()}}
 EXPORTS = (
     ("Tasks", "CSV, a row a task", {"format": "csv", "table": "tasks"}),
     ("Work", "CSV, a row for each thing that a service did", {"format": "csv", "table": "work"}),
@@ -49,34 +49,34 @@ COLUMNS = [
 
 END_CELL = """<q-td :props="props"><span :class="'somrs-badge somrs-' + props.row.tone"><q-icon :name="props.row.icon" aria-hidden="true" />
 <span>{{ props.row.outcome }}</span></span></q-td>"""
-WISH_CELL = """<q-td :props="props">
+GOAL_CELL = """<q-td :props="props">
 <a :href="'/tasks/' + props.row.task" class="somrs-history-link somrs-formula">{{ props.row.effect }}</a>
 <div v-if="props.row.why" class="somrs-soft somrs-history-why">{{ props.row.why }}</div></q-td>"""
 
 
-def register(desk: LiveApi) -> None:
+def register(api: LiveApi) -> None:
     @ui.page("/history")
-    async def show(text: str = "", outcome: str = "", since: str = "", service: str = "", rows: int = PAGE) -> None:
-        with page("History", "/history", desk):
-            history = _History(desk, min(max(rows, 1), PAGE))
-            history.ask(text, outcome, since, service)
+    async def show_page(text: str = "", outcome: str = "", since: str = "", service: str = "", rows: int = PAGE) -> None:
+        with page("History", "/history", api):
+            history = _History(api, min(max(rows, 1), PAGE))
+            history.set_filters(text, outcome, since, service)
             await guarded(history.begin)()
             await guarded(history.choices)()
-            follow(desk.context.hub, "tasks", nothing, history.hear)
+            follow(api.context.hub, "tasks", read_nothing, history.hear)
 
 
 class _History:
     """The page's content."""
 
-    def __init__(self, desk: LiveApi, rows: int) -> None:
-        self._desk, self._rows = desk, rows
-        self._behind: list[str | None] = [None]
+    def __init__(self, api: LiveApi, rows: int) -> None:
+        self._api, self._rows = api, rows
+        self._cursors: list[str | None] = [None]
         """The task behind which each page up to this one begins."""
-        self._next: str | None = None
+        self._next_cursor: str | None = None
         self._counts: list[int] = []
         """Tasks on each of the pages before this one."""
-        self._asking = 0
-        self._shown_for: dict[str, str] = {}
+        self._request_number = 0
+        self._shown_filters: dict[str, str] = {}
         """The filters as they were when what is shown was asked for."""
         self._total: int | None = None
         with ui.element("div").classes("somrs-history"):
@@ -85,141 +85,146 @@ class _History:
                 ui.label("Tasks that are over").classes("somrs-soft")
                 ui.space()
                 with ui.dropdown_button("Export", icon="download", auto_close=True).props("flat no-caps dense"), ui.element("q-list"):
-                    for name, what, wanted in EXPORTS:
-                        self._export_item(name, what, wanted)
+                    for name, description, parameters in EXPORTS:
+                        self._export_item(name, description, parameters)
             with ui.element("search").classes("somrs-history-filters").props('aria-label="Filters"'):
-                again = guarded(self._changed)
-                self._text = ui.input("Wish contains", on_change=again).props("outlined dense clearable debounce=300")
-                self._outcome = ui.select(ENDS, value=ANY, label="End", on_change=again).props("outlined dense")
-                self._since = ui.select(TIMES, value=ANY, label="Ended in", on_change=again).props("outlined dense")
-                self._device = ui.select([], label="Who worked", with_input=True, new_value_mode="add-unique", on_change=again)
+                on_change = guarded(self._changed)
+                self._text = ui.input("Wish contains", on_change=on_change).props("outlined dense clearable debounce=300")
+                self._outcome = ui.select(ENDS, value=ANY_VALUE, label="End", on_change=on_change).props("outlined dense")
+                self._period = ui.select(TIMES, value=ANY_VALUE, label="Ended in", on_change=on_change).props("outlined dense")
+                self._device = ui.select([], label="Who worked", with_input=True, new_value_mode="add-unique", on_change=on_change)
                 self._device.props("outlined dense clearable")
             self._table = ui.table(rows=[], columns=COLUMNS, row_key="task").classes("somrs-history-table")
             self._table.props("flat wrap-cells hide-pagination :rows-per-page-options=[0]")
             self._table.add_slot("body-cell-outcome", END_CELL)
-            self._table.add_slot("body-cell-effect", WISH_CELL)
+            self._table.add_slot("body-cell-effect", GOAL_CELL)
             self._table.on("rowClick", _open, [[], ["task"], None])
-            self._nothing = ui.element("div").classes("somrs-history-nothing")
+            self._empty_state = ui.element("div").classes("somrs-history-nothing")
             with ui.element("nav").classes("somrs-history-pages").props('aria-label="Pages of tasks"') as self._pages:
-                self._where = ui.label().classes("somrs-soft").props('role="status"')
+                self._position_label = ui.label().classes("somrs-soft").props('role="status"')
                 ui.space()
-                self._newer = ui.button("Newer", icon="chevron_left", on_click=guarded(self._back)).props("flat dense no-caps")
-                self._older = ui.button("Older", on_click=guarded(self._on)).props("flat dense no-caps icon-right=chevron_right")
+                self._newer = ui.button("Newer", icon="chevron_left", on_click=guarded(self._show_newer)).props("flat dense no-caps")
+                self._older = ui.button("Older", on_click=guarded(self._show_older)).props("flat dense no-caps icon-right=chevron_right")
 
     async def choices(self) -> None:
         """The devices that there are now; others can be typed."""
-        devices = [device.name for device in (await self._desk.fleet.devices()).devices]
+        devices = [device.name for device in (await self._api.fleet.devices()).devices]
         self._device.set_options([*dict.fromkeys([*devices, *([self._device.value] if self._device.value else [])])])
 
-    def ask(self, text: str, outcome: str, since: str, service: str) -> None:
+    def set_filters(self, text: str, outcome: str, period: str, service: str) -> None:
         """Set the filters, as the page's address says them."""
         self._text.value = text
-        self._outcome.value = outcome if outcome in ENDS else ANY
-        if since not in TIMES:
-            self._since.set_options({**TIMES, since: since})
-        self._since.value = since
+        self._outcome.value = outcome if outcome in ENDS else ANY_VALUE
+        if period not in TIMES:
+            self._period.set_options({**TIMES, period: period})
+        self._period.value = period
         if service:
             self._device.set_options([service])
         self._device.value = service or None
 
     async def _changed(self) -> None:
-        if self._asked() != self._shown_for:
-            self._say_where()
+        if self._filters() != self._shown_filters:
+            self._update_address()
             await self.begin()
 
-    def _say_where(self) -> None:
+    def _update_address(self) -> None:
         """Have the page's address say the filters, so that it can be kept, sent and loaded again."""
         rows = {"rows": str(self._rows)} if self._rows != PAGE else {}
-        wanted = urlencode({**self._asked(), **rows})
-        ui.navigate.history.replace(f"/history?{wanted}" if wanted else "/history")
+        query = urlencode({**self._filters(), **rows})
+        ui.navigate.history.replace(f"/history?{query}" if query else "/history")
 
     async def hear(self, news: News) -> None:
         """Show a task that ended, if the latest are in view."""
-        shown = {row["task"] for row in self._table.rows}
+        shown_tasks = {row["task"] for row in self._table.rows}
         rows = news.value.rows if isinstance(news.value, TasksChanged) else ()
-        if len(self._behind) == 1 and any(row.phase is Phase.ENDED and row.task not in shown for row in rows):
-            await asyncio.sleep(ARCHIVED)
+        if len(self._cursors) == 1 and any(row.phase is Phase.ENDED and row.task not in shown_tasks for row in rows):
+            await asyncio.sleep(ARCHIVE_DELAY)
             await guarded(self.begin)()
 
     async def begin(self) -> None:
         """The first page of what the filters ask for now."""
-        self._asking = asked = self._asking + 1
-        self._shown_for = self._asked()
-        found = await self._read(None)
-        if asked == self._asking:  # otherwise the filters were changed meanwhile, and another answer is on its way
-            self._behind, self._counts, self._total = [None], [], found.total
-            self._show(found)
+        self._request_number = request_number = self._request_number + 1
+        self._shown_filters = self._filters()
+        result = await self._read(None)
+        if request_number == self._request_number:  # otherwise the filters were changed meanwhile, and another answer is on its way
+            self._cursors, self._counts, self._total = [None], [], result.total
+            self._show_result(result)
 
-    async def _on(self) -> None:
-        if self._next is not None:
-            found = await self._read(self._next)
-            self._behind.append(self._next)
+    async def _show_older(self) -> None:
+        if self._next_cursor is not None:
+            result = await self._read(self._next_cursor)
+            self._cursors.append(self._next_cursor)
             self._counts.append(len(self._table.rows))
-            self._show(found)
+            self._show_result(result)
 
-    async def _back(self) -> None:
-        if len(self._behind) > 1:
-            found = await self._read(self._behind[-2])
-            self._behind.pop()
+    async def _show_newer(self) -> None:
+        if len(self._cursors) > 1:
+            result = await self._read(self._cursors[-2])
+            self._cursors.pop()
             self._counts.pop()
-            self._show(found)
+            self._show_result(result)
 
-    async def _read(self, behind: str | None) -> Records:
+    async def _read(self, cursor: str | None) -> Records:
         outcome = Outcome(self._outcome.value) if self._outcome.value else None
-        return await self._desk.records.find(
-            since=self._since.value or None,
+        return await self._api.records.find(
+            since=self._period.value or None,
             outcome=outcome,
             text=self._text.value or None,
             service=self._device.value or None,
             limit=self._rows,
-            behind=behind,
+            behind=cursor,
         )
 
-    def _show(self, found: Records) -> None:
-        records = found.records
-        self._next = records[-1].task if found.more and records else None
+    def _show_result(self, result: Records) -> None:
+        records = result.records
+        self._next_cursor = records[-1].task if result.more and records else None
         self._table.rows = [_row(record) for record in records]
         self._table.visible = bool(records)
-        before = sum(self._counts)
+        earlier_count = sum(self._counts)
         total = f" of {self._total:,}" if self._total is not None else ""
-        self._where.set_text(f"{before + 1:,} to {before + len(records):,}{total}" if records else "")
-        self._newer.set_enabled(len(self._behind) > 1)
-        self._older.set_enabled(self._next is not None)
+        self._position_label.set_text(f"{earlier_count + 1:,} to {earlier_count + len(records):,}{total}" if records else "")
+        self._newer.set_enabled(len(self._cursors) > 1)
+        self._older.set_enabled(self._next_cursor is not None)
         self._pages.visible = bool(records)
-        self._nothing.clear()
-        self._nothing.visible = not records
+        self._empty_state.clear()
+        self._empty_state.visible = not records
         if not records:
-            with self._nothing:
-                self._show_nothing()
+            with self._empty_state:
+                self._show_empty_state()
 
-    def _show_nothing(self) -> None:
+    def _show_empty_state(self) -> None:
         ui.icon("history_toggle_off").classes("somrs-history-icon").props('aria-hidden="true"')
-        if self._asked():
+        if self._filters():
             ui.label("No task that is over fits these filters.")
             ui.button("Show all", on_click=guarded(self._clear)).props("flat no-caps")
         else:
             ui.label("No task is over yet.")
             ui.link("State one", "/define")
 
-    def _asked(self) -> dict[str, str]:
+    def _filters(self) -> dict[str, str]:
         """The filters that are set, as the API calls them."""
-        wanted = {"text": self._text.value, "outcome": self._outcome.value, "since": self._since.value, "service": self._device.value}
-        return {name: str(value) for name, value in wanted.items() if value}
+        filter_values = {
+            "text": self._text.value,
+            "outcome": self._outcome.value,
+            "since": self._period.value,
+            "service": self._device.value,
+        }
+        return {name: str(value) for name, value in filter_values.items() if value}
 
     async def _clear(self) -> None:
-        self.ask(ANY, ANY, ANY, ANY)
+        self.set_filters(ANY_VALUE, ANY_VALUE, ANY_VALUE, ANY_VALUE)
         await self._changed()
 
-    def _export_item(self, name: str, what: str, wanted: dict[str, str]) -> None:
-        with ui.item(on_click=self._exports(wanted)), ui.item_section():
+    def _export_item(self, name: str, description: str, parameters: dict[str, str]) -> None:
+        with ui.item(on_click=self._exports(parameters)), ui.item_section():
             ui.item_label(name)
-            ui.item_label(what).props("caption")
+            ui.item_label(description).props("caption")
 
-    def _exports(self, wanted: dict[str, str]) -> Callable[[], None]:
-        return lambda: ui.download.from_url(f"/api/records/export?{urlencode({**wanted, **self._asked()})}")
+    def _exports(self, parameters: dict[str, str]) -> Callable[[], None]:
+        return lambda: ui.download.from_url(f"/api/records/export?{urlencode({**parameters, **self._filters()})}")
 
 
-async def nothing() -> None:
+async def read_nothing() -> None:
     """What is shown was read when the page was made."""
 
 
@@ -242,6 +247,6 @@ def _row(record: TaskRecord) -> dict[str, object]:
         "effect": record.effect,
         "why": reason or recovered,
         "devices": ", ".join(devices) or "nobody",
-        "ended": clock(record.ended_at),
-        "took": lasted(record.ended_at - record.submitted_at),
+        "ended": format_time(record.ended_at),
+        "took": format_duration(record.ended_at - record.submitted_at),
     }

@@ -11,13 +11,13 @@ from somrs.client.hub import News
 from somrs.gui.device_card import state
 from somrs.gui.icons import Badge, Sign
 from somrs.gui.news import follow
-from somrs.gui.pages.task_words import sign
-from somrs.gui.shell import PLACES, page
+from somrs.gui.pages.task_words import task_sign
+from somrs.gui.shell import PAGE_LINKS, page
 
 MOST_TASKS = 6
 """Tasks that are shown here."""
 
-ABOUT = {
+DESCRIPTIONS = {
     "/map": "The floor plan and the scene as they are, and as they were: look, search, edit.",
     "/ontology": "The words that things, devices and services are described with.",
     "/define": "Say what is to be so, see the plan and what it costs, and start it.",
@@ -27,57 +27,57 @@ ABOUT = {
 }
 
 
-def register(desk: LiveApi) -> None:
+def register(api: LiveApi) -> None:
     @ui.page("/")
     async def start() -> None:
-        with page("Start", "/", desk), ui.element("div").classes("somrs-start"):
+        with page("Start", "/", api), ui.element("div").classes("somrs-start"):
             head = ui.element("div").classes("somrs-start-head")
             with ui.element("div").classes("somrs-start-ways"):
-                for place in PLACES:
+                for place in PAGE_LINKS:
                     with ui.link(target=place.path).classes("somrs-start-way somrs-sheet"):
                         ui.icon(place.icon).props('aria-hidden="true"')
                         with ui.element("div"):
                             ui.label(place.label).classes("somrs-start-label")
-                            ui.label(ABOUT[place.path]).classes("somrs-soft")
+                            ui.label(DESCRIPTIONS[place.path]).classes("somrs-soft")
             with ui.element("div").classes("somrs-start-now"):
                 tasks, fleet, parts = (_sheet(title) for title in ("Under way", "Fleet", "Parts of the system"))
 
         async def show_system(news: News | None = None) -> None:
-            seen = news.value if news is not None and isinstance(news.value, SystemView) else await desk.system.read()
+            system = news.value if news is not None and isinstance(news.value, SystemView) else await api.system.read()
             head.clear()
             with head:
-                ui.label(seen.site or "SO-MRS").classes("somrs-title").props("role=heading aria-level=1")
-                ui.label(f"{seen.objects} objects of {seen.types} types, map version {seen.map_version}").classes("somrs-soft")
+                ui.label(system.site or "SO-MRS").classes("somrs-title").props("role=heading aria-level=1")
+                ui.label(f"{system.objects} objects of {system.types} types, map version {system.map_version}").classes("somrs-soft")
             parts.clear()
             with parts:
-                for part in seen.parts:
+                for part in system.parts:
                     _part(part)
 
         async def show_tasks(news: News | None = None) -> None:
-            found = await desk.tasks.list(running=True, limit=MOST_TASKS)
+            task_list = await api.tasks.list(running=True, limit=MOST_TASKS)
             tasks.clear()
             with tasks:
-                for task in found.rows:
+                for task in task_list.rows:
                     with ui.link(target=f"/tasks/{task.task}").classes("somrs-start-row"):
-                        Badge(sign(task.phase, task.outcome))
+                        Badge(task_sign(task.phase, task.outcome))
                         ui.label(task.effect).classes("somrs-formula")
-                if not found.rows:
+                if not task_list.rows:
                     ui.label("No task is under way.").classes("somrs-soft")
 
         async def show_fleet(news: News | None = None) -> None:
-            seen = news.value if news is not None and isinstance(news.value, Devices) else await desk.fleet.devices()
+            device_list = news.value if news is not None and isinstance(news.value, Devices) else await api.fleet.devices()
             fleet.clear()
             with fleet:
-                for device in seen.devices:
+                for device in device_list.devices:
                     with ui.element("div").classes("somrs-start-row"):
                         Badge(state(device))
                         ui.label(device.name)
-                        ui.label(", ".join(dict.fromkeys(one.type for one in device.services))).classes("somrs-soft")
-                if not seen.devices:
+                        ui.label(", ".join(dict.fromkeys(service.type for service in device.services))).classes("somrs-soft")
+                if not device_list.devices:
                     ui.label("There are no devices on the map, and nobody offers anything.").classes("somrs-soft")
 
-        for topic, show in (("system", show_system), ("tasks", show_tasks), ("fleet", show_fleet)):
-            follow(desk.context.hub, topic, show, show)
+        for topic, refresh in (("system", show_system), ("tasks", show_tasks), ("fleet", show_fleet)):
+            follow(api.context.hub, topic, refresh, refresh)
 
 
 def _sheet(title: str) -> ui.element:

@@ -16,65 +16,65 @@ from somrs.gui.components.task.chart import MessageChart
 from somrs.gui.components.task.graph import PlanGraph
 from somrs.gui.components.task.timeline import DeviceTimeline
 from somrs.gui.news import follow
-from somrs.gui.pages.task_head import Head
-from somrs.gui.pages.task_scene import Scene
-from somrs.gui.pages.task_telling import Telling
-from somrs.gui.pages.task_terms import Terms
-from somrs.gui.pages.task_words import key
+from somrs.gui.pages.task_head import TaskHeader
+from somrs.gui.pages.task_scene import TaskScene
+from somrs.gui.pages.task_telling import StoryPanel
+from somrs.gui.pages.task_terms import BidPanel
+from somrs.gui.pages.task_words import task_key
 from somrs.gui.panel import panel
-from somrs.gui.question_panel import Asked
+from somrs.gui.question_panel import QuestionPanel
 from somrs.gui.shell import page
-from somrs.gui.throttle import Soon
-from somrs.gui.unavailable_banner import Silence
+from somrs.gui.throttle import Throttle
+from somrs.gui.unavailable_banner import UnavailableBanner
 from somrs.protocol.messages.clients import ContractView, TaskEvent, TaskView
 from somrs.protocol.messages.frp import State
 
-AT_ONCE = 2.0
+FIRST_READ_TIME = 2.0
 """Seconds for which the page waits for the task before it is sent without it."""
 
-AGAIN = 2.0
+RETRY_DELAY = 2.0
 """Seconds after which a Task Manager that does not answer is asked again."""
 
 
-def register(desk: LiveApi) -> None:
+def register(api: LiveApi) -> None:
     @ui.page("/tasks/{id}")
-    async def show(id: str) -> None:
-        with page("Task", "/tasks", desk):
-            await _Opening(desk, id).begin()
+    async def show_page(id: str) -> None:
+        with page("Task", "/tasks", api):
+            await _TaskLoader(api, id).begin()
 
 
-class _Opening:
+class _TaskLoader:
     """Until the task was read."""
 
-    def __init__(self, desk: LiveApi, id: str) -> None:
-        self._desk, self._id = desk, id
+    def __init__(self, api: LiveApi, id: str) -> None:
+        self._api, self._id = api, id
         self._place = ui.element("div").classes("somrs-task-page")
 
     async def begin(self) -> None:
         try:
-            async with asyncio.timeout(AT_ONCE):
+            async with asyncio.timeout(FIRST_READ_TIME):
                 await self._read()
         except TimeoutError:
             self._wait("Reading the task …")
 
     async def _read(self) -> None:
         try:
-            seen = await self._desk.tasks.read(self._id)
+            snapshot = await self._api.tasks.read(self._id)
         except NotFound as error:
-            self._say("search_off", str(error))
+            self._show_message("search_off", str(error))
         except SomrsError as error:
             self._wait(f"{error}; asking again")
         else:
             self._place.clear()
             with self._place:
-                _Seen(self._desk, seen)
+                _TaskPage(self._api, snapshot)
 
     def _wait(self, text: str) -> None:
-        self._say("hourglass_empty", text)
+        self._show_message("hourglass_empty", text)
         with self._place:
-            ui.timer(AGAIN, self._read, once=True)
+            ui.timer(RETRY_DELAY, self._read, once=True)
 
-    def _say(self, icon: str, text: str) -> None:
+    def _show_message(self, icon: str, text: str) -> None:
         self._place.clear()
         with self._place, ui.element("div").classes("somrs-sheet somrs-task-none").props('role="status"'):
             ui.icon(icon).props('aria-hidden="true"')
@@ -82,53 +82,53 @@ class _Opening:
             ui.link("All tasks", "/tasks")
 
 
-class _Seen:
+class _TaskPage:
     """The page of a task that was read: kept up to date until it is closed."""
 
-    def __init__(self, desk: LiveApi, seen: TaskDetails) -> None:
-        self._desk, self._id = desk, seen.view.task
-        self._view = seen.view
+    def __init__(self, api: LiveApi, snapshot: TaskDetails) -> None:
+        self._api, self._id = api, snapshot.view.task
+        self._view = snapshot.view
         self._events: list[TaskEvent] = []
         self._contracts: dict[str, ContractView] = {}
-        self._change = Soon(self._show)
-        ui.page_title(f"{seen.view.effect} · SO-MRS")
-        Silence(desk, "Task Manager")
-        self._head = Head(desk, seen.view)
-        self._asked = Asked(desk, about=frozenset())
+        self._schedule_render = Throttle(self._render)
+        ui.page_title(f"{snapshot.view.effect} · SO-MRS")
+        UnavailableBanner(api, "Task Manager")
+        self._header = TaskHeader(api, snapshot.view)
+        self._questions = QuestionPanel(api, object_names=frozenset())
         with ui.element("div").classes("somrs-task-panels"):
             with ui.element("div").classes("somrs-task-column somrs-task-first"):
                 with panel("Plan", "schema", "task plan", "somrs-task-plan"):
-                    PlanGraph(task=self._id, label=f"The plan of task {key(self._id)[:8]}", empty="There is no plan.")
+                    PlanGraph(task=self._id, label=f"The plan of task {task_key(self._id)[:8]}", empty="There is no plan.")
                 with panel("Terms", "handshake", "task terms", "somrs-task-terms") as terms:
-                    self._terms = Terms(terms)
+                    self._bids = BidPanel(terms)
                 with panel("Times", "view_timeline", "task times", "somrs-task-times"):
                     DeviceTimeline(self._id)
             with ui.element("div").classes("somrs-task-column"):
                 with panel("Scene", "map", "task scene", "somrs-task-scene"):
-                    self._scene = Scene()
-                with panel("Story", "auto_stories", "task story", "somrs-task-story") as told:
-                    self._telling = Telling(told, self._id)
+                    self._scene = TaskScene()
+                with panel("Story", "auto_stories", "task story", "somrs-task-story") as story_panel:
+                    self._story = StoryPanel(story_panel, self._id)
             wide = ui.element("div").classes("somrs-task-column somrs-task-wide")
             with wide, panel("Messages", "swap_horiz", "task messages", "somrs-task-messages"):
                 MessageChart(self._id)
-        self._take(seen.events, seen.contracts)
-        self._show()
-        follow(desk.context.hub, f"task {self._id}", self._read, self._hear)
+        self._add_news(snapshot.events, snapshot.contracts)
+        self._render()
+        follow(api.context.hub, f"task {self._id}", self._read, self._handle_news)
 
     async def _read(self) -> None:
         """Everything, anew."""
         try:
-            seen = await self._desk.tasks.read(self._id)
+            snapshot = await self._api.tasks.read(self._id)
         except SomrsError:
-            ui.timer(AGAIN, self._read, once=True)
+            ui.timer(RETRY_DELAY, self._read, once=True)
             return
-        self._view = seen.view
+        self._view = snapshot.view
         self._events.clear()
         self._contracts.clear()
-        self._take(seen.events, seen.contracts)
-        self._show()
+        self._add_news(snapshot.events, snapshot.contracts)
+        self._render()
 
-    async def _hear(self, news: News) -> None:
+    async def _handle_news(self, news: News) -> None:
         if not isinstance(news.value, TaskChanged):
             await self._read()
             return
@@ -137,22 +137,22 @@ class _Seen:
             await self._read()
             return
         self._view = news.value.view
-        self._take(fresh, news.value.contracts)
-        self._change()
+        self._add_news(fresh, news.value.contracts)
+        self._schedule_render()
 
-    def _take(self, events: Sequence[TaskEvent], contracts: Sequence[ContractView]) -> None:
+    def _add_news(self, events: Sequence[TaskEvent], contracts: Sequence[ContractView]) -> None:
         self._events += events
-        self._contracts |= {one.participant: one for one in contracts}
+        self._contracts |= {contract.participant: contract for contract in contracts}
 
-    def _show(self) -> None:
-        self._head.show(self._view)
-        self._asked.ask_about(asked_about(self._view))
-        self._scene.show(self._view)
-        self._telling.show(self._view, self._events)
-        self._terms.show([*self._contracts.values()], self._view.submitted_at)
+    def _render(self) -> None:
+        self._header.render(self._view)
+        self._questions.set_objects(observed_objects(self._view))
+        self._scene.render(self._view)
+        self._story.render(self._view, self._events)
+        self._bids.render([*self._contracts.values()], self._view.submitted_at)
 
 
-def asked_about(view: TaskView) -> frozenset[str]:
+def observed_objects(view: TaskView) -> frozenset[str]:
     """Of what somebody is to find out now how it is: questions about it are the task's."""
-    looks = (work for work in view.work if work.state is State.EXECUTING and work.step.startswith("look"))
-    return frozenset(thing for work in looks for thing in work.inputs.values())
+    observations = (work for work in view.work if work.state is State.EXECUTING and work.step.startswith("look"))
+    return frozenset(thing for work in observations for thing in work.inputs.values())

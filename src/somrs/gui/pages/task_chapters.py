@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
-from somrs.gui.pages.task_words import counted
+from somrs.gui.pages.task_words import count_text
 from somrs.protocol.messages.events import EventKind
 
 ANSWERS = {
@@ -59,7 +59,7 @@ class Chapter:
     service: str | None = None
     silent: bool = False
     unblocking: bool = False
-    left: str = ""
+    situation: str = ""
     lines: list[Line] = field(default_factory=list)
     result: str = ""
     result_tone: str = "busy"
@@ -67,8 +67,8 @@ class Chapter:
 
     def add(self, at: float, text: str, kind: EventKind | None = None) -> None:
         """A line. Its kind is said unless the lines before are of that kind."""
-        last = next((line.kind for line in reversed(self.lines) if line.kind is not None), None)
-        self.lines.append(Line(at=at, text=text, kind=kind if kind is not last else None))
+        last_kind = next((line.kind for line in reversed(self.lines) if line.kind is not None), None)
+        self.lines.append(Line(at=at, text=text, kind=kind if kind is not last_kind else None))
 
     def is_answered_by(self, *kinds: EventKind) -> bool:
         return any(line.kind in kinds for line in self.lines)
@@ -84,9 +84,9 @@ def failures(chapters: Sequence[Chapter]) -> Iterator[Chapter]:
 
 def summary(chapters: Sequence[Chapter]) -> str:
     """In a line: how much went wrong, and how that was answered."""
-    found = [*failures(chapters)]
-    if not found:
+    failed_chapters = [*failures(chapters)]
+    if not failed_chapters:
         setbacks = sum(line.kind is EventKind.SETBACK for chapter in chapters for line in chapter.lines)
-        return counted(setbacks, "setback") if setbacks else "no failures"
-    answers = dict.fromkeys(ANSWERS[line.kind] for failure in found for line in failure.lines if line.kind in ANSWERS)
-    return counted(len(found), "failure") + (f", answered by: {', '.join(answers)}" if answers else "")
+        return count_text(setbacks, "setback") if setbacks else "no failures"
+    answers = dict.fromkeys(ANSWERS[line.kind] for failure in failed_chapters for line in failure.lines if line.kind in ANSWERS)
+    return count_text(len(failed_chapters), "failure") + (f", answered by: {', '.join(answers)}" if answers else "")

@@ -12,41 +12,41 @@ from somrs.entish.formula import conjuncts
 from somrs.entish.parse import parse
 from somrs.gui.components.floorplan import FloorPlan
 from somrs.gui.components.scene import Scene3D
-from somrs.gui.pages.task_words import device
+from somrs.gui.pages.task_words import device_name
 from somrs.protocol.messages.clients import TaskView
 from somrs.protocol.messages.frp import State
 
 SPACE, PLAN = "3d", "plan"
-KEPT = "task view"
+VIEW_SETTING = "task view"
 """In the browser's settings: which of the two."""
 
 HEIGHT = "340px"
 
-AFTER = 0.3
+SCENE_DELAY = 0.3
 """Seconds after which the scene is made: all else on the page is there first."""
 
 WORKING = (State.EXECUTING, State.STOPPING, State.COMPENSATING)
 
 
-class Scene:
+class TaskScene:
     """One of two views, as somebody likes it; that is remembered in this browser."""
 
     def __init__(self) -> None:
         self._marks: dict[str, str] = {}
-        self._ways: list[tuple[str, str | tuple[float, float]]] = []
+        self._arrows: list[tuple[str, str | tuple[float, float]]] = []
         self._plan: FloorPlan | None = None
         self._space: Scene3D | None = None
-        chosen = app.storage.user.get(KEPT, SPACE)
-        self._choice = ui.toggle({SPACE: "3D", PLAN: "Floor plan"}, value=chosen, on_change=self._turn)
+        chosen = app.storage.user.get(VIEW_SETTING, SPACE)
+        self._choice = ui.toggle({SPACE: "3D", PLAN: "Floor plan"}, value=chosen, on_change=self._switch_view)
         self._choice.props('no-caps dense unelevated aria-label="View"').classes("somrs-task-scene-choice")
         self._place = ui.element("div").classes("somrs-task-view").style(f"min-height: {HEIGHT}")
-        ui.timer(AFTER, self._make, once=True)
+        ui.timer(SCENE_DELAY, self._build_view, once=True)
 
-    def _turn(self) -> None:
-        app.storage.user[KEPT] = self._choice.value
-        self._make()
+    def _switch_view(self) -> None:
+        app.storage.user[VIEW_SETTING] = self._choice.value
+        self._build_view()
 
-    def _make(self) -> None:
+    def _build_view(self) -> None:
         self._place.clear()
         self._plan = self._space = None
         with self._place:
@@ -59,27 +59,27 @@ class Scene:
     def _mark(self) -> None:
         if self._plan is not None:
             self._plan.highlight(self._marks)
-            self._plan.point(self._ways)
+            self._plan.point(self._arrows)
         if self._space is not None:
             self._space.highlight(self._marks)
 
-    def show(self, view: TaskView) -> None:
-        marks = dict(_marks(view))
-        ways = [*_ways(view)] if view.outcome is None else []
-        if (marks, ways) != (self._marks, self._ways):
-            self._marks, self._ways = marks, ways
+    def render(self, view: TaskView) -> None:
+        marks = dict(_work_marks(view))
+        arrows = [*_goal_arrows(view)] if view.outcome is None else []
+        if (marks, arrows) != (self._marks, self._arrows):
+            self._marks, self._arrows = marks, arrows
             self._mark()
 
 
-def _marks(view: TaskView) -> Iterator[tuple[str, str]]:
+def _work_marks(view: TaskView) -> Iterator[tuple[str, str]]:
     """Names of objects, with what is to be said of them."""
     for work in view.work:
         if work.state in WORKING:
             yield next(iter(work.inputs.values()), ""), ""
-            yield device(work.service), work.step
+            yield device_name(work.service), work.step
 
 
-def _ways(view: TaskView) -> Iterator[tuple[str, str | tuple[float, float]]]:
+def _goal_arrows(view: TaskView) -> Iterator[tuple[str, str | tuple[float, float]]]:
     """From things to where the wish wants them."""
     for part in conjuncts(parse(view.effect)):
         match part:

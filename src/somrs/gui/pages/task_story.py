@@ -9,7 +9,7 @@ from itertools import groupby
 from somrs.client import state_labels
 from somrs.client.task_report import reasons
 from somrs.gui.pages.task_chapters import ANSWERS, LABELS, Chapter, Line
-from somrs.gui.pages.task_words import counted, gist
+from somrs.gui.pages.task_words import count_text, gist
 from somrs.protocol.messages import events
 from somrs.protocol.messages.clients import Phase, TaskEvent, TaskView
 from somrs.protocol.messages.event_text import failure_text
@@ -27,7 +27,7 @@ ENDINGS = {
 """For each outcome the title of the last chapter, its tone, and what came of failures that were not answered until then."""
 
 
-class _Story:
+class _StoryBuilder:
     """Takes a task's events one by one. `told` in its methods is an event as it was noted, `event` what happened."""
 
     def __init__(self, view: TaskView) -> None:
@@ -42,59 +42,59 @@ class _Story:
         self._plans_aside = False
         """The next plan is for that, or for undoing, and not the task's."""
 
-    def take(self, told: TaskEvent, event: Event) -> None:
+    def add_event(self, entry: TaskEvent, event: Event) -> None:
         match event:
             case events.WaitsForDevice():
                 pass  # it is said of every second step, and means that devices are busy
             case events.WaitsForTasks():
-                self._add(told, "hourglass_empty", "It waits", "busy", told.text)
+                self._add_chapter(entry, "hourglass_empty", "It waits", "busy", entry.text)
             case events.GoesOn():
-                self._add(told, "hourglass_empty", "It goes on", "busy", told.text)
-            case events.TaskEnded(outcome=outcome, reasons=why):
-                self.end(told, outcome, why)
+                self._add_chapter(entry, "hourglass_empty", "It goes on", "busy", entry.text)
+            case events.TaskEnded(outcome=outcome, reasons=end_reasons):
+                self.end(entry, outcome, end_reasons)
             case events.Planned(steps=steps):
-                self._planned(told, steps)
+                self._add_plan(entry, steps)
             case _ if kind_of(event) is EventKind.SETBACK:
-                self._setback(told, event)
+                self._add_setback(entry, event)
             case _ if kind_of(event) in ANSWERS:
-                self._answer(told, event)
+                self._add_answer(entry, event)
             case _:
-                self._news(told, event)
+                self._add_news(entry, event)
 
-    def take_text(self, told: Sequence[TaskEvent]) -> None:
+    def add_text_entries(self, entries: Sequence[TaskEvent]) -> None:
         """Events of which a record has the sentences only."""
-        chapter = self._add(told[0], "history", "What was kept of it", "plain")
-        for event in told:
+        chapter = self._add_chapter(entries[0], "history", "What was kept of it", "plain")
+        for event in entries:
             chapter.lines.append(Line(at=event.at, text=_of_step(event), kind=event.kind if event.kind in LABELS else None))
 
     # Failures
 
-    def _setback(self, told: TaskEvent, event: Event) -> None:
+    def _add_setback(self, entry: TaskEvent, event: Event) -> None:
         if self._undoing is not None:
-            self._undo(told)
+            self._add_undoing(entry)
             self._undoing.tone = "bad"
             return
-        known = self._part_of(event)
-        if known is not None:
-            known.add(told.at, told.text)
-            known.step = known.step or told.step
-            known.left = known.left or self._left(told, event)
+        known_failure = self._related_failure(event)
+        if known_failure is not None:
+            known_failure.add(entry.at, entry.text)
+            known_failure.step = known_failure.step or entry.step
+            known_failure.situation = known_failure.situation or self._situation_left(entry, event)
             return
-        for earlier in [chapter for chapter in self._open if chapter.step == told.step and told.step is not None]:
-            self._close(earlier, "It failed again.", "bad", told.at)
-        self._open.append(self._failure(told, event))
+        for earlier in [chapter for chapter in self._open if chapter.step == entry.step and entry.step is not None]:
+            self._close(earlier, "It failed again.", "bad", entry.at)
+        self._open.append(self._add_failure(entry, event))
 
-    def _failure(self, told: TaskEvent, event: Event) -> Chapter:
+    def _add_failure(self, entry: TaskEvent, event: Event) -> Chapter:
         number = sum(chapter.number is not None for chapter in self.chapters) + 1
         if isinstance(event, events.ServiceFailure):
-            chapter = self._add(told, "error", f"Failure {number}: {event.service}", "bad", failure_text(event))
+            chapter = self._add_chapter(entry, "error", f"Failure {number}: {event.service}", "bad", failure_text(event))
             chapter.service, chapter.silent = event.service, isinstance(event, events.ServiceSilent)
         else:
-            chapter = self._add(told, "error", f"Failure {number}", "bad", told.text)
-        chapter.number, chapter.left = number, self._left(told, event)
+            chapter = self._add_chapter(entry, "error", f"Failure {number}", "bad", entry.text)
+        chapter.number, chapter.situation = number, self._situation_left(entry, event)
         return chapter
 
-    def _part_of(self, event: Event) -> Chapter | None:
+    def _related_failure(self, event: Event) -> Chapter | None:
         """The failure that the setback is part of: one more sign of it, or that what was tried about it did not help."""
         match event:
             case events.GoalFailed(step=step):
@@ -102,59 +102,59 @@ class _Story:
             case events.CompensationFailed() | events.WorkStranded() | events.ServiceOverdue(undoing=True):
                 return self._open[-1] if self._open else None
             case _ if isinstance(event, events.ServiceFailure):
-                return self._silence(event.service)
+                return self._silent_failure(event.service)
         return None
 
-    def _silence(self, service: str) -> Chapter | None:
+    def _silent_failure(self, service: str) -> Chapter | None:
         """The failure that was only a silence of the service so far."""
         return next((chapter for chapter in self._open if chapter.silent and not chapter.step and chapter.service == service), None)
 
-    def _left(self, told: TaskEvent, event: Event) -> str:
+    def _situation_left(self, entry: TaskEvent, event: Event) -> str:
         """What the service that failed left, if it is known."""
         if not isinstance(event, events.ServiceFailure):
             return ""
         for work in reversed(self._view.work):
-            is_lost = work.step == told.step and work.began <= told.at and (work.result or work.state) in LOST
+            is_lost = work.step == entry.step and work.began <= entry.at and (work.result or work.state) in LOST
             if is_lost and work.service == event.service:
                 return gist(work.situation) if work.situation and work.state is not State.UNREACHABLE else ""
         return ""
 
     # What is done about them
 
-    def _answer(self, told: TaskEvent, event: Event) -> None:
+    def _add_answer(self, entry: TaskEvent, event: Event) -> None:
         kind = kind_of(event)
         self._plans_aside |= isinstance(event, events.HandlerBegun | events.UndoneByHandler | events.UndoneByOthers)
-        if kind is EventKind.UNDO and not self._is_to_go_on(event):
-            self._undo(told)
+        if kind is EventKind.UNDO and not self._is_unblocking(event):
+            self._add_undoing(entry)
             return
-        for chapter in self._answered(told, kind):
-            text = gist(told.text) if told.step == chapter.step else _of_step(told)
-            chapter.add(told.at, text, kind)
+        for chapter in self._answered_failures(entry, kind):
+            text = gist(entry.text) if entry.step == chapter.step else _of_step(entry)
+            chapter.add(entry.at, text, kind)
             chapter.unblocking |= isinstance(event, events.FailuresUndone)
             if kind in (EventKind.HANDLER, EventKind.LOOK):
                 self._aside = chapter
 
-    def _answered(self, told: TaskEvent, kind: EventKind) -> list[Chapter]:
+    def _answered_failures(self, entry: TaskEvent, kind: EventKind) -> list[Chapter]:
         """The failures about which this is done; if there is none, a chapter for it."""
-        about = [chapter for chapter in self._open if told.step is None or chapter.step == told.step]
-        if not about and self._open and kind is EventKind.UNDO:
-            about = self._open[-1:]  # what stands in the way may be of another step
-        if not about:
-            about = [self._add(told, "alt_route" if kind is EventKind.REPLAN else "sync", LABELS[kind], "busy")]
-            self._open += about
-        return about
+        chapters = [chapter for chapter in self._open if entry.step is None or chapter.step == entry.step]
+        if not chapters and self._open and kind is EventKind.UNDO:
+            chapters = self._open[-1:]  # what stands in the way may be of another step
+        if not chapters:
+            chapters = [self._add_chapter(entry, "alt_route" if kind is EventKind.REPLAN else "sync", LABELS[kind], "busy")]
+            self._open += chapters
+        return chapters
 
-    def _is_to_go_on(self, event: Event) -> bool:
+    def _is_unblocking(self, event: Event) -> bool:
         """Whether a failure is undone so that the task can go on, and not because it ends."""
         if self._undoing is not None:
             return False
-        begun = any(chapter.unblocking for chapter in self._open)
-        return isinstance(event, events.FailuresUndone) or (begun and not isinstance(event, events.UndoneByOthers))
+        is_unblocking = any(chapter.unblocking for chapter in self._open)
+        return isinstance(event, events.FailuresUndone) or (is_unblocking and not isinstance(event, events.UndoneByOthers))
 
-    def _undo(self, told: TaskEvent) -> None:
+    def _add_undoing(self, entry: TaskEvent) -> None:
         if self._undoing is None:
-            self._undoing = self._add(told, "undo", "Undoing what was done", "busy")
-        self._undoing.add(told.at, _of_step(told))
+            self._undoing = self._add_chapter(entry, "undo", "Undoing what was done", "busy")
+        self._undoing.add(entry.at, _of_step(entry))
 
     def _close(self, chapter: Chapter, result: str, tone: str, at: float) -> None:
         chapter.close(result, tone, at)
@@ -162,7 +162,7 @@ class _Story:
 
     # All else
 
-    def _news(self, told: TaskEvent, event: Event) -> None:
+    def _add_news(self, entry: TaskEvent, event: Event) -> None:
         match event:
             case (
                 events.TermsOffered(service=service)
@@ -170,92 +170,92 @@ class _Story:
                 | events.ProgressNoted(service=service)
                 | events.StepCompleted(service=service)
                 | events.StepStopped(service=service)
-            ) if (silence := self._silence(service)) is not None:
-                self._close(silence, "It was heard again.", "good", told.at)
-        about = self._concerned(told)
+            ) if (silent_failure := self._silent_failure(service)) is not None:
+                self._close(silent_failure, "It was heard again.", "good", entry.at)
+        chapters = self._concerned_failures(entry)
         match event:
             case events.StepCompleted():
-                self._completed(told, event, about)
+                self._add_completion(entry, event, chapters)
             case events.FoundSo():
-                for chapter in [chapter for chapter in self._open if chapter.step == told.step]:
-                    self._close(chapter, "It was done after all.", "good", told.at)
-            case events.StepStopped(service=service) if not about:
-                self._add(told, "stop_circle", f"{service} stopped", "plain", told.step or "")
+                for chapter in [chapter for chapter in self._open if chapter.step == entry.step]:
+                    self._close(chapter, "It was done after all.", "good", entry.at)
+            case events.StepStopped(service=service) if not chapters:
+                self._add_chapter(entry, "stop_circle", f"{service} stopped", "plain", entry.step or "")
             case events.ServiceChosen() | events.MayTryAgain() | events.ServiceRefused() | events.StepStopped():
-                for chapter in about:
-                    chapter.add(told.at, told.text)
+                for chapter in chapters:
+                    chapter.add(entry.at, entry.text)
 
-    def _concerned(self, told: TaskEvent) -> list[Chapter]:
+    def _concerned_failures(self, entry: TaskEvent) -> list[Chapter]:
         """The failures that are being answered, of which this news is."""
-        about = [chapter for chapter in self._open if chapter.step == told.step and chapter.lines]
-        return [self._aside] if not about and _is_aside(told) and self._aside is not None else about
+        chapters = [chapter for chapter in self._open if chapter.step == entry.step and chapter.lines]
+        return [self._aside] if not chapters and _is_aside(entry) and self._aside is not None else chapters
 
-    def _completed(self, told: TaskEvent, event: events.StepCompleted, about: Sequence[Chapter]) -> None:
-        done = gist(event.situation)
-        if _is_aside(told):
+    def _add_completion(self, entry: TaskEvent, event: events.StepCompleted, chapters: Sequence[Chapter]) -> None:
+        situation = gist(event.situation)
+        if _is_aside(entry):
             if self._undoing is not None:
-                self._undo(told)
+                self._add_undoing(entry)
                 return
-            if about:
-                about[0].add(told.at, f"{event.service}: {done}")
+            if chapters:
+                chapters[0].add(entry.at, f"{event.service}: {situation}")
         else:
-            for chapter in [chapter for chapter in about if chapter in self._open]:
-                self._close(chapter, f"{event.service} did it: {done}", "good", told.at)
-        if not about:
-            self._add(told, "check_circle", f"{told.step} is done", "good", f"by {event.service}: {done}")
+            for chapter in [chapter for chapter in chapters if chapter in self._open]:
+                self._close(chapter, f"{event.service} did it: {situation}", "good", entry.at)
+        if not chapters:
+            self._add_chapter(entry, "check_circle", f"{entry.step} is done", "good", f"by {event.service}: {situation}")
 
-    def _planned(self, told: TaskEvent, steps: int) -> None:
+    def _add_plan(self, entry: TaskEvent, steps: int) -> None:
         if self._plans_aside:
             self._plans_aside = False
             return
-        again = [chapter for chapter in self._open if chapter.is_answered_by(EventKind.REPLAN, EventKind.UNDO)]
+        replanned_chapters = [chapter for chapter in self._open if chapter.is_answered_by(EventKind.REPLAN, EventKind.UNDO)]
         result = (
-            f"The task goes on by a new plan of {counted(steps, 'step')}." if steps else "There is nothing left to do: it is so already."
+            f"The task goes on by a new plan of {count_text(steps, 'step')}." if steps else "There is nothing left to do: it is so already."
         )
-        for chapter in again:
-            self._close(chapter, result, "good", told.at)
-        if not again:
-            self._add(told, "schema", _capital(told.text), "plain")
+        for chapter in replanned_chapters:
+            self._close(chapter, result, "good", entry.at)
+        if not replanned_chapters:
+            self._add_chapter(entry, "schema", _capital(entry.text), "plain")
 
-    def end(self, told: TaskEvent, outcome: Outcome | None, why: Sequence[str]) -> None:
+    def end(self, entry: TaskEvent, outcome: Outcome | None, end_reasons: Sequence[str]) -> None:
         title, tone, result = ENDINGS[outcome] if outcome is not None else (state_labels.PHASES[Phase.ENDED], "plain", "")
         for chapter in [*self._open]:
-            self._close(chapter, result, tone, told.at)
-        last = self._add(told, "flag", title, tone)
-        last.lines = [Line(at=told.at, text=gist(_capital(reason))) for reason in why]
+            self._close(chapter, result, tone, entry.at)
+        last_chapter = self._add_chapter(entry, "flag", title, tone)
+        last_chapter.lines = [Line(at=entry.at, text=gist(_capital(reason))) for reason in end_reasons]
         if self._undoing is not None and self._undoing.tone != "bad":
             self._undoing.tone = "plain"
 
-    def _add(self, told: TaskEvent, icon: str, title: str, tone: str, text: str = "") -> Chapter:
-        chapter = Chapter(at=told.at, icon=icon, title=title, tone=tone, text=text, step=told.step)
+    def _add_chapter(self, entry: TaskEvent, icon: str, title: str, tone: str, text: str = "") -> Chapter:
+        chapter = Chapter(at=entry.at, icon=icon, title=title, tone=tone, text=text, step=entry.step)
         self.chapters.append(chapter)
         return chapter
 
 
-def story(view: TaskView, happened: Sequence[TaskEvent]) -> list[Chapter]:
+def story(view: TaskView, entries: Sequence[TaskEvent]) -> list[Chapter]:
     """The chapters in the order in which they began."""
-    made = _Story(view)
-    for is_text, group in groupby(happened[1:], lambda told: told.event is None and told.kind is not EventKind.END):
+    builder = _StoryBuilder(view)
+    for is_text, group in groupby(entries[1:], lambda entry: entry.event is None and entry.kind is not EventKind.END):
         if is_text:
-            made.take_text([*group])
+            builder.add_text_entries([*group])
             continue
-        for told in group:
-            if told.event is not None:
-                made.take(told, told.event)
+        for entry in group:
+            if entry.event is not None:
+                builder.add_event(entry, entry.event)
             else:
-                made.end(told, view.outcome, reasons(view))
-    began = Chapter(at=view.submitted_at, icon="add_task", title=f"{person_name(view.client)} stated the task", text=view.effect)
-    return [began, *made.chapters]
+                builder.end(entry, view.outcome, reasons(view))
+    first_chapter = Chapter(at=view.submitted_at, icon="add_task", title=f"{person_name(view.client)} stated the task", text=view.effect)
+    return [first_chapter, *builder.chapters]
 
 
-def _is_aside(told: TaskEvent) -> bool:
+def _is_aside(entry: TaskEvent) -> bool:
     """Whether it is of a step that is not of the task's own plan."""
-    return told.goal not in (None, events.GoalKind.TASK)
+    return entry.goal not in (None, events.GoalKind.TASK)
 
 
-def _of_step(told: TaskEvent) -> str:
+def _of_step(entry: TaskEvent) -> str:
     """The event with its step, and the gist of a situation in it."""
-    return f"{told.step}: {gist(told.text)}" if told.step else gist(told.text)
+    return f"{entry.step}: {gist(entry.text)}" if entry.step else gist(entry.text)
 
 
 def _capital(text: str) -> str:

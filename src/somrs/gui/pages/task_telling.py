@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from somrs.gui.components.task.story import Part, StoryBook, Told
-from somrs.gui.icons import clock, lasted
+from somrs.gui.components.task.story import Part, RecoveryLine, StoryBook
+from somrs.gui.icons import format_duration, format_time
 from somrs.gui.pages.task_chapters import Chapter, summary
 from somrs.gui.pages.task_story import story
 from somrs.gui.panel import Panel
@@ -14,17 +14,17 @@ from somrs.protocol.messages.clients import TaskEvent, TaskView
 TONES = {"good": "check_circle", "bad": "cancel", "busy": "pending", "plain": "info"}
 
 
-class Telling:
+class StoryPanel:
     """In `panel`, beside whose title stands how much went wrong."""
 
     def __init__(self, panel: Panel, task: str) -> None:
         self._panel = panel
         self._book = StoryBook(task)
 
-    def show(self, view: TaskView, events: Sequence[TaskEvent]) -> None:
+    def render(self, view: TaskView, events: Sequence[TaskEvent]) -> None:
         chapters = story(view, events)
         self._panel.note.set_text(summary(chapters))
-        self._book.show([_part(chapter, view.submitted_at) for chapter in chapters])
+        self._book.show_chapters([_part(chapter, view.submitted_at) for chapter in chapters])
 
 
 def _part(chapter: Chapter, start: float) -> Part:
@@ -34,21 +34,21 @@ def _part(chapter: Chapter, start: float) -> Part:
         title=chapter.title,
         tone=chapter.tone,
         text=f"{chapter.step}: {chapter.text}" if failure and chapter.step else chapter.text,
-        left=chapter.left,
-        moment=f"+{lasted(chapter.at - start)}",
-        clock=clock(chapter.at),
+        left=chapter.situation,
+        moment=f"+{format_duration(chapter.at - start)}",
+        clock=format_time(chapter.at),
         failure=failure,
         lines=[
-            Told(
+            RecoveryLine(
                 rung=line.rung,
                 text=line.text,
-                moment=f"+{lasted(line.at - start)}" if line.rung or line.at != chapter.at else "",
-                clock=clock(line.at),
+                moment=f"+{format_duration(line.at - start)}" if line.rung or line.at != chapter.at else "",
+                clock=format_time(line.at),
             )
             for line in chapter.lines
         ],
         result=chapter.result or "Something is being done about it.",
         result_tone=chapter.result_tone,
         result_icon=TONES[chapter.result_tone],
-        took=f"after {lasted(chapter.ended - chapter.at)}" if chapter.ended is not None else "",
+        took=f"after {format_duration(chapter.ended - chapter.at)}" if chapter.ended is not None else "",
     )

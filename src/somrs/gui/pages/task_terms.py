@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 
 from somrs.gui.components.task.terms import Bid, TermsTable
-from somrs.gui.icons import Sign, clock, lasted
+from somrs.gui.icons import Sign, format_duration, format_time
 from somrs.gui.panel import Panel
 from somrs.protocol.messages.clients import ContractView
 from somrs.protocol.messages.frp import State
 
-WORDS = {
+CONTRACT_SIGNS = {
     State.COMMITTED: Sign("handshake", "Chosen", "good"),
     State.EXECUTING: Sign("play_circle", "Chosen, at work", "busy"),
     State.COMPLETED: Sign("check_circle", "Chosen, done", "good"),
@@ -24,68 +24,68 @@ WORDS = {
 }
 """Of those whose terms were accepted."""
 
-ASKED = Sign("more_horiz", "Asked", "busy")
+REQUESTED = Sign("more_horiz", "Asked", "busy")
 OFFERS = Sign("sell", "Offers", "busy")
 LOST = Sign("remove_circle_outline", "Not chosen", "plain")
 SILENT = Sign("help", "Did not answer", "bad")
 REFUSED = Sign("block", "Refused", "bad")
-LET_GO = Sign("logout", "Let go", "plain")
+RELEASED = Sign("logout", "Let go", "plain")
 
-NONE = "–"
+DASH = "–"
 
 
-def verdict(contract: ContractView, chosen: Collection[str]) -> Sign:
+def bid_status(contract: ContractView, chosen: Collection[str]) -> Sign:
     """What became of a bid. `chosen`: the steps for which terms were accepted."""
     if contract.accepted:
-        return WORDS.get(contract.state, LET_GO)
+        return CONTRACT_SIGNS.get(contract.state, RELEASED)
     match contract.state:
         case State.NEW | State.ARRANGING:
-            return ASKED
+            return REQUESTED
         case State.OFFERED:
             return OFFERS
     if contract.refused:
         return REFUSED
     if contract.price is None:
-        return LET_GO if contract.refused is None else SILENT
-    return LOST if contract.step in chosen else LET_GO
+        return RELEASED if contract.refused is None else SILENT
+    return LOST if contract.step in chosen else RELEASED
 
 
-def why(contract: ContractView) -> str:
+def reason_text(contract: ContractView) -> str:
     return contract.reason if contract.reason and contract.reason != "ended" else ""
 
 
-class Terms:
+class BidPanel:
     """In `panel`, beside whose title stands how many were asked."""
 
     def __init__(self, panel: Panel) -> None:
         self._panel = panel
         self._table = TermsTable()
 
-    def show(self, contracts: Sequence[ContractView], start: float) -> None:
+    def render(self, contracts: Sequence[ContractView], start: float) -> None:
         accepted = [contract.step for contract in contracts if contract.accepted]
         self._panel.note.set_text(f"{len(contracts)} asked, {len(accepted)} chosen" if contracts else "")
-        self._table.show([_bid(contract, accepted, start) for contract in contracts])
+        self._table.show_rows([_bid(contract, accepted, start) for contract in contracts])
 
 
 def _bid(contract: ContractView, chosen: Collection[str], start: float) -> Bid:
-    found = verdict(contract, chosen)
+    status = bid_status(contract, chosen)
     return Bid(
         key=contract.participant,
         step=contract.step,
         service=contract.service,
         chosen=contract.accepted,
-        icon=found.icon,
-        tone=found.tone,
-        word=found.text,
-        why=why(contract),
-        price=f"{contract.price:g} {contract.currency}" if contract.price is not None else NONE,
-        takes=lasted(contract.duration) if contract.duration is not None else NONE,
+        icon=status.icon,
+        tone=status.tone,
+        word=status.text,
+        why=reason_text(contract),
+        price=f"{contract.price:g} {contract.currency}" if contract.price is not None else DASH,
+        takes=format_duration(contract.duration) if contract.duration is not None else DASH,
         window=_window(contract, start),
-        valid=clock(contract.valid_until) if contract.valid_until is not None else NONE,
+        valid=format_time(contract.valid_until) if contract.valid_until is not None else DASH,
     )
 
 
 def _window(contract: ContractView, start: float) -> str:
     if contract.start is None or contract.finish is None:
-        return NONE
-    return f"+{lasted(max(0.0, contract.start - start))} – +{lasted(max(0.0, contract.finish - start))}"
+        return DASH
+    return f"+{format_duration(max(0.0, contract.start - start))} – +{format_duration(max(0.0, contract.finish - start))}"

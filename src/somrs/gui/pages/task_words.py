@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from somrs.client import state_labels
-from somrs.gui.icons import OUTCOMES, Sign, lasted
+from somrs.gui.icons import OUTCOMES, Sign, format_duration
 from somrs.protocol.messages.clients import Phase
 from somrs.protocol.messages.frp import Outcome
 
@@ -21,43 +21,43 @@ PHASES = {
 
 PLACE = re.compile(r"(\w+)\.PositionX = (\S+) AND \1\.PositionY = (\S+)(?: AND \1\.PositionZ = \S+)?")
 FIGURES = re.compile(r" AND \w+\.(?:Position|Rotation)\w* = \S+")
-BESIDE = re.compile(r" AND \w+ at \S+, \S+ m")
+NEARBY_POSITION = re.compile(r" AND \w+ at \S+, \S+ m")
 """Where something is in figures, when something else was said before: that says more."""
 
 
-def sign(phase: Phase, outcome: Outcome | None) -> Sign:
+def task_sign(phase: Phase, outcome: Outcome | None) -> Sign:
     """How far a task is, or how it ended."""
     return OUTCOMES[outcome] if outcome is not None else PHASES[phase]
 
 
-def key(task: str) -> str:
+def task_key(task: str) -> str:
     """A task's id without what all ids begin with: as it stands in the address of its page."""
     return task.rpartition(":")[2]
 
 
-def path(task: str) -> str:
-    return f"/tasks/{key(task)}"
+def task_path(task: str) -> str:
+    return f"/tasks/{task_key(task)}"
 
 
-def device(service: str) -> str:
+def device_name(service: str) -> str:
     return service.partition(".")[0]
 
 
 def gist(text: str) -> str:
     """A situation, or a text that ends with one, with as few figures as will do."""
     placed = FIGURES.sub("", PLACE.sub(r"\1 at \2, \3 m", text))
-    return BESIDE.sub("", placed).replace(" AND ", " and ")
+    return NEARBY_POSITION.sub("", placed).replace(" AND ", " and ")
 
 
-def counted(count: int, what: str) -> str:
-    return f"{count} {what}{'' if count == 1 else 's'}"
+def count_text(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
-def due(submitted_at: float, deadline: float | None, over: bool, now: float) -> str:
+def due_text(submitted_at: float, deadline: float | None, is_ended: bool, now: float) -> str:
     """How much time a task has left, or had."""
     if deadline is None:
         return "none"
-    left = submitted_at + deadline - now
-    if over:
-        return f"within {lasted(deadline)}"
-    return f"in {lasted(left)}" if left > 0 else f"{lasted(-left)} over"
+    remaining = submitted_at + deadline - now
+    if is_ended:
+        return f"within {format_duration(deadline)}"
+    return f"in {format_duration(remaining)}" if remaining > 0 else f"{format_duration(-remaining)} over"

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from somrs.entish.formula import Formula
 from somrs.entish.parse import parse
 from somrs.errors import UsageError
-from somrs.gui.pages.define.blanks import blanked, named, proposed
+from somrs.gui.pages.define.blanks import mentioned_things, propose_blank_names, replace_with_blanks
 from somrs.gui.pages.define.draft import Draft, Procedure, Repeat
-from somrs.gui.pages.define.lines import Line, lines_of, moved, same, text_of
-from somrs.gui.pages.define.orders import repeat_of, when_of
+from somrs.gui.pages.define.lines import Line, add_placement, is_same_formula, lines_of, text_of
+from somrs.gui.pages.define.orders import repeat_of, schedule_of
 from somrs.kernel.replica import Replica
 from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Map, Object
@@ -82,8 +82,8 @@ def test_a_thing_is_wished_to_be_in_one_place_only() -> None:
     ontology = upper()
     before = lines_of("Jar1 isOn Table1 AND Jar2 isOn Table1 AND Jar1.Color = Red AND NOT Jar1 isOn Table2", ontology)
     assert before is not None
-    after = moved(before, Line(thing="Jar1", relation="isHeldBy", other="Robot1"), ontology)
-    assert same(text_of(after), "Jar2 isOn Table1 AND Jar1.Color = Red AND NOT Jar1 isOn Table2 AND Jar1 isHeldBy Robot1")
+    after = add_placement(before, Line(thing="Jar1", relation="isHeldBy", related_thing="Robot1"), ontology)
+    assert is_same_formula(text_of(after), "Jar2 isOn Table1 AND Jar1.Color = Red AND NOT Jar1 isOn Table2 AND Jar1 isHeldBy Robot1")
 
 
 # Drafts
@@ -110,7 +110,7 @@ tasks = st.builds(
 @given(tasks)
 def test_a_task_on_the_page_is_the_task(task: Submit) -> None:
     draft = Draft()
-    draft.take(task)
+    draft.load_task(task)
     assert draft.task() == task
 
 
@@ -137,10 +137,10 @@ def test_numbers_may_have_a_comma() -> None:
 
 @given(tasks)
 def test_a_task_made_a_template_and_filled_in_is_the_task_again(task: Submit) -> None:
-    things = named(task, MAP)
+    things = mentioned_things(task, MAP)
     assert things[:2] == ["Jar1", "Table1"]
-    blanks = proposed({thing: MAP.objects[thing].type for thing in things})
-    made = blanked(task, blanks)
+    blanks = propose_blank_names({thing: MAP.objects[thing].type for thing in things})
+    made = replace_with_blanks(task, blanks)
     template = Template(
         name="t", task=made, blanks=tuple(Blank(name=name, type=MAP.objects[thing].type, default=thing) for thing, name in blanks.items())
     )
@@ -151,7 +151,7 @@ def test_a_task_made_a_template_and_filled_in_is_the_task_again(task: Submit) ->
 
 def test_only_whole_names_become_blanks() -> None:
     task = Submit(effect='Jar1 isOn Table1 AND Jar1.Label = "Jar1" AND Jar1-old isOn ?Jar1  # Jar1')
-    assert blanked(task, {"Jar1": "Jar"}).effect == '{Jar} isOn Table1 AND {Jar}.Label = "Jar1" AND Jar1-old isOn ?Jar1  # Jar1'
+    assert replace_with_blanks(task, {"Jar1": "Jar"}).effect == '{Jar} isOn Table1 AND {Jar}.Label = "Jar1" AND Jar1-old isOn ?Jar1  # Jar1'
 
 
 # Orders
@@ -159,9 +159,9 @@ def test_only_whole_names_become_blanks() -> None:
 
 @pytest.mark.parametrize("when", [Every(minutes=30), Daily(at="07:30", days=(0, 4)), Once(at=datetime(2030, 1, 2, 8, 15).timestamp())])
 def test_the_time_of_an_order_on_the_page_is_its_time(when: Every | Daily | Once) -> None:
-    assert when_of(repeat_of(StandingOrder(id="1", name="Round", when=when))) == when
+    assert schedule_of(repeat_of(StandingOrder(id="1", name="Round", when=when))) == when
 
 
 def test_an_order_without_a_time_is_none() -> None:
     with pytest.raises(UsageError, match="say the day"):
-        when_of(Repeat(how="once", time=""))
+        schedule_of(Repeat(recurrence="once", time=""))

@@ -7,11 +7,11 @@ import math
 import pytest
 
 from somrs.errors import InputError
-from somrs.gui.pages.map.moves import Move, moved
-from somrs.gui.pages.map.proposals import Spot, adding, form_for, name_for
+from somrs.gui.pages.map.moves import Move, move_changes
+from somrs.gui.pages.map.proposals import Spot, creation_changes, form_for, name_for
 from somrs.gui.pages.map.readings import limits, read, text_of
-from somrs.gui.pages.map.relations import added, seats
-from somrs.gui.pages.map.words import sentences, shown
+from somrs.gui.pages.map.relations import fact_changes, relation_roles
+from somrs.gui.pages.map.words import describe_changes, format_value
 from somrs.ontology.conformance import violations
 from somrs.ontology.files.loading import load
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, ObjectRemoved, ValueSet
@@ -45,17 +45,17 @@ def at(map: Map, ontology: Ontology, name: str) -> tuple[float, float, float]:
 
 def test_a_thing_stands_on_what_it_is_put_on(known: tuple[Map, Ontology]) -> None:
     map, ontology = known
-    put = after(known, moved(map, ontology, Move(name="Jar002", x=4.1, y=2.3, turned=0, target="Table001")))
+    put = after(known, move_changes(map, ontology, Move(name="Jar002", x=4.1, y=2.3, turned=0, target="Table001")))
     assert at(put, ontology, "Jar002") == (4.1, 2.3, 0.74)
     assert put.has_fact("isOn", ("Jar002", "Table001"))
     assert not put.has_fact("isOn", ("Jar002", "Cupboard001"))
-    floor = after(known, moved(map, ontology, Move(name="Jar002", x=2, y=2, turned=0, target="Floor001")))
+    floor = after(known, move_changes(map, ontology, Move(name="Jar002", x=2, y=2, turned=0, target="Floor001")))
     assert at(floor, ontology, "Jar002")[2] == pytest.approx(0)
 
 
 def test_what_stands_on_a_table_moves_and_turns_with_it(known: tuple[Map, Ontology]) -> None:
     map, ontology = known
-    turned = after(known, moved(map, ontology, Move(name="Table002", x=5, y=5, turned=math.pi / 2)))
+    turned = after(known, move_changes(map, ontology, Move(name="Table002", x=5, y=5, turned=math.pi / 2)))
     (tx, ty, _), (cx, cy, cz) = at(map, ontology, "Table002"), at(map, ontology, "Carton001")
     dx, dy = cx - tx, cy - ty
     assert at(turned, ontology, "Carton001") == pytest.approx((5 - dy, 5 + dx, cz), abs=1e-4)
@@ -65,15 +65,15 @@ def test_what_stands_on_a_table_moves_and_turns_with_it(known: tuple[Map, Ontolo
 
 def test_only_what_changed_is_said(known: tuple[Map, Ontology]) -> None:
     map, ontology = known
-    changes = moved(map, ontology, Move(name="Chair001", x=1, y=1, turned=0))
+    changes = move_changes(map, ontology, Move(name="Chair001", x=1, y=1, turned=0))
     assert {change.path for change in changes if isinstance(change, ValueSet)} == {"PositionX", "PositionY"}
 
 
 def test_a_robot_that_is_moved_away_is_at_its_place_no_more(known: tuple[Map, Ontology]) -> None:
     map, ontology = known
     there = map.changed([FactAdded(Fact("isAt", ("Robot1", "Charger001")))])
-    assert FactRemoved(Fact("isAt", ("Robot1", "Charger001"))) in moved(there, ontology, Move(name="Robot1", x=5, y=5, turned=0))
-    assert not any(isinstance(one, FactRemoved) for one in moved(there, ontology, Move(name="Robot1", x=1.1, y=0.8, turned=0)))
+    assert FactRemoved(Fact("isAt", ("Robot1", "Charger001"))) in move_changes(there, ontology, Move(name="Robot1", x=5, y=5, turned=0))
+    assert not any(isinstance(one, FactRemoved) for one in move_changes(there, ontology, Move(name="Robot1", x=1.1, y=0.8, turned=0)))
 
 
 def test_names_go_on_from_those_of_the_kind(known: tuple[Map, Ontology]) -> None:
@@ -90,20 +90,20 @@ def test_what_is_proposed_can_be_added(known: tuple[Map, Ontology], type_name: s
     map, ontology = known
     spot = Spot(x=3, y=4, turned=0.5, target="Floor001", storey="Storey001")
     name = name_for(type_name, map)
-    made = after(known, adding(type_name, name, form_for(type_name, map, ontology), spot, map, ontology))
+    made = after(known, creation_changes(type_name, name, form_for(type_name, map, ontology), spot, map, ontology))
     assert at(made, ontology, name)[:2] == (3, 4)
 
 
 @pytest.mark.parametrize("type_name", ["Person", "Room", "Corridor"])
 def test_what_has_no_place_is_a_part_of_the_building(known: tuple[Map, Ontology], type_name: str) -> None:
     map, ontology = known
-    made = after(known, adding(type_name, "New1", {}, None, map, ontology))
+    made = after(known, creation_changes(type_name, "New1", {}, None, map, ontology))
     assert made.whole("New1") == "Building001"
 
 
 def test_a_thing_that_is_added_on_a_table_stands_on_it(known: tuple[Map, Ontology]) -> None:
     map, ontology = known
-    made = after(known, adding("Cup", "Cup001", {}, Spot(x=4, y=2.2, target="Table001", storey="Storey001"), map, ontology))
+    made = after(known, creation_changes("Cup", "Cup001", {}, Spot(x=4, y=2.2, target="Table001", storey="Storey001"), map, ontology))
     assert made.has_fact("isOn", ("Cup001", "Table001"))
     assert at(made, ontology, "Cup001")[2] == 0.74
 
@@ -142,14 +142,14 @@ def test_ranges_of_type_and_attribute_are_told_together(known: tuple[Map, Ontolo
 def test_a_fact_that_is_added_drives_out_what_cannot_hold_with_it(known: tuple[Map, Ontology]) -> None:
     map, ontology = known
     held = Fact("isHeldBy", ("Jar002", "Robot1"))
-    put = after(known, tuple(added(held, map, ontology)))
+    put = after(known, tuple(fact_changes(held, map, ontology)))
     assert [str(fact) for fact in put.facts_about("Jar002")] == ["Jar002 isHeldBy Robot1"]
     other = Fact("isOn", ("Jar002", "Table001"))
-    assert [str(fact) for fact in after(known, tuple(added(other, map, ontology))).facts_about("Jar002")] == ["Jar002 isOn Table001"]
+    assert [str(fact) for fact in after(known, tuple(fact_changes(other, map, ontology))).facts_about("Jar002")] == ["Jar002 isOn Table001"]
 
 
 def test_every_place_in_a_relation_that_fits_a_type_is_offered(known: tuple[Map, Ontology]) -> None:
-    said = [seat.text() for seat in seats("Door", known[1])]
+    said = [seat.text() for seat in relation_roles("Door", known[1])]
     assert "connects(this, Space, Space)" in said
     assert "this isAdjacentTo Object" in said
     assert "Object isAdjacentTo this" not in said
@@ -158,13 +158,13 @@ def test_every_place_in_a_relation_that_fits_a_type_is_offered(known: tuple[Map,
 
 def test_changes_are_told_in_words(known: tuple[Map, Ontology]) -> None:
     map, ontology = known
-    assert sentences(moved(map, ontology, Move(name="Jar002", x=8.2, y=2.5, turned=0, target="Platform001")), ontology) == [
+    assert describe_changes(move_changes(map, ontology, Move(name="Jar002", x=8.2, y=2.5, turned=0, target="Platform001")), ontology) == [
         "Jar002 moved to x 8.20 m, y 2.50 m, put on Platform001"
     ]
-    assert sentences([ObjectRemoved("Jar002")], ontology) == ["Jar002 removed"]
-    assert sentences([ValueSet("Door001", "Open", False)], ontology) == ["Door001 Open set to no"]
-    assert sentences([ValueSet("Jar002", "Unknown", True)], ontology) == ["Jar002 is unknown: nobody knows where and how it is"]
-    assert shown(math.pi, ontology.attributes["RotationZ"]) == "180°"
+    assert describe_changes([ObjectRemoved("Jar002")], ontology) == ["Jar002 removed"]
+    assert describe_changes([ValueSet("Door001", "Open", False)], ontology) == ["Door001 Open set to no"]
+    assert describe_changes([ValueSet("Jar002", "Unknown", True)], ontology) == ["Jar002 is unknown: nobody knows where and how it is"]
+    assert format_value(math.pi, ontology.attributes["RotationZ"]) == "180°"
 
 
 @pytest.mark.parametrize(

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from somrs.gui.pages.ontology.changes import changed, summary
-from somrs.gui.pages.ontology.drafts import begun, form_of, merged
-from somrs.gui.pages.ontology.reading import Mistakes, definition_of, place
+from somrs.gui.pages.ontology.changes import definition_changes, summary
+from somrs.gui.pages.ontology.drafts import form_of, merge_forms, start_draft
+from somrs.gui.pages.ontology.reading import Mistakes, definition_of, form_path
 from somrs.gui.pages.ontology.sections import ATTRIBUTES, SERVICES, TYPES, section_of
 from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.naming import Renaming, Section
@@ -56,14 +56,14 @@ def everything() -> list[Definition]:
 
 @pytest.mark.parametrize("definition", everything(), ids=lambda one: f"{section_of(one).key} {one.name}")
 def test_a_form_that_nobody_touched_says_what_the_definition_says(definition: Definition) -> None:
-    draft = begun(section_of(definition), definition, 1)
+    draft = start_draft(section_of(definition), definition, 1)
     assert not draft.dirty
     assert definition_of(draft, ontology()) == definition
     assert draft.original == definition
 
 
 def test_quantities_are_written_in_any_unit_that_fits() -> None:
-    draft = begun(TYPES, None, 1, name="Vase", parent="Graspable")
+    draft = start_draft(TYPES, None, 1, name="Vase", parent="Graspable")
     draft.form["defaults"] = [{"path": "Shape.Height", "value": "30 cm"}, {"path": "Weight", "value": " 0.5"}]
     found = definition_of(draft, ontology())
     assert isinstance(found, ObjectType)
@@ -83,11 +83,11 @@ def test_quantities_are_written_in_any_unit_that_fits() -> None:
     ],
 )
 def test_what_cannot_be_read_is_said_where_it_is(key: str, value: Any, path: str, said: str) -> None:
-    draft = begun(TYPES, None, 1, name="Vase", parent="Graspable")
+    draft = start_draft(TYPES, None, 1, name="Vase", parent="Graspable")
     draft.form[key] = value
     with pytest.raises(Mistakes) as caught:
         definition_of(draft, ontology())
-    assert said in caught.value.found[path]
+    assert said in caught.value.messages[path]
 
 
 def test_what_only_one_of_two_changed_is_brought_together() -> None:
@@ -100,7 +100,7 @@ def test_what_only_one_of_two_changed_is_brought_together() -> None:
     theirs["defaults"][2]["value"] = "0.3"
     del theirs["defaults"][3]
     theirs["defaults"].append({"path": "Color", "value": "Red"})
-    result, both = merged(base, mine, theirs)
+    result, both = merge_forms(base, mine, theirs)
     assert (result["doc"], result["driver"]) == ("Mine", "a:B")
     assert {row["path"]: row["value"] for row in result["defaults"]} == {
         "Shape.Form": "Cylinder",
@@ -113,18 +113,18 @@ def test_what_only_one_of_two_changed_is_brought_together() -> None:
 
 def test_the_backends_paths_lead_to_fields() -> None:
     form = form_of(ontology().types["Vice"])  # Weight, which it must have, is the first row, Volume the second
-    assert place("required.0", form) == "attributes.0"
-    assert place("attributes.0", form) == "attributes.1"
-    assert place("defaults.Shape.Radius", form_of(ontology().types["Tin"])) == "defaults.1.value"
-    assert place("constraints.2.formula", form_of(ontology().types["Tin"])) == "constraints.2.formula"
-    assert place("inputs.Destination", form_of(ontology().services["TransferObject"])) == "inputs.1.type"
+    assert form_path("required.0", form) == "attributes.0"
+    assert form_path("attributes.0", form) == "attributes.1"
+    assert form_path("defaults.Shape.Radius", form_of(ontology().types["Tin"])) == "defaults.1.value"
+    assert form_path("constraints.2.formula", form_of(ontology().types["Tin"])) == "constraints.2.formula"
+    assert form_path("inputs.Destination", form_of(ontology().services["TransferObject"])) == "inputs.1.type"
 
 
 def test_changes_are_told_field_by_field() -> None:
     old, new = ontology().types["Jar"], ObjectType(name="Pot", parent="Cup", defaults={**ontology().types["Jar"].defaults, "Weight": 0.5})
     gone, come = AttributeType(name="Smell", kind=Kind.TEXT), FunctionType(name="age", parameters=("Object",), attribute="Weight")
     revision = Revision(before=by_kind([old, gone]), after=by_kind([new, come]))
-    found = changed(revision, [Renaming(section=Section.TYPES, name="Jar", to="Pot")])
+    found = definition_changes(revision, [Renaming(section=Section.TYPES, name="Jar", to="Pot")])
     assert [(one.verb, one.old_name, one.name) for one in found] == [
         ("renamed", "Jar", "Pot"),
         ("added", "age", "age"),
@@ -140,5 +140,5 @@ def test_changes_are_told_field_by_field() -> None:
 def test_a_blank_form_of_each_kind_asks_for_a_name() -> None:
     for section in (TYPES, ATTRIBUTES, SERVICES):
         with pytest.raises(Mistakes) as caught:
-            definition_of(begun(section, None, 1), ontology())
-        assert "name" in caught.value.found
+            definition_of(start_draft(section, None, 1), ontology())
+        assert "name" in caught.value.messages

@@ -45,7 +45,7 @@ class Tree(Element, component="tree.js"):
         if move is not None:
             self.on("move", moved)
 
-    def show(self, nodes: Sequence[Node]) -> None:
+    def show_nodes(self, nodes: Sequence[Node]) -> None:
         """These nodes from now on; what is open and what is searched for stay."""
         if self._props["nodes"] != nodes:
             self._props["nodes"] = list(nodes)

@@ -32,7 +32,7 @@ from somrs.gui.components import LIVE
 from somrs.gui.components.scene import MODULES
 
 Mode = Literal["view", "pick", "edit"]
-Told = Callable[[dict[str, Any]], Awaitable[None] | None]
+EventHandler = Callable[[dict[str, Any]], Awaitable[None] | None]
 
 
 class FloorPlan(Element, component="floorplan.js", dependencies=[LIVE], esm={"somrs-floorplan": "modules", "somrs-scene": str(MODULES)}):
@@ -46,7 +46,7 @@ class FloorPlan(Element, component="floorplan.js", dependencies=[LIVE], esm={"so
         if storey is not None:
             self._props["storey_name"] = storey
 
-    def _say(self, key: str, value: object) -> None:
+    def _set_prop(self, key: str, value: object) -> None:
         if value is None:
             self._props.pop(key, None)
         else:
@@ -56,50 +56,53 @@ class FloorPlan(Element, component="floorplan.js", dependencies=[LIVE], esm={"so
     # What is shown
 
     def set_mode(self, mode: Mode) -> None:
-        self._say("mode", mode)
+        self._set_prop("mode", mode)
 
     def set_storey(self, name: str) -> None:
-        self._say("storey_name", name)
+        self._set_prop("storey_name", name)
 
     def set_snap(self, metres: float) -> None:
-        self._say("snap", metres)
+        self._set_prop("snap", metres)
 
     def choose(self, name: str | None) -> None:
         """Frame an object as the chosen one."""
-        self._say("selected", name)
+        self._set_prop("selected", name)
 
     def highlight(self, marks: Mapping[str, str] | Iterable[str]) -> None:
         """Ring objects; with a mapping, write something behind each name, such as the variable that it is."""
         pairs = marks.items() if isinstance(marks, Mapping) else ((name, "") for name in marks)
-        self._say("highlighted", [{"name": name, "mark": mark} for name, mark in pairs])
+        self._set_prop("highlighted", [{"name": name, "mark": mark} for name, mark in pairs])
 
     def link(self, relations: Iterable[str]) -> None:
         """Draw the facts of these relations as links."""
-        self._say("relations", list(relations))
+        self._set_prop("relations", list(relations))
 
     def point(self, ways: Iterable[tuple[str, str | tuple[float, float]]]) -> None:
         """Draw arrows: from a thing to the object or the spot where it is to be."""
-        arrows = [{"thing": thing, "target": to} if isinstance(to, str) else {"thing": thing, "x": to[0], "y": to[1]} for thing, to in ways]
-        self._say("arrows", arrows)
+        arrows = [
+            {"thing": thing, "target": target} if isinstance(target, str) else {"thing": thing, "x": target[0], "y": target[1]}
+            for thing, target in ways
+        ]
+        self._set_prop("arrows", arrows)
 
-    def turn_to(self, version: int | None) -> None:
+    def show_version(self, version: int | None) -> None:
         """Show the map as it was at a version; None for as it is, and goes on to be."""
-        self._say("version", version)
+        self._set_prop("version", version)
 
     def fit(self) -> None:
         self.run_method("fit")
 
-    def show(self, name: str) -> None:
+    def show_object(self, name: str) -> None:
         """Have an object in view."""
         self.run_method("show", name)
 
     # What becomes of what was done
 
-    def settled(self, name: str, version: int) -> None:
+    def confirm_move(self, name: str, version: int) -> None:
         """What was moved is so on the map since the version."""
         self.run_method("settled", name, version)
 
-    def back(self, name: str) -> None:
+    def reject_move(self, name: str) -> None:
         """What was moved may not stay there."""
         self.run_method("back", name)
 
@@ -112,45 +115,45 @@ class FloorPlan(Element, component="floorplan.js", dependencies=[LIVE], esm={"so
 
     # What people do
 
-    def _told(self, event: str, told: Told) -> FloorPlan:
-        def tell(arguments: GenericEventArguments) -> Awaitable[None] | None:
-            return told(arguments.args)
+    def _add_handler(self, event: str, handler: EventHandler) -> FloorPlan:
+        def handle(arguments: GenericEventArguments) -> Awaitable[None] | None:
+            return handler(arguments.args)
 
-        self.on(event, tell)
+        self.on(event, handle)
         return self
 
-    def on_select(self, told: Told) -> FloorPlan:
-        return self._told("select", told)
+    def on_select(self, handler: EventHandler) -> FloorPlan:
+        return self._add_handler("select", handler)
 
-    def on_moved(self, told: Told) -> FloorPlan:
-        return self._told("moved", told)
+    def on_moved(self, handler: EventHandler) -> FloorPlan:
+        return self._add_handler("moved", handler)
 
-    def on_unanswered(self, told: Told) -> FloorPlan:
-        return self._told("unanswered", told)
+    def on_unanswered(self, handler: EventHandler) -> FloorPlan:
+        return self._add_handler("unanswered", handler)
 
-    def on_dropped(self, told: Told) -> FloorPlan:
-        return self._told("dropped", told)
+    def on_dropped(self, handler: EventHandler) -> FloorPlan:
+        return self._add_handler("dropped", handler)
 
-    def on_picked(self, told: Told) -> FloorPlan:
-        return self._told("picked", told)
+    def on_picked(self, handler: EventHandler) -> FloorPlan:
+        return self._add_handler("picked", handler)
 
-    def on_placed(self, told: Told) -> FloorPlan:
-        return self._told("placed", told)
+    def on_placed(self, handler: EventHandler) -> FloorPlan:
+        return self._add_handler("placed", handler)
 
-    def on_stopped(self, told: Told) -> FloorPlan:
-        return self._told("stopped", told)
+    def on_stopped(self, handler: EventHandler) -> FloorPlan:
+        return self._add_handler("stopped", handler)
 
-    def on_open(self, told: Told) -> FloorPlan:
-        return self._told("open", told)
+    def on_open(self, handler: EventHandler) -> FloorPlan:
+        return self._add_handler("open", handler)
 
-    def on_remove(self, told: Told) -> FloorPlan:
-        return self._told("remove", told)
+    def on_remove(self, handler: EventHandler) -> FloorPlan:
+        return self._add_handler("remove", handler)
 
-    def on_undo(self, told: Told) -> FloorPlan:
-        return self._told("undo", told)
+    def on_undo(self, handler: EventHandler) -> FloorPlan:
+        return self._add_handler("undo", handler)
 
-    def on_storey(self, told: Told) -> FloorPlan:
-        return self._told("storey", told)
+    def on_storey(self, handler: EventHandler) -> FloorPlan:
+        return self._add_handler("storey", handler)
 
-    def on_loaded(self, told: Told) -> FloorPlan:
-        return self._told("loaded", told)
+    def on_loaded(self, handler: EventHandler) -> FloorPlan:
+        return self._add_handler("loaded", handler)

@@ -56,7 +56,7 @@ class FormulaField(ValueElement[str], DisableableElement, component="formula.js"
     ) -> None:
         super().__init__(value=value, on_value_change=on_change)
         self._props.update({"label": label, "placeholder": placeholder, "rows": rows, "variables": variables or {}, "good": good})
-        self._props["types"] = [msgspec.to_builtins(one) for one in types]
+        self._props["types"] = [msgspec.to_builtins(object_type) for object_type in types]
         self.report: Report | None = None
 
         def checked(event: GenericEventArguments) -> Awaitable[None] | None:
@@ -82,8 +82,8 @@ class FormulaField(ValueElement[str], DisableableElement, component="formula.js"
 
     @property
     def variables(self) -> dict[str, str]:
-        found: dict[str, str] = self._props["variables"]
-        return found
+        variable_types: dict[str, str] = self._props["variables"]
+        return variable_types
 
     @variables.setter
     def variables(self, variables: dict[str, str]) -> None:

@@ -19,7 +19,7 @@ THREE = Path(nicegui.__file__).parent / "elements" / "scene" / "dist"
 MODULES = Path(__file__).parent / "modules"
 """What the view is made of; the floor plan moves robots as it does."""
 
-Told = Callable[[dict[str, Any]], Awaitable[None] | None]
+EventHandler = Callable[[dict[str, Any]], Awaitable[None] | None]
 
 
 class Scene3D(Element, component="scene3d.js", esm={"nicegui-scene": str(THREE), "somrs-scene": str(MODULES)}):
@@ -36,41 +36,41 @@ class Scene3D(Element, component="scene3d.js", esm={"nicegui-scene": str(THREE),
         self._props["follow"] = follow
         self._props["version"] = version
 
-    def _say(self, key: str, value: object) -> None:
+    def _set_prop(self, key: str, value: object) -> None:
         self._props[key] = value
         self.update()
 
     def choose(self, name: str | None) -> None:
         """Frame an object as the chosen one."""
-        self._say("chosen", name)
+        self._set_prop("chosen", name)
 
     def highlight(self, marks: Mapping[str, str] | Iterable[str]) -> None:
         """Mark objects with a ring and a pin, and name them; with a mapping, write something behind each name."""
         pairs = marks.items() if isinstance(marks, Mapping) else ((name, "") for name in marks)
-        self._say("highlighted", [{"name": name, "mark": mark} for name, mark in pairs])
+        self._set_prop("highlighted", [{"name": name, "mark": mark} for name, mark in pairs])
 
     def follow(self, name: str | None) -> None:
         """Have the camera stay with an object; None: with none."""
-        self._say("follow", name)
+        self._set_prop("follow", name)
 
-    def set_storey(self, called: str | None) -> None:
+    def set_storey(self, storey_label: str | None) -> None:
         """Show the storey that is called so; None: all of them."""
-        self._say("storey", called or "")
+        self._set_prop("storey", storey_label or "")
 
-    def turn_to(self, version: int | None) -> None:
+    def show_version(self, version: int | None) -> None:
         """Show the map of a version; None: as it is now."""
-        self._say("version", version)
+        self._set_prop("version", version)
 
-    def on_select(self, told: Told) -> None:
-        self._told("select", told)
+    def on_select(self, handler: EventHandler) -> None:
+        self._add_handler("select", handler)
 
-    def on_storey(self, told: Told) -> None:
-        self._told("storey", told)
+    def on_storey(self, handler: EventHandler) -> None:
+        self._add_handler("storey", handler)
 
-    def _told(self, event: str, told: Told) -> None:
-        async def hear(heard: GenericEventArguments) -> None:
-            answer = told(heard.args)
+    def _add_handler(self, event: str, handler: EventHandler) -> None:
+        async def handle(arguments: GenericEventArguments) -> None:
+            answer = handler(arguments.args)
             if answer is not None:
                 await answer
 
-        self.on(event, hear)
+        self.on(event, handle)

@@ -21,6 +21,6 @@ class PlanGraph(Element, component="graph.js", dependencies=[LIVE], esm=MODULES)
         super().__init__()
         self._props.update({"task": task, "plan": msgspec.to_builtins(list(steps)), "label": label, "empty": empty})
 
-    def show(self, steps: Sequence[StepView]) -> None:
+    def show_steps(self, steps: Sequence[StepView]) -> None:
         """These steps from now on."""
         self._props["plan"] = msgspec.to_builtins(list(steps))

@@ -12,19 +12,19 @@ from nicegui.element import Element
 class TaskList(Element, component="list.js"):
     """`nothing`: what is said as long as there are no rows."""
 
-    def __init__(self, columns: Sequence[dict[str, Any]], nothing: str) -> None:
+    def __init__(self, columns: Sequence[dict[str, Any]], empty_text: str) -> None:
         super().__init__()
         self._props["columns"] = list(columns)
         self._props["rows"] = []
-        self._props["nothing"] = nothing
+        self._props["nothing"] = empty_text
 
-    def show(self, rows: Sequence[dict[str, Any]]) -> None:
-        self._change("rows", list(rows))
+    def show_rows(self, rows: Sequence[dict[str, Any]]) -> None:
+        self._set_prop("rows", list(rows))
 
-    def say(self, nothing: str) -> None:
-        self._change("nothing", nothing)
+    def set_empty_text(self, empty_text: str) -> None:
+        self._set_prop("nothing", empty_text)
 
-    def _change(self, key: str, value: object) -> None:
+    def _set_prop(self, key: str, value: object) -> None:
         if self._props[key] != value:
             self._props[key] = value
             self.update()

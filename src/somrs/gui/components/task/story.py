@@ -11,7 +11,7 @@ from somrs.gui.components import LIVE
 from somrs.gui.components.task import MODULES
 
 
-class Told(TypedDict):
+class RecoveryLine(TypedDict):
     """Something that was done about a failure."""
 
     rung: str
@@ -31,7 +31,7 @@ class Part(TypedDict):
     moment: str
     clock: str
     failure: bool
-    lines: list[Told]
+    lines: list[RecoveryLine]
     result: str
     result_tone: str
     result_icon: str
@@ -46,6 +46,6 @@ class StoryBook(Element, component="story.js", dependencies=[LIVE], esm=MODULES)
         self._props["task"] = task
         self._props["chapters"] = []
 
-    def show(self, chapters: Sequence[Part]) -> None:
+    def show_chapters(self, chapters: Sequence[Part]) -> None:
         if chapters != self._props["chapters"]:
             self._props["chapters"] = list(chapters)

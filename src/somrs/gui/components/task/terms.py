@@ -30,6 +30,6 @@ class TermsTable(Element, component="terms.js"):
         super().__init__()
         self._props["rows"] = []
 
-    def show(self, rows: Sequence[Bid]) -> None:
+    def show_rows(self, rows: Sequence[Bid]) -> None:
         if rows != self._props["rows"]:
             self._props["rows"] = list(rows)

@@ -17,7 +17,7 @@ from somrs.protocol.messages.clients import Submit
 _LEXEME = re.compile(r'"(?:[^"\\\n]|\\.)*"|#[^\n]*|\?[\w-]+|[^\W\d][\w-]*(?:\.[\w.-]+)?')
 
 
-def texts(task: Submit) -> Iterator[str]:
+def formula_texts(task: Submit) -> Iterator[str]:
     """The formulas of a task."""
     yield task.effect
     yield task.precondition or ""
@@ -26,45 +26,46 @@ def texts(task: Submit) -> Iterator[str]:
         yield handler.when or ""
 
 
-def named(task: Submit, map: Map) -> list[str]:
+def mentioned_things(task: Submit, map: Map) -> list[str]:
     """The things on the map that a task names, in the order in which it does."""
-    found: dict[str, None] = {}
-    for text in texts(task):
+    thing_names: dict[str, None] = {}
+    for text in formula_texts(task):
         try:
-            found.update(dict.fromkeys(name for name in names(parse(text)) if name in map.objects))
+            thing_names.update(dict.fromkeys(name for name in names(parse(text)) if name in map.objects))
         except FormulaError:
             continue  # what is empty, or no formula, names nothing
-    return [*found]
+    return [*thing_names]
 
 
-def blanked(task: Submit, blanks: Mapping[str, str]) -> Submit:
+def replace_with_blanks(task: Submit, blanks: Mapping[str, str]) -> Submit:
     """The task with blanks, such as `{Thing}`, instead of names."""
 
-    def written(text: str) -> str:
-        return _LEXEME.sub(lambda found: _instead(found[0], blanks), text)
+    def with_blanks(text: str) -> str:
+        return _LEXEME.sub(lambda match: _replace_name(match[0], blanks), text)
 
     return structs.replace(
         task,
-        effect=written(task.effect),
-        precondition=written(task.precondition) if task.precondition else None,
+        effect=with_blanks(task.effect),
+        precondition=with_blanks(task.precondition) if task.precondition else None,
         handlers=tuple(
-            structs.replace(one, effect=written(one.effect), when=written(one.when) if one.when else None) for one in task.handlers
+            structs.replace(handler, effect=with_blanks(handler.effect), when=with_blanks(handler.when) if handler.when else None)
+            for handler in task.handlers
         ),
     )
 
 
-def _instead(word: str, blanks: Mapping[str, str]) -> str:
+def _replace_name(word: str, blanks: Mapping[str, str]) -> str:
     name, point, path = word.partition(".")
     return f"{{{blanks[name]}}}{point}{path}" if name in blanks and not word.startswith(("?", '"', "#")) else word
 
 
-def proposed(types: Mapping[str, str]) -> dict[str, str]:
+def propose_blank_names(types: Mapping[str, str]) -> dict[str, str]:
     """A name for the blank of each thing: of the type that may stand there, numbered where that would not tell them apart."""
-    found: dict[str, str] = {}
+    blank_names: dict[str, str] = {}
     for thing, type_name in types.items():
-        count = sum(1 for other in found if types[other] == type_name)
-        found[thing] = f"{type_name}{count + 1}" if count else type_name
-    return found
+        count = sum(1 for earlier_thing in blank_names if types[earlier_thing] == type_name)
+        blank_names[thing] = f"{type_name}{count + 1}" if count else type_name
+    return blank_names
 
 
 def types_of(thing: str, map: Map, ontology: Ontology) -> list[str]:

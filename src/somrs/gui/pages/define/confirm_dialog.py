@@ -5,7 +5,7 @@ from __future__ import annotations
 from nicegui import ui
 
 
-async def sure(text: str, label: str) -> bool:
+async def confirm(text: str, label: str) -> bool:
     """Whether whoever sits there wants it, after they read what it means; the button that says so is called `label`."""
     with ui.dialog() as dialog, ui.card().classes("somrs-dialog"):
         ui.label(text)

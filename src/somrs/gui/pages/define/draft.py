@@ -12,7 +12,7 @@ from somrs.protocol.messages.clients import Policy, Preview, Submit
 UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0}
 """Seconds of the units in which deadlines are written."""
 
-NOW, ONCE, EVERY, DAILY = "now", "once", "every", "daily"
+NOW, ONE_TIME, INTERVAL, DAILY = "now", "once", "every", "daily"
 
 
 class Procedure(msgspec.Struct, kw_only=True):
@@ -28,7 +28,7 @@ class Repeat(msgspec.Struct, kw_only=True):
     """When the task is stated: `now`, or as a standing order of this name `once` (`date`, `time`), `every` so many minutes, or `daily` at
     `time` on `days` (0 is Monday). `order`: the id of the order that is being changed, of which the `version` was seen."""
 
-    how: str = NOW
+    recurrence: str = msgspec.field(default=NOW, name="how")
     name: str = ""
     date: str = ""
     time: str = "08:00"
@@ -60,9 +60,9 @@ class Draft(msgspec.Struct, kw_only=True):
             effect=self.effect.strip(),
             precondition=self.precondition.strip() or None,
             policy=self.policy,
-            time_value=self._worth(),
-            deadline=self.seconds(),
-            handlers=tuple(_handler(one) for one in self.procedures if one.effect.strip()),
+            time_value=self._parse_time_value(),
+            deadline=self.deadline_seconds(),
+            handlers=tuple(_handler(procedure) for procedure in self.procedures if procedure.effect.strip()),
             priority=self.priority,
         )
 
@@ -72,29 +72,29 @@ class Draft(msgspec.Struct, kw_only=True):
             precondition=self.precondition.strip() or None,
             quotes=True,
             policy=self.policy,
-            time_value=self._worth(),
-            deadline=self.seconds(),
+            time_value=self._parse_time_value(),
+            deadline=self.deadline_seconds(),
             priority=self.priority,
         )
 
-    def seconds(self) -> float | None:
+    def deadline_seconds(self) -> float | None:
         """Of the deadline. Raises UsageError."""
         if not self.deadline.strip():
             return None
-        found = number(self.deadline)
-        if found is None or found <= 0:
+        amount = number(self.deadline)
+        if amount is None or amount <= 0:
             raise UsageError(f"the deadline is a number above 0, and {self.deadline.strip()} is none; leave it empty if there is none")
-        return found * UNITS[self.deadline_unit]
+        return amount * UNITS[self.deadline_unit]
 
-    def _worth(self) -> float:
-        found = number(self.time_value)
-        if found is None or found < 0:
+    def _parse_time_value(self) -> float:
+        amount = number(self.time_value)
+        if amount is None or amount < 0:
             if self.policy is not Policy.WEIGHTED:
                 return 0.01
             raise UsageError(f"what a second is worth is a number of EUR, and {self.time_value.strip() or 'nothing'} is none")
-        return found
+        return amount
 
-    def take(self, task: Submit) -> None:
+    def load_task(self, task: Submit) -> None:
         """Write what a task says."""
         self.effect, self.precondition = task.effect, task.precondition or ""
         self.policy, self.time_value, self.priority = task.policy, f"{task.time_value:g}", task.priority
@@ -103,24 +103,27 @@ class Draft(msgspec.Struct, kw_only=True):
             unit = next(unit for unit in ("h", "min", "s") if task.deadline % UNITS[unit] == 0 or unit == "s")
             self.deadline, self.deadline_unit = f"{task.deadline / UNITS[unit]:g}", unit
         self.procedures = [
-            Procedure(on=one.on, service_type=one.service_type or "", effect=one.effect, when=one.when or "") for one in task.handlers
+            Procedure(on=handler.on, service_type=handler.service_type or "", effect=handler.effect, when=handler.when or "")
+            for handler in task.handlers
         ]
 
 
 def number(text: str) -> float | None:
     """With a point or a comma."""
     try:
-        found = float(text.strip().replace(",", "."))
+        value = float(text.strip().replace(",", "."))
     except ValueError:
         return None
-    return found if abs(found) < 1e12 else None
+    return value if abs(value) < 1e12 else None
 
 
-def _handler(one: Procedure) -> Handler:
-    for text in (one.effect, one.when):
+def _handler(procedure: Procedure) -> Handler:
+    for text in (procedure.effect, procedure.when):
         if text.strip():
             try:
                 parse(text)
             except FormulaError as error:
-                raise UsageError(f"the procedure for {one.on.value}: {error}") from None
-    return Handler(on=one.on, service_type=one.service_type or None, effect=one.effect.strip(), when=one.when.strip() or None)
+                raise UsageError(f"the procedure for {procedure.on.value}: {error}") from None
+    return Handler(
+        on=procedure.on, service_type=procedure.service_type or None, effect=procedure.effect.strip(), when=procedure.when.strip() or None
+    )

@@ -11,7 +11,7 @@ from nicegui.events import ValueChangeEventArguments
 
 from somrs.gui.components.fields.picker import Choice, Picker
 from somrs.gui.components.formula import FormulaField
-from somrs.gui.pages.define.draft import DAILY, EVERY, NOW, ONCE, UNITS, Draft, Repeat
+from somrs.gui.pages.define.draft import DAILY, INTERVAL, NOW, ONE_TIME, UNITS, Draft, Repeat
 from somrs.gui.pages.define.form import Form
 from somrs.gui.pages.define.procedures import Procedures
 from somrs.gui.panel import panel
@@ -23,18 +23,18 @@ POLICIES = {
     Policy.WEIGHTED: ("Weighed", "The offer with the least price is taken, where every second until it is done costs, too:"),
 }
 PRIORITIES = {-1: "Low", 0: "Normal", 1: "High", 2: "Urgent"}
-REPEATS = {NOW: "Now", ONCE: "Once, later", EVERY: "Every so often", DAILY: "On days of the week"}
+REPEATS = {NOW: "Now", ONE_TIME: "Once, later", INTERVAL: "Every so often", DAILY: "On days of the week"}
 DAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
 
 
-class How:
+class ExecutionOptions:
     def __init__(self, form: Form) -> None:
         self._form = form
         with panel("How", "tune", "define how", "somrs-define-how") as self._panel:
             with _field("Offers"):
                 self._policy = _toggle({policy: word for policy, (word, _) in POLICIES.items()}, "Which offer is taken")
             self._policy_line = ui.label().classes("somrs-soft")
-            with ui.element("div").classes("somrs-define-inline") as self._worth:
+            with ui.element("div").classes("somrs-define-inline") as self._time_value_row:
                 self._time_value = _input("What a second is worth", "0.01").classes("somrs-define-short")
                 ui.label("EUR for a second").classes("somrs-soft")
             with _field("Priority"):
@@ -45,38 +45,40 @@ class How:
             with _field("Deadline"):
                 self._deadline = _input("Deadline", "none").classes("somrs-define-short")
                 units = [Choice(value=unit) for unit in UNITS]
-                self._unit = Picker("Unit of the deadline", options=units, on_pick=self._set("deadline_unit")).classes("somrs-define-unit")
+                self._unit = Picker("Unit of the deadline", options=units, on_pick=self._make_setter("deadline_unit")).classes(
+                    "somrs-define-unit"
+                )
             ui.label("From when it is stated. What is not done by then is given up, and undone.").classes("somrs-soft")
             self._repeat = _Repeating(form)
             with _fold("Beginning", "Only if the task makes sense from a certain situation: if it does not hold, nothing is begun."):
                 self._precondition = FormulaField(
                     "The situation that it begins from",
                     placeholder="Jar002 isOn Cupboard001",
-                    on_change=lambda event: self._put("precondition", event.value),
+                    on_change=lambda event: self._set_value("precondition", event.value),
                 )
             with _fold("If something goes wrong", "What is to be brought about first when a step fails, or is to be undone."):
                 self._procedures = Procedures(form)
-        self._policy.on_value_change(lambda event: self._put("policy", event.value))
-        self._priority.on_value_change(lambda event: self._put("priority", event.value))
+        self._policy.on_value_change(lambda event: self._set_value("policy", event.value))
+        self._priority.on_value_change(lambda event: self._set_value("priority", event.value))
         for field, path in ((self._time_value, "time_value"), (self._deadline, "deadline")):
             field.on_value_change(self._typed(path))
             form.mirror(field, path)
         form.mirror(self._precondition, "precondition")
-        form.on_change(self._show)
-        self._show()
+        form.on_change(self._refresh)
+        self._refresh()
 
-    def _put(self, name: str, value: object) -> None:
+    def _set_value(self, name: str, value: object) -> None:
         if getattr(self._form.draft, name) != value:
             setattr(self._form.draft, name, value)
             self._form.changed()
 
-    def _set(self, name: str) -> Callable[[str], None]:
-        return lambda value: self._put(name, value)
+    def _make_setter(self, name: str) -> Callable[[str], None]:
+        return lambda value: self._set_value(name, value)
 
     def _typed(self, name: str) -> Callable[[ValueChangeEventArguments[str | None]], None]:
-        return lambda event: self._put(name, event.value or "")
+        return lambda event: self._set_value(name, event.value or "")
 
-    def _show(self) -> None:
+    def _refresh(self) -> None:
         draft = self._form.draft
         for field, value in ((self._policy, draft.policy), (self._priority, draft.priority)):
             if field.value != value:
@@ -91,8 +93,8 @@ class How:
         if self._unit.value != draft.deadline_unit:
             self._unit.choose(draft.deadline_unit)
         self._policy_line.set_text(POLICIES[draft.policy][1])
-        self._worth.visible = draft.policy is Policy.WEIGHTED
-        self._panel.note.set_text(_told(draft))
+        self._time_value_row.visible = draft.policy is Policy.WEIGHTED
+        self._panel.note.set_text(_summary(draft))
 
 
 class _Repeating:
@@ -101,39 +103,39 @@ class _Repeating:
     def __init__(self, form: Form) -> None:
         self._form = form
         with _field("When"):
-            options = [Choice(value=how, text=text) for how, text in REPEATS.items()]
-            self._how = Picker("When", options=options, on_pick=self._pick).classes("somrs-define-when")
-        self._more = ui.element("div").classes("somrs-define-repeat")
-        self._shown: str | None = None
-        form.on_change(self._show)
-        self._show()
+            options = [Choice(value=recurrence, text=text) for recurrence, text in REPEATS.items()]
+            self._recurrence_picker = Picker("When", options=options, on_pick=self._pick).classes("somrs-define-when")
+        self._details = ui.element("div").classes("somrs-define-repeat")
+        self._shown_recurrence: str | None = None
+        form.on_change(self._refresh)
+        self._refresh()
 
     @property
     def _repeat(self) -> Repeat:
         return self._form.draft.repeat
 
-    def _pick(self, how: str) -> None:
-        self._repeat.how = how
-        if how == ONCE and not self._repeat.date:
-            soon = datetime.now() + timedelta(hours=1)
-            self._repeat.date, self._repeat.time = f"{soon:%Y-%m-%d}", f"{soon:%H}:00"
+    def _pick(self, recurrence: str) -> None:
+        self._repeat.recurrence = recurrence
+        if recurrence == ONE_TIME and not self._repeat.date:
+            start_time = datetime.now() + timedelta(hours=1)
+            self._repeat.date, self._repeat.time = f"{start_time:%Y-%m-%d}", f"{start_time:%H}:00"
         self._form.changed()
 
-    def _show(self) -> None:
-        if self._how.value != self._repeat.how:
-            self._how.choose(self._repeat.how)
-        if self._shown != self._repeat.how:
-            self._shown = self._repeat.how
-            self._more.clear()
-            with self._more:
+    def _refresh(self) -> None:
+        if self._recurrence_picker.value != self._repeat.recurrence:
+            self._recurrence_picker.choose(self._repeat.recurrence)
+        if self._shown_recurrence != self._repeat.recurrence:
+            self._shown_recurrence = self._repeat.recurrence
+            self._details.clear()
+            with self._details:
                 self._fill()
 
     def _fill(self) -> None:
         repeat = self._repeat
-        if repeat.how == NOW:
+        if repeat.recurrence == NOW:
             return
         with ui.element("div").classes("somrs-define-inline"):
-            match repeat.how:
+            match repeat.recurrence:
                 case "once":
                     self._field("Date", "date", 'type="date"')
                     self._field("Time", "time", 'type="time"')
@@ -144,7 +146,7 @@ class _Repeating:
                 case _:
                     ui.label("at").classes("somrs-soft")
                     self._field("Time", "time", 'type="time"')
-        if repeat.how == DAILY:
+        if repeat.recurrence == DAILY:
             with ui.element("div").classes("somrs-define-days").props('role="group" aria-label="Days"'):
                 for day, name in enumerate(DAYS):
                     ui.checkbox(name, value=day in repeat.days, on_change=self._day(day)).props("dense")
@@ -152,42 +154,42 @@ class _Repeating:
         with ui.element("div").classes("somrs-define-inline"):
             ui.label("called").classes("somrs-soft")
             self._field("Name of the order", "name", 'placeholder="what people call it"').classes("somrs-define-name")
-        if repeat.how != ONCE:
+        if repeat.recurrence != ONE_TIME:
             skip = ui.checkbox("Leave a time out while the task before still runs", value=repeat.skip).props("dense")
-            skip.on_value_change(lambda event: self._put("skip", event.value))
+            skip.on_value_change(lambda event: self._set_value("skip", event.value))
 
     def _field(self, label: str, name: str, props: str) -> ui.input:
         field = _input(label, "").props(props)
         field.value = getattr(self._repeat, name)
-        field.on_value_change(lambda event: self._put(name, event.value or ""))
+        field.on_value_change(lambda event: self._set_value(name, event.value or ""))
         self._form.mirror(field, f"repeat.{name}")
         return field
 
-    def _put(self, name: str, value: object) -> None:
+    def _set_value(self, name: str, value: object) -> None:
         setattr(self._repeat, name, value)
         self._form.changed()
 
     def _day(self, day: int) -> Callable[[ValueChangeEventArguments[bool | None]], None]:
         def turned(event: ValueChangeEventArguments[bool | None]) -> None:
             days = {*self._repeat.days} | {day} if event.value else {*self._repeat.days} - {day}
-            self._put("days", sorted(days))
+            self._set_value("days", sorted(days))
 
         return turned
 
 
-def _told(draft: Draft) -> str:
+def _summary(draft: Draft) -> str:
     """All of it in a few words, for when the panel is folded."""
-    said = [POLICIES[draft.policy][0].lower()]
-    said += [f"{PRIORITIES.get(draft.priority, draft.priority)} priority".lower()] if draft.priority else []
-    said += [f"within {draft.deadline} {draft.deadline_unit}"] if draft.deadline.strip() else []
-    said += [REPEATS[draft.repeat.how].lower()] if draft.repeat.how != NOW else []
-    return ", ".join(said)
+    parts = [POLICIES[draft.policy][0].lower()]
+    parts += [f"{PRIORITIES.get(draft.priority, draft.priority)} priority".lower()] if draft.priority else []
+    parts += [f"within {draft.deadline} {draft.deadline_unit}"] if draft.deadline.strip() else []
+    parts += [REPEATS[draft.repeat.recurrence].lower()] if draft.repeat.recurrence != NOW else []
+    return ", ".join(parts)
 
 
 def _field(label: str) -> ui.element:
-    with ui.element("div").classes("somrs-define-field") as made:
+    with ui.element("div").classes("somrs-define-field") as element:
         ui.label(label).classes("somrs-define-label")
-    return made
+    return element
 
 
 def _toggle(options: dict[Any, str], label: str) -> ui.toggle:
@@ -199,6 +201,6 @@ def _input(label: str, placeholder: str) -> ui.input:
 
 
 def _fold(title: str, line: str) -> ui.expansion:
-    with ui.expansion(title).classes("somrs-define-fold").props("dense switch-toggle-side") as made:
+    with ui.expansion(title).classes("somrs-define-fold").props("dense switch-toggle-side") as expansion:
         ui.label(line).classes("somrs-soft")
-    return made
+    return expansion

@@ -9,37 +9,37 @@ import msgspec
 from nicegui.element import Element
 
 from somrs.api.remote import LiveApi
-from somrs.gui.components.draft_storage import Keeper
+from somrs.gui.components.draft_storage import DraftStorage
 from somrs.gui.pages.define.draft import Draft
 
-SHELF = "somrs-define"
+STORAGE_KEY = "somrs-define"
 KEY = "task"
 
 
 class Form:
     """The rooms of the page change the `draft` and say so; each then shows what the others wrote."""
 
-    def __init__(self, desk: LiveApi, draft: Draft) -> None:
-        self.desk, self.draft = desk, draft
-        self._showing: list[Callable[[], None]] = []
-        self._over = False
+    def __init__(self, api: LiveApi, draft: Draft) -> None:
+        self.api, self.draft = api, draft
+        self._listeners: list[Callable[[], None]] = []
+        self._is_submitted = False
         self._restored = False
-        self._keeper = Keeper(SHELF, self._found)
+        self._storage = DraftStorage(STORAGE_KEY, self._restore)
 
-    def on_change(self, show: Callable[[], None]) -> None:
+    def on_change(self, refresh: Callable[[], None]) -> None:
         """Have a room show the draft whenever another one changed it."""
-        self._showing.append(show)
+        self._listeners.append(refresh)
 
     def changed(self) -> None:
         """The draft is another one."""
-        if not self._over:
-            self._keeper.keep(KEY, {"form": msgspec.to_builtins(self.draft)})
-        for show in self._showing:
-            show()
+        if not self._is_submitted:
+            self._storage.save(KEY, {"form": msgspec.to_builtins(self.draft)})
+        for refresh in self._listeners:
+            refresh()
 
     def mirror(self, element: Element, path: str) -> None:
         """Keep what is typed into the element as it is typed, also while the server is away."""
-        self._keeper.mirror(element, "update:value", KEY, path)
+        self._storage.mirror(element, "update:value", KEY, path)
 
     def begin(self) -> None:
         """Once the page is in its browser: keep what it began with, unless something was kept already."""
@@ -48,16 +48,16 @@ class Form:
 
     def end(self) -> None:
         """The task was stated: nothing is to be kept."""
-        self._over = True
-        self._keeper.forget(KEY)
+        self._is_submitted = True
+        self._storage.forget(KEY)
 
     def clear(self) -> None:
         self.draft = Draft()
         self.changed()
 
-    def _found(self, kept: list[Any]) -> None:
+    def _restore(self, stored_drafts: list[Any]) -> None:
         try:
-            draft = msgspec.convert(kept[0].get("form"), Draft)
+            draft = msgspec.convert(stored_drafts[0].get("form"), Draft)
         except (msgspec.ValidationError, AttributeError):
             return  # kept by another version of this page
         if not self.draft.link or draft.link == self.draft.link:

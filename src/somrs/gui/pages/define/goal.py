@@ -10,17 +10,17 @@ from nicegui.events import ValueChangeEventArguments
 from somrs.gui.components.formula import FormulaField
 from somrs.gui.pages.define.builder import Builder
 from somrs.gui.pages.define.form import Form
-from somrs.gui.pages.define.plan import Plan
+from somrs.gui.pages.define.plan import GoalFloorPlan
 from somrs.gui.panel import panel
 
 
-class Wish:
+class GoalPanel:
     """`submit` is called by Ctrl+Enter in the formula."""
 
     def __init__(self, form: Form, submit: Callable[[], Awaitable[None]]) -> None:
         self._form = form
-        with panel("What is to be", "flag", "define wish", "somrs-define-wish") as made:
-            made.note.set_text("Ctrl+Space: what can come. Ctrl+Enter: preview.")
+        with panel("What is to be", "flag", "define wish", "somrs-define-wish") as formula_panel:
+            formula_panel.note.set_text("Ctrl+Space: what can come. Ctrl+Enter: preview.")
             self.field = FormulaField(
                 "As a formula",
                 value=form.draft.effect,
@@ -35,14 +35,14 @@ class Wish:
             self._builder = Builder(form)
         with panel("On the plan", "map", "define plan", "somrs-define-where"):
             ui.label("Drag a thing to where it is to be; or click the thing, then the place.").classes("somrs-soft")
-            self._plan = Plan(form, self._builder)
-        form.on_change(self._show)
+            self._plan = GoalFloorPlan(form, self._builder)
+        form.on_change(self._refresh)
 
     def _typed(self, event: ValueChangeEventArguments[str]) -> None:
         if event.value != self._form.draft.effect:
             self._form.draft.effect = event.value or ""
             self._form.changed()
 
-    def _show(self) -> None:
+    def _refresh(self) -> None:
         if self.field.value != self._form.draft.effect:
             self.field.value = self._form.draft.effect

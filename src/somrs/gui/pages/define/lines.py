@@ -22,7 +22,7 @@ class Line(msgspec.Struct, frozen=True, kw_only=True):
 
     thing: str = ""
     relation: str = ""
-    other: str = ""
+    related_thing: str = msgspec.field(default="", name="other")
     path: str = ""
     kind: Kind = Kind.NUMBER
     order: str = "="
@@ -35,11 +35,11 @@ class Line(msgspec.Struct, frozen=True, kw_only=True):
         """As a formula; None while something is missing."""
         denied = "NOT " if self.denied else ""
         if self.relation:
-            return f"{denied}{self.thing} {self.relation} {self.other}" if self.thing and self.other else None
-        value = self._written()
+            return f"{denied}{self.thing} {self.relation} {self.related_thing}" if self.thing and self.related_thing else None
+        value = self._value_text()
         return f"{denied}{self.thing}.{self.path} {self.order} {value}" if self.thing and self.path and value else None
 
-    def _written(self) -> str | None:
+    def _value_text(self) -> str | None:
         match self.kind:
             case Kind.NUMBER:
                 try:
@@ -64,15 +64,15 @@ def lines_of(text: str, ontology: Ontology) -> list[Line] | None:
         parts = conjuncts(parse(text))
     except FormulaError:
         return None
-    found = [_line(part, ontology) for part in parts]
-    return [line for line in found if line is not None] if None not in found else None
+    parsed_lines = [_line(part, ontology) for part in parts]
+    return [line for line in parsed_lines if line is not None] if None not in parsed_lines else None
 
 
 def _line(part: Formula, ontology: Ontology) -> Line | None:
     atom, denied = (part.atom, True) if isinstance(part, Not) else (part, False)
     match atom:
-        case Relation(relation, (Name(thing), Name(other))):
-            return Line(thing=thing, relation=relation, other=other, denied=denied)
+        case Relation(relation, (Name(thing), Name(related_thing))):
+            return Line(thing=thing, relation=relation, related_thing=related_thing, denied=denied)
         case Comparison(Attribute(Name(thing), path), order, constant):
             attribute = attribute_at(path, ontology)
             kind = attribute.kind if attribute is not None else None
@@ -80,32 +80,32 @@ def _line(part: Formula, ontology: Ontology) -> Line | None:
                 return None
             match kind, constant:
                 case Kind.NUMBER, Number(value, unit):
-                    said = repr(value).removesuffix(".0")
-                    return Line(thing=thing, path=path, kind=kind, order=order, value=said, unit=unit or "", denied=denied)
-                case (Kind.TEXT, Text(said)) | (Kind.ENUMERATION, Name(said)):
-                    return Line(thing=thing, path=path, kind=kind, order=order, value=said, denied=denied)
+                    value_text = repr(value).removesuffix(".0")
+                    return Line(thing=thing, path=path, kind=kind, order=order, value=value_text, unit=unit or "", denied=denied)
+                case (Kind.TEXT, Text(value_text)) | (Kind.ENUMERATION, Name(value_text)):
+                    return Line(thing=thing, path=path, kind=kind, order=order, value=value_text, denied=denied)
                 case Kind.TRUTH, Truth(true):
                     return Line(thing=thing, path=path, kind=kind, order=order, value="TRUE" if true else "FALSE", denied=denied)
     return None
 
 
-def same(one: str, other: str) -> bool:
+def is_same_formula(first_text: str, second_text: str) -> bool:
     """Whether two texts are the same formula, or the same text."""
     try:
-        return one == other or parse(one) == parse(other)
+        return first_text == second_text or parse(first_text) == parse(second_text)
     except FormulaError:
         return False
 
 
-def moved(lines: list[Line], line: Line, ontology: Ontology) -> list[Line]:
+def add_placement(lines: list[Line], line: Line, ontology: Ontology) -> list[Line]:
     """The lines, with one of where a thing is to be: in the place of those that cannot be so at the same time."""
     relation = ontology.relations.get(line.relation)
     group = relation.excludes if relation is not None else None
-    kept = []
-    for one in lines:
-        other = ontology.relations.get(one.relation)
-        same_relation = one.relation == line.relation and relation is not None and relation.functional
-        excluded = same_relation or (group is not None and other is not None and other.excludes == group)
-        if one.thing != line.thing or one.denied or not excluded:
-            kept.append(one)
-    return [*kept, line]
+    remaining_lines = []
+    for old_line in lines:
+        old_relation = ontology.relations.get(old_line.relation)
+        same_relation = old_line.relation == line.relation and relation is not None and relation.functional
+        excluded = same_relation or (group is not None and old_relation is not None and old_relation.excludes == group)
+        if old_line.thing != line.thing or old_line.denied or not excluded:
+            remaining_lines.append(old_line)
+    return [*remaining_lines, line]

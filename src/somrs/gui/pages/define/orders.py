@@ -10,14 +10,14 @@ from typing import Any
 from nicegui import ui
 
 from somrs.errors import SomrsError, UsageError
-from somrs.gui.icons import OUTCOMES, Badge, Sign, clock
+from somrs.gui.icons import OUTCOMES, Badge, Sign, format_time
 from somrs.gui.news import follow
-from somrs.gui.pages.define.confirm_dialog import sure
-from somrs.gui.pages.define.draft import DAILY, EVERY, ONCE, Repeat, number
+from somrs.gui.pages.define.confirm_dialog import confirm
+from somrs.gui.pages.define.draft import DAILY, INTERVAL, ONE_TIME, Repeat, number
 from somrs.gui.pages.define.form import Form
-from somrs.gui.pages.task_words import path
+from somrs.gui.pages.task_words import task_path
 from somrs.gui.panel import panel
-from somrs.gui.shell import author, guarded, tell
+from somrs.gui.shell import author, guarded, notify
 from somrs.protocol.messages.orders import Daily, Every, Filled, Once, OrderSaved, Run, RunState, Schedule, StandingOrder
 from somrs.scheduling.recurrence import in_words
 
@@ -37,11 +37,11 @@ class Orders:
         self._form = form
         with panel("Standing orders", "event_repeat", "define orders", "somrs-define-orders") as self._panel:
             self._list = ui.element("div").classes("somrs-define-list")
-        follow(form.desk.context.hub, "orders", self._read, lambda _: self._read())
+        follow(form.api.context.hub, "orders", self._read, lambda _: self._read())
 
     async def _read(self) -> None:
         try:
-            orders = (await self._form.desk.orders.orders()).orders
+            orders = (await self._form.api.orders.orders()).orders
         except SomrsError as error:
             self._list.clear()
             with self._list:
@@ -61,50 +61,50 @@ class Orders:
                 ui.label(order.name).classes("somrs-define-template-name")
                 ui.label(in_words(order.when) + ("" if order.enabled else ", rests")).classes("somrs-soft")
                 if order.next is not None:
-                    ui.label(f"next: {clock(order.next)}").classes("somrs-soft")
+                    ui.label(f"next: {format_time(order.next)}").classes("somrs-soft")
                 if order.last is not None:
                     _run(order.last)
             with ui.element("div").classes("somrs-define-line-ways"):
                 if order.enabled:
-                    _way("pause", f"Let {order.name} rest", partial(self._form.desk.orders.pause_order, order.id, author()))
+                    _action_button("pause", f"Let {order.name} rest", partial(self._form.api.orders.pause_order, order.id, author()))
                 else:
-                    _way("play_arrow", f"Let {order.name} go on", partial(self._form.desk.orders.resume_order, order.id, author()))
-                _way("edit", f"Change {order.name}", partial(self._change, order))
-                _way("delete", f"Remove {order.name}", partial(self._remove, order))
+                    _action_button("play_arrow", f"Let {order.name} go on", partial(self._form.api.orders.resume_order, order.id, author()))
+                _action_button("edit", f"Change {order.name}", partial(self._change, order))
+                _action_button("delete", f"Remove {order.name}", partial(self._remove, order))
 
     async def _change(self, order: StandingOrder) -> None:
         """Write the order on the page."""
         task = order.task
         if task is None and order.template is not None:
-            task = await self._form.desk.orders.fill_template(order.template, Filled(values=order.values))
+            task = await self._form.api.orders.fill_template(order.template, Filled(values=order.values))
         if task is not None:
-            self._form.draft.take(task)
+            self._form.draft.load_task(task)
         self._form.draft.repeat = repeat_of(order)
         self._form.changed()
 
     async def _remove(self, order: StandingOrder) -> None:
-        if await sure(f"The order {order.name} is taken back. Its task, if one runs, goes on.", "Remove"):
-            await self._form.desk.orders.remove_order(order.id, order.version)
+        if await confirm(f"The order {order.name} is taken back. Its task, if one runs, goes on.", "Remove"):
+            await self._form.api.orders.remove_order(order.id, order.version)
 
 
-async def give(form: Form) -> None:
+async def save_order(form: Form) -> None:
     """Give the order that is written on the page, or change the one that it was."""
-    draft, orders = form.draft, form.desk.orders
+    draft, orders = form.draft, form.api.orders
     saved = OrderSaved(
         name=draft.repeat.name.strip() or " ".join(draft.effect.replace("/", " ").split())[:60],
-        when=when_of(draft.repeat),
+        when=schedule_of(draft.repeat),
         task=draft.task(),
         skip=draft.repeat.skip,
         by=author(),
         expected_version=draft.repeat.version if draft.repeat.order else None,
     )
     order = await (orders.save_order(draft.repeat.order, saved) if draft.repeat.order else orders.add_order(saved))
-    tell(f"The order {order.name} is given: {in_words(order.when)}.")
+    notify(f"The order {order.name} is given: {in_words(order.when)}.")
 
 
-def when_of(repeat: Repeat) -> Schedule:
+def schedule_of(repeat: Repeat) -> Schedule:
     """Raises UsageError where it is no time."""
-    match repeat.how:
+    match repeat.recurrence:
         case "every":
             minutes = number(repeat.minutes)
             if minutes is None or minutes <= 0:
@@ -123,12 +123,12 @@ def repeat_of(order: StandingOrder) -> Repeat:
     repeat = Repeat(name=order.name, skip=order.skip, order=order.id, version=order.version)
     match order.when:
         case Every(minutes=minutes):
-            repeat.how, repeat.minutes = EVERY, f"{minutes:g}"
-        case Daily(at=at, days=days):
-            repeat.how, repeat.time, repeat.days = DAILY, at, [*days]
-        case Once(at=at):
-            then = datetime.fromtimestamp(at)
-            repeat.how, repeat.date, repeat.time = ONCE, f"{then:%Y-%m-%d}", f"{then:%H:%M}"
+            repeat.recurrence, repeat.minutes = INTERVAL, f"{minutes:g}"
+        case Daily(at=start_time, days=days):
+            repeat.recurrence, repeat.time, repeat.days = DAILY, start_time, [*days]
+        case Once(at=start_time):
+            start_datetime = datetime.fromtimestamp(start_time)
+            repeat.recurrence, repeat.date, repeat.time = ONE_TIME, f"{start_datetime:%Y-%m-%d}", f"{start_datetime:%H:%M}"
     return repeat
 
 
@@ -137,12 +137,12 @@ def _run(run: Run) -> None:
     with ui.element("div").classes("somrs-define-run"):
         Badge(sign)
         if run.task is not None:
-            ui.link(clock(run.at), path(run.task))
+            ui.link(format_time(run.at), task_path(run.task))
         else:
-            ui.label(clock(run.at)).classes("somrs-soft")
+            ui.label(format_time(run.at)).classes("somrs-soft")
         if run.note:
             ui.label(run.note).classes("somrs-soft")
 
 
-def _way(icon: str, label: str, action: Callable[[], Awaitable[Any]]) -> None:
+def _action_button(icon: str, label: str, action: Callable[[], Awaitable[Any]]) -> None:
     ui.button(icon=icon, on_click=guarded(action)).props(f'flat dense round size=sm aria-label="{label}"').tooltip(label)

@@ -18,67 +18,76 @@ OCCASIONS = {Occasion.FAILURE: "When a step fails", Occasion.COMPENSATION: "To u
 class Procedures:
     def __init__(self, form: Form) -> None:
         self._form = form
-        self._shown: list[Procedure] = []
+        self._shown_procedures: list[Procedure] = []
         self._list = ui.element("div").classes("somrs-define-procedures")
         ui.button("Add a procedure", icon="add", on_click=self._add).props("flat dense no-caps")
-        form.on_change(self._show)
-        self._show()
+        form.on_change(self._refresh)
+        self._refresh()
 
     def _add(self) -> None:
         self._form.draft.procedures.append(Procedure())
         self._form.changed()
 
-    def _remove(self, one: Procedure) -> None:
-        self._form.draft.procedures = [other for other in self._form.draft.procedures if other is not one]
+    def _remove(self, procedure: Procedure) -> None:
+        self._form.draft.procedures = [candidate for candidate in self._form.draft.procedures if candidate is not procedure]
         self._form.changed()
 
-    def _show(self) -> None:
-        wanted = self._form.draft.procedures
-        if len(wanted) == len(self._shown) and all(one is other for one, other in zip(wanted, self._shown, strict=True)):
+    def _refresh(self) -> None:
+        procedures = self._form.draft.procedures
+        if len(procedures) == len(self._shown_procedures) and all(
+            procedure is shown_procedure for procedure, shown_procedure in zip(procedures, self._shown_procedures, strict=True)
+        ):
             return
-        self._shown = [*wanted]
+        self._shown_procedures = [*procedures]
         self._list.clear()
         with self._list:
-            for number, one in enumerate(wanted):
-                self._put(number, one)
+            for number, procedure in enumerate(procedures):
+                self._add_fieldset(number, procedure)
 
-    def _put(self, number: int, one: Procedure) -> None:
-        services = self._form.desk.context.ontology.services
+    def _add_fieldset(self, number: int, procedure: Procedure) -> None:
+        services = self._form.api.context.ontology.services
         with ui.element("fieldset").classes("somrs-define-procedure"):
             with ui.element("div").classes("somrs-define-inline"):
                 occasions = [Choice(value=occasion.value, text=text) for occasion, text in OCCASIONS.items()]
-                Picker("When it is called for", value=one.on.value, options=occasions, on_pick=partial(self._occasion, one))
+                Picker("When it is called for", value=procedure.on.value, options=occasions, on_pick=partial(self._set_occasion, procedure))
                 ui.label("of").classes("somrs-soft")
-                types = [Choice(value="", text="any step"), *(Choice(value=name, detail=each.doc) for name, each in services.items())]
-                Picker("Of which step", value=one.service_type, options=types, on_pick=lambda name: self._of(one, name, fields))
-                away = ui.button(icon="close", on_click=lambda: self._remove(one)).props("flat dense round size=sm")
-                away.props('aria-label="Remove this procedure"')
+                types = [Choice(value="", text="any step"), *(Choice(value=name, detail=service.doc) for name, service in services.items())]
+                Picker(
+                    "Of which step",
+                    value=procedure.service_type,
+                    options=types,
+                    on_pick=lambda name: self._set_service_type(procedure, name, fields),
+                )
+                remove_button = ui.button(icon="close", on_click=lambda: self._remove(procedure)).props("flat dense round size=sm")
+                remove_button.props('aria-label="Remove this procedure"')
             fields = [
-                FormulaField(label, value=getattr(one, name), placeholder=example, variables=self._variables(one), on_change=put)
+                FormulaField(
+                    label, value=getattr(procedure, name), placeholder=example, variables=self._variables(procedure), on_change=on_change
+                )
                 for label, name, example in (
                     ("Bring about", "effect", "?Object isOn Table001"),
                     ("If this is so (else always)", "when", "?Object isOn Floor001"),
                 )
-                for put in (partial(self._typed, one, name),)
+                for on_change in (partial(self._typed, procedure, name),)
             ]
             for field, name in zip(fields, ("effect", "when"), strict=True):
                 self._form.mirror(field, f"procedures.{number}.{name}")
 
-    def _variables(self, one: Procedure) -> dict[str, str]:
-        service = self._form.desk.context.ontology.services.get(one.service_type)
+    def _variables(self, procedure: Procedure) -> dict[str, str]:
+        service = self._form.api.context.ontology.services.get(procedure.service_type)
         inputs = {parameter.name: parameter.type for parameter in service.inputs} if service is not None else {}
         return {**inputs, PROVIDER: "Device"}
 
-    def _occasion(self, one: Procedure, occasion: str) -> None:
-        one.on = Occasion(occasion)
+    def _set_occasion(self, procedure: Procedure, occasion: str) -> None:
+        procedure.on = Occasion(occasion)
         self._form.changed()
 
-    def _of(self, one: Procedure, service_type: str, fields: list[FormulaField]) -> None:
-        one.service_type = service_type
+    def _set_service_type(self, procedure: Procedure, service_type: str, fields: list[FormulaField]) -> None:
+        procedure.service_type = service_type
         for field in fields:
-            field.variables = self._variables(one)
+            field.variables = self._variables(procedure)
         self._form.changed()
 
-    def _typed(self, one: Procedure, name: str, event: object) -> None:
-        setattr(one, name, getattr(event, "value", "") or "")
+    def _typed(self, procedure: Procedure, name: str, event: object) -> None:
+        setattr(procedure, name, getattr(event, "value", "") or "")
         self._form.changed()

@@ -9,10 +9,10 @@ from nicegui import ui
 from somrs.errors import SomrsError
 from somrs.gui.components.fields.picker import Choice, Picker, things
 from somrs.gui.news import follow
-from somrs.gui.pages.define.blanks import blanked, named, proposed, types_of
-from somrs.gui.pages.define.confirm_dialog import sure
+from somrs.gui.pages.define.blanks import mentioned_things, propose_blank_names, replace_with_blanks, types_of
+from somrs.gui.pages.define.confirm_dialog import confirm
 from somrs.gui.pages.define.form import Form
-from somrs.gui.shell import author, guarded, tell
+from somrs.gui.shell import author, guarded, notify
 from somrs.protocol.messages.orders import Blank, Filled, Template, TemplateSaved
 
 
@@ -24,12 +24,12 @@ class TemplateMenu:
         with ui.button("Templates", icon="bookmarks").props("flat dense no-caps"), ui.menu().classes("somrs-define-menu") as self._menu:
             self._list = ui.element("div").classes("somrs-define-templates").props('role="group" aria-label="Templates"')
             ui.separator()
-            ui.menu_item("Keep this task as a template", on_click=guarded(self._keep)).classes("somrs-define-keep")
-        follow(form.desk.context.hub, "templates", self._read, lambda _: self._read())
+            ui.menu_item("Keep this task as a template", on_click=guarded(self._save_as_template)).classes("somrs-define-keep")
+        follow(form.api.context.hub, "templates", self._read, lambda _: self._read())
 
     async def _read(self) -> None:
         try:
-            self._templates = (await self._form.desk.orders.templates()).templates
+            self._templates = (await self._form.api.orders.templates()).templates
         except SomrsError:
             self._templates = ()
         self._list.clear()
@@ -45,8 +45,8 @@ class TemplateMenu:
             with use, ui.element("div"):
                 ui.label(template.name).classes("somrs-define-template-name")
                 ui.label(template.note or " ".join(template.task.effect.split())).classes("somrs-soft")
-            away = ui.button(icon="delete", on_click=partial(guarded(self._remove), template)).props("flat dense round size=sm")
-            away.props(f'aria-label="Remove the template {template.name}"')
+            remove_button = ui.button(icon="delete", on_click=partial(guarded(self._remove), template)).props("flat dense round size=sm")
+            remove_button.props(f'aria-label="Remove the template {template.name}"')
 
     # Using one
 
@@ -72,35 +72,35 @@ class TemplateMenu:
         self._dialog.open()
 
     async def _fill(self, template: Template, values: dict[str, str]) -> None:
-        said = {name: value for name, value in values.items() if value}
-        task = await self._form.desk.orders.fill_template(template.name, Filled(values=said))
-        self._form.draft.take(task)
+        filled_values = {name: value for name, value in values.items() if value}
+        task = await self._form.api.orders.fill_template(template.name, Filled(values=filled_values))
+        self._form.draft.load_task(task)
         self._form.draft.template = template.name
         self._form.changed()
         self._dialog.close()
 
     # Keeping one
 
-    async def _keep(self) -> None:
+    async def _save_as_template(self) -> None:
         self._menu.close()
         task = self._form.draft.task()
         if not task.effect:
-            tell("Say first what is to be: then it can be kept.", bad=True)
+            notify("Say first what is to be: then it can be kept.", bad=True)
             return
-        context = self._form.desk.context
-        found = named(task, context.map)
-        asked = dict.fromkeys(found, False)
-        types = {thing: context.map.objects[thing].type for thing in found}
+        context = self._form.api.context
+        thing_names = mentioned_things(task, context.map)
+        blank_choices = dict.fromkeys(thing_names, False)
+        types = {thing: context.map.objects[thing].type for thing in thing_names}
         self._dialog.clear()
         with self._dialog, ui.card().classes("somrs-dialog"):
             ui.label("Keep as a template").classes("somrs-title")
-            called = _line("Name", self._form.draft.template, "What people call it")
+            name_field = _line("Name", self._form.draft.template, "What people call it")
             note = _line("Note", "", "What it is for")
-            if found:
+            if thing_names:
                 ui.label("What is asked for each time it is used").classes("somrs-define-label somrs-define-or")
-            for thing in found:
+            for thing in thing_names:
                 with ui.element("div").classes("somrs-define-blank"):
-                    ui.checkbox(thing, on_change=lambda event, thing=thing: asked.update({thing: bool(event.value)})).props("dense")
+                    ui.checkbox(thing, on_change=lambda event, thing=thing: blank_choices.update({thing: bool(event.value)})).props("dense")
                     ui.label("any").classes("somrs-soft")
                     options = [Choice(value=type_name) for type_name in types_of(thing, context.map, context.ontology)]
                     pick = partial(types.__setitem__, thing)
@@ -109,34 +109,34 @@ class TemplateMenu:
                 ui.button("Cancel", on_click=self._dialog.close).props("flat no-caps")
 
                 async def save() -> None:
-                    blanks = proposed({thing: types[thing] for thing in found if asked[thing]})
+                    blanks = propose_blank_names({thing: types[thing] for thing in thing_names if blank_choices[thing]})
                     saved = TemplateSaved(
-                        task=blanked(task, blanks),
+                        task=replace_with_blanks(task, blanks),
                         blanks=tuple(Blank(name=name, type=types[thing], default=thing) for thing, name in blanks.items()),
                         note=(note.value or "").strip(),
                         by=author(),
                     )
-                    await self._save((called.value or "").strip(), saved)
+                    await self._save((name_field.value or "").strip(), saved)
 
                 ui.button("Keep", on_click=guarded(save)).props("unelevated no-caps color=primary")
         self._dialog.open()
 
     async def _save(self, name: str, saved: TemplateSaved) -> None:
         if not name:
-            tell("A template needs a name.", bad=True)
+            notify("A template needs a name.", bad=True)
             return
-        known = any(one.name == name for one in self._templates)
-        if known and not await sure(f"There is a template {name} already. What it says is replaced.", "Replace"):
+        is_existing = any(template.name == name for template in self._templates)
+        if is_existing and not await confirm(f"There is a template {name} already. What it says is replaced.", "Replace"):
             return
-        await self._form.desk.orders.save_template(name, saved)
+        await self._form.api.orders.save_template(name, saved)
         self._form.draft.template = name
         self._dialog.close()
-        tell(f"{name} is kept among the templates.")
+        notify(f"{name} is kept among the templates.")
 
     async def _remove(self, template: Template) -> None:
         self._menu.close()
-        if await sure(f"The template {template.name} is removed for everybody. Tasks that were made from it stay.", "Remove"):
-            await self._form.desk.orders.remove_template(template.name, template.version)
+        if await confirm(f"The template {template.name} is removed for everybody. Tasks that were made from it stay.", "Remove"):
+            await self._form.api.orders.remove_template(template.name, template.version)
 
 
 def _blank_field(blank: Blank, values: dict[str, str]) -> None:
@@ -147,10 +147,10 @@ def _blank_field(blank: Blank, values: dict[str, str]) -> None:
     pick = partial(values.__setitem__, blank.name)
     label, hint = blank.label or blank.name, f"Which {blank.type}"
     if blank.type == "truth":
-        made = Picker(label, value=blank.default, options=[Choice(value="TRUE"), Choice(value="FALSE")], on_pick=pick)
+        picker = Picker(label, value=blank.default, options=[Choice(value="TRUE"), Choice(value="FALSE")], on_pick=pick)
     else:
-        made = Picker(label, value=blank.default, placeholder=hint, source=things(type=blank.type), on_pick=pick)
-    made.classes("somrs-wide")
+        picker = Picker(label, value=blank.default, placeholder=hint, source=things(type=blank.type), on_pick=pick)
+    picker.classes("somrs-wide")
 
 
 def _line(label: str, value: str, placeholder: str) -> ui.input:

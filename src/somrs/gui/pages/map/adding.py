@@ -13,35 +13,35 @@ from somrs.gui.components.fields.tree import Node, Tree
 from somrs.gui.components.floorplan import FloorPlan
 from somrs.gui.pages.map.fields import Field, Raw
 from somrs.gui.pages.map.fields import Spot as AttributeSpot
-from somrs.gui.pages.map.proposals import Spot, adding, form_for, name_for
+from somrs.gui.pages.map.proposals import Spot, creation_changes, form_for, name_for
 from somrs.gui.shell import focus, guarded
 from somrs.ontology.objects import Change
 from somrs.ontology.types import ABSTRACT, PHYSICAL, ROOT, Ontology, Value
 
-Change_ = Callable[[tuple[Change, ...], str], Awaitable[int | None]]
+ChangeMap = Callable[[tuple[Change, ...], str], Awaitable[int | None]]
 
 
-class Adding:
+class AddPanel:
     """`added` hears of the new object's name."""
 
-    def __init__(self, desk: LiveApi, plan: FloorPlan, change: Change_, added: Callable[[str, int], Awaitable[None]]) -> None:
-        self._desk, self._plan, self._change, self._added = desk, plan, change, added
+    def __init__(self, api: LiveApi, plan: FloorPlan, change: ChangeMap, on_created: Callable[[str, int], Awaitable[None]]) -> None:
+        self._api, self._plan, self._change, self._on_created = api, plan, change, on_created
         self._type: str | None = None
         ui.label("Choose what it is, then click on the plan where it goes.").classes("somrs-soft")
         self._tree = Tree("Types", "Find a type", self._pick, None, self._nodes())
         self._tree.classes("somrs-map-types")
-        self._below = ui.element("div").classes("somrs-map-new")
+        self._type_details = ui.element("div").classes("somrs-map-new")
         self._frame()
 
     def refresh(self) -> None:
         """The types, and how many objects of each there are, as they are now."""
-        self._tree.show(self._nodes())
+        self._tree.show_nodes(self._nodes())
 
     def _nodes(self) -> list[Node]:
-        ontology, map = self._desk.context.ontology, self._desk.context.map
+        ontology, map = self._api.context.ontology, self._api.context.map
         nodes = []
-        for name, one in sorted(ontology.types.items()):
-            parent = one.parent if name not in (PHYSICAL, ABSTRACT) else None
+        for name, object_type in sorted(ontology.types.items()):
+            parent = object_type.parent if name not in (PHYSICAL, ABSTRACT) else None
             if name != ROOT:
                 nodes.append(Node(id=name, label=name, parent=parent, count=len(map.of_type(name))))
         return nodes
@@ -51,28 +51,30 @@ class Adding:
         self._tree.select(type_name)
         self._frame()
         if self._placeable(type_name):
-            map, ontology = self._desk.context.map, self._desk.context.ontology
+            map, ontology = self._api.context.map, self._api.context.ontology
             self._plan.place(type_name, form_for(type_name, map, ontology))
 
     def _placeable(self, type_name: str) -> bool:
-        return "PositionX" in self._desk.context.ontology.attributes_of(type_name)
+        return "PositionX" in self._api.context.ontology.attributes_of(type_name)
 
     def _frame(self) -> None:
-        self._below.clear()
-        with self._below:
+        self._type_details.clear()
+        with self._type_details:
             if self._type is None:
                 return
-            doc = self._desk.context.ontology.types[self._type].doc
+            doc = self._api.context.ontology.types[self._type].doc
             ui.label(f"{self._type}: {doc}" if doc else self._type).classes("somrs-soft")
             if self._placeable(self._type):
                 ui.label("Click on the plan where it goes. R turns it, Escape stops.").classes("somrs-map-now").props('role="status"')
-            without = ui.button("Add without a place", on_click=lambda: self.ask(str(self._type), None)).props("flat dense no-caps")
-            without.props('icon="add_location_alt"' if self._placeable(self._type) else 'icon="add"')
+            add_button = ui.button("Add without a place", on_click=lambda: self.open_dialog(str(self._type), None)).props(
+                "flat dense no-caps"
+            )
+            add_button.props('icon="add_location_alt"' if self._placeable(self._type) else 'icon="add"')
 
-    def placed(self, told: dict[str, Any]) -> None:
+    def place_object(self, event: dict[str, Any]) -> None:
         """Somebody clicked on the plan."""
-        spot = Spot(x=told["x"], y=told["y"], turned=told["turned"], target=told["target"], storey=told["storey"] or "")
-        self.ask(told["type"], spot)
+        spot = Spot(x=event["x"], y=event["y"], turned=event["turned"], target=event["target"], storey=event["storey"] or "")
+        self.open_dialog(event["type"], spot)
 
     def stop(self) -> None:
         self._type = None
@@ -80,31 +82,31 @@ class Adding:
         self._plan.place(None)
         self._frame()
 
-    def ask(self, type_name: str, spot: Spot | None) -> None:
+    def open_dialog(self, type_name: str, spot: Spot | None) -> None:
         """A form with what it has to have, and a name."""
-        _New(self._desk, type_name, spot, self._change, self._done)
+        _NewObjectDialog(self._api, type_name, spot, self._change, self._finish)
 
-    async def _done(self, name: str, version: int) -> None:
+    async def _finish(self, name: str, version: int) -> None:
         self.stop()
-        await self._added(name, version)
+        await self._on_created(name, version)
 
 
-class _New:
+class _NewObjectDialog:
     """The dialog for one new object."""
 
     def __init__(
-        self, desk: LiveApi, type_name: str, spot: Spot | None, change: Change_, done: Callable[[str, int], Awaitable[None]]
+        self, api: LiveApi, type_name: str, spot: Spot | None, change: ChangeMap, on_created: Callable[[str, int], Awaitable[None]]
     ) -> None:
-        self._desk, self._type, self._spot, self._change, self._done = desk, type_name, spot, change, done
-        map, ontology = desk.context.map, desk.context.ontology
+        self._api, self._type, self._spot, self._change, self._on_created = api, type_name, spot, change, on_created
+        map, ontology = api.context.map, api.context.ontology
         self._values: dict[str, Raw] = {}
         self._fields: dict[str, Field] = {}
         title = f"New {type_name}"
         with ui.dialog() as self._dialog, ui.card().classes("somrs-map-dialog").props(f'role="dialog" aria-label="{title}"'):
             ui.label(title).classes("somrs-title")
             if spot is not None:
-                on = f", on {spot.target}" if spot.target is not None and ontology.is_subtype(type_name, "Graspable") else ""
-                ui.label(f"At x {spot.x:.2f} m, y {spot.y:.2f} m{on}").classes("somrs-soft")
+                location = f", on {spot.target}" if spot.target is not None and ontology.is_subtype(type_name, "Graspable") else ""
+                ui.label(f"At x {spot.x:.2f} m, y {spot.y:.2f} m{location}").classes("somrs-soft")
             with ui.element("form").props(f'aria-label="{title}" novalidate').classes("somrs-map-form") as form:
                 self._name = ui.input("Name", value=name_for(type_name, map)).props(
                     "outlined dense autofocus autocomplete=off hide-bottom-space"
@@ -122,20 +124,26 @@ class _New:
 
     def _missing(self, ontology: Ontology, proposed: set[str]) -> list[str]:
         """What it must have, and nobody proposed."""
-        known = ontology.attributes_of(self._type)
-        found = []
+        attributes = ontology.attributes_of(self._type)
+        missing_names = []
         for ancestor in ontology.ancestors(self._type):
             for name in ontology.types[ancestor].required:
-                given = self._spot is not None and name.startswith("Position")
+                is_positioned = self._spot is not None and name.startswith("Position")
                 inner = {path for path in proposed if path.startswith(f"{name}.")}
-                if name in known and not given and not inner and ontology.default(self._type, name) is None and not known[name].attributes:
-                    found.append(name)
-        return [*dict.fromkeys(found)]
+                if (
+                    name in attributes
+                    and not is_positioned
+                    and not inner
+                    and ontology.default(self._type, name) is None
+                    and not attributes[name].attributes
+                ):
+                    missing_names.append(name)
+        return [*dict.fromkeys(missing_names)]
 
     def _field(self, path: str, value: Value | None, ontology: Ontology) -> None:
         spot = AttributeSpot(path, ontology.attributes_of(self._type)[path], self._type, ontology)
         field = Field(spot, self._typed)
-        field.show(value)
+        field.show_value(value)
         self._fields[path] = field
         self._values[path] = spot.raw(value)
 
@@ -148,19 +156,19 @@ class _New:
             try:
                 value = self._fields[path].spot.read(raw)
             except InputError as error:
-                self._fields[path].problem(str(error))
+                self._fields[path].show_problem(str(error))
                 self._fields[path].focus()
                 return
             if value is not None:
                 values[path] = value
         name = str(self._name.value or "").strip()
-        map, ontology = self._desk.context.map, self._desk.context.ontology
+        map, ontology = self._api.context.map, self._api.context.ontology
         if not name or name in map.objects:
             self._name.error = "there is an object of this name already" if name else "it needs a name"
             focus(self._name)
             return
-        changes = adding(self._type, name, values, self._spot, map, ontology)
+        changes = creation_changes(self._type, name, values, self._spot, map, ontology)
         version = await self._change(changes, f"{name} was added")
         if version is not None:
             self._dialog.close()
-            await self._done(name, version)
+            await self._on_created(name, version)

@@ -7,36 +7,36 @@ from functools import partial
 
 from nicegui import ui
 
-from somrs.gui.pages.map.words import at, told
+from somrs.gui.pages.map.words import describe_event, format_time
 from somrs.gui.shell import guarded
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.knowledge import Event
 from somrs.protocol.messages.people import person_name
 
 
-def entries(
+def show_events(
     events: Iterable[Event],
     ontology: Ontology,
-    look: Callable[[int], Awaitable[None] | None],
+    show_version: Callable[[int], Awaitable[None] | None],
     undo: Callable[[int], Awaitable[None]] | None = None,
 ) -> None:
     """The events, into the current element."""
-    kept = [*events]
-    undone = {event.undoes for event in kept}
-    for event in kept:
+    event_list = [*events]
+    undone = {event.undoes for event in event_list}
+    for event in event_list:
         with ui.element("li").classes("somrs-map-event"):
             with ui.element("div").classes("somrs-map-event-head"):
-                ui.label(at(event.at)).classes("somrs-map-when")
+                ui.label(format_time(event.at)).classes("somrs-map-when")
                 ui.label(person_name(event.author)).classes("somrs-map-who")
                 if event.undoes is not None:
                     ui.label(f"undid {event.undoes}").classes("somrs-soft")
                 if event.version in undone:
                     ui.label("undone").classes("somrs-soft")
                 ui.space()
-                _button("visibility", f"Show the map at version {event.version}", partial(look, event.version))
+                _button("visibility", f"Show the map at version {event.version}", partial(show_version, event.version))
                 if undo is not None and event.version not in undone:
                     _button("undo", f"Undo version {event.version}", partial(guarded(undo), event.version))
-            for line in told(event, ontology):
+            for line in describe_event(event, ontology):
                 ui.label(line).classes("somrs-map-what")
 
 

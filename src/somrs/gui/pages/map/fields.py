@@ -35,7 +35,9 @@ class Spot:
     @property
     def required(self) -> bool:
         first = self.path.partition(".")[0]
-        return first == self.path and any(first in self.ontology.types[one].required for one in self.ontology.ancestors(self.type))
+        return first == self.path and any(
+            first in self.ontology.types[ancestor].required for ancestor in self.ontology.ancestors(self.type)
+        )
 
     def label(self) -> str:
         return self.attribute.name + (" *" if self.required else "")
@@ -79,20 +81,20 @@ class Field:
                 if mirror is not None:
                     mirror(self._input, spot.path)
 
-    def show(self, value: Value | None, *, edited: Raw = None, is_edited: bool = False) -> None:
+    def show_value(self, value: Value | None, *, edited: Raw = None, is_edited: bool = False) -> None:
         """Put in what the object has, or what somebody wrote before."""
         self._raw = edited if is_edited else self.spot.raw(value)
         self._fill(self._raw)
         self.mark(is_edited)
-        self.problem("")
+        self.show_problem("")
 
     def mark(self, edited: bool) -> None:
         """Show whether it says something else than the map."""
         self.element.classes(add="somrs-map-edited" if edited else "", remove="" if edited else "somrs-map-edited")
 
-    def problem(self, text: str) -> None:
+    def show_problem(self, text: str) -> None:
         if isinstance(self._input, ui.switch):
-            self._said.text, self._said.visible = text, bool(text)
+            self._problem_label.text, self._problem_label.visible = text, bool(text)
         else:
             self._input.error = text or None
 
@@ -101,16 +103,16 @@ class Field:
         try:
             self.spot.read(self._raw)
         except InputError as error:
-            self.problem(str(error))
+            self.show_problem(str(error))
             return False
-        self.problem("")
+        self.show_problem("")
         return True
 
     def focus(self) -> None:
         focus(self._input)
 
-    def enable(self, on: bool) -> None:
-        self._input.set_enabled(on)
+    def enable(self, is_enabled: bool) -> None:
+        self._input.set_enabled(is_enabled)
 
     # How it looks
 
@@ -120,8 +122,8 @@ class Field:
         number = spot.attribute.kind is Kind.NUMBER
         self._input: ui.input | ui.select | ui.switch = ui.input(spot.label(), placeholder=default, on_change=self._typed)
         self._input.props(f"outlined dense hide-bottom-space {'stack-label' if default else ''} autocomplete=off")
-        if shown := unit(spot.attribute):
-            self._input.props(f'suffix="{shown}"')
+        if unit_text := unit(spot.attribute):
+            self._input.props(f'suffix="{unit_text}"')
         if number:
             self._input.props("inputmode=decimal").classes("somrs-map-number")
         self._input.on("blur", self.check)
@@ -146,14 +148,14 @@ class Field:
             self._clear = ui.button(icon="backspace", on_click=lambda: self._set(None)).props(
                 f'flat round dense size=sm aria-label="Take {spot.attribute.name} away, so that the default holds"'
             )
-            self._said = ui.label().classes("somrs-map-wrong")
-            self._said.visible = False
+            self._problem_label = ui.label().classes("somrs-map-wrong")
+            self._problem_label.visible = False
         self._help("")
 
     def _help(self, default: str) -> None:
         spot = self.spot
-        said = [spot.attribute.doc, limits(spot.path, spot.attribute, spot.type, spot.ontology), default]
-        if text := "; ".join(one for one in said if one):
+        hints = [spot.attribute.doc, limits(spot.path, spot.attribute, spot.type, spot.ontology), default]
+        if text := "; ".join(hint for hint in hints if hint):
             with self._input:
                 ui.tooltip(text).props("delay=600")
 
@@ -168,9 +170,9 @@ class Field:
         elif isinstance(self._input, ui.select):
             self._input.set_value(raw or None)
             default = self.spot.default
-            shown = default is not None and not raw
-            self._input.props(f'display-value="{default}"' if shown else "", remove="" if shown else "display-value")
-            self._input.classes(add="somrs-map-default" if shown else "", remove="" if shown else "somrs-map-default")
+            shows_default = default is not None and not raw
+            self._input.props(f'display-value="{default}"' if shows_default else "", remove="" if shows_default else "display-value")
+            self._input.classes(add="somrs-map-default" if shows_default else "", remove="" if shows_default else "somrs-map-default")
         else:
             self._input.set_value("" if raw is None else str(raw))
 
@@ -189,5 +191,5 @@ class Field:
         self._raw = raw
         if not isinstance(self._input, ui.input):
             self._fill(raw)
-        self.problem("")
+        self.show_problem("")
         self._changed(self.spot.path, raw)

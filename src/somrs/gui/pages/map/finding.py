@@ -9,7 +9,7 @@ from nicegui import ui
 from somrs.api.remote import LiveApi
 from somrs.errors import FormulaError, SomrsError
 from somrs.gui.components.formula import FormulaField
-from somrs.gui.pages.map.stage import Stage
+from somrs.gui.pages.map.stage import MapView
 from somrs.gui.shell import guarded
 from somrs.protocol.messages.knowledge import Rows
 
@@ -17,18 +17,18 @@ LIMIT = 200
 NAMES = 60
 
 
-class Finding:
+class SearchPanel:
     """`go` opens an object."""
 
-    def __init__(self, desk: LiveApi, stage: Stage, go: Callable[[str], None]) -> None:
-        self._desk, self._stage, self._go = desk, stage, go
-        self._asked = ""
+    def __init__(self, api: LiveApi, map_view: MapView, open_object: Callable[[str], None]) -> None:
+        self._api, self._map_view, self._open_object = api, map_view, open_object
+        self._query = ""
         with ui.element("section").props('aria-label="Find by a formula"'):
             self._field = FormulaField("For which objects is it so?", placeholder="?Thing isOn Cupboard001", on_submit=self._submitted)
             with ui.element("div").classes("somrs-map-buttons"):
-                ui.button("Find", icon="search", on_click=guarded(self.find)).props("unelevated dense no-caps")
+                ui.button("Find", icon="search", on_click=guarded(self.run_query)).props("unelevated dense no-caps")
                 self._clear = ui.button("Clear", on_click=self.clear).props("flat dense no-caps")
-            self._said = ui.label().classes("somrs-map-found-said").props('role="status"')
+            self._status_label = ui.label().classes("somrs-map-found-said").props('role="status"')
             self._problem = ui.label().classes("somrs-map-problem").props('role="alert"')
             self._rows = ui.element("div").classes("somrs-map-rows")
         with ui.element("section").props('aria-label="Find by name"').classes("somrs-map-names"):
@@ -42,9 +42,9 @@ class Finding:
         await self._list()
 
     async def _submitted(self, text: str) -> None:
-        await guarded(self.find)()
+        await guarded(self.run_query)()
 
-    async def find(self) -> None:
+    async def run_query(self) -> None:
         """Ask, and show what is found."""
         text = str(self._field.value or "").strip()
         if not text:
@@ -52,52 +52,52 @@ class Finding:
             return
         self._problem.visible = False
         try:
-            rows = await self._desk.map.query(text, LIMIT)
+            rows = await self._api.map.query(text, LIMIT)
         except FormulaError as error:
-            self._wrong(str(error))
+            self._show_problem(str(error))
             return
         except SomrsError as error:
-            self._wrong(str(error))
+            self._show_problem(str(error))
             return
-        self._asked = text
-        self._show(rows)
+        self._query = text
+        self._show_rows(rows)
 
-    def _wrong(self, text: str) -> None:
+    def _show_problem(self, text: str) -> None:
         self._problem.text, self._problem.visible = text, True
-        self._said.text = ""
+        self._status_label.text = ""
         self._rows.clear()
-        self._stage.highlight({})
+        self._map_view.highlight({})
 
     def clear(self) -> None:
-        self._asked = ""
+        self._query = ""
         self._field.value = ""
-        self._said.text = ""
+        self._status_label.text = ""
         self._problem.visible = self._clear.visible = False
         self._rows.clear()
-        self._stage.highlight({})
+        self._map_view.highlight({})
 
-    async def again(self) -> None:
+    async def refresh(self) -> None:
         """The map changed: what was found may be otherwise."""
-        if self._asked and self._asked == str(self._field.value or "").strip():
+        if self._query and self._query == str(self._field.value or "").strip():
             try:
-                self._show(await self._desk.map.query(self._asked, LIMIT))
+                self._show_rows(await self._api.map.query(self._query, LIMIT))
             except SomrsError as error:
-                self._wrong(str(error))
+                self._show_problem(str(error))
 
-    def _show(self, found: Rows) -> None:
-        rows = found.rows
+    def _show_rows(self, result: Rows) -> None:
+        rows = result.rows
         names = [*(rows[0].bindings if rows else {})]
-        objects = self._desk.context.map.objects
+        objects = self._api.context.map.objects
         marks: dict[str, list[str]] = {}
         for row in rows:
             for variable, value in row.bindings.items():
                 if value in objects and f"?{variable}" not in marks.setdefault(value, []):
                     marks[value].append(f"?{variable}")
         if not names and rows:
-            marks = {word: [] for word in self._asked.replace("(", " ").replace(")", " ").replace(",", " ").split() if word in objects}
-        self._stage.highlight({name: " ".join(these) for name, these in marks.items()})
+            marks = {word: [] for word in self._query.replace("(", " ").replace(")", " ").replace(",", " ").split() if word in objects}
+        self._map_view.highlight({name: " ".join(variables) for name, variables in marks.items()})
         self._clear.visible = True
-        self._said.text = _said(found, bool(names))
+        self._status_label.text = _status_text(result, bool(names))
         self._rows.clear()
         if not names:
             return
@@ -114,30 +114,33 @@ class Finding:
                                 self._cell(row.bindings.get(name, ""))
 
     def _cell(self, value: str) -> None:
-        if value in self._desk.context.map.objects:
-            ui.button(value, on_click=lambda: self._go(value)).props("flat dense no-caps").classes("somrs-map-link")
+        if value in self._api.context.map.objects:
+            ui.button(value, on_click=lambda: self._open_object(value)).props("flat dense no-caps").classes("somrs-map-link")
         else:
             ui.label(value)
 
     async def _list(self) -> None:
-        found = await self._desk.formulas.things(typed=str(self._name.value or ""), limit=NAMES)
+        result = await self._api.formulas.things(typed=str(self._name.value or ""), limit=NAMES)
         self._names.clear()
         with self._names:
-            for one in found.things:
-                with ui.element("li"), ui.button(one.name, icon=one.symbol, on_click=lambda one=one: self._go(one.name)) as button:
+            for thing in result.things:
+                with (
+                    ui.element("li"),
+                    ui.button(thing.name, icon=thing.symbol, on_click=lambda thing=thing: self._open_object(thing.name)) as button,
+                ):
                     button.props("flat dense no-caps align=left")
-                    more = one.type + (f", {one.label}" if one.label else "") + (f", {one.location}" if one.location else "")
-                    ui.label(more).classes("somrs-soft")
-            if found.is_truncated:
+                    details = thing.type + (f", {thing.label}" if thing.label else "") + (f", {thing.location}" if thing.location else "")
+                    ui.label(details).classes("somrs-soft")
+            if result.is_truncated:
                 ui.label("There are more; type more of the name.").classes("somrs-soft")
-            if not found.things:
+            if not result.things:
                 ui.label("Nothing is called so.").classes("somrs-soft")
 
 
-def _said(found: Rows, variables: bool) -> str:
+def _status_text(result: Rows, variables: bool) -> str:
     if not variables:
-        return "It is so." if found.rows else "It is not so."
-    count = len(found.rows)
+        return "It is so." if result.rows else "It is not so."
+    count = len(result.rows)
     if not count:
         return "There is nothing of which it is so."
-    return f"{'The first ' if found.more else ''}{count} {'way' if count == 1 else 'ways'} in which it is so"
+    return f"{'The first ' if result.more else ''}{count} {'way' if count == 1 else 'ways'} in which it is so"

@@ -12,9 +12,9 @@ from somrs.api.remote import LiveApi
 from somrs.client.refusals import Refused
 from somrs.errors import InputError, SomrsError
 from somrs.gui.pages.map.fields import Field, Raw, Spot
-from somrs.gui.pages.map.words import shown
-from somrs.gui.pages.map.writing import Writing
-from somrs.gui.shell import author, tell
+from somrs.gui.pages.map.words import format_value
+from somrs.gui.pages.map.writing import ObjectDrafts
+from somrs.gui.shell import author, notify
 from somrs.ontology.objects import Change, Object, ValueSet
 from somrs.ontology.types import Kind, Ontology, Value
 from somrs.protocol.messages.knowledge import BrokenRule, UpdateMap
@@ -24,32 +24,32 @@ PLACE = ("Position", "Rotation")
 FORM = "Shape.Form"
 SIZES = {"Box": {"Width", "Depth", "Height"}, "Cylinder": {"Radius", "Height"}, "Polygon": {"Outline", "Height"}}
 """Which sizes a form has."""
-OVERTAKEN = "overtaken"
+VERSION_CONFLICT = "overtaken"
 """The rule that is broken when somebody else was quicker."""
 
 
 @dataclass(frozen=True, slots=True)
-class Overtaken:
+class ValueConflict:
     """A value that was changed by others while somebody wrote another one."""
 
     value: Value | None
-    by: str
+    author_name: str
 
 
 class ObjectForm:
     """`writing` keeps what is written, and has what was written before. `saved` hears of the version that it is in."""
 
-    def __init__(self, desk: LiveApi, object: Object, writing: Writing, saved: Callable[[int], None]) -> None:
-        self._desk, self._writing, self._saved = desk, writing, saved
-        self._ontology: Ontology = desk.context.ontology
+    def __init__(self, api: LiveApi, object: Object, drafts: ObjectDrafts, saved: Callable[[int], None]) -> None:
+        self._api, self._drafts, self._saved = api, drafts, saved
+        self._ontology: Ontology = api.context.ontology
         self.name, self.type = object.name, object.type
-        self._known: dict[str, Value] = dict(object.values)
-        self._version = desk.context.version
-        before = writing.of(object.name)
-        self.typed: dict[str, Raw] = before.typed()
-        self._overtaken: dict[str, Overtaken] = {}
+        self._map_values: dict[str, Value] = dict(object.values)
+        self._version = api.context.version
+        draft = drafts.draft_of(object.name)
+        self.typed: dict[str, Raw] = draft.typed()
+        self._conflicts: dict[str, ValueConflict] = {}
         self._fields: dict[str, Field] = {}
-        self._gone = False
+        self._is_removed = False
         self._news = ui.element("div").classes("somrs-map-news").props('role="alert"')
         form = ui.element("form").classes("somrs-map-form").props(f'aria-label="Attributes of {object.name}" novalidate')
         with form.on("submit.prevent", self.save):
@@ -57,21 +57,23 @@ class ObjectForm:
             with ui.element("div").classes("somrs-map-buttons somrs-map-stick") as self._buttons:
                 ui.button("Save", icon="check").props("unelevated no-caps dense type=submit")
                 ui.button("Discard", on_click=self.discard).props("flat no-caps dense")
-                self._said = ui.label().classes("somrs-soft")
+                self._unsaved_label = ui.label().classes("somrs-soft")
         self._mark()
-        for path, raw in before.typed().items():
-            if path not in self._fields or (raw or None) == (self._fields[path].spot.raw(self._known.get(path)) or None):
+        for path, raw in draft.typed().items():
+            if path not in self._fields or (raw or None) == (self._fields[path].spot.raw(self._map_values.get(path)) or None):
                 self.typed.pop(path)
-        clashing = {path: None for path in self.typed if before.known.get(path) != self._known.get(path)}
-        self._overtaken.update({path: Overtaken(self._known.get(path), "somebody") for path in clashing})
-        self._tell_overtaken()
+        clashing = {path: None for path in self.typed if draft.map_values.get(path) != self._map_values.get(path)}
+        self._conflicts.update({path: ValueConflict(self._map_values.get(path), "somebody") for path in clashing})
+        self._show_conflicts()
         self._changed()
 
     def _changed(self) -> None:
-        self._writing.keep(self.name, self.typed, self._known)
+        self._drafts.save(self.name, self.typed, self._map_values)
 
     def _body(self) -> None:
-        spots = {path: Spot(path, one, self.type, self._ontology) for path, one in self._ontology.attributes_of(self.type).items()}
+        spots = {
+            path: Spot(path, attribute, self.type, self._ontology) for path, attribute in self._ontology.attributes_of(self.type).items()
+        }
         groups: dict[str, list[Spot]] = {}
         for path, spot in spots.items():
             if spot.attribute.kind is not Kind.COMPLEX:
@@ -81,9 +83,9 @@ class ObjectForm:
                 if title:
                     with ui.element("legend"):
                         ui.label(title)
-                for spot in sorted(groups[title], key=lambda one: one.attribute.kind is Kind.TRUTH):
-                    field = self._fields[spot.path] = Field(spot, self._edit, partial(self._writing.mirror, self.name))
-                    field.show(self._known.get(spot.path), edited=self.typed.get(spot.path), is_edited=spot.path in self.typed)
+                for spot in sorted(groups[title], key=lambda form_spot: form_spot.attribute.kind is Kind.TRUTH):
+                    field = self._fields[spot.path] = Field(spot, self._edit, partial(self._drafts.mirror, self.name))
+                    field.show_value(self._map_values.get(spot.path), edited=self.typed.get(spot.path), is_edited=spot.path in self.typed)
         self._fit_form()
 
     def _group(self, path: str) -> str:
@@ -92,9 +94,9 @@ class ObjectForm:
             return first
         if first.startswith(PLACE):
             return "Place"
-        own = self._ontology.types[self.type]
+        object_type = self._ontology.types[self.type]
         inherited = self._ontology.attributes_of("PhysicalObject") if self._ontology.is_subtype(self.type, "PhysicalObject") else {}
-        return "" if first in (*own.attributes, *own.required) or first not in inherited or first == "Label" else "More"
+        return "" if first in (*object_type.attributes, *object_type.required) or first not in inherited or first == "Label" else "More"
 
     # Writing
 
@@ -104,9 +106,9 @@ class ObjectForm:
 
     def _edit(self, path: str, raw: Raw) -> None:
         field = self._fields[path]
-        if (raw or None) == (field.spot.raw(self._known.get(path)) or None) and not (raw is False and path not in self._known):
+        if (raw or None) == (field.spot.raw(self._map_values.get(path)) or None) and not (raw is False and path not in self._map_values):
             self.typed.pop(path, None)
-            self._overtaken.pop(path, None)
+            self._conflicts.pop(path, None)
         else:
             self.typed[path] = raw
         field.mark(path in self.typed)
@@ -119,26 +121,26 @@ class ObjectForm:
         """Only the sizes that the form has are shown."""
         if FORM not in self._fields:
             return
-        form = self.typed.get(FORM, self._known.get(FORM)) or self._fields[FORM].spot.default
-        wanted = SIZES.get(str(form), set().union(*SIZES.values()))
+        form = self.typed.get(FORM, self._map_values.get(FORM)) or self._fields[FORM].spot.default
+        sizes = SIZES.get(str(form), set().union(*SIZES.values()))
         for path, field in self._fields.items():
             first, _, inner = path.partition(".")
             if first == "Shape" and inner and path != FORM:
-                field.element.visible = inner in wanted or path in self.typed
+                field.element.visible = inner in sizes or path in self.typed
 
     def _mark(self) -> None:
         count = len(self.typed)
-        self._buttons.visible = count > 0 and not self._gone
-        self._said.text = f"{count} not saved" if count else ""
+        self._buttons.visible = count > 0 and not self._is_removed
+        self._unsaved_label.text = f"{count} not saved" if count else ""
 
     def discard(self) -> None:
         """Forget what was written."""
         self.typed.clear()
-        self._overtaken.clear()
+        self._conflicts.clear()
         for path, field in self._fields.items():
-            field.show(self._known.get(path))
+            field.show_value(self._map_values.get(path))
         self._fit_form()
-        self._tell_overtaken()
+        self._show_conflicts()
         self._mark()
         self._changed()
 
@@ -150,37 +152,37 @@ class ObjectForm:
 
     async def save(self) -> None:
         """Bring what was written onto the map; what is wrong is said where it is."""
-        if self._gone or not self.typed:
+        if self._is_removed or not self.typed:
             return
-        if self._overtaken:
-            tell("Others changed some of the same attributes. Decide for each which value is to stay, then save.", bad=True)
+        if self._conflicts:
+            notify("Others changed some of the same attributes. Decide for each which value is to stay, then save.", bad=True)
             return
         changes = self._changes()
         if changes is None:
             return
-        sent = dict(self.typed)
+        sent_values = dict(self.typed)
         update = UpdateMap(changes=tuple(changes), author=author(), expected_version=self._version)
         try:
-            version = (await self._desk.map.change(update)).version
+            version = (await self._api.map.change(update)).version
         except Refused as error:
             self._refused(error)
             return
         except SomrsError as error:
-            tell(f"{error}. What you wrote is still here.", bad=True)
+            notify(f"{error}. What you wrote is still here.", bad=True)
             return
         for change in changes:
             if change.value is None:
-                self._known.pop(change.path, None)
+                self._map_values.pop(change.path, None)
             else:
-                self._known[change.path] = change.value
+                self._map_values[change.path] = change.value
         self._version = max(self._version, version)
-        for path, raw in sent.items():
+        for path, raw in sent_values.items():
             if self.typed.get(path) == raw:
                 self.typed.pop(path, None)
-                self._fields[path].show(self._known.get(path))
+                self._fields[path].show_value(self._map_values.get(path))
         self._mark()
         self._changed()
-        tell(f"{self.name} was saved")
+        notify(f"{self.name} was saved")
         self._saved(version)
 
     def _changes(self) -> list[ValueSet] | None:
@@ -193,107 +195,109 @@ class ObjectForm:
             try:
                 changes.append(ValueSet(self.name, path, self._fields[path].spot.read(raw)))
             except InputError as error:
-                self._fields[path].problem(str(error))
+                self._fields[path].show_problem(str(error))
                 return None
         return changes
 
     def _refused(self, error: Refused) -> None:
-        if any(one.rule == OVERTAKEN for one in error.broken):
-            tell(f"Somebody changed {self.name} at this moment. What you wrote is still here: look at it, and save again.", bad=True)
+        if any(broken_rule.rule == VERSION_CONFLICT for broken_rule in error.broken):
+            notify(f"Somebody changed {self.name} at this moment. What you wrote is still here: look at it, and save again.", bad=True)
             return
-        others = [one.message for one in error.broken if not self._shown(one)]
-        if others or not error.broken:
-            tell("\n".join(others) or str(error), bad=True)
+        messages = [broken_rule.message for broken_rule in error.broken if not self._show_in_field(broken_rule)]
+        if messages or not error.broken:
+            notify("\n".join(messages) or str(error), bad=True)
 
-    def _shown(self, broken: BrokenRule) -> bool:
+    def _show_in_field(self, broken: BrokenRule) -> bool:
         """Whether there is a field to say it in."""
         field = self._fields.get(broken.path) if broken.subject == self.name else None
         if field is None:
             return False
-        field.problem(broken.message)
+        field.show_problem(broken.message)
         field.focus()
         return True
 
     # What others do
 
-    async def heed(self, object: Object | None, changes: tuple[Change, ...], version: int) -> None:
+    async def apply_changes(self, object: Object | None, changes: tuple[Change, ...], version: int) -> None:
         """The object is so now: fields in which nothing was written follow; what was written stays, and is told what others wrote."""
         if object is None or object.type != self.type:
-            await self.lose()
+            await self.mark_removed()
             return
-        if self._gone:
-            self._found()
-        wanted = {
-            path: object.values.get(path) for path in {*self._known, *object.values} if self._known.get(path) != object.values.get(path)
+        if self._is_removed:
+            self._restore()
+        changed_values = {
+            path: object.values.get(path)
+            for path in {*self._map_values, *object.values}
+            if self._map_values.get(path) != object.values.get(path)
         }
-        self._known, self._version = dict(object.values), max(version, self._version)
+        self._map_values, self._version = dict(object.values), max(version, self._version)
         clashing = []
-        for path, value in wanted.items():
+        for path, value in changed_values.items():
             field = self._fields.get(path)
             if field is None:
                 continue
             if path not in self.typed:
-                field.show(value)
+                field.show_value(value)
             elif (self.typed[path] or None) == (field.spot.raw(value) or None):
                 self.typed.pop(path)
-                field.show(value)
+                field.show_value(value)
             else:
                 clashing.append(path)
         self._fit_form()
         if clashing:
-            by = await self._who(version)
-            self._overtaken.update({path: Overtaken(object.values.get(path), by) for path in clashing})
-        self._tell_overtaken()
+            author_name = await self._last_author(version)
+            self._conflicts.update({path: ValueConflict(object.values.get(path), author_name) for path in clashing})
+        self._show_conflicts()
         self._mark()
 
-    async def _who(self, version: int) -> str:
+    async def _last_author(self, version: int) -> str:
         try:
-            events = (await self._desk.map.history(self.name, limit=1)).events
+            events = (await self._api.map.history(self.name, limit=1)).events
         except SomrsError:
             return "somebody"
         return person_name(events[0].author) if events else "somebody"
 
-    def _tell_overtaken(self) -> None:
+    def _show_conflicts(self) -> None:
         self._news.clear()
         with self._news:
-            for path, one in self._overtaken.items():
+            for path, conflict in self._conflicts.items():
                 attribute = self._fields[path].spot.attribute
-                theirs = shown(one.value, attribute) if one.value is not None else "nothing"
+                theirs = format_value(conflict.value, attribute) if conflict.value is not None else "nothing"
                 with ui.element("div").classes("somrs-map-clash"):
                     ui.icon("call_split").props('aria-hidden="true"')
-                    ui.label(f"Meanwhile {one.by} set {path} to {theirs}; you wrote {self.typed.get(path)}.")
-                    ui.button("Keep mine", on_click=lambda path=path: self._keep(path)).props("flat dense no-caps")
-                    ui.button("Take theirs", on_click=lambda path=path: self._take(path)).props("flat dense no-caps")
+                    ui.label(f"Meanwhile {conflict.author_name} set {path} to {theirs}; you wrote {self.typed.get(path)}.")
+                    ui.button("Keep mine", on_click=lambda path=path: self._keep_mine(path)).props("flat dense no-caps")
+                    ui.button("Take theirs", on_click=lambda path=path: self._take_theirs(path)).props("flat dense no-caps")
 
-    def _keep(self, path: str) -> None:
-        self._overtaken.pop(path, None)
-        self._tell_overtaken()
+    def _keep_mine(self, path: str) -> None:
+        self._conflicts.pop(path, None)
+        self._show_conflicts()
 
-    def _take(self, path: str) -> None:
-        self._overtaken.pop(path, None)
+    def _take_theirs(self, path: str) -> None:
+        self._conflicts.pop(path, None)
         self.typed.pop(path, None)
-        self._fields[path].show(self._known.get(path))
-        self._tell_overtaken()
+        self._fields[path].show_value(self._map_values.get(path))
+        self._show_conflicts()
         self._mark()
         self._changed()
 
-    async def lose(self) -> None:
+    async def mark_removed(self) -> None:
         """The object is on the map no more."""
-        if self._gone:
+        if self._is_removed:
             return
-        self._gone = True
-        by = await self._who(0)
+        self._is_removed = True
+        author_name = await self._last_author(0)
         self._news.clear()
         with self._news, ui.element("div").classes("somrs-map-clash somrs-map-gone"):
             ui.icon("delete").props('aria-hidden="true"')
-            kept = " What you wrote is still below." if self.typed else ""
-            ui.label(f"{self.name} is not on the map any more: {by} removed or renamed it.{kept}")
+            draft_note = " What you wrote is still below." if self.typed else ""
+            ui.label(f"{self.name} is not on the map any more: {author_name} removed or renamed it.{draft_note}")
         for field in self._fields.values():
             field.enable(False)
         self._mark()
 
-    def _found(self) -> None:
-        self._gone = False
+    def _restore(self) -> None:
+        self._is_removed = False
         self._news.clear()
         for field in self._fields.values():
             field.enable(True)

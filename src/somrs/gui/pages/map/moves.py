@@ -10,11 +10,11 @@ from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Va
 from somrs.ontology.types import PART_OF, Ontology
 from somrs.ontology.values import value_of
 
-ON, IN, HELD, AT = "isOn", "isIn", "isHeldBy", "isAt"
+ON_RELATION, IN_RELATION, HELD_RELATION, AT_RELATION = "isOn", "isIn", "isHeldBy", "isAt"
 X, Y, Z, TURNED = "PositionX", "PositionY", "PositionZ", "RotationZ"
 DIGITS = 4
 """Of metres: a tenth of a millimetre is finer than anybody measures."""
-STANDS = 0.02
+STAND_TOLERANCE = 0.02
 """A thing whose underside is so near a height stands on it, m."""
 
 
@@ -29,31 +29,31 @@ class Move:
     target: str | None = None
 
 
-def moved(map: Map, ontology: Ontology, move: Move) -> tuple[Change, ...]:
+def move_changes(map: Map, ontology: Ontology, move: Move) -> tuple[Change, ...]:
     """The changes that move an object, and with it all that stands on it, is in it, is held by it, or is part of it."""
     x, y = number(map, ontology, move.name, X), number(map, ontology, move.name, Y)
-    before = number(map, ontology, move.name, TURNED) or 0.0
-    turn = turned(move.turned - before)
+    old_heading = number(map, ontology, move.name, TURNED) or 0.0
+    turn = normalize_angle(move.turned - old_heading)
     rise = 0.0
-    changes = [*_placed(move.name, move.x, move.y), *_turned(map, ontology, move.name, before, move.turned)]
+    changes = [*_position_changes(move.name, move.x, move.y), *_heading_changes(map, ontology, move.name, old_heading, move.turned)]
     if move.target is not None and _is_thing(map, ontology, move.name):
-        facts = [*put(map, ontology, move.name, move.target)]
+        facts = [*put_on_target(map, ontology, move.name, move.target)]
         changes += facts
         z, height = number(map, ontology, move.name, Z), top(map, ontology, move.target)
-        stood = any(isinstance(change, FactAdded) for change in facts)
-        if z is None or stood or abs(height - z) > STANDS:
+        has_new_support = any(isinstance(change, FactAdded) for change in facts)
+        if z is None or has_new_support or abs(height - z) > STAND_TOLERANCE:
             changes.append(ValueSet(move.name, Z, round(height, DIGITS)))
             rise = height - z if z is not None else 0.0
-    changes += _left(map, ontology, move)
+    changes += _leave_places(map, ontology, move)
     if x is None or y is None:
         return tuple(changes)
     cos, sin = math.cos(turn), math.sin(turn)
     for rider in riders(map, ontology, move.name):
         dx, dy = ((number(map, ontology, rider, X) or 0.0) - x, (number(map, ontology, rider, Y) or 0.0) - y)
-        changes += _placed(rider, move.x + cos * dx - sin * dy, move.y + sin * dx + cos * dy)
+        changes += _position_changes(rider, move.x + cos * dx - sin * dy, move.y + sin * dx + cos * dy)
         if turn:
             heading = number(map, ontology, rider, TURNED) or 0.0
-            changes += _turned(map, ontology, rider, heading, heading + turn)
+            changes += _heading_changes(map, ontology, rider, heading, heading + turn)
         if rise and (z := number(map, ontology, rider, Z)) is not None:
             changes.append(ValueSet(rider, Z, round(z + rise, DIGITS)))
     return tuple(changes)
@@ -61,30 +61,30 @@ def moved(map: Map, ontology: Ontology, move: Move) -> tuple[Change, ...]:
 
 def riders(map: Map, ontology: Ontology, name: str) -> list[str]:
     """All that goes along when the object is moved, and has a position."""
-    found: dict[str, None] = {}
+    rider_names: dict[str, None] = {}
     waiting = [name]
     while waiting:
-        below = waiting.pop()
-        for relation in (ON, IN, HELD, PART_OF):
-            for rider, *_ in map.facts_with(relation, 1, below):
-                if rider not in found and rider != name and rider in map.objects:
-                    found[rider] = None
+        carrier = waiting.pop()
+        for relation in (ON_RELATION, IN_RELATION, HELD_RELATION, PART_OF):
+            for rider, *_ in map.facts_with(relation, 1, carrier):
+                if rider not in rider_names and rider != name and rider in map.objects:
+                    rider_names[rider] = None
                     waiting.append(rider)
-    return [rider for rider in found if number(map, ontology, rider, X) is not None]
+    return [rider for rider in rider_names if number(map, ontology, rider, X) is not None]
 
 
-def put(map: Map, ontology: Ontology, name: str, target: str) -> Iterator[Change]:
+def put_on_target(map: Map, ontology: Ontology, name: str, target: str) -> Iterator[Change]:
     """The facts change so that the object stands on the target, and nowhere else."""
-    wanted = Fact(ON, (name, target))
-    if map.has_fact(wanted.relation, wanted.arguments):
+    support_fact = Fact(ON_RELATION, (name, target))
+    if map.has_fact(support_fact.relation, support_fact.arguments):
         return
-    group = ontology.relations[ON].excludes if ON in ontology.relations else None
+    group = ontology.relations[ON_RELATION].excludes if ON_RELATION in ontology.relations else None
     for fact in map.facts_about(name):
         relation = ontology.relations.get(fact.relation)
-        same = fact.relation == ON or (relation is not None and group is not None and relation.excludes == group)
-        if fact.arguments[0] == name and same:
+        is_replaced = fact.relation == ON_RELATION or (relation is not None and group is not None and relation.excludes == group)
+        if fact.arguments[0] == name and is_replaced:
             yield FactRemoved(fact)
-    yield FactAdded(wanted)
+    yield FactAdded(support_fact)
 
 
 def top(map: Map, ontology: Ontology, name: str) -> float:
@@ -92,7 +92,7 @@ def top(map: Map, ontology: Ontology, name: str) -> float:
     return (number(map, ontology, name, Z) or 0.0) + (number(map, ontology, name, "Shape.Height") or 0.0)
 
 
-def turned(angle: float) -> float:
+def normalize_angle(angle: float) -> float:
     """The same heading, between half a turn to the right and to the left."""
     return math.remainder(angle, math.tau)
 
@@ -102,24 +102,24 @@ def number(map: Map, ontology: Ontology, name: str, path: str) -> float | None:
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
 
 
-def _placed(name: str, x: float, y: float) -> list[Change]:
+def _position_changes(name: str, x: float, y: float) -> list[Change]:
     return [ValueSet(name, X, round(float(x), DIGITS)), ValueSet(name, Y, round(float(y), DIGITS))]
 
 
-def _turned(map: Map, ontology: Ontology, name: str, before: float, after: float) -> list[Change]:
-    if abs(turned(after - before)) < 1e-6:
+def _heading_changes(map: Map, ontology: Ontology, name: str, old_heading: float, new_heading: float) -> list[Change]:
+    if abs(normalize_angle(new_heading - old_heading)) < 1e-6:
         return []
-    return [ValueSet(name, TURNED, round(turned(after), DIGITS + 2))]
+    return [ValueSet(name, TURNED, round(normalize_angle(new_heading), DIGITS + 2))]
 
 
 def _is_thing(map: Map, ontology: Ontology, name: str) -> bool:
     """Whether it is put on things: what can be carried, and what stands on something already."""
-    return ontology.is_subtype(map.objects[name].type, "Graspable") or bool(map.facts_with(ON, 0, name))
+    return ontology.is_subtype(map.objects[name].type, "Graspable") or bool(map.facts_with(ON_RELATION, 0, name))
 
 
-def _left(map: Map, ontology: Ontology, move: Move) -> Iterator[Change]:
+def _leave_places(map: Map, ontology: Ontology, move: Move) -> Iterator[Change]:
     """A device that is moved off the place it was at is not at it any more."""
-    for fact in [Fact(AT, arguments) for arguments in map.facts_with(AT, 0, move.name)]:
+    for fact in [Fact(AT_RELATION, arguments) for arguments in map.facts_with(AT_RELATION, 0, move.name)]:
         place = fact.arguments[1]
         x, y = number(map, ontology, place, X), number(map, ontology, place, Y)
         radius = number(map, ontology, place, "Shape.Radius") or 0.0

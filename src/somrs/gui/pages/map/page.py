@@ -16,45 +16,45 @@ from somrs.client.refusals import Refused
 from somrs.errors import SomrsError
 from somrs.gui.components.floorplan import FloorPlan
 from somrs.gui.news import follow
-from somrs.gui.pages.map.adding import Adding
-from somrs.gui.pages.map.changes import Changes
-from somrs.gui.pages.map.finding import Finding
-from somrs.gui.pages.map.form import OVERTAKEN
-from somrs.gui.pages.map.moves import Move, moved
+from somrs.gui.pages.map.adding import AddPanel
+from somrs.gui.pages.map.changes import ChangeList
+from somrs.gui.pages.map.finding import SearchPanel
+from somrs.gui.pages.map.form import VERSION_CONFLICT
+from somrs.gui.pages.map.moves import Move, move_changes
 from somrs.gui.pages.map.past_sheet import PastSheet
 from somrs.gui.pages.map.removal import remove
-from somrs.gui.pages.map.sheet import Sheet, Ways
-from somrs.gui.pages.map.stage import PLAN, SCENE, VIEWS, Stage
-from somrs.gui.pages.map.times import Times
-from somrs.gui.pages.map.writing import Writing
-from somrs.gui.shell import author, guarded, page, tell
+from somrs.gui.pages.map.sheet import Sheet, SheetActions
+from somrs.gui.pages.map.stage import PLAN, SCENE, VIEWS, MapView
+from somrs.gui.pages.map.times import VersionSlider
+from somrs.gui.pages.map.writing import ObjectDrafts
+from somrs.gui.shell import author, guarded, notify, page
 from somrs.ontology.objects import Change
 from somrs.protocol.messages.knowledge import UpdateMap
 
 PATH = "/map"
 SNAP = 0.05
 """Metres between the points that dragged objects snap to."""
-SOON = 5.0
+CHANGE_TIMEOUT = 5.0
 """Seconds that a change of one's own is waited for."""
 LINKED = ("isOn", "isIn", "isHeldBy", "isAt")
 """Relations that are offered first to be drawn as links."""
-OBJECT, ADD, FIND, CHANGES = "Object", "Add", "Find", "Changes"
+OBJECT, ADD, SEARCH, CHANGES = "Object", "Add", "Find", "Changes"
 
 
-def register(desk: LiveApi) -> None:
+def register(api: LiveApi) -> None:
     @ui.page(PATH)
-    async def show() -> None:
-        with page("Map", PATH, desk):
-            MapPage(desk).begin(ui.context.client.request.url.query)
+    async def show_page() -> None:
+        with page("Map", PATH, api):
+            MapPage(api).begin(ui.context.client.request.url.query)
 
 
 class MapPage:
     """One browser's page."""
 
-    def __init__(self, desk: LiveApi) -> None:
-        self._desk = desk
+    def __init__(self, api: LiveApi) -> None:
+        self._api = api
         self._selected: str | None = None
-        self._writing = Writing(self._found_written)
+        self._drafts = ObjectDrafts(self._on_drafts_restored)
         self._mine: list[int] = []
         """The versions that were made in this page, newest last, to be undone."""
         self._sheet: Sheet | None = None
@@ -63,18 +63,18 @@ class MapPage:
             with ui.element("div").classes("somrs-map-left"):
                 with ui.element("div").classes("somrs-map-stage") as holder:
                     self._plan = FloorPlan(mode="edit", snap=SNAP)
-                self._stage = Stage(desk, self._plan, holder, self._chosen, self._address)
-                self._times = Times(desk, self._turn_to)
+                self._map_view = MapView(api, self._plan, holder, self._chosen, self._update_address)
+                self._version_slider = VersionSlider(api, self._turn_to)
             with ui.element("aside").classes("somrs-sheet somrs-map-side").props('aria-label="Details"'):
                 self._side()
         self._listen()
-        follow(desk.context.hub, "map", self._read, self._heard)
-        follow(desk.context.hub, "ontology", self._learned, self._learned_news)
+        follow(api.context.hub, "map", self._read, self._on_map_news)
+        follow(api.context.hub, "ontology", self._learned, self._learned_news)
 
     def _bar(self) -> None:
         with ui.element("div").classes("somrs-map-bar"):
             ui.label("Map").classes("somrs-title").props('role="heading" aria-level="1"')
-            self._views = ui.toggle([PLAN, SCENE], value=PLAN, on_change=lambda event: self._stage.switch(str(event.value)))
+            self._views = ui.toggle([PLAN, SCENE], value=PLAN, on_change=lambda event: self._map_view.switch(str(event.value)))
             self._views.props('dense no-caps unelevated toggle-color=primary aria-label="How to show it"').classes("somrs-map-views")
             self._count = ui.label().classes("somrs-soft")
             ui.space()
@@ -90,7 +90,7 @@ class MapPage:
     def _links(self) -> None:
         """A menu of the relations that can be drawn as links."""
         relations = sorted(
-            self._desk.context.ontology.relations, key=lambda name: (LINKED.index(name) if name in LINKED else len(LINKED), name)
+            self._api.context.ontology.relations, key=lambda name: (LINKED.index(name) if name in LINKED else len(LINKED), name)
         )
         drawn: dict[str, ui.checkbox] = {}
 
@@ -107,50 +107,50 @@ class MapPage:
 
     def _side(self) -> None:
         with ui.tabs().props("dense no-caps inline-label").classes("somrs-map-tabs") as self._tabs:
-            for name, icon in ((OBJECT, "category"), (ADD, "add"), (FIND, "search"), (CHANGES, "history")):
+            for name, icon in ((OBJECT, "category"), (ADD, "add"), (SEARCH, "search"), (CHANGES, "history")):
                 ui.tab(name, icon=icon)
-        with ui.tab_panels(self._tabs, value=FIND, animated=False, on_change=self._turned).classes("somrs-map-panels"):
+        with ui.tab_panels(self._tabs, value=SEARCH, animated=False, on_change=self._turned).classes("somrs-map-panels"):
             with ui.tab_panel(OBJECT):
                 self._object = ui.element("div").classes("somrs-map-object")
                 self._show_object()
             with ui.tab_panel(ADD):
-                self._adding = Adding(self._desk, self._plan, self.change, self._added)
-            with ui.tab_panel(FIND):
-                self._finding = Finding(self._desk, self._stage, self.go)
+                self._add_panel = AddPanel(self._api, self._plan, self.change, self._open_created)
+            with ui.tab_panel(SEARCH):
+                self._search_panel = SearchPanel(self._api, self._map_view, self.open_object)
             with ui.tab_panel(CHANGES):
-                self._changes = Changes(self._desk, self._times.look, self._undo_version)
+                self._changes = ChangeList(self._api, self._version_slider.show_version, self._undo_version)
 
     def _listen(self) -> None:
         plan = self._plan
-        plan.on_select(lambda told: self._chosen(told["name"]))
-        plan.on_open(lambda told: self._chosen(told["name"]))
+        plan.on_select(lambda event: self._chosen(event["name"]))
+        plan.on_open(lambda event: self._chosen(event["name"]))
         plan.on_moved(self._moved)
-        plan.on_placed(self._adding.placed)
-        plan.on_stopped(lambda told: self._adding.stop())
-        plan.on_remove(lambda told: self._remove_guarded(told["name"]))
-        plan.on_undo(lambda told: self._undo_guarded())
+        plan.on_placed(self._add_panel.place_object)
+        plan.on_stopped(lambda event: self._add_panel.stop())
+        plan.on_remove(lambda event: self._remove_guarded(event["name"]))
+        plan.on_undo(lambda event: self._undo_guarded())
         # In fields, the same keys take back what was typed; the plan has them itself while it is in focus.
         ui.keyboard(on_key=self._pressed, ignore=["input", "select", "textarea"], repeating=False)
-        plan.on_unanswered(lambda told: tell(f"{', '.join(told['names'])} went back: no answer came. Try again.", bad=True))
+        plan.on_unanswered(lambda event: notify(f"{', '.join(event['names'])} went back: no answer came. Try again.", bad=True))
 
     def begin(self, query: str) -> None:
         """Open what the address asks for."""
-        asked = {key: values[0] for key, values in parse_qs(query).items()}
-        if named := asked.get("object"):
+        parameters = {key: values[0] for key, values in parse_qs(query).items()}
+        if named := parameters.get("object"):
             self._selected = named
-            self._stage.choose(named)
-            if "storey" not in asked:
-                self._plan.show(named)
+            self._map_view.choose(named)
+            if "storey" not in parameters:
+                self._plan.show_object(named)
             self._show_object()
             self._tabs.value = OBJECT
-        self._stage.begin(asked.get("storey"))
-        if asked.get("view") == VIEWS[SCENE]:
+        self._map_view.begin(parameters.get("storey"))
+        if parameters.get("view") == VIEWS[SCENE]:
             self._views.value = SCENE
 
-    def _address(self) -> None:
+    def _update_address(self) -> None:
         """Have the page's address say what is looked at, so that it is so again when the page is loaded anew."""
-        asked = self._stage.asked() | ({"object": self._selected} if self._selected is not None else {})
-        ui.navigate.history.replace(f"{PATH}?{urlencode(asked, quote_via=quote)}" if asked else PATH)
+        parameters = self._map_view.address_parameters() | ({"object": self._selected} if self._selected is not None else {})
+        ui.navigate.history.replace(f"{PATH}?{urlencode(parameters, quote_via=quote)}" if parameters else PATH)
 
     # What is chosen
 
@@ -160,20 +160,20 @@ class MapPage:
         if name is not None:
             self._tabs.value = OBJECT
 
-    def go(self, name: str | None) -> None:
+    def open_object(self, name: str | None) -> None:
         """Open an object that was named elsewhere, and have it in view."""
         self._chosen(name)
-        if name is not None and name in self._desk.context.map.objects:
-            self._plan.show(name)
+        if name is not None and name in self._api.context.map.objects:
+            self._plan.show_object(name)
 
     def _select(self, name: str | None) -> None:
         if name == self._selected and name is not None:
             return
         if self._selected is not None:
-            self._writing.forget(self._selected)
+            self._drafts.forget(self._selected)
         self._selected = name
-        self._stage.choose(name)
-        self._address()
+        self._map_view.choose(name)
+        self._update_address()
         self._show_object()
 
     def _show_object(self) -> None:
@@ -186,94 +186,94 @@ class MapPage:
                     ui.label("Choose an object on the plan, or find one by its name. With the plan in focus, Page down goes through them.")
                 self._unsaved()
                 return
-            if self._times.seen is not None:
-                PastSheet(self._desk, self._selected, self._times.seen, self.go)
+            if self._version_slider.shown_version is not None:
+                PastSheet(self._api, self._selected, self._version_slider.shown_version, self.open_object)
                 return
-            ways = Ways(
-                go=self.go, change=self.change, remove=self._remove, show=self._plan.show, look=self._times.look,
-                undo=self._undo_version, done=self._done,
+            actions = SheetActions(
+                open_object=self.open_object, change=self.change, remove=self._remove, show_on_plan=self._plan.show_object, show_version=self._version_slider.show_version,
+                undo=self._undo_version, record_version=self._record_version,
             )  # fmt: skip
-            self._sheet = Sheet(self._desk, self._selected, ways, self._writing)
+            self._sheet = Sheet(self._api, self._selected, actions, self._drafts)
 
     def _turn_to(self, version: int | None) -> None:
         """Show the map as it was at a version; None: as it is."""
-        self._stage.turn_to(version)
+        self._map_view.show_version(version)
         self._show_object()
 
-    def _found_written(self, names: list[str]) -> None:
+    def _on_drafts_restored(self, names: list[str]) -> None:
         """The page was loaded again, and something had not been saved."""
-        tell(f"What you wrote for {', '.join(names)} and did not save is still here.")
+        notify(f"What you wrote for {', '.join(names)} and did not save is still here.")
         self._show_object()
 
     def _unsaved(self) -> None:
         """What was written elsewhere and not saved."""
-        for name in self._writing.names():
-            ui.button(f"{name}: not saved yet", icon="edit", on_click=lambda name=name: self.go(name)).props("flat dense no-caps")
+        for name in self._drafts.names():
+            ui.button(f"{name}: not saved yet", icon="edit", on_click=lambda name=name: self.open_object(name)).props("flat dense no-caps")
 
     def _turned(self, event: ValueChangeEventArguments[Any]) -> None:
         if event.value == CHANGES:
             ui.timer(0, guarded(self._changes.refresh), once=True)
         if event.value != ADD:
-            self._adding.stop()
+            self._add_panel.stop()
 
     # Changing the map
 
-    async def change(self, changes: tuple[Change, ...], said: str, expected_version: int | None = None) -> int | None:
+    async def change(self, changes: tuple[Change, ...], message: str, expected_version: int | None = None) -> int | None:
         """Change the map, and say what was done, or why it was not."""
         try:
             update = UpdateMap(changes=changes, author=author(), expected_version=expected_version)
-            version = (await self._desk.map.change(update)).version
+            version = (await self._api.map.change(update)).version
         except SomrsError as error:
-            tell(_why(error), bad=True)
+            notify(_refusal_text(error), bad=True)
             return None
-        self._done(version)
-        tell(said)
+        self._record_version(version)
+        notify(message)
         return version
 
-    def _done(self, version: int) -> None:
+    def _record_version(self, version: int) -> None:
         self._mine.append(version)
 
-    async def _moved(self, told: dict[str, Any]) -> None:
+    async def _moved(self, event: dict[str, Any]) -> None:
         """An object was moved or turned on the plan: it stays there once the map says so."""
-        name = str(told["name"])
-        map, ontology = self._desk.context.map, self._desk.context.ontology
+        name = str(event["name"])
+        map, ontology = self._api.context.map, self._api.context.ontology
         if name not in map.objects:
-            self._plan.back(name)
-            tell(f"{name} is not on the map any more: somebody removed or renamed it.", bad=True)
+            self._plan.reject_move(name)
+            notify(f"{name} is not on the map any more: somebody removed or renamed it.", bad=True)
             return
-        move = Move(name=name, x=told["x"], y=told["y"], turned=told["turned"], target=told["target"])
-        update = UpdateMap(changes=moved(map, ontology, move), author=author(), expected_version=told["version"])
+        move = Move(name=name, x=event["x"], y=event["y"], turned=event["turned"], target=event["target"])
+        update = UpdateMap(changes=move_changes(map, ontology, move), author=author(), expected_version=event["version"])
         try:
-            version = (await self._desk.map.change(update)).version
+            version = (await self._api.map.change(update)).version
         except Refused as error:
-            self._plan.back(name)
-            if any(one.rule == OVERTAKEN for one in error.broken):
-                who = ", ".join(dict.fromkeys(one.subject for one in error.broken))
-                tell(
-                    f"Somebody else changed {who} while you moved {name}. It is where they left it; move it again if you still want to.",
+            self._plan.reject_move(name)
+            if any(broken_rule.rule == VERSION_CONFLICT for broken_rule in error.broken):
+                subjects = ", ".join(dict.fromkeys(broken_rule.subject for broken_rule in error.broken))
+                notify(
+                    f"Somebody else changed {subjects} while you moved {name}. It is where they left it; move it again if you still want to.",
                     bad=True,
                 )
             else:
-                tell(f"{name} went back to where it was. {_why(error)}", bad=True)
+                notify(f"{name} went back to where it was. {_refusal_text(error)}", bad=True)
         except SomrsError as error:
-            self._plan.back(name)
-            tell(f"{name} went back to where it was. {_why(error)}", bad=True)
+            self._plan.reject_move(name)
+            notify(f"{name} went back to where it was. {_refusal_text(error)}", bad=True)
         else:
-            self._done(version)
-            self._plan.settled(name, version)
+            self._record_version(version)
+            self._plan.confirm_move(name, version)
 
-    async def _added(self, name: str, version: int) -> None:
-        await self._there(version)
-        self.go(name)
+    async def _open_created(self, name: str, version: int) -> None:
+        await self._wait_for_version(version)
+        self.open_object(name)
 
-    async def _there(self, version: int) -> None:
+    async def _wait_for_version(self, version: int) -> None:
         """Wait until a version is known here."""
-        until = asyncio.get_running_loop().time() + SOON
-        while self._desk.context.version < version and asyncio.get_running_loop().time() < until:
+        deadline = asyncio.get_running_loop().time() + CHANGE_TIMEOUT
+        while self._api.context.version < version and asyncio.get_running_loop().time() < deadline:
             await asyncio.sleep(0.02)
 
     async def _remove(self, name: str) -> None:
-        if await remove(self._desk, name, self.change) and self._selected == name:
+        if await remove(self._api, name, self.change) and self._selected == name:
             self._select(None)
 
     async def _remove_guarded(self, name: str) -> None:
@@ -285,7 +285,7 @@ class MapPage:
         """Undo the last change that was made here, or else the last one that is by whoever sits here."""
         version = self._mine[-1] if self._mine else await self._last_of_mine()
         if version is None:
-            tell("There is nothing of yours to undo.")
+            notify("There is nothing of yours to undo.")
             return
         await self._undo_version(version)
 
@@ -297,53 +297,53 @@ class MapPage:
         await guarded(self._undo)()
 
     async def _last_of_mine(self) -> int | None:
-        found = (await self._desk.map.events(limit=100)).events
-        undone = {event.undoes for event in found}
-        mine = (event for event in found if event.author == author() and event.undoes is None and event.version not in undone)
+        events = (await self._api.map.events(limit=100)).events
+        undone = {event.undoes for event in events}
+        mine = (event for event in events if event.author == author() and event.undoes is None and event.version not in undone)
         return next((event.version for event in mine if event.changes), None)
 
     async def _undo_version(self, version: int) -> None:
-        await self._desk.map.undo(version, author())
+        await self._api.map.undo(version, author())
         if version in self._mine:
             self._mine.remove(version)
-        tell(f"Version {version} was undone")
+        notify(f"Version {version} was undone")
 
     # What happens
 
     async def _read(self) -> None:
-        await self._times.begin()
-        await self._finding.begin()
-        self._look()
+        await self._version_slider.begin()
+        await self._search_panel.begin()
+        self._show_count()
 
     async def _learned(self) -> None:
-        self._adding.refresh()
+        self._add_panel.refresh()
 
     async def _learned_news(self, news: News) -> None:
-        self._adding.refresh()
+        self._add_panel.refresh()
         if self._sheet is not None and not self._sheet.dirty:
             self._show_object()
 
-    async def _heard(self, news: News) -> None:
+    async def _on_map_news(self, news: News) -> None:
         value = news.value
         changes = value.changes if isinstance(value, MapNews) and not value.read else ()
-        version = value.version if isinstance(value, MapNews) else self._desk.context.version
+        version = value.version if isinstance(value, MapNews) else self._api.context.version
         if self._sheet is not None:
-            await self._sheet.heed(changes, version)
-        self._times.grow()
-        self._look()
-        await self._finding.again()
+            await self._sheet.apply_changes(changes, version)
+        self._version_slider.refresh()
+        self._show_count()
+        await self._search_panel.refresh()
         if self._tabs.value == CHANGES:
             await guarded(self._changes.refresh)()
 
-    def _look(self) -> None:
-        self._count.text = f"{len(self._desk.context.map.objects)} objects"
+    def _show_count(self) -> None:
+        self._count.text = f"{len(self._api.context.map.objects)} objects"
 
 
-def _why(error: SomrsError) -> str:
+def _refusal_text(error: SomrsError) -> str:
     """Why a change was refused, as people read it."""
     if isinstance(error, Refused) and error.broken:
-        if any(one.rule == OVERTAKEN for one in error.broken):
-            who = ", ".join(dict.fromkeys(one.subject for one in error.broken))
-            return f"Somebody else changed {who} meanwhile; look at it and try again."
-        return "\n".join(f"{one.subject}: {one.message}" for one in error.broken)
+        if any(broken_rule.rule == VERSION_CONFLICT for broken_rule in error.broken):
+            subjects = ", ".join(dict.fromkeys(broken_rule.subject for broken_rule in error.broken))
+            return f"Somebody else changed {subjects} meanwhile; look at it and try again."
+        return "\n".join(f"{broken_rule.subject}: {broken_rule.message}" for broken_rule in error.broken)
     return str(error)

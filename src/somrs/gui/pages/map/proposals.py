@@ -6,7 +6,7 @@ import re
 from collections import Counter
 from dataclasses import dataclass
 
-from somrs.gui.pages.map.moves import ON, TURNED, X, Y, Z, number, top
+from somrs.gui.pages.map.moves import ON_RELATION, TURNED, X, Y, Z, number, top
 from somrs.ontology.objects import Change, Fact, FactAdded, Map, Object, ObjectAdded
 from somrs.ontology.types import PART_OF, PHYSICAL, Ontology, Value
 
@@ -52,9 +52,9 @@ def name_for(type_name: str, map: Map) -> str:
     matches = [match for name in map.of_type(type_name) if (match := _NUMBERED.match(name))]
     prefixes = Counter(match[1] for match in matches)
     prefix = prefixes.most_common(1)[0][0] if prefixes else type_name
-    same = [match[2] for match in matches if match[1] == prefix]
-    digits = max((len(one) for one in same), default=DIGITS)
-    number = max((int(one) for one in same), default=0) + 1
+    numerals = [match[2] for match in matches if match[1] == prefix]
+    digits = max((len(numeral) for numeral in numerals), default=DIGITS)
+    number = max((int(numeral) for numeral in numerals), default=0) + 1
     while (name := f"{prefix}{number:0{digits}d}") in map.objects:
         number += 1
     return name
@@ -64,40 +64,42 @@ def form_for(type_name: str, map: Map, ontology: Ontology) -> dict[str, Value]:
     """The sizes of a new object, where its type has no default: those of the last of its kind, or usual ones."""
     if "Shape" not in {path.partition(".")[0] for path in ontology.attributes_of(type_name)}:
         return {}
-    if ontology.default(type_name, "Shape.Form") is not None or not _must(type_name, "Shape", ontology):
+    if ontology.default(type_name, "Shape.Form") is not None or not _is_required(type_name, "Shape", ontology):
         return {}
     for name in reversed([*map.of_type(type_name)]):
-        own = {path: value for path, value in map.objects[name].values.items() if path.startswith("Shape.") and path != "Shape.Outline"}
-        if own.get("Shape.Form") in ("Box", "Cylinder"):
-            return own
+        sizes = {path: value for path, value in map.objects[name].values.items() if path.startswith("Shape.") and path != "Shape.Outline"}
+        if sizes.get("Shape.Form") in ("Box", "Cylinder"):
+            return sizes
     return dict(next(form for ancestor, form in FORMS if ontology.is_subtype(type_name, ancestor)))
 
 
-def _must(type_name: str, attribute: str, ontology: Ontology) -> bool:
-    return any(attribute in ontology.types[one].required for one in ontology.ancestors(type_name))
+def _is_required(type_name: str, attribute: str, ontology: Ontology) -> bool:
+    return any(attribute in ontology.types[ancestor].required for ancestor in ontology.ancestors(type_name))
 
 
-def adding(type_name: str, name: str, values: dict[str, Value], spot: Spot | None, map: Map, ontology: Ontology) -> tuple[Change, ...]:
+def creation_changes(
+    type_name: str, name: str, values: dict[str, Value], spot: Spot | None, map: Map, ontology: Ontology
+) -> tuple[Change, ...]:
     """The changes that add an object of the type, where it was clicked, if anywhere."""
-    known = ontology.attributes_of(type_name)
+    attributes = ontology.attributes_of(type_name)
     facts: list[Fact] = []
     if spot is not None:
         floor = _elevation(spot.storey, map, ontology)
         values = {X: round(float(spot.x), 4), Y: round(float(spot.y), 4), **values}
         z = _height(type_name, values, floor, ontology)
         if spot.target is not None and ontology.is_subtype(type_name, "Graspable"):
-            facts.append(Fact(ON, (name, spot.target)))
+            facts.append(Fact(ON_RELATION, (name, spot.target)))
             z = round(top(map, ontology, spot.target), 4)
         if z != ontology.default(type_name, Z):
             values[Z] = z
-        if spot.turned and TURNED in known:
+        if spot.turned and TURNED in attributes:
             values[TURNED] = round(spot.turned, 5)
         if ontology.is_subtype(type_name, "BuildingElement") and (whole := _whole(type_name, spot, map, ontology)) is not None:
             facts.append(Fact(PART_OF, (name, whole)))
     elif (root := next(iter(map.roots()), None)) is not None:
         facts.append(Fact(PART_OF, (name, root)))  # else it would be nowhere at all
-    kept = {path: value for path, value in values.items() if path in known}
-    return (ObjectAdded(Object(name=name, type=type_name, values=kept)), *(FactAdded(fact) for fact in facts))
+    known_values = {path: value for path, value in values.items() if path in attributes}
+    return (ObjectAdded(Object(name=name, type=type_name, values=known_values)), *(FactAdded(fact) for fact in facts))
 
 
 def _height(type_name: str, values: dict[str, Value], floor: float, ontology: Ontology) -> float:
@@ -118,10 +120,10 @@ def _whole(type_name: str, spot: Spot, map: Map, ontology: Ontology) -> str | No
     if not ontology.is_subtype(type_name, "Floor") and spot.target in map.objects and spot.target is not None:
         floor = spot.target
         while floor is not None and floor in map.objects and not ontology.is_subtype(map.objects[floor].type, "AbstractObject"):
-            above = map.whole(floor)
-            if above is None:
+            whole = map.whole(floor)
+            if whole is None:
                 break
-            floor = above
+            floor = whole
         if floor in map.objects and ontology.is_subtype(map.objects[floor].type, "AbstractObject"):
             return floor
     return spot.storey or next(iter(map.roots()), None)

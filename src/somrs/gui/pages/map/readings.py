@@ -11,16 +11,16 @@ from somrs.ontology.types import AttributeType, Constraint, Kind, Ontology, Valu
 from somrs.ontology.units import convert_unit
 
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*$")
-SHOWN = {"rad": "°", "percent": "%"}
+UNIT_SYMBOLS = {"rad": "°", "percent": "%"}
 """Units that people read otherwise than they are stored."""
 ANGLE_DIGITS = 3
 """Of degrees, as they are shown: finer than anybody turns a table."""
-WRITTEN = {"°": "deg", "%": "percent", "€": "EUR"}
+UNIT_NAMES = {"°": "deg", "%": "percent", "€": "EUR"}
 
 
 def unit(attribute: AttributeType) -> str:
     """The unit that a field shows, and that a number without one is taken in."""
-    return SHOWN.get(attribute.unit or "", attribute.unit or "")
+    return UNIT_SYMBOLS.get(attribute.unit or "", attribute.unit or "")
 
 
 def text_of(value: Value | None, attribute: AttributeType) -> str:
@@ -31,8 +31,8 @@ def text_of(value: Value | None, attribute: AttributeType) -> str:
         return "yes" if value else "no"
     if isinstance(value, str):
         return value
-    found = round(math.degrees(value), ANGLE_DIGITS) if attribute.unit == "rad" else value
-    return f"{found:.10g}"
+    shown_number = round(math.degrees(value), ANGLE_DIGITS) if attribute.unit == "rad" else value
+    return f"{shown_number:.10g}"
 
 
 def read(text: str, attribute: AttributeType) -> Value:
@@ -44,19 +44,19 @@ def read(text: str, attribute: AttributeType) -> Value:
 
 
 def _number(text: str, attribute: AttributeType) -> float:
-    found = _NUMBER.match(text)
-    own = unit(attribute)
-    if found is None:
-        raise InputError(f"{attribute.name} is a number{f' in {own}' if own else ''}, not {text!r}")
-    number, written = float(found[1].replace(",", ".")), found[2]
+    match = _NUMBER.match(text)
+    shown_unit = unit(attribute)
+    if match is None:
+        raise InputError(f"{attribute.name} is a number{f' in {shown_unit}' if shown_unit else ''}, not {text!r}")
+    number, written_unit = float(match[1].replace(",", ".")), match[2]
     if not attribute.unit:
-        if written:
-            raise InputError(f"{attribute.name} is a number without a unit; leave {written!r} out")
+        if written_unit:
+            raise InputError(f"{attribute.name} is a number without a unit; leave {written_unit!r} out")
         return number
-    asked = WRITTEN.get(written or own, written or own)
-    value = convert_unit(number, asked, attribute.unit)
+    source_unit = UNIT_NAMES.get(written_unit or shown_unit, written_unit or shown_unit)
+    value = convert_unit(number, source_unit, attribute.unit)
     if value is None:
-        raise InputError(f"{attribute.name} is a number in {own}, and {text.strip()!r} cannot be expressed in it")
+        raise InputError(f"{attribute.name} is a number in {shown_unit}, and {text.strip()!r} cannot be expressed in it")
     return round(value, 12)
 
 
@@ -68,19 +68,19 @@ def _in_shown_unit(problem: str, attribute: AttributeType) -> str:
 
 def limits(path: str, attribute: AttributeType, type_name: str, ontology: Ontology) -> str:
     """The range of a number, as far as attribute and type set one: `0 to 5 kg`."""
-    rules = [one for ancestor in ontology.ancestors(type_name) for one in ontology.types[ancestor].constraints if one.attribute == path]
+    rules = [rule for ancestor in ontology.ancestors(type_name) for rule in ontology.types[ancestor].constraints if rule.attribute == path]
     rules.append(Constraint(minimum=attribute.minimum, maximum=attribute.maximum))
-    low = max((one.minimum for one in rules if one.minimum is not None), default=None)
-    high = min((one.maximum for one in rules if one.maximum is not None), default=None)
-    shown = unit(attribute)
+    low = max((rule.minimum for rule in rules if rule.minimum is not None), default=None)
+    high = min((rule.maximum for rule in rules if rule.maximum is not None), default=None)
+    shown_unit = unit(attribute)
     match low, high:
         case None, None:
             return ""
         case None, _:
-            return f"at most {text_of(high, attribute)} {shown}".rstrip()
+            return f"at most {text_of(high, attribute)} {shown_unit}".rstrip()
         case _, None:
-            return f"at least {text_of(low, attribute)} {shown}".rstrip()
-    return f"{text_of(low, attribute)} to {text_of(high, attribute)} {shown}".rstrip()
+            return f"at least {text_of(low, attribute)} {shown_unit}".rstrip()
+    return f"{text_of(low, attribute)} to {text_of(high, attribute)} {shown_unit}".rstrip()
 
 
 def in_limits(path: str, value: Value, type_name: str, ontology: Ontology) -> str:

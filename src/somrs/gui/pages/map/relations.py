@@ -9,19 +9,19 @@ from nicegui import ui
 
 from somrs.api.remote import LiveApi
 from somrs.gui.pages.map.picker import ObjectPicker
-from somrs.gui.shell import guarded, tell
+from somrs.gui.shell import guarded, notify
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map
 from somrs.ontology.types import Ontology, RelationType
 
-MOST = 40
+MAX_FACTS = 40
 """So many facts of an object are listed."""
 
-Change_ = Callable[[tuple[Change, ...], str], Awaitable[int | None]]
+ChangeMap = Callable[[tuple[Change, ...], str], Awaitable[int | None]]
 """Changes the map, and says what was done; None when that was refused."""
 
 
 @dataclass(frozen=True, slots=True)
-class Seat:
+class RelationRole:
     """A relation that an object of a type can be in, and as which of its arguments, counted from 0."""
 
     relation: RelationType
@@ -33,68 +33,68 @@ class Seat:
 
     def text(self) -> str:
         """The relation as one reads it, with the object as `this`."""
-        words = ["this" if n == self.place else one for n, one in enumerate(self.relation.joins)]
+        words = ["this" if n == self.place else type_name for n, type_name in enumerate(self.relation.joins)]
         if len(words) == 2:
             return f"{words[0]} {self.relation.name} {words[1]}"
         return f"{self.relation.name}({', '.join(words)})"
 
-    def fact(self, name: str, others: list[str]) -> Fact:
-        arguments = [*others]
+    def fact(self, name: str, other_names: list[str]) -> Fact:
+        arguments = [*other_names]
         arguments.insert(self.place, name)
         return Fact(self.relation.name, tuple(arguments))
 
 
-def seats(type_name: str, ontology: Ontology) -> list[Seat]:
+def relation_roles(type_name: str, ontology: Ontology) -> list[RelationRole]:
     """All that objects of the type can be in; of a symmetric relation, one way round will do."""
-    found = [
-        Seat(relation, place)
+    candidates = [
+        RelationRole(relation, place)
         for relation in ontology.relations.values()
         for place, joined in enumerate(relation.joins)
         if ontology.is_subtype(type_name, joined) and not (relation.symmetric and place)
     ]
-    return sorted(found, key=lambda seat: (seat.place, seat.relation.name))
+    return sorted(candidates, key=lambda role: (role.place, role.relation.name))
 
 
-def added(fact: Fact, map: Map, ontology: Ontology) -> Iterator[Change]:
+def fact_changes(fact: Fact, map: Map, ontology: Ontology) -> Iterator[Change]:
     """The changes that make a fact hold: what cannot hold along with it goes."""
     relation = ontology.relations[fact.relation]
-    for other in map.facts_about(fact.arguments[0]):
-        if other.arguments[0] != fact.arguments[0] or other == fact:
+    for old_fact in map.facts_about(fact.arguments[0]):
+        if old_fact.arguments[0] != fact.arguments[0] or old_fact == fact:
             continue
-        rival = ontology.relations.get(other.relation)
+        rival = ontology.relations.get(old_fact.relation)
         group = rival is not None and relation.excludes is not None and rival.excludes == relation.excludes and rival.name != relation.name
-        if group or (relation.functional and other.relation == relation.name):
-            yield FactRemoved(other)
+        if group or (relation.functional and old_fact.relation == relation.name):
+            yield FactRemoved(old_fact)
     yield FactAdded(fact)
 
 
 class Relations:
     """What is in the list follows the map; `go` opens another object."""
 
-    def __init__(self, desk: LiveApi, name: str, change: Change_, go: Callable[[str], None]) -> None:
-        self._desk, self._name, self._change, self._go = desk, name, change, go
-        self._shown: list[Fact] | None = None
+    def __init__(self, api: LiveApi, name: str, change: ChangeMap, open_object: Callable[[str], None]) -> None:
+        self._api, self._name, self._change, self._open_object = api, name, change, open_object
+        self._shown_facts: list[Fact] | None = None
         self._list = ui.element("ul").classes("somrs-map-facts").props('aria-label="Relations"')
         with ui.element("div").classes("somrs-map-adding") as self._form:
             ui.button("Add a relation", icon="add_link", on_click=self._open).props("flat dense no-caps")
         self.refresh()
 
     def refresh(self) -> None:
-        map = self._desk.context.map
+        map = self._api.context.map
         if self._name not in map.objects:
             self._form.visible = False
             return
         self._form.visible = True
         facts = sorted(map.facts_about(self._name), key=lambda fact: (fact.arguments[0] != self._name, fact.relation, fact.arguments))
-        if facts == self._shown:
+        if facts == self._shown_facts:
             return
-        self._shown = facts
+        self._shown_facts = facts
         self._list.clear()
         with self._list:
-            for fact in facts[:MOST]:
+            for fact in facts[:MAX_FACTS]:
                 self._row(fact)
-            if len(facts) > MOST:
-                ui.label(f"and {len(facts) - MOST} more").classes("somrs-soft")
+            if len(facts) > MAX_FACTS:
+                ui.label(f"and {len(facts) - MAX_FACTS} more").classes("somrs-soft")
             if not facts:
                 ui.label("It is in no relation.").classes("somrs-soft")
 
@@ -116,7 +116,7 @@ class Relations:
         if name == self._name:
             ui.label("this").classes("somrs-soft")
         else:
-            ui.button(name, on_click=lambda: self._go(name)).props("flat dense no-caps").classes("somrs-map-link")
+            ui.button(name, on_click=lambda: self._open_object(name)).props("flat dense no-caps").classes("somrs-map-link")
 
     async def _remove(self, fact: Fact) -> None:
         await self._change((FactRemoved(fact),), f"{fact} does not hold any more")
@@ -124,14 +124,14 @@ class Relations:
     # Adding
 
     def _open(self) -> None:
-        map, ontology = self._desk.context.map, self._desk.context.ontology
+        map, ontology = self._api.context.map, self._api.context.ontology
         object = map.objects.get(self._name)
         if object is None:
             return
-        options = {seat.key: seat for seat in seats(object.type, ontology)}
+        options = {role.key: role for role in relation_roles(object.type, ontology)}
         self._form.clear()
         with self._form, ui.element("form").props('aria-label="Add a relation" novalidate') as form:
-            choice = ui.select({key: seat.text() for key, seat in options.items()}, label="Relation", with_input=True)
+            choice = ui.select({key: role.text() for key, role in options.items()}, label="Relation", with_input=True)
             choice.props("outlined dense options-dense autofocus hide-bottom-space")
             pickers: list[ObjectPicker] = []
             fields = ui.element("div").classes("somrs-map-pickers")
@@ -139,23 +139,23 @@ class Relations:
             def chosen() -> None:
                 fields.clear()
                 pickers.clear()
-                seat = options.get(str(choice.value))
-                if seat is None:
+                role = options.get(str(choice.value))
+                if role is None:
                     return
                 with fields:
-                    for place, joined in enumerate(seat.relation.joins):
-                        if place != seat.place:
-                            pickers.append(ObjectPicker(self._desk, joined, seat.relation.name, place))
+                    for place, joined in enumerate(role.relation.joins):
+                        if place != role.place:
+                            pickers.append(ObjectPicker(self._api, joined, role.relation.name, place))
                 pickers[0].focus()
 
             async def add() -> None:
-                seat = options.get(str(choice.value))
-                if seat is None or any(picker.value is None for picker in pickers):
-                    tell("Choose the relation, and what it joins this with.", bad=True)
+                role = options.get(str(choice.value))
+                if role is None or any(picker.value is None for picker in pickers):
+                    notify("Choose the relation, and what it joins this with.", bad=True)
                     return
-                fact = seat.fact(self._name, [picker.value or "" for picker in pickers])
-                now = self._desk.context
-                if await self._change(tuple(added(fact, now.map, now.ontology)), f"{fact} holds now") is not None:
+                fact = role.fact(self._name, [picker.value or "" for picker in pickers])
+                now = self._api.context
+                if await self._change(tuple(fact_changes(fact, now.map, now.ontology)), f"{fact} holds now") is not None:
                     self._close()
 
             choice.on_value_change(chosen)

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from nicegui import ui
 
 from somrs.api.remote import LiveApi
-from somrs.gui.pages.map.entries import entries
+from somrs.gui.pages.map.entries import show_events
 from somrs.gui.pages.map.form import ObjectForm
 from somrs.gui.pages.map.relations import Relations
-from somrs.gui.pages.map.writing import Writing
-from somrs.gui.shell import author, guarded, tell
+from somrs.gui.pages.map.writing import ObjectDrafts
+from somrs.gui.shell import author, guarded, notify
 from somrs.ontology.objects import Change, objects_of
 from somrs.protocol.messages.knowledge import RenameObject
 
@@ -20,49 +20,51 @@ HISTORY = 25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Ways:
+class SheetActions:
     """What the sheet asks of the page: open another object, `change` the map, `remove` this one, have it in view, look at a version,
     undo one; and `done` when the map was changed."""
 
-    go: Callable[[str | None], None]
+    open_object: Callable[[str | None], None]
     change: Callable[[tuple[Change, ...], str], Awaitable[int | None]]
     remove: Callable[[str], Awaitable[None]]
-    show: Callable[[str], None]
-    look: Callable[[int], Awaitable[None]]
+    show_on_plan: Callable[[str], None]
+    show_version: Callable[[int], Awaitable[None]]
     undo: Callable[[int], Awaitable[None]]
-    done: Callable[[int], None]
+    record_version: Callable[[int], None]
 
 
 class Sheet:
     """The sheet of one object, in the element that is current when it is made."""
 
-    def __init__(self, desk: LiveApi, name: str, ways: Ways, writing: Writing) -> None:
-        self._desk, self.name, self._ways = desk, name, ways
+    def __init__(self, api: LiveApi, name: str, actions: SheetActions, drafts: ObjectDrafts) -> None:
+        self._api, self.name, self._actions = api, name, actions
         self._relations: Relations | None = None
         self._form: ObjectForm | None = None
-        self._past_of = -1
-        object = desk.context.map.objects.get(name)
+        self._history_version = -1
+        object = api.context.map.objects.get(name)
         if object is None:
-            self._nowhere()
+            self._show_missing()
             return
         self._heading(object.type)
-        self._form = ObjectForm(desk, object, writing, ways.done)
+        self._form = ObjectForm(api, object, drafts, actions.record_version)
         with ui.element("section").classes("somrs-map-part").props('aria-label="Relations"'):
             ui.label("Relations").classes("somrs-map-head")
-            self._relations = Relations(desk, name, ways.change, ways.go)
-        with ui.expansion("History", icon="history", on_value_change=lambda event: self._opened(bool(event.value))) as self._history:
+            self._relations = Relations(api, name, actions.change, actions.open_object)
+        with ui.expansion(
+            "History", icon="history", on_value_change=lambda event: self._on_history_toggle(bool(event.value))
+        ) as self._history:
             self._history.classes("somrs-map-history").props("dense")
-            self._past = ui.element("ol").classes("somrs-map-events")
+            self._event_list = ui.element("ol").classes("somrs-map-events")
 
     @property
     def dirty(self) -> bool:
         return self._form is not None and self._form.dirty
 
-    def _nowhere(self) -> None:
+    def _show_missing(self) -> None:
         with ui.element("div").classes("somrs-map-clash somrs-map-gone").props('role="alert"'):
             ui.icon("help_outline").props('aria-hidden="true"')
             ui.label(f"There is no {self.name} on the map. It may have been removed or renamed.")
-        ui.button("Close", on_click=lambda: self._ways.go(None)).props("flat dense no-caps")
+        ui.button("Close", on_click=lambda: self._actions.open_object(None)).props("flat dense no-caps")
 
     def _heading(self, type_name: str) -> None:
         with ui.element("div").classes("somrs-map-title"):
@@ -70,38 +72,38 @@ class Sheet:
             ui.link(type_name, f"/ontology?type={type_name}").classes("somrs-map-type").tooltip("The type, in the ontology")
             ui.space()
             for icon, label, action in (
-                ("center_focus_strong", "Show it on the plan", lambda: self._ways.show(self.name)),
+                ("center_focus_strong", "Show it on the plan", lambda: self._actions.show_on_plan(self.name)),
                 ("drive_file_rename_outline", "Rename it", guarded(self._rename)),
-                ("delete", "Remove it", guarded(lambda: self._ways.remove(self.name))),
-                ("close", "Close", lambda: self._ways.go(None)),
+                ("delete", "Remove it", guarded(lambda: self._actions.remove(self.name))),
+                ("close", "Close", lambda: self._actions.open_object(None)),
             ):
                 ui.button(icon=icon, on_click=action).props(f'flat round dense size=sm aria-label="{label}"').tooltip(label)
 
-    async def heed(self, changes: tuple[Change, ...], version: int) -> None:
+    async def apply_changes(self, changes: tuple[Change, ...], version: int) -> None:
         """The map changed. No changes: anything may have."""
         if self._form is None or (changes and not any(self.name in objects_of(change) for change in changes)):
             return
-        await self._form.heed(self._desk.context.map.objects.get(self.name), changes, version)
+        await self._form.apply_changes(self._api.context.map.objects.get(self.name), changes, version)
         if self._relations is not None:
             self._relations.refresh()
         if self._history.value:
-            await self._tell_history()
+            await self._show_history()
 
     # History
 
-    async def _opened(self, opened: bool) -> None:
+    async def _on_history_toggle(self, opened: bool) -> None:
         if opened:
-            await guarded(self._tell_history)()
+            await guarded(self._show_history)()
 
-    async def _tell_history(self) -> None:
-        if self._past_of == self._desk.context.version:
+    async def _show_history(self) -> None:
+        if self._history_version == self._api.context.version:
             return
-        self._past_of = self._desk.context.version
-        found = await self._desk.map.history(self.name, limit=HISTORY)
-        self._past.clear()
-        with self._past:
-            entries(found.events, self._desk.context.ontology, self._ways.look, self._ways.undo)
-            if not found.events:
+        self._history_version = self._api.context.version
+        event_page = await self._api.map.history(self.name, limit=HISTORY)
+        self._event_list.clear()
+        with self._event_list:
+            show_events(event_page.events, self._api.context.ontology, self._actions.show_version, self._actions.undo)
+            if not event_page.events:
                 ui.label("Nothing happened to it since the map was given.").classes("somrs-soft")
 
     # Renaming
@@ -117,9 +119,9 @@ class Sheet:
                     ui.button("Cancel", on_click=dialog.close).props("flat no-caps")
             form.on("submit.prevent", lambda: dialog.submit(str(field.value or "").strip()))
         dialog.on("hide", dialog.delete)
-        to = await dialog
-        if to and to != self.name:
-            done = await self._desk.map.rename(RenameObject(name=self.name, to=str(to), author=author()))
-            tell(f"{self.name} is called {to} now, everywhere")
-            self._ways.done(done.version)
-            self._ways.go(str(to))
+        new_name = await dialog
+        if new_name and new_name != self.name:
+            result = await self._api.map.rename(RenameObject(name=self.name, to=str(new_name), author=author()))
+            notify(f"{self.name} is called {new_name} now, everywhere")
+            self._actions.record_version(result.version)
+            self._actions.open_object(str(new_name))

@@ -8,35 +8,35 @@ from nicegui import ui
 
 from somrs.api.remote import LiveApi
 from somrs.errors import SomrsError
-from somrs.gui.pages.map.words import at, told
+from somrs.gui.pages.map.words import describe_event, format_time
 from somrs.gui.shell import guarded
 from somrs.protocol.messages.knowledge import Event
 from somrs.protocol.messages.people import person_name
 
-STEP = 0.9
+STEP_TIME = 0.9
 """Seconds between two versions, when the history is played."""
 
 
-class Times:
+class VersionSlider:
     """`turn` shows a version of the map; None for now."""
 
-    def __init__(self, desk: LiveApi, turn: Callable[[int | None], None]) -> None:
-        self._desk, self._turn = desk, turn
-        self._since = 0
-        self._seen: int | None = None
+    def __init__(self, api: LiveApi, on_version: Callable[[int | None], None]) -> None:
+        self._api, self._on_version = api, on_version
+        self._first_version = 0
+        self._shown_version: int | None = None
         self._playing = False
         with ui.element("div").classes("somrs-map-times").props('role="group" aria-label="History of the map"'):
-            self._back = self._button("skip_previous", "One version back", lambda: self._step(-1))
-            self._play = self._button("play_arrow", "Play from here to now", self._toggle)
-            self._on = self._button("skip_next", "One version on", lambda: self._step(1))
+            self._back_button = self._button("skip_previous", "One version back", lambda: self._step(-1))
+            self._play_button = self._button("play_arrow", "Play from here to now", self._toggle)
+            self._forward_button = self._button("skip_next", "One version on", lambda: self._step(1))
             self._slider = (
                 ui.slider(min=0, max=1, value=1, step=1).props('aria-label="Version of the map" dense').classes("somrs-map-slider")
             )
-            self._slider.on("update:model-value", lambda event: self._slid(event.args), throttle=0.15)
-            self._said = ui.label().classes("somrs-map-time-said").props('role="status"')
-            self._now = ui.button("Back to now", icon="update", on_click=self.now).props("unelevated dense no-caps")
-        self._timer = ui.timer(STEP, guarded(self._tick), active=False)
-        self._now.visible = False
+            self._slider.on("update:model-value", lambda event: self._on_slide(event.args), throttle=0.15)
+            self._status_label = ui.label().classes("somrs-map-time-said").props('role="status"')
+            self._now_button = ui.button("Back to now", icon="update", on_click=self.show_present).props("unelevated dense no-caps")
+        self._timer = ui.timer(STEP_TIME, guarded(self._tick), active=False)
+        self._now_button.visible = False
 
     def _button(self, icon: str, label: str, action: Callable[[], object]) -> ui.button:
         button = ui.button(icon=icon, on_click=action).props(f'flat round dense aria-label="{label}"')
@@ -45,79 +45,83 @@ class Times:
         return button
 
     @property
-    def seen(self) -> int | None:
+    def shown_version(self) -> int | None:
         """The version that is looked at; None for now."""
-        return self._seen
+        return self._shown_version
 
     async def begin(self) -> None:
         """Find out how far back the map is known."""
         try:
-            self._since = (await self._desk.map.events(limit=1, brief=True)).since
+            self._first_version = (await self._api.map.events(limit=1, brief=True)).since
         except SomrsError:
-            self._since = self._desk.context.version
-        self.grow()
+            self._first_version = self._api.context.version
+        self.refresh()
 
-    def grow(self) -> None:
+    def refresh(self) -> None:
         """There is a new version."""
-        latest = self._desk.context.version
-        self._slider.props(f"min={self._since} max={max(latest, self._since + 1)}")
-        self._slider.set_enabled(latest > self._since)
-        if self._seen is None:
+        latest = self._api.context.version
+        self._slider.props(f"min={self._first_version} max={max(latest, self._first_version + 1)}")
+        self._slider.set_enabled(latest > self._first_version)
+        if self._shown_version is None:
             self._slider.value = latest
-            self._said.text = f"Now · version {latest}"
-        for button, on in ((self._back, self._at > self._since), (self._on, self._seen is not None), (self._play, latest > self._since)):
-            button.set_enabled(on)
+            self._status_label.text = f"Now · version {latest}"
+        for button, is_enabled in (
+            (self._back_button, self._current_version > self._first_version),
+            (self._forward_button, self._shown_version is not None),
+            (self._play_button, latest > self._first_version),
+        ):
+            button.set_enabled(is_enabled)
 
     @property
-    def _at(self) -> int:
-        return self._seen if self._seen is not None else self._desk.context.version
+    def _current_version(self) -> int:
+        return self._shown_version if self._shown_version is not None else self._api.context.version
 
-    def now(self) -> None:
+    def show_present(self) -> None:
         self._stop()
-        self._seen = None
-        self._now.visible = False
-        self._turn(None)
-        self.grow()
+        self._shown_version = None
+        self._now_button.visible = False
+        self._on_version(None)
+        self.refresh()
 
-    async def look(self, version: int) -> None:
+    async def show_version(self, version: int) -> None:
         """Show the map as it was at a version."""
-        if version >= self._desk.context.version:
-            self.now()
+        if version >= self._api.context.version:
+            self.show_present()
             return
-        self._seen = max(version, self._since)
-        self._slider.value = self._seen
-        self._now.visible = True
-        self._turn(self._seen)
-        self.grow()
-        await self._tell(self._seen)
+        self._shown_version = max(version, self._first_version)
+        self._slider.value = self._shown_version
+        self._now_button.visible = True
+        self._on_version(self._shown_version)
+        self.refresh()
+        await self._describe_version(self._shown_version)
 
-    async def _tell(self, version: int) -> None:
-        event = await self._event(version)
-        if self._seen != version:
+    async def _describe_version(self, version: int) -> None:
+        event = await self._read_event(version)
+        if self._shown_version != version:
             return
         if event is None:
-            self._said.text = f"Version {version}: as the map was given"
+            self._status_label.text = f"Version {version}: as the map was given"
             return
-        what = "; ".join(told(event, self._desk.context.ontology))
-        self._said.text = f"Version {version} · {at(event.at)} · {person_name(event.author)}: {what}"
+        description = "; ".join(describe_event(event, self._api.context.ontology))
+        self._status_label.text = f"Version {version} · {format_time(event.at)} · {person_name(event.author)}: {description}"
 
-    async def _event(self, version: int) -> Event | None:
-        if version <= self._since:
+    async def _read_event(self, version: int) -> Event | None:
+        if version <= self._first_version:
             return None
         try:
-            found = (await self._desk.map.events(after=version - 1, limit=1)).events
+            events = (await self._api.map.events(after=version - 1, limit=1)).events
         except SomrsError:
             return None
-        return found[0] if found and found[0].version == version else None
+        return events[0] if events and events[0].version == version else None
 
-    async def _slid(self, value: object) -> None:
+    async def _on_slide(self, value: object) -> None:
         self._stop()
-        if isinstance(value, int | float) and int(value) != self._at:
-            await self.look(int(value))
+        if isinstance(value, int | float) and int(value) != self._current_version:
+            await self.show_version(int(value))
 
-    async def _step(self, by: int) -> None:
+    async def _step(self, offset: int) -> None:
         self._stop()
-        await self.look(self._at + by)
+        await self.show_version(self._current_version + offset)
 
     # Playing
 
@@ -126,18 +130,18 @@ class Times:
             self._stop()
             return
         self._playing = True
-        self._play.props('icon=pause aria-label="Stop playing"')
-        if self._seen is None:
-            await self.look(self._since)
+        self._play_button.props('icon=pause aria-label="Stop playing"')
+        if self._shown_version is None:
+            await self.show_version(self._first_version)
         self._timer.activate()
 
     async def _tick(self) -> None:
-        if self._seen is None:
+        if self._shown_version is None:
             self._stop()
         elif self._playing:
-            await self.look(self._seen + 1)
+            await self.show_version(self._shown_version + 1)
 
     def _stop(self) -> None:
         self._playing = False
         self._timer.deactivate()
-        self._play.props('icon=play_arrow aria-label="Play from here to now"')
+        self._play_button.props('icon=play_arrow aria-label="Play from here to now"')

@@ -56,7 +56,7 @@ class Difference:
 
 
 @dataclass(frozen=True, slots=True)
-class Changed:
+class DefinitionChange:
     """What happened to one definition: `verb` is added, removed, renamed or changed. `name` is the one it has after."""
 
     section: Section
@@ -66,46 +66,51 @@ class Changed:
     differences: tuple[Difference, ...] = ()
 
 
-def changed(revision: Revision | None, renamed: Iterable[Renaming] = ()) -> list[Changed]:
+def definition_changes(revision: Revision | None, renamings: Iterable[Renaming] = ()) -> list[DefinitionChange]:
     """What a revision does, definition by definition; the ones that are renamed first."""
     if revision is None:
         return []
-    to = {(one.section.value, one.name): one.to for one in renamed}
-    before = {(section_of(one).key, one.name): one for one in revision.before.all_definitions()}
-    after = {(section_of(one).key, one.name): one for one in revision.after.all_definitions()}
-    found = []
-    for (key, name), old in before.items():
-        new_name = to.get((key, name), name)
-        new = after.pop((key, new_name), None)
+    new_names = {(renaming.section.value, renaming.name): renaming.to for renaming in renamings}
+    definitions_before = {(section_of(definition).key, definition.name): definition for definition in revision.before.all_definitions()}
+    definitions_after = {(section_of(definition).key, definition.name): definition for definition in revision.after.all_definitions()}
+    changes = []
+    for (key, name), old in definitions_before.items():
+        new_name = new_names.get((key, name), name)
+        new = definitions_after.pop((key, new_name), None)
         verb = "removed" if new is None else "renamed" if new_name != name else "changed"
         # A definition that goes and one that comes are told by their names alone.
-        told = tuple(one for one in differences(old, new) if one.field != FIELDS["name"]) if new is not None else ()
-        found.append(Changed(SECTION[key], new_name, verb, name, told))
-    found += [Changed(SECTION[key], name, "added", name) for key, name in after]
-    return sorted(found, key=lambda one: ("renamed", "added", "removed", "changed").index(one.verb))
+        other_differences = (
+            tuple(difference for difference in differences(old, new) if difference.field != FIELDS["name"]) if new is not None else ()
+        )
+        changes.append(DefinitionChange(SECTION[key], new_name, verb, name, other_differences))
+    changes += [DefinitionChange(SECTION[key], name, "added", name) for key, name in definitions_after]
+    return sorted(changes, key=lambda change: ("renamed", "added", "removed", "changed").index(change.verb))
 
 
 def differences(old: Definition, new: Definition) -> list[Difference]:
     """The fields in which two definitions of the same kind differ."""
-    found = []
+    field_differences = []
     for name in old.__struct_fields__:
-        before, after = getattr(old, name), getattr(new, name)
-        if before != after:
-            found += _of_field(name, before, after)
-    return found
+        old_value, new_value = getattr(old, name), getattr(new, name)
+        if old_value != new_value:
+            field_differences += _field_differences(name, old_value, new_value)
+    return field_differences
 
 
-def _of_field(name: str, before: object, after: object) -> list[Difference]:
+def _field_differences(name: str, old_value: object, new_value: object) -> list[Difference]:
     label = FIELDS.get(name, name)
-    if isinstance(before, dict) and isinstance(after, dict):
-        keys = [key for key in {**before, **after} if before.get(key) != after.get(key)]
-        return [Difference(f"{label}: {key}", _text(before.get(key)), _text(after.get(key))) for key in keys]
-    if isinstance(before, tuple) and isinstance(after, tuple):
-        if set(map(_text, before)) == set(map(_text, after)):
-            return [Difference(f"{label} (order)", _list(before), _list(after))]
-        gone, come = [one for one in before if one not in after], [one for one in after if one not in before]
-        return [Difference(label, _list(gone), _list(come))]
-    return [Difference(label, _text(before), _text(after))]
+    if isinstance(old_value, dict) and isinstance(new_value, dict):
+        keys = [key for key in {**old_value, **new_value} if old_value.get(key) != new_value.get(key)]
+        return [Difference(f"{label}: {key}", _text(old_value.get(key)), _text(new_value.get(key))) for key in keys]
+    if isinstance(old_value, tuple) and isinstance(new_value, tuple):
+        if set(map(_text, old_value)) == set(map(_text, new_value)):
+            return [Difference(f"{label} (order)", _list(old_value), _list(new_value))]
+        removed_values, added_values = (
+            [value for value in old_value if value not in new_value],
+            [value for value in new_value if value not in old_value],
+        )
+        return [Difference(label, _list(removed_values), _list(added_values))]
+    return [Difference(label, _text(old_value), _text(new_value))]
 
 
 def _list(values: Iterable[object]) -> str:
@@ -125,8 +130,8 @@ def _text(value: object) -> str:
         case Parameter():
             return f"?{value.name}: {value.type}"
         case Handler():
-            when = f" when {value.when}" if value.when else ""
-            return f"on {value.on.value}{when}: {value.effect}"
+            condition = f" when {value.when}" if value.when else ""
+            return f"on {value.on.value}{condition}: {value.effect}"
         case msgspec.Struct():
             return str(msgspec.to_builtins(value))
         case _:
@@ -136,38 +141,38 @@ def _text(value: object) -> str:
 # On the map
 
 
-def on_map(changes: Iterable[Change]) -> list[str]:
+def map_change_lines(changes: Iterable[Change]) -> list[str]:
     """How the map changes, a line for each kind of change and not for each object."""
-    counted: dict[str, list[str]] = {}
+    names_by_text: dict[str, list[str]] = {}
     for change in changes:
         match change:
             case ObjectAdded(object):
-                counted.setdefault(f"becomes a {object.type}", []).append(object.name)
+                names_by_text.setdefault(f"becomes a {object.type}", []).append(object.name)
             case ObjectRemoved(name):
-                counted.setdefault("goes", []).append(name)
+                names_by_text.setdefault("goes", []).append(name)
             case ValueSet(name, path, value):
-                said = f"loses its {path}" if value is None else f"has {path} {value_text(value)}"
-                counted.setdefault(said, []).append(name)
+                value_change = f"loses its {path}" if value is None else f"has {path} {value_text(value)}"
+                names_by_text.setdefault(value_change, []).append(name)
             case FactAdded(fact) | FactRemoved(fact):
-                what = f"the fact {fact} is added" if isinstance(change, FactAdded) else f"the fact {fact} goes"
-                counted.setdefault(what, [])
-    return [f"{_names(names)} {said}".strip() for said, names in counted.items()]
+                fact_change = f"the fact {fact} is added" if isinstance(change, FactAdded) else f"the fact {fact} goes"
+                names_by_text.setdefault(fact_change, [])
+    return [f"{_names(names)} {text}".strip() for text, names in names_by_text.items()]
 
 
 def _names(names: list[str]) -> str:
     return ", ".join(names[:4]) + (f" and {len(names) - 4} more: each" if len(names) > 4 else "")
 
 
-def summary(changes: Iterable[Changed]) -> str:
+def summary(changes: Iterable[DefinitionChange]) -> str:
     """All of it in a line: `Jar changed (Defaults: Weight)`."""
-    said = []
-    for one in changes:
-        match one.verb:
+    phrases = []
+    for change in changes:
+        match change.verb:
             case "renamed":
-                said.append(f"{one.old_name} renamed to {one.name}")
+                phrases.append(f"{change.old_name} renamed to {change.name}")
             case "changed":
-                fields: Mapping[str, None] = dict.fromkeys(difference.field for difference in one.differences)
-                said.append(f"{one.name} changed ({', '.join(fields)})")
+                fields: Mapping[str, None] = dict.fromkeys(difference.field for difference in change.differences)
+                phrases.append(f"{change.name} changed ({', '.join(fields)})")
             case _:
-                said.append(f"{one.name} {one.verb}")
-    return "; ".join(said[:3]) + (f"; and {len(said) - 3} more" if len(said) > 3 else "")
+                phrases.append(f"{change.name} {change.verb}")
+    return "; ".join(phrases[:3]) + (f"; and {len(phrases) - 3} more" if len(phrases) > 3 else "")

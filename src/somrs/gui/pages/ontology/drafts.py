@@ -46,12 +46,12 @@ class Draft(msgspec.Struct, kw_only=True):
     version: int
     base: Form
     form: Form
-    was: Form | None = None
+    original_data: Form | None = msgspec.field(default=None, name="was")
 
     @property
     def original(self) -> Definition | None:
         """The definition that is rewritten, as it was."""
-        return msgspec.convert(self.was, self.section.struct) if self.was is not None else None
+        return msgspec.convert(self.original_data, self.section.struct) if self.original_data is not None else None
 
     @property
     def section(self) -> Section:
@@ -66,57 +66,57 @@ class Draft(msgspec.Struct, kw_only=True):
         return self.form != self.base
 
 
-def begun(section: Section, definition: Definition | None, version: int, **given: object) -> Draft:
+def start_draft(section: Section, definition: Definition | None, version: int, **initial_values: object) -> Draft:
     """A draft of a definition as it is; of a new one, with what is given already."""
-    base = form_of(definition) if definition is not None else {**_copied(BLANK[section.key]), **given}
-    was = msgspec.to_builtins(definition) if definition is not None else None
+    base = form_of(definition) if definition is not None else {**_copy_form(BLANK[section.key]), **initial_values}
+    original_data = msgspec.to_builtins(definition) if definition is not None else None
     name = definition.name if definition is not None else None
-    return Draft(section_key=section.key, name=name, version=version, base=base, form=_copied(base), was=was)
+    return Draft(section_key=section.key, name=name, version=version, base=base, form=_copy_form(base), original_data=original_data)
 
 
-def merged(base: Form, mine: Form, theirs: Form) -> tuple[Form, list[str]]:
+def merge_forms(base: Form, mine: Form, theirs: Form) -> tuple[Form, list[str]]:
     """Mine, with what only they changed taken over; and what both changed, in which mine stays: fields, or rows of them
     (`defaults.Weight`)."""
-    result, both = _copied(mine), []
+    result, conflicts = _copy_form(mine), []
     for key, value in theirs.items():
         if mine.get(key) == base.get(key) or value == mine.get(key):
-            result[key] = _copied(value)
+            result[key] = _copy_form(value)
         elif value == base.get(key):
             continue
-        elif key in ROW_NAMES and all(isinstance(one, dict) for rows in (base[key], mine[key], value) for one in rows):
-            result[key], rows = _merged_rows(base[key], mine[key], value, ROW_NAMES[key])
-            both += [f"{key}.{name}" for name in rows]
+        elif key in ROW_NAMES and all(isinstance(row, dict) for rows in (base[key], mine[key], value) for row in rows):
+            result[key], rows = _merge_rows(base[key], mine[key], value, ROW_NAMES[key])
+            conflicts += [f"{key}.{name}" for name in rows]
         else:
-            both.append(key)
-    return result, both
+            conflicts.append(key)
+    return result, conflicts
 
 
-def _merged_rows(base: list[Form], mine: list[Form], theirs: list[Form], name: str) -> tuple[list[Form], list[str]]:
+def _merge_rows(base: list[Form], mine: list[Form], theirs: list[Form], name: str) -> tuple[list[Form], list[str]]:
     """Rows are the same that have the same name; in my order, with theirs that are new behind."""
-    old, own, new = ({str(row[name]): row for row in rows} for rows in (base, mine, theirs))
-    result, both = [], []
-    for key in {**own, **new}:
-        ours, others, before = own.get(key), new.get(key), old.get(key)
-        if ours != before and others not in (before, ours):
-            both.append(key)
-        chosen = others if ours == before else ours
+    base_rows, my_rows, their_rows = ({str(row[name]): row for row in rows} for rows in (base, mine, theirs))
+    result, conflicts = [], []
+    for key in {**my_rows, **their_rows}:
+        my_row, their_row, base_row = my_rows.get(key), their_rows.get(key), base_rows.get(key)
+        if my_row != base_row and their_row not in (base_row, my_row):
+            conflicts.append(key)
+        chosen = their_row if my_row == base_row else my_row
         if chosen is not None:
-            result.append(_copied(chosen))
-    return result, both
+            result.append(_copy_form(chosen))
+    return result, conflicts
 
 
-def _copied(form: Any) -> Any:
+def _copy_form(form: Any) -> Any:
     return msgspec.json.decode(msgspec.json.encode(form))
 
 
 def form_of(definition: Definition) -> Form:
     plain = msgspec.to_builtins(definition)
-    form: Form = _copied({key: "" if value is None else value for key, value in plain.items()})
+    form: Form = _copy_form({key: "" if value is None else value for key, value in plain.items()})
     match definition:
         case ObjectType():
-            must = [{"attribute": name, "must": True} for name in definition.required]
-            may = [{"attribute": name, "must": False} for name in definition.attributes if name not in definition.required]
-            form["attributes"] = must + may
+            required = [{"attribute": name, "must": True} for name in definition.required]
+            optional = [{"attribute": name, "must": False} for name in definition.attributes if name not in definition.required]
+            form["attributes"] = required + optional
             del form["required"]
             form["parts"] = [{**part, "minimum": str(part["minimum"]), "maximum": _text(part["maximum"])} for part in form["parts"]]
             form["defaults"] = [{"path": path, "value": _text(value)} for path, value in definition.defaults.items()]
@@ -142,7 +142,9 @@ def form_of(definition: Definition) -> Form:
             form["attribute"] = definition.attribute
             form["values"] = [{"key": key, "value": _text(value)} for key, value in definition.values.items()]
     if "handlers" in form:
-        form["handlers"] = [{"on": one["on"], "when": one["when"] or "", "effect": one["effect"]} for one in form["handlers"]]
+        form["handlers"] = [
+            {"on": handler["on"], "when": handler["when"] or "", "effect": handler["effect"]} for handler in form["handlers"]
+        ]
         form["parent"] = form["parent"] or None
     return form
 

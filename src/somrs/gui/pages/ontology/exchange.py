@@ -10,9 +10,9 @@ from somrs.api.ontology import ImportOntology, ImportResult
 from somrs.api.owl import OwlImportResult
 from somrs.api.remote import LiveApi
 from somrs.errors import ModelError, Problem, SomrsError
-from somrs.gui.pages.ontology.consequences import show
-from somrs.gui.pages.ontology.pieces import Word, cell, note, row, table, titled
-from somrs.gui.shell import author, tell
+from somrs.gui.pages.ontology.consequences import show_consequences
+from somrs.gui.pages.ontology.pieces import TextTag, cell, note, row, table, titled_dialog
+from somrs.gui.shell import author, notify
 
 MOST_BYTES = 20_000_000
 
@@ -37,16 +37,16 @@ def export_menu() -> None:
 class Import:
     """The dialog that takes a file over."""
 
-    def __init__(self, desk: LiveApi) -> None:
-        self._desk = desk
+    def __init__(self, api: LiveApi) -> None:
+        self._api = api
         self._text, self._file = "", ""
         self._version: int | None = None
-        with titled("Import definitions") as self._dialog, ui.card().classes("somrs-onto-dialog"):
-            Word("h2", "Import definitions")
+        with titled_dialog("Import definitions") as self._dialog, ui.card().classes("somrs-onto-dialog"):
+            TextTag("h2", "Import definitions")
             note("A YAML file (ontology or map file) or an OWL file (Turtle, RDF/XML). Nothing is changed before you say so.")
-            self._upload = ui.upload(label="Choose or drop a file", auto_upload=True, max_file_size=MOST_BYTES, on_upload=self._take).props(
-                'accept=".yaml,.yml,.ttl,.owl,.rdf,.xml" flat bordered hide-upload-btn'
-            )
+            self._upload = ui.upload(
+                label="Choose or drop a file", auto_upload=True, max_file_size=MOST_BYTES, on_upload=self._receive_file
+            ).props('accept=".yaml,.yml,.ttl,.owl,.rdf,.xml" flat bordered hide-upload-btn')
             self._upload.classes("somrs-onto-upload")
             self._chosen = ui.label().classes("somrs-onto-doc")
             self._body = ui.element("div").classes("somrs-onto-dialog-body").props('aria-live="polite"')
@@ -54,21 +54,21 @@ class Import:
             self._map.visible = False
             with ui.row().classes("somrs-onto-buttons"):
                 ui.button("Go back", on_click=self._dialog.close).props("flat no-caps")
-                self._take_over = ui.button("Take over", on_click=self._carry_out).props("unelevated no-caps")
-                self._take_over.visible = False
+                self._import_button = ui.button("Take over", on_click=self._carry_out).props("unelevated no-caps")
+                self._import_button.visible = False
         self._dialog.on("hide", self._dialog.delete)
         self._dialog.open()
 
-    async def _take(self, event: events.UploadEventArguments) -> None:
+    async def _receive_file(self, event: events.UploadEventArguments) -> None:
         self._file, self._version = event.file.name, None
         self._chosen.text = f"In {self._file}:"
         self._upload.reset()
-        self._take_over.visible = self._map.visible = False
+        self._import_button.visible = self._map.visible = False
         self._map.value = False
         try:
             self._text = (await event.file.read()).decode()
         except UnicodeDecodeError:
-            self._say(
+            self._show_problems(
                 [Problem(file=self._file, line=None, subject="file", rule="encoding", message="is no text in UTF-8; save it as such")]
             )
             return
@@ -78,33 +78,33 @@ class Import:
         """Show what would come of the file."""
         if not self._text:
             return
-        self._take_over.visible = False
+        self._import_button.visible = False
         try:
-            found = await self._run(dry=True)
+            preview = await self._run(dry=True)
         except ModelError as error:
-            self._say(error.problems)
+            self._show_problems(error.problems)
         except SomrsError as error:
-            self._refused(str(error))
+            self._show_refusal(str(error))
         else:
             self._body.clear()
             with self._body:
-                show(found.consequences)
-                if isinstance(found, OwlImportResult):
-                    self._show_besides(found)
-            self._version = found.consequences.version
-            nothing = found.consequences.revision is None and not self._map.value
-            self._take_over.visible = not (found.consequences.broken or nothing)
+                show_consequences(preview.consequences)
+                if isinstance(preview, OwlImportResult):
+                    self._show_unmapped(preview)
+            self._version = preview.consequences.version
+            is_empty = preview.consequences.revision is None and not self._map.value
+            self._import_button.visible = not (preview.consequences.broken or is_empty)
 
-    def _show_besides(self, found: OwlImportResult) -> None:
+    def _show_unmapped(self, preview: OwlImportResult) -> None:
         """What else is in an OWL file: objects, and what there are no words for."""
-        self._map.visible = found.objects > 0
-        individuals = f"{found.objects} individuals" if found.objects != 1 else "one individual"
+        self._map.visible = preview.objects > 0
+        individuals = f"{preview.objects} individuals" if preview.objects != 1 else "one individual"
         self._map.text = f"Put its {individuals} on the map, too: what the file says of them counts"
         if self._map.value:
-            note(f"Changes of the map by its individuals: {found.all_on_map}.")
-        if found.notes:
-            Word("h3", f"Not taken over: {len(found.notes)}").classes("somrs-onto-heading")
-            self._list(found.notes, "What to do")
+            note(f"Changes of the map by its individuals: {preview.all_on_map}.")
+        if preview.notes:
+            TextTag("h3", f"Not taken over: {len(preview.notes)}").classes("somrs-onto-heading")
+            self._list(preview.notes, "What to do")
 
     def _run(self, *, dry: bool) -> Awaitable[ImportResult]:
         ending = self._file[self._file.rfind(".") :].lower()
@@ -112,41 +112,41 @@ class Import:
         version = None if dry else self._version
         body = ImportOntology(text=self._text, file=self._file, author=author(), expected_version=version)
         if KINDS.get(ending) == "owl":
-            return self._desk.ontology.import_owl(body, dry=dry, map=self._map.value)
-        return self._desk.ontology.import_yaml(body, dry=dry)
+            return self._api.ontology.import_owl(body, dry=dry, map=self._map.value)
+        return self._api.ontology.import_yaml(body, dry=dry)
 
     async def _carry_out(self) -> None:
         try:
-            done = await self._run(dry=False)
+            reply = await self._run(dry=False)
         except SomrsError as error:
-            self._refused(str(error))
+            self._show_refusal(str(error))
             return
-        tell(f"{self._file} is taken over, in version {done.version}")
+        notify(f"{self._file} is taken over, in version {reply.version}")
         self._dialog.close()
 
-    def _refused(self, text: str) -> None:
+    def _show_refusal(self, text: str) -> None:
         self._body.clear()
         with self._body, ui.element("div").classes("somrs-onto-banner somrs-onto-bad").props('role="alert"'):
             ui.icon("error")
             ui.label(text).classes("somrs-onto-pre")
 
-    def _say(self, problems: list[Problem]) -> None:
+    def _show_problems(self, problems: list[Problem]) -> None:
         """Problems where they are: each with its line, and what stands there."""
         self._body.clear()
         with self._body, ui.element("div").props('role="alert"'):
-            with Word("h3", "").classes("somrs-onto-heading somrs-onto-bad"):
+            with TextTag("h3", "").classes("somrs-onto-heading somrs-onto-bad"):
                 ui.icon("error")
-                Word("span", f"{len(problems)} {'problem' if len(problems) == 1 else 'problems'}: nothing was taken over")
+                TextTag("span", f"{len(problems)} {'problem' if len(problems) == 1 else 'problems'}: nothing was taken over")
             self._list(problems, "What is wrong")
 
     def _list(self, problems: Sequence[Problem], heading: str) -> None:
         lines = self._text.splitlines()
         with table("Line", "What is there", heading):
-            for one in problems:
+            for problem in problems:
                 with row():
-                    Word("td", str(one.line or ""))
+                    TextTag("td", str(problem.line or ""))
                     with cell():
-                        if one.line is not None and one.line <= len(lines):
-                            Word("code", lines[one.line - 1].strip()[:160], "somrs-formula")
+                        if problem.line is not None and problem.line <= len(lines):
+                            TextTag("code", lines[problem.line - 1].strip()[:160], "somrs-formula")
                     with cell():
-                        ui.label(f"{one.subject}: {one.message}").classes("somrs-onto-pre" if "\n" in one.message else "")
+                        ui.label(f"{problem.subject}: {problem.message}").classes("somrs-onto-pre" if "\n" in problem.message else "")

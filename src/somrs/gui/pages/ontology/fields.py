@@ -11,10 +11,10 @@ from nicegui import ui
 from nicegui.element import Element
 from nicegui.events import ValueChangeEventArguments
 
-from somrs.gui.components.draft_storage import Keeper
+from somrs.gui.components.draft_storage import DraftStorage
 from somrs.gui.components.formula import FormulaField
 from somrs.gui.pages.ontology.drafts import Draft
-from somrs.gui.pages.ontology.pieces import Word, icon_button
+from somrs.gui.pages.ontology.pieces import TextTag, icon_button
 from somrs.gui.shell import focus
 from somrs.ontology.types import ObjectType
 
@@ -25,7 +25,7 @@ CHOSEN = "value && typeof value === 'object' ? value.label : value"
 ALL_CHOSEN = "(value ?? []).map((one) => typeof one === 'object' ? one.label : one)"
 
 
-class Shown(Protocol):
+class ErrorField(Protocol):
     """A field that can say what is wrong with it."""
 
     error: str | None
@@ -44,17 +44,17 @@ class Formula:
         self.field = field
         if hint:
             ui.label(hint).classes("somrs-onto-hint")
-        self._said = ui.label().classes("somrs-onto-pre somrs-onto-wrong").props('role="alert"')
+        self._error_label = ui.label().classes("somrs-onto-pre somrs-onto-wrong").props('role="alert"')
         self.error = None
 
     @property
     def error(self) -> str | None:
-        return self._said.text or None
+        return self._error_label.text or None
 
     @error.setter
     def error(self, error: str | None) -> None:
-        self._said.text = error or ""
-        self._said.visible = error is not None
+        self._error_label.text = error or ""
+        self._error_label.visible = error is not None
 
     @property
     def id(self) -> int:
@@ -68,53 +68,53 @@ class Formula:
 class Fields:
     """`changed` hears of every change."""
 
-    def __init__(self, draft: Draft, keeper: Keeper, changed: Callable[[], None]) -> None:
-        self.draft, self._keeper, self._changed = draft, keeper, changed
-        self._at: dict[str, Shown] = {}
-        self._then: dict[str, Callable[[], None]] = {}
+    def __init__(self, draft: Draft, draft_storage: DraftStorage, on_change: Callable[[], None]) -> None:
+        self.draft, self._draft_storage, self._on_change = draft, draft_storage, on_change
+        self._elements: dict[str, ErrorField] = {}
+        self._callbacks: dict[str, Callable[[], None]] = {}
 
-    def get(self, path: str) -> Any:
-        found: Any = self.draft.form
+    def value_at(self, path: str) -> Any:
+        value: Any = self.draft.form
         for step in path.split("."):
-            found = found[int(step)] if isinstance(found, list) else found[step]
-        return found
+            value = value[int(step)] if isinstance(value, list) else value[step]
+        return value
 
-    def put(self, path: str, value: Any) -> None:
-        outer, _, last = path.rpartition(".")
-        holder: Any = self.get(outer) if outer else self.draft.form
-        holder[int(last) if isinstance(holder, list) else last] = value
-        if path in self._then:
-            self._then[path]()
-        self._changed()
+    def set_value(self, path: str, value: Any) -> None:
+        outer, _, last_key = path.rpartition(".")
+        holder: Any = self.value_at(outer) if outer else self.draft.form
+        holder[int(last_key) if isinstance(holder, list) else last_key] = value
+        if path in self._callbacks:
+            self._callbacks[path]()
+        self._on_change()
 
-    def when(self, path: str, then: Callable[[], None]) -> None:
+    def add_callback(self, path: str, callback: Callable[[], None]) -> None:
         """Do this, too, when what is at the path changes."""
-        self._then[path] = then
+        self._callbacks[path] = callback
 
-    def keep(self) -> None:
+    def store_draft(self) -> None:
         """All of the draft, after rows came or went."""
-        self._keeper.keep(self.draft.key, msgspec.to_builtins(self.draft))
+        self._draft_storage.save(self.draft.key, msgspec.to_builtins(self.draft))
 
     # What is shown where
 
-    def problem(self, path: str, message: str) -> bool:
+    def show_problem(self, path: str, message: str) -> bool:
         """Show what is wrong in the field at the path, the first of its row, or the nearest one above it. False if there is none."""
         while path:
-            for known, element in self._at.items():
-                if (known == path or known.startswith(f"{path}.")) and not element.is_deleted:
+            for field_path, element in self._elements.items():
+                if (field_path == path or field_path.startswith(f"{path}.")) and not element.is_deleted:
                     element.error = message if not element.error else f"{element.error}\n{message}"
                     return True
             path = path.rpartition(".")[0]
         return False
 
-    def no_problems(self) -> None:
-        for element in self._at.values():
+    def clear_problems(self) -> None:
+        for element in self._elements.values():
             if not element.is_deleted:
                 element.error = None
 
     def focus_problem(self) -> None:
         """Go to the first field that something is wrong with."""
-        for element in self._at.values():
+        for element in self._elements.values():
             if not element.is_deleted and element.error:
                 focus(element)
                 return
@@ -122,70 +122,78 @@ class Fields:
     # Fields
 
     def text(
-        self, path: str, label: str, *, hint: str = "", width: str = "wide", suffix: str = "", then: Callable[[], None] | None = None
+        self, path: str, label: str, *, hint: str = "", width: str = "wide", suffix: str = "", callback: Callable[[], None] | None = None
     ) -> ui.input:
-        field = ui.input(label, value=self.get(path), on_change=self._hear(path, then)).props('outlined dense autocomplete="off"')
+        field = ui.input(label, value=self.value_at(path), on_change=self._change_handler(path, callback)).props(
+            'outlined dense autocomplete="off"'
+        )
         if suffix:
             field.props["suffix"] = suffix
-        return self._made(field, path, hint, width, "update:value")
+        return self._register_field(field, path, hint, width, "update:value")
 
     def lines(self, path: str, label: str) -> ui.textarea:
-        field = ui.textarea(label, value=self.get(path), on_change=self._hear(path)).props("outlined dense autogrow rows=1")
-        return self._made(field, path, "", "full", "update:value")
+        field = ui.textarea(label, value=self.value_at(path), on_change=self._change_handler(path)).props("outlined dense autogrow rows=1")
+        return self._register_field(field, path, "", "full", "update:value")
 
     def formula(self, path: str, label: str, variables: Mapping[str, str], *, hint: str = "", types: Sequence[ObjectType] = ()) -> Formula:
         """`variables` are of these types; `types` are being written here."""
         with ui.element("div").classes("somrs-onto-full"):
-            inner = FormulaField(label, value=self.get(path), variables=dict(variables), types=types, on_change=self._hear(path))
+            inner = FormulaField(
+                label, value=self.value_at(path), variables=dict(variables), types=types, on_change=self._change_handler(path)
+            )
             field = Formula(inner, hint)
-        self._keeper.mirror(field.field, "update:value", self.draft.key, path)
-        self._at[path] = field
+        self._draft_storage.mirror(field.field, "update:value", self.draft.key, path)
+        self._elements[path] = field
         return field
 
     def choice(
         self, path: str, label: str, options: Sequence[str] | Mapping[str | None, str], *, hint: str = "", width: str = "wide",
-        then: Callable[[], None] | None = None,
+        callback: Callable[[], None] | None = None,
     ) -> ui.select:  # fmt: skip
         """One of the options; a mapping says what each is called."""
-        value = self.get(path)
-        known: Any = dict(options) if isinstance(options, Mapping) else [*options]
-        if value not in known and value not in (None, ""):
+        value = self.value_at(path)
+        choices: Any = dict(options) if isinstance(options, Mapping) else [*options]
+        if value not in choices and value not in (None, ""):
             # What is chosen and is not there any more is to be seen all the same.
-            known = {**known, value: str(value)} if isinstance(known, dict) else [*known, value]
+            choices = {**choices, value: str(value)} if isinstance(choices, dict) else [*choices, value]
         field = ui.select(
-            known, label=label, value=value if value in known else None, with_input=len(known) > 8, on_change=self._hear(path, then)
+            choices,
+            label=label,
+            value=value if value in choices else None,
+            with_input=len(choices) > 8,
+            on_change=self._change_handler(path, callback),
         )
         field.props("outlined dense options-dense")
-        mirror = CHOSEN if not isinstance(options, Mapping) else f"{json.dumps([*known])}[value?.value] ?? null"
-        return self._made(field, path, hint, width, "update:model-value", mirror)
+        mirror = CHOSEN if not isinstance(options, Mapping) else f"{json.dumps([*choices])}[value?.value] ?? null"
+        return self._register_field(field, path, hint, width, "update:model-value", mirror)
 
-    def several(self, path: str, label: str, options: Iterable[str]) -> ui.select:
+    def multiple_choice(self, path: str, label: str, options: Iterable[str]) -> ui.select:
         """Any number of the options."""
-        value = self.get(path)
-        known = [*dict.fromkeys([*options, *value])]
-        field = ui.select(known, label=label, value=value, multiple=True, with_input=True, on_change=self._hear(path))
+        value = self.value_at(path)
+        choices = [*dict.fromkeys([*options, *value])]
+        field = ui.select(choices, label=label, value=value, multiple=True, with_input=True, on_change=self._change_handler(path))
         field.props("outlined dense options-dense use-chips")
-        return self._made(field, path, "", "full", "update:model-value", ALL_CHOSEN)
+        return self._register_field(field, path, "", "full", "update:model-value", ALL_CHOSEN)
 
     def flag(self, path: str, label: str) -> ui.checkbox:
-        field = ui.checkbox(label, value=self.get(path), on_change=self._hear(path)).props("dense")
-        self._keeper.mirror(field, "update:model-value", self.draft.key, path)
+        field = ui.checkbox(label, value=self.value_at(path), on_change=self._change_handler(path)).props("dense")
+        self._draft_storage.mirror(field, "update:model-value", self.draft.key, path)
         return field.classes("somrs-onto-flag")
 
-    def _hear(self, path: str, then: Callable[[], None] | None = None) -> Callable[[ValueChangeEventArguments[Any]], None]:
-        def hear(event: ValueChangeEventArguments[Any]) -> None:
-            self.put(path, event.value)
-            if then is not None:
-                then()
+    def _change_handler(self, path: str, callback: Callable[[], None] | None = None) -> Callable[[ValueChangeEventArguments[Any]], None]:
+        def handle_change(event: ValueChangeEventArguments[Any]) -> None:
+            self.set_value(path, event.value)
+            if callback is not None:
+                callback()
 
-        return hear
+        return handle_change
 
-    def _made(self, field: F, path: str, hint: str, width: str, event: str, value: str = "value") -> F:
-        self._keeper.mirror(field, event, self.draft.key, path, value)
+    def _register_field(self, field: F, path: str, hint: str, width: str, event: str, value: str = "value") -> F:
+        self._draft_storage.mirror(field, event, self.draft.key, path, value)
         field.without_auto_validation().classes(f"somrs-onto-field somrs-onto-{width}").mark(path)
         if hint:
             field.props["hint"] = hint
-        self._at[path] = field
+        self._elements[path] = field
         return field
 
     # Rows
@@ -194,56 +202,58 @@ class Fields:
         self,
         path: str,
         title: str,
-        one: str,
-        make: Callable[[str], None],
+        noun: str,
+        make_row: Callable[[str], None],
         blank: Callable[[], Any],
         hint: str = "",
-        more: Callable[[], object] | None = None,
+        make_buttons: Callable[[], object] | None = None,
     ) -> Callable[[], None]:
         """A list of rows that can be added and removed; `make` makes the fields of the row at a path, `more` other
         buttons. Returns what makes them anew."""
         with ui.element("fieldset").classes("somrs-onto-rows"):
-            with Word("legend", title):
+            with TextTag("legend", title):
                 pass
             if hint:
                 ui.label(hint).classes("somrs-soft")
             body = ui.element("div").classes("somrs-onto-rows-body")
 
-            def again() -> None:
+            def rebuild() -> None:
                 body.clear()
-                for known in [known for known in self._at if known.startswith(f"{path}.")]:
-                    del self._at[known]
-                for index in range(len(self.get(path))):
-                    show(index)
+                for field_path in [field_path for field_path in self._elements if field_path.startswith(f"{path}.")]:
+                    del self._elements[field_path]
+                for index in range(len(self.value_at(path))):
+                    show_row(index)
 
-            def show(index: int) -> None:
-                with body, ui.element("div").classes("somrs-onto-row").props(f'role="group" aria-label="{one} {index + 1}"'):
+            def show_row(index: int) -> None:
+                with body, ui.element("div").classes("somrs-onto-row").props(f'role="group" aria-label="{noun} {index + 1}"'):
                     with line():
-                        make(f"{path}.{index}")
-                    icon_button("close", f"Remove {one} {index + 1}", lambda: remove(index))
+                        make_row(f"{path}.{index}")
+                    icon_button("close", f"Remove {noun} {index + 1}", lambda: remove(index))
 
             def remove(index: int) -> None:
-                del self.get(path)[index]
-                again()
-                self._changed()
-                self.keep()
+                del self.value_at(path)[index]
+                rebuild()
+                self._on_change()
+                self.store_draft()
 
             def add() -> None:
-                self.get(path).append(blank())
-                last = len(self.get(path)) - 1
-                show(last)
-                self._changed()
-                self.keep()
-                first = next((field for known, field in self._at.items() if f"{known}.".startswith(f"{path}.{last}.")), None)
+                self.value_at(path).append(blank())
+                last_index = len(self.value_at(path)) - 1
+                show_row(last_index)
+                self._on_change()
+                self.store_draft()
+                first = next(
+                    (field for field_path, field in self._elements.items() if f"{field_path}.".startswith(f"{path}.{last_index}.")), None
+                )
                 if first is not None:
                     focus(first, unless_left=button)
 
-            again()
+            rebuild()
             with ui.element("div"):
-                button = ui.button(f"Add {one}", icon="add", on_click=add).props("flat dense no-caps")
-                if more is not None:
-                    more()
-        return again
+                button = ui.button(f"Add {noun}", icon="add", on_click=add).props("flat dense no-caps")
+                if make_buttons is not None:
+                    make_buttons()
+        return rebuild
 
 
 def line(*, classes: str = "") -> Element:

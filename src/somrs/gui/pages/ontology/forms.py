@@ -9,8 +9,8 @@ from nicegui import ui
 from somrs.gui.pages.ontology.drafts import COMPUTED, READ, TABLE
 from somrs.gui.pages.ontology.fields import Fields, line
 from somrs.gui.pages.ontology.sections import ATTRIBUTES, FUNCTIONS, RELATIONS, SERVICES, TYPES
-from somrs.gui.pages.ontology.seen import Seen
-from somrs.gui.pages.ontology.typeform import Make, TypeForm
+from somrs.gui.pages.ontology.seen import OntologyView
+from somrs.gui.pages.ontology.typeform import MakeAttribute, TypeForm
 from somrs.ontology.services import PROVIDER, Occasion, ServiceKind
 from somrs.ontology.types import ROOT, Kind, Ontology
 
@@ -28,10 +28,10 @@ KINDS: dict[str | None, str] = {
 SOURCES: dict[str | None, str] = {READ: "reads an attribute", TABLE: "is a table", COMPUTED: "is worked out by SO-MRS"}
 
 
-def build(fields: Fields, seen: Seen, make: Make) -> None:
+def build_form(fields: Fields, view: OntologyView, make_attribute: MakeAttribute) -> None:
     """The form of the draft's kind, into the current element."""
-    ontology = seen.ontology
-    making: dict[str, Callable[[Fields, Ontology], None]] = {
+    ontology = view.ontology
+    builders: dict[str, Callable[[Fields, Ontology], None]] = {
         ATTRIBUTES.key: _attribute,
         RELATIONS.key: _relation,
         FUNCTIONS.key: _function,
@@ -44,31 +44,31 @@ def build(fields: Fields, seen: Seen, make: Make) -> None:
         if fields.draft.section_key in (TYPES.key, SERVICES.key):
             _parent(fields, ontology)
     if fields.draft.section is TYPES:
-        TypeForm(fields, seen, make)
+        TypeForm(fields, view, make_attribute)
     else:
-        making[fields.draft.section_key](fields, ontology)
+        builders[fields.draft.section_key](fields, ontology)
     fields.lines("doc", "What it means")
 
 
 def _parent(fields: Fields, ontology: Ontology) -> None:
-    own = fields.draft.name
+    own_name = fields.draft.name
     if fields.draft.section is TYPES:
-        if own != ROOT:
-            below = {one for one in ontology.types if own is not None and ontology.is_subtype(one, own)}
-            fields.choice("parent", "Parent", sorted(ontology.types.keys() - below), hint="What it inherits from")
+        if own_name != ROOT:
+            subtypes = {type_name for type_name in ontology.types if own_name is not None and ontology.is_subtype(type_name, own_name)}
+            fields.choice("parent", "Parent", sorted(ontology.types.keys() - subtypes), hint="What it inherits from")
     else:
-        nothing: dict[str | None, str] = {None: "none"}
-        fields.choice("parent", "Parent", {**nothing, **{name: name for name in sorted(ontology.services) if name != own}})
+        none_option: dict[str | None, str] = {None: "none"}
+        fields.choice("parent", "Parent", {**none_option, **{name: name for name in sorted(ontology.services) if name != own_name}})
 
 
 # Attributes
 
 
 def _attribute(fields: Fields, ontology: Ontology) -> None:
-    def more() -> None:
+    def show_kind_fields() -> None:
         body.clear()
         with body:
-            match fields.get("kind"):
+            match fields.value_at("kind"):
                 case Kind.NUMBER.value:
                     with line():
                         fields.text("unit", "Unit", hint="m, cm, kg, s, m/s, percent, EUR ...", width="middle")
@@ -78,28 +78,28 @@ def _attribute(fields: Fields, ontology: Ontology) -> None:
                 case Kind.ENUMERATION.value:
                     fields.text("values", "Values", hint="With commas between them", width="full")
                 case Kind.COMPLEX.value:
-                    others = sorted(name for name in ontology.attributes if name != fields.draft.name)
-                    fields.several("attributes", "Made of", others)
+                    other_attributes = sorted(name for name in ontology.attributes if name != fields.draft.name)
+                    fields.multiple_choice("attributes", "Made of", other_attributes)
 
-    fields.choice("kind", "Its values are", KINDS, then=more)
+    fields.choice("kind", "Its values are", KINDS, callback=show_kind_fields)
     body = ui.element("div")
-    more()
+    show_kind_fields()
 
 
 # Relations and functions
 
 
-def _joined(fields: Fields, path: str, title: str, ontology: Ontology) -> None:
+def _type_rows(fields: Fields, path: str, title: str, ontology: Ontology) -> None:
     types = sorted(ontology.types)
-    fields.rows(path, title, "type", lambda at: _chosen(fields, at, types), lambda: "Object")
+    fields.rows(path, title, "type", lambda row_path: _type_choice(fields, row_path, types), lambda: "Object")
 
 
-def _chosen(fields: Fields, path: str, types: list[str]) -> None:
+def _type_choice(fields: Fields, path: str, types: list[str]) -> None:
     fields.choice(path, f"{('First', 'Second', 'Third')[index] if (index := int(path.rpartition('.')[2])) < 3 else 'Next'} type", types)
 
 
 def _relation(fields: Fields, ontology: Ontology) -> None:
-    _joined(fields, "joins", "Joins", ontology)
+    _type_rows(fields, "joins", "Joins", ontology)
     fields.flag("symmetric", "Either way round: A to B is B to A")
     fields.flag("functional", "An object stands in it to one other at a time")
     groups = sorted({relation.excludes for relation in ontology.relations.values() if relation.excludes})
@@ -108,13 +108,18 @@ def _relation(fields: Fields, ontology: Ontology) -> None:
 
 
 def _function(fields: Fields, ontology: Ontology) -> None:
-    def more() -> None:
+    def show_source_fields() -> None:
         body.clear()
         with body:
-            match fields.get("source"):
+            match fields.value_at("source"):
                 case "attribute":
                     paths = sorted(
-                        {path for type in ontology.types for path, one in ontology.attributes_of(type).items() if one.kind is Kind.NUMBER}
+                        {
+                            path
+                            for type in ontology.types
+                            for path, attribute in ontology.attributes_of(type).items()
+                            if attribute.kind is Kind.NUMBER
+                        }
                     )
                     fields.choice("attribute", "Attribute", paths)
                 case "table":
@@ -125,46 +130,48 @@ def _function(fields: Fields, ontology: Ontology) -> None:
         fields.text(f"{path}.key", "Of")
         fields.text(f"{path}.value", "Value", width="narrow")
 
-    _joined(fields, "parameters", "Of", ontology)
+    _type_rows(fields, "parameters", "Of", ontology)
     with line():
-        fields.choice("source", "Its value", SOURCES, then=more)
+        fields.choice("source", "Its value", SOURCES, callback=show_source_fields)
         fields.text("unit", "Unit", width="middle")
     body = ui.element("div")
-    more()
+    show_source_fields()
 
 
 # Service types
 
 
-def _typed(fields: Fields, ontology: Ontology) -> dict[str, str]:
+def _variable_types(fields: Fields, ontology: Ontology) -> dict[str, str]:
     """The types of the variables that a service's formulas have."""
     device = {PROVIDER: DEVICE} if DEVICE in ontology.types else {}
-    rows = [*fields.get("inputs"), *fields.get("outputs")]
+    rows = [*fields.value_at("inputs"), *fields.value_at("outputs")]
     return {**device, **{row["name"].strip().removeprefix("?"): row["type"] for row in rows if row["name"].strip() and row["type"]}}
 
 
 def _service(fields: Fields, ontology: Ontology) -> None:
     types = [*VALUE_TYPES, *sorted(ontology.types)]
 
-    def declared() -> None:
-        for formula in (before, after):
-            formula.field.variables = _typed(fields, ontology)
+    def update_variables() -> None:
+        for formula in (precondition_field, effect_field):
+            formula.field.variables = _variable_types(fields, ontology)
 
     def parameter(path: str) -> None:
-        fields.text(f"{path}.name", "Variable", width="middle", then=declared)
-        fields.choice(f"{path}.type", "Type", types, then=declared)
+        fields.text(f"{path}.name", "Variable", width="middle", callback=update_variables)
+        fields.choice(f"{path}.type", "Type", types, callback=update_variables)
 
     def handler(path: str) -> None:
-        fields.choice(f"{path}.on", "On", {one.value: one.value for one in Occasion}, width="middle")
-        fields.formula(f"{path}.when", "When (always, if empty)", _typed(fields, ontology))
-        fields.formula(f"{path}.effect", "Bring about", _typed(fields, ontology))
+        fields.choice(f"{path}.on", "On", {occasion.value: occasion.value for occasion in Occasion}, width="middle")
+        fields.formula(f"{path}.when", "When (always, if empty)", _variable_types(fields, ontology))
+        fields.formula(f"{path}.effect", "Bring about", _variable_types(fields, ontology))
 
     fields.choice("kind", "Kind", {kind.value: kind.value for kind in ServiceKind})
     blank = {"name": "", "type": None}
     fields.rows("inputs", "Inputs", "input", parameter, lambda: dict(blank))
     fields.rows("outputs", "Outputs", "output", parameter, lambda: dict(blank))
-    before = fields.formula("precondition", "Holds before it", _typed(fields, ontology), hint="What must be so; ?Provider is the device")
-    after = fields.formula("effect", "Holds after it", _typed(fields, ontology))
+    precondition_field = fields.formula(
+        "precondition", "Holds before it", _variable_types(fields, ontology), hint="What must be so; ?Provider is the device"
+    )
+    effect_field = fields.formula("effect", "Holds after it", _variable_types(fields, ontology))
     fields.text("cost", "Costs", hint="A number, or a term over the inputs and ?Provider: km(?From, ?To)", width="full")
     fields.rows(
         "handlers", "Handlers", "handler", handler, lambda: {"on": Occasion.FAILURE.value, "when": "", "effect": ""},

@@ -11,43 +11,43 @@ from nicegui.events import ValueChangeEventArguments
 
 from somrs.gui.components.fields.tree import Node, Tree
 from somrs.gui.pages.ontology.sections import SECTION, SECTIONS, SERVICES, TYPES, Section
-from somrs.gui.pages.ontology.seen import Seen
+from somrs.gui.pages.ontology.seen import OntologyView
 
 Marks = Mapping[tuple[str, str], str]
 """What is wrong with a definition, by section and name."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Choices:
+class IndexCallbacks:
     """What the person can ask of the index."""
 
-    turn: Callable[[Section], None]
-    pick: Callable[[Section, str], None]
+    switch_section: Callable[[Section], None]
+    open_definition: Callable[[Section, str], None]
     move: Callable[[Section, str, str], Awaitable[None]]
     new: Callable[[Section], None]
 
 
 class Index:
-    def __init__(self, seen: Seen, choices: Choices) -> None:
-        self._seen, self._choices = seen, choices
+    def __init__(self, view: OntologyView, callbacks: IndexCallbacks) -> None:
+        self._view, self._callbacks = view, callbacks
         self._section = TYPES
         self._tree: Tree | None = None
         self._marks: Marks = {}
         self._drafts: set[str] = set()
         with ui.element("aside").classes("somrs-sheet somrs-onto-index").props('aria-label="All definitions"'):
-            with ui.tabs(on_change=self._turned).props("dense no-caps inline-label") as self._tabs:
+            with ui.tabs(on_change=self._switch_tab).props("dense no-caps inline-label") as self._tabs:
                 for section in SECTIONS:
                     ui.tab(section.key, label=section.label)
             self._body = ui.element("div").classes("somrs-onto-index-body")
-            self._new = ui.button("", icon="add", on_click=lambda: choices.new(self._section)).props("flat no-caps")
+            self._new = ui.button("", icon="add", on_click=lambda: callbacks.new(self._section)).props("flat no-caps")
             self._new.classes("somrs-onto-new")
 
-    def _turned(self, event: ValueChangeEventArguments[Any]) -> None:
+    def _switch_tab(self, event: ValueChangeEventArguments[Any]) -> None:
         section = SECTION[str(event.value)]
         if section is not self._section:
-            self._choices.turn(section)
+            self._callbacks.switch_section(section)
 
-    def show(self, section: Section, name: str | None, marks: Marks, drafts: set[str]) -> None:
+    def render(self, section: Section, name: str | None, marks: Marks, drafts: set[str]) -> None:
         """The section as it is now, with the one that is open."""
         self._marks = marks
         nodes = self._nodes(section, marks, drafts)
@@ -60,24 +60,24 @@ class Index:
                 self._tree = Tree(
                     section.label,
                     f"Find {section.label.lower()}",
-                    lambda id: self._choices.pick(section, id),
-                    (lambda id, to: self._choices.move(section, id, to)) if movable else None,
+                    lambda id: self._callbacks.open_definition(section, id),
+                    (lambda id, new_parent: self._callbacks.move(section, id, new_parent)) if movable else None,
                     nodes,
                 )
-            self._new.text = f"New {section.one}"
-        self._tree.show(nodes)
+            self._new.text = f"New {section.singular}"
+        self._tree.show_nodes(nodes)
         self._tree.select(name)
 
     def mark_drafts(self, drafts: set[str]) -> None:
         """Show which have something unsaved."""
         if self._tree is not None and drafts != self._drafts:
-            self._tree.show(self._nodes(self._section, self._marks, drafts))
+            self._tree.show_nodes(self._nodes(self._section, self._marks, drafts))
 
     def _nodes(self, section: Section, marks: Marks, drafts: set[str]) -> list[Node]:
-        counts = self._seen.counts() if section is TYPES else {}
+        counts = self._view.counts() if section is TYPES else {}
         self._drafts = set(drafts)
         nodes = []
-        for name, definition in sorted(section.among(self._seen.ontology).items()):
+        for name, definition in sorted(section.definitions_in(self._view.ontology).items()):
             node = Node(id=name, label=name, parent=getattr(definition, "parent", None))
             if count := counts.get(name):
                 node["count"] = count

@@ -16,77 +16,79 @@ from somrs.api.ontology import Consequences
 from somrs.api.remote import LiveApi
 from somrs.client.hub import News
 from somrs.errors import SomrsError
-from somrs.gui.components.draft_storage import Keeper
+from somrs.gui.components.draft_storage import DraftStorage
 from somrs.gui.news import follow
 from somrs.gui.pages.ontology import heading, sheet
 from somrs.gui.pages.ontology.actions import Actions
-from somrs.gui.pages.ontology.drafts import Draft, begun
-from somrs.gui.pages.ontology.editor import Editor, Ends
+from somrs.gui.pages.ontology.drafts import Draft, start_draft
+from somrs.gui.pages.ontology.editor import Editor, EditorCallbacks
 from somrs.gui.pages.ontology.exchange import Import, export_menu
-from somrs.gui.pages.ontology.index import Choices, Index
-from somrs.gui.pages.ontology.past import Past
-from somrs.gui.pages.ontology.pieces import Word, lasting, titled
+from somrs.gui.pages.ontology.index import Index, IndexCallbacks
+from somrs.gui.pages.ontology.past import HistoryDialog
+from somrs.gui.pages.ontology.pieces import TextTag, in_page_context, titled_dialog
 from somrs.gui.pages.ontology.sections import ATTRIBUTES, SECTION, SECTIONS, TYPES, Section
-from somrs.gui.pages.ontology.seen import Seen
-from somrs.gui.shell import author, guarded, page, tell
+from somrs.gui.pages.ontology.seen import OntologyView
+from somrs.gui.shell import author, guarded, notify, page
 from somrs.ontology.objects import ObjectAdded, ObjectRemoved
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.knowledge import Define
 from somrs.protocol.messages.people import person_name
 
 PATH = "/ontology"
-BACK = '<script>window.addEventListener("popstate", () => emitEvent("somrs-ontology-back", location.search));</script>'
+BACK_SCRIPT = '<script>window.addEventListener("popstate", () => emitEvent("somrs-ontology-back", location.search));</script>'
 """The browser's way back goes through what was open in the page."""
-SOON = 5.0
+CHANGE_TIMEOUT = 5.0
 """Seconds that a change of one's own is waited for."""
 NEW = "new"
 
 
-def register(desk: LiveApi) -> None:
+def register(api: LiveApi) -> None:
     @ui.page(PATH)
-    async def show() -> None:
-        ui.add_head_html(BACK)
-        with page("Ontology", PATH, desk):
-            opened = OntologyPage(desk)
+    async def show_page() -> None:
+        ui.add_head_html(BACK_SCRIPT)
+        with page("Ontology", PATH, api):
+            opened = OntologyPage(api)
             await opened.begin(ui.context.client.request.url.query)
 
 
 class OntologyPage:
     """One browser's page. Of what is open, `_name` is None for something new; nothing is open while `_section` has no `_open`."""
 
-    def __init__(self, desk: LiveApi) -> None:
-        self._desk = desk
-        self._seen = Seen()
+    def __init__(self, api: LiveApi) -> None:
+        self._api = api
+        self._view = OntologyView()
         self.client = ui.context.client
         self._section: Section = TYPES
         self._name: str | None = None
         self._drafts: dict[str, Draft] = {}
         self._marks: dict[tuple[str, str], str] = {}
-        self._wrong: dict[str, dict[tuple[str, str], str]] = {}  # by draft
+        self._draft_marks: dict[str, dict[tuple[str, str], str]] = {}  # by draft
         self._editor: Editor | None = None
-        self._actions = Actions(desk, self._seen, self._there)
-        self._past = Past(desk, self._actions)
-        self._keeper = Keeper("somrs-ontology", self._found)
+        self._actions = Actions(api, self._view, self._open_changed)
+        self._history_dialog = HistoryDialog(api, self._actions)
+        self._draft_storage = DraftStorage("somrs-ontology", self._restore_drafts)
         self._frame()
-        ui.on("somrs-ontology-back", self._back)
-        follow(desk.context.hub, "ontology", self._refresh, self._heard)
+        ui.on("somrs-ontology-back", self._navigate_back)
+        follow(api.context.hub, "ontology", self._refresh, self._handle_news)
         # The Repository takes no change that breaks a rule: what is broken all the same is so from the start.
-        follow(desk.context.hub, "map", self._look_for_problems, self._moved)
+        follow(api.context.hub, "map", self._look_for_problems, self._handle_map_news)
 
     def _frame(self) -> None:
         with ui.element("div").classes("somrs-onto"):
             with ui.element("div").classes("somrs-onto-bar"):
-                Word("h1", "Ontology", "somrs-title")
-                self._said = ui.label().classes("somrs-soft")
+                TextTag("h1", "Ontology", "somrs-title")
+                self._version_label = ui.label().classes("somrs-soft")
                 ui.space()
                 ui.button("Undo", icon="undo", on_click=self._actions.undo_last).props("flat dense no-caps")
-                ui.button("History", icon="history", on_click=lambda: self._past.show()).props("flat dense no-caps")
-                ui.button("Import", icon="upload", on_click=lambda: Import(self._desk)).props("flat dense no-caps")
+                ui.button("History", icon="history", on_click=lambda: self._history_dialog.open_history()).props("flat dense no-caps")
+                ui.button("Import", icon="upload", on_click=lambda: Import(self._api)).props("flat dense no-caps")
                 export_menu()
-            choices = Choices(turn=self._turn, pick=self._pick, move=self._actions.move, new=self.new)
-            self._index = Index(self._seen, choices)
+            callbacks = IndexCallbacks(
+                switch_section=self._switch_section, open_definition=self._open_other, move=self._actions.move, new=self.new
+            )
+            self._index = Index(self._view, callbacks)
             with ui.element("div").classes("somrs-onto-right"):
-                self._others = ui.element("div")
+                self._unsaved_banner = ui.element("div")
                 self._main = ui.element("article").classes("somrs-sheet somrs-onto-main")
 
     # Where one is
@@ -94,43 +96,43 @@ class OntologyPage:
     async def begin(self, query: str) -> None:
         """Show what the address asks for."""
         await self._read()
-        self._take(query)
-        self._show()
+        self._apply_query(query)
+        self._render()
 
-    def _take(self, query: str) -> None:
-        asked = parse_qs(query)
+    def _apply_query(self, query: str) -> None:
+        query_values = parse_qs(query)
         for section in SECTIONS:
-            if named := asked.get(section.word):
+            if named := query_values.get(section.word):
                 self._section, self._name = section, named[0]
                 return
-        if (fresh := asked.get(NEW, [""])[0]) in SECTION:
+        if (fresh := query_values.get(NEW, [""])[0]) in SECTION:
             self._section, self._name = SECTION[fresh], None
-            self._drafts.setdefault(f"{fresh}:", begun(self._section, None, self._seen.version))
+            self._drafts.setdefault(f"{fresh}:", start_draft(self._section, None, self._view.version))
         else:
             self._section, self._name = TYPES, None
 
-    def go(self, section: Section, name: str | None) -> None:
+    def open_definition(self, section: Section, name: str | None) -> None:
         """Open a definition; None: what is new in the section, if something is."""
         self._section, self._name = section, name
         ui.navigate.history.push(self._address())
-        self._show()
+        self._render()
 
-    def _pick(self, section: Section, name: str) -> None:
+    def _open_other(self, section: Section, name: str) -> None:
         if (section, name) != (self._section, self._name):
-            self.go(section, name)
+            self.open_definition(section, name)
 
     def _address(self) -> str:
         if self._name is not None:
             return f"{PATH}?{self._section.word}={quote(self._name)}"
         return f"{PATH}?{NEW}={self._section.key}" if self._key in self._drafts else PATH
 
-    def _back(self, event: GenericEventArguments) -> None:
-        self._take(str(event.args).removeprefix("?"))
-        self._show()
+    def _navigate_back(self, event: GenericEventArguments) -> None:
+        self._apply_query(str(event.args).removeprefix("?"))
+        self._render()
 
-    def _turn(self, section: Section) -> None:
+    def _switch_section(self, section: Section) -> None:
         """Another section's definitions on the left; what is open stays."""
-        self._index.show(section, self._name if section is self._section else None, self._all_marks(), self._unsaved())
+        self._index.render(section, self._name if section is self._section else None, self._all_marks(), self._unsaved())
 
     @property
     def _key(self) -> str:
@@ -138,49 +140,51 @@ class OntologyPage:
 
     # What is shown
 
-    def _show(self) -> None:
+    def _render(self) -> None:
         """Everything anew."""
         self._show_index()
         self._main.clear()
         self._editor = None
         draft = self._drafts.get(self._key)
-        definition = self._seen.definition(self._section, self._name) if self._name is not None else None
+        definition = self._view.definition(self._section, self._name) if self._name is not None else None
         with self._main:
             if draft is not None:
-                ends = Ends(
-                    saved=self._saved,
-                    dropped=self._dropped,
-                    changed=self._show_unsaved,
-                    attribute=self._make_attribute,
-                    troubled=self._troubled,
+                callbacks = EditorCallbacks(
+                    on_saved=self._saved,
+                    on_dropped=self._dropped,
+                    on_changed=self._show_unsaved,
+                    make_attribute=self._make_attribute,
+                    on_problems=self._mark_problems,
                 )
-                self._editor = Editor(self._desk, self._seen, draft, self._keeper, ends)
+                self._editor = Editor(self._api, self._view, draft, self._draft_storage, callbacks)
             elif definition is not None:
-                ways = heading.Ways(edit=self.edit, below=self.new, rename=self._actions.rename, move=self._actions.ask_move,
-                                    remove=self._remove, history=self._past.show, go=self.go)  # fmt: skip
-                heading.show(definition, self._seen, self._marks.get((self._section.key, definition.name), ""), ways)
-                sheet.show(definition, self._seen, self.go)
+                actions = heading.DefinitionActions(edit=self.edit, add_below=self.new, rename=self._actions.rename, move=self._actions.ask_move,
+                                    remove=self._remove, history=self._history_dialog.open_history, open_definition=self.open_definition)  # fmt: skip
+                heading.show_heading(definition, self._view, self._marks.get((self._section.key, definition.name), ""), actions)
+                sheet.show_definition(definition, self._view, self.open_definition)
             elif self._name is not None:
-                heading.gone(self._section, self._name, lambda: self._past.show(self._section, self._name or ""))
+                heading.show_missing(self._section, self._name, lambda: self._history_dialog.open_history(self._section, self._name or ""))
             else:
-                heading.overview(self._seen, self.go)
+                heading.show_overview(self._view, self.open_definition)
         self._show_unsaved()
 
     def _show_index(self) -> None:
-        self._said.text = f"version {self._seen.version}"
-        self._index.show(self._section, self._name, self._all_marks(), self._unsaved())
+        self._version_label.text = f"version {self._view.version}"
+        self._index.render(self._section, self._name, self._all_marks(), self._unsaved())
 
     def _show_unsaved(self) -> None:
         """Ways to what was written elsewhere and not saved."""
         unsaved = [draft for key, draft in self._drafts.items() if key != self._key and draft.dirty]
-        self._others.clear()
+        self._unsaved_banner.clear()
         if unsaved:
-            with self._others, ui.element("div").classes("somrs-onto-banner somrs-onto-unsaved"):
+            with self._unsaved_banner, ui.element("div").classes("somrs-onto-banner somrs-onto-unsaved"):
                 ui.icon("edit")
-                Word("span", "Not saved:")
+                TextTag("span", "Not saved:")
                 for draft in unsaved:
-                    label = draft.name or f"new {draft.section.one} {draft.form['name']}".strip()
-                    ui.button(label, on_click=lambda _, draft=draft: self.go(draft.section, draft.name)).props("flat dense no-caps")
+                    label = draft.name or f"new {draft.section.singular} {draft.form['name']}".strip()
+                    ui.button(label, on_click=lambda _, draft=draft: self.open_definition(draft.section, draft.name)).props(
+                        "flat dense no-caps"
+                    )
         self._index.mark_drafts(self._unsaved())
 
     def _unsaved(self) -> set[str]:
@@ -189,29 +193,29 @@ class OntologyPage:
     # Writing
 
     def edit(self, section: Section, name: str) -> None:
-        definition = self._seen.definition(section, name)
+        definition = self._view.definition(section, name)
         if definition is not None:
-            self._drafts.setdefault(f"{section.key}:{name}", begun(section, definition, self._seen.version))
-            self._show()
+            self._drafts.setdefault(f"{section.key}:{name}", start_draft(section, definition, self._view.version))
+            self._render()
 
     def new(self, section: Section, parent: str | None = None) -> None:
         """Begin something new, or go on with what was begun."""
-        given = {"parent": parent} if parent is not None else {}
+        initial_values = {"parent": parent} if parent is not None else {}
         key = f"{section.key}:"
         if key not in self._drafts or not self._drafts[key].dirty:
-            self._drafts[key] = begun(section, None, self._seen.version, **given)
-        self.go(section, None)
+            self._drafts[key] = start_draft(section, None, self._view.version, **initial_values)
+        self.open_definition(section, None)
 
-    def _make_attribute(self, made: Callable[[str], None]) -> None:
+    def _make_attribute(self, on_created: Callable[[str], None]) -> None:
         """A new attribute in a dialog, so that the type that is to have it stays open."""
 
         async def saved(draft: Draft, name: str, version: int) -> None:
             await dropped(draft)
-            await self._until(version)
-            made(name)
+            await self._wait_for_version(version)
+            on_created(name)
 
         async def dropped(draft: Draft) -> None:
-            self._keeper.forget(draft.key)
+            self._draft_storage.forget(draft.key)
             draft.form = draft.base
             dialog.close()
 
@@ -221,128 +225,136 @@ class OntologyPage:
                 self._show_unsaved()
             dialog.delete()
 
-        draft = begun(ATTRIBUTES, None, self._seen.version)
-        with titled("New attribute") as dialog, ui.card().classes("somrs-onto-dialog somrs-onto"):
-            nothing = Ends(saved=saved, dropped=dropped, changed=lambda: None, attribute=lambda _: None, troubled=lambda _, __: None)
+        draft = start_draft(ATTRIBUTES, None, self._view.version)
+        with titled_dialog("New attribute") as dialog, ui.card().classes("somrs-onto-dialog somrs-onto"):
+            callbacks = EditorCallbacks(
+                on_saved=saved, on_dropped=dropped, on_changed=lambda: None, make_attribute=lambda _: None, on_problems=lambda _, __: None
+            )
             with ui.element("div").classes("somrs-onto-dialog-body"):
-                Editor(self._desk, self._seen, draft, self._keeper, nothing)
+                Editor(self._api, self._view, draft, self._draft_storage, callbacks)
         dialog.on("hide", hidden)
         dialog.open()
 
-    def _found(self, kept: list[Any]) -> None:
+    def _restore_drafts(self, stored_drafts: list[Any]) -> None:
         """What this browser's tab still has of what was written before the page was loaded again."""
-        for one in kept:
+        for stored_draft in stored_drafts:
             try:
-                draft = msgspec.convert(one, Draft)
+                draft = msgspec.convert(stored_draft, Draft)
             except msgspec.ValidationError:  # of another version of this program
                 continue
             if draft.key not in self._drafts or not self._drafts[draft.key].dirty:
                 self._drafts[draft.key] = draft
         if self._key in self._drafts:
-            self._show()
+            self._render()
         else:
             self._show_unsaved()
 
     async def _saved(self, draft: Draft, name: str, version: int) -> None:
         self._forget(draft)
-        tell(f"{name} is saved, in version {version}")
-        await self._there(draft.section, name, version)
+        notify(f"{name} is saved, in version {version}")
+        await self._open_changed(draft.section, name, version)
 
     async def _dropped(self, draft: Draft) -> None:
         self._forget(draft)
-        self.go(draft.section, draft.name)
+        self.open_definition(draft.section, draft.name)
 
     def _forget(self, draft: Draft) -> None:
-        self._drafts = {key: one for key, one in self._drafts.items() if one is not draft}
-        self._keeper.forget(draft.key)
-        self._wrong.pop(draft.key, None)
+        self._drafts = {key: other_draft for key, other_draft in self._drafts.items() if other_draft is not draft}
+        self._draft_storage.forget(draft.key)
+        self._draft_marks.pop(draft.key, None)
 
-    @lasting
+    @in_page_context
     async def _remove(self, section: Section, name: str) -> None:
-        parent = getattr(self._seen.definition(section, name), "parent", None)
+        parent = getattr(self._view.definition(section, name), "parent", None)
         if await self._actions.remove(section, name):
             self._drafts.pop(f"{section.key}:{name}", None)
-            self.go(section, parent)
+            self.open_definition(section, parent)
 
-    async def _there(self, section: Section, name: str, version: int) -> None:
+    async def _open_changed(self, section: Section, name: str, version: int) -> None:
         """Go to what was changed."""
-        await self._until(version)
-        self.go(section, name)
+        await self._wait_for_version(version)
+        self.open_definition(section, name)
 
-    async def _until(self, version: int) -> None:
+    async def _wait_for_version(self, version: int) -> None:
         """Have the version here that has what was just changed."""
-        for _ in range(round(SOON / 0.05)):
+        for _ in range(round(CHANGE_TIMEOUT / 0.05)):
             await self._read()
-            if self._seen.version >= version:
+            if self._view.version >= version:
                 break
             await asyncio.sleep(0.05)
 
     # What happens elsewhere
 
     async def _read(self) -> None:
-        found = await self._desk.ontology.read()
-        self._seen.ontology, self._seen.version = Ontology(found.definitions.all_definitions()), found.version
-        self._seen.relied = frozenset((one.section.value, one.name) for one in found.required_words)
-        self._seen.take((await self._desk.map.read()).objects)
+        reply = await self._api.ontology.read()
+        self._view.ontology, self._view.version = Ontology(reply.definitions.all_definitions()), reply.version
+        self._view.system_definitions = frozenset(
+            (definition_name.section.value, definition_name.name) for definition_name in reply.required_words
+        )
+        self._view.set_objects((await self._api.map.read()).objects)
 
-    async def _heard(self, news: News) -> None:
+    async def _handle_news(self, news: News) -> None:
         await self._refresh()
 
     @guarded
     async def _refresh(self) -> None:
         """See what others changed. A form stays as it is, and says what changed beneath it."""
-        before = self._seen.ontology
+        old_ontology = self._view.ontology
         await self._read()
-        await self._follow_renamed(before)
+        await self._follow_renamed(old_ontology)
         if self._editor is not None:
             self._show_index()
-            self._editor.look()
-        elif [*before] != [*self._seen.ontology]:
-            self._show()
+            self._editor.check_for_changes()
+        elif [*old_ontology] != [*self._view.ontology]:
+            self._render()
 
-    async def _follow_renamed(self, before: Ontology) -> None:
+    async def _follow_renamed(self, old_ontology: Ontology) -> None:
         """What is open and has another name since is open by that one."""
-        if self._name is None or self._editor is not None or self._name in self._section.among(self._seen.ontology):
+        if self._name is None or self._editor is not None or self._name in self._section.definitions_in(self._view.ontology):
             return
-        if self._name not in self._section.among(before):
+        if self._name not in self._section.definitions_in(old_ontology):
             return
-        for event in (await self._desk.ontology.history(limit=5)).events:
-            for one in event.renamed:
-                if (one.section.value, one.name) == (self._section.key, self._name):
+        for event in (await self._api.ontology.history(limit=5)).events:
+            for renaming in event.renamed:
+                if (renaming.section.value, renaming.name) == (self._section.key, self._name):
                     if event.author != author():
-                        tell(f"{one.name} is called {one.to} now: {person_name(event.author)} renamed it")
-                    self.go(self._section, one.to)
+                        notify(f"{renaming.name} is called {renaming.to} now: {person_name(event.author)} renamed it")
+                    self.open_definition(self._section, renaming.to)
                     return
 
     async def _look_for_problems(self) -> None:
         """What does not conform as things are: at the definition, or at the type of the object, that it is about."""
         try:
-            found = await self._desk.ontology.consider(Define())
+            consequences = await self._api.ontology.consider(Define())
         except SomrsError:
             return  # problems are marks beside names; whatever is wrong with the connection is told where something is done
-        marks = self._seen.marks(found)
+        marks = self._view.marks(consequences)
         if marks != self._marks:
             self._marks = marks
             self._show_index()
             if self._editor is None:
-                self._show()
+                self._render()
 
-    def _troubled(self, draft: Draft, found: Consequences | None) -> None:
+    def _mark_problems(self, draft: Draft, consequences: Consequences | None) -> None:
         """Mark what a draft would break, while it is not mended."""
-        self._wrong.pop(draft.key, None)
-        if found is not None:
-            self._wrong[draft.key] = self._seen.marks(found)
+        self._draft_marks.pop(draft.key, None)
+        if consequences is not None:
+            self._draft_marks[draft.key] = self._view.marks(consequences)
         self._show_index()
 
     def _all_marks(self) -> dict[tuple[str, str], str]:
-        return {at: text for marks in (self._marks, *self._wrong.values()) for at, text in marks.items()}
+        return {definition_key: text for marks in (self._marks, *self._draft_marks.values()) for definition_key, text in marks.items()}
 
-    async def _moved(self, news: News) -> None:
+    async def _handle_map_news(self, news: News) -> None:
         """Objects that come and go are counted; where things are is not shown here."""
         value = news.value
-        if isinstance(value, MapNews) and not value.read and not any(isinstance(one, ObjectAdded | ObjectRemoved) for one in value.changes):
+        if (
+            isinstance(value, MapNews)
+            and not value.read
+            and not any(isinstance(change, ObjectAdded | ObjectRemoved) for change in value.changes)
+        ):
             return
-        self._seen.take((await self._desk.map.read()).objects)
+        self._view.set_objects((await self._api.map.read()).objects)
         self._show_index()
         if self._editor is None and self._section is TYPES:
-            self._show()
+            self._render()

@@ -16,13 +16,13 @@ from somrs.gui.pages.ontology.sections import Section
 P = ParamSpec("P")
 R = TypeVar("R")
 
-Go = Callable[[Section, str], None]
+OpenDefinition = Callable[[Section, str], None]
 
 STAY = "(event) => { if (event.ctrlKey || event.metaKey || event.shiftKey) return; event.preventDefault(); emit(); }"
 """A link that is followed in the page; with a key held, as browsers do."""
 
 
-class Word(TextElement):
+class TextTag(TextElement):
     """A text in an element of its own: `Word("td", "3 kg")`."""
 
     def __init__(self, tag: str, text: str = "", classes: str = "") -> None:
@@ -31,26 +31,26 @@ class Word(TextElement):
             self.classes(classes)
 
 
-def way(go: Go, section: Section, name: str, text: str | None = None) -> None:
+def definition_link(open_definition: OpenDefinition, section: Section, name: str, text: str | None = None) -> None:
     """A link to a definition."""
     link = ui.link(text or name, section.link(name)).classes("somrs-onto-way")
-    link.on("click", lambda: go(section, name), js_handler=STAY)
+    link.on("click", lambda: open_definition(section, name), js_handler=STAY)
 
 
-def ways(go: Go, section: Section, names: list[str]) -> None:
+def definition_links(open_definition: OpenDefinition, section: Section, names: list[str]) -> None:
     """Links behind one another."""
     with ui.element("span").classes("somrs-onto-ways"):
         for name in names:
-            way(go, section, name)
+            definition_link(open_definition, section, name)
 
 
 @contextmanager
 def chapter(title: str, count: int | None = None) -> Iterator[Element]:
     """A part of a sheet, under a heading."""
     with ui.element("section").classes("somrs-onto-chapter").props(f'aria-label="{title}"') as section:
-        with Word("h3", title):
+        with TextTag("h3", title):
             if count is not None:
-                Word("span", str(count), "somrs-onto-count")
+                TextTag("span", str(count), "somrs-onto-count")
         yield section
 
 
@@ -60,21 +60,21 @@ def table(*headings: str) -> Iterator[Element]:
     with ui.element("div").classes("somrs-onto-scroll"), ui.element("table").classes("somrs-onto-table"):
         with ui.element("thead"), ui.element("tr"):
             for heading in headings:
-                Word("th", heading).props("scope=col")
+                TextTag("th", heading).props("scope=col")
         with ui.element("tbody") as body:
             yield body
 
 
 @contextmanager
 def row(classes: str = "") -> Iterator[Element]:
-    with ui.element("tr").classes(classes) as made:
-        yield made
+    with ui.element("tr").classes(classes) as element:
+        yield element
 
 
 @contextmanager
 def cell(classes: str = "") -> Iterator[Element]:
-    with ui.element("td").classes(classes) as made:
-        yield made
+    with ui.element("td").classes(classes) as element:
+        yield element
 
 
 def note(text: str) -> None:
@@ -89,7 +89,7 @@ def icon_button(icon: str, label: str, on_click: Callable[..., object]) -> ui.bu
     return button
 
 
-def titled(title: str) -> ui.dialog:
+def titled_dialog(title: str) -> ui.dialog:
     """A dialog that says to those who do not see it what it is."""
     return ui.dialog().props(f'aria-label="{title}"')
 
@@ -104,12 +104,12 @@ class OnPage(Protocol):
 S = TypeVar("S", bound=OnPage)
 
 
-def lasting(action: Callable[Concatenate[S, P], Awaitable[R]]) -> Callable[Concatenate[S, P], Awaitable[R]]:
+def in_page_context(action: Callable[Concatenate[S, P], Awaitable[R]]) -> Callable[Concatenate[S, P], Awaitable[R]]:
     """The action, done for the page and not for the button that asked for it, which may be gone before it is done."""
 
     @wraps(action)
-    async def last(self: S, /, *args: P.args, **kwargs: P.kwargs) -> R:
+    async def run_in_page(self: S, /, *args: P.args, **kwargs: P.kwargs) -> R:
         with self.client:
             return await action(self, *args, **kwargs)
 
-    return last
+    return run_in_page

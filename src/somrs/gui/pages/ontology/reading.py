@@ -20,28 +20,28 @@ _QUANTITY = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)", re
 class Mistakes(Exception):
     """What cannot be made a definition yet, by the path of the field."""
 
-    def __init__(self, found: dict[str, str]) -> None:
-        self.found = found
-        super().__init__(found)
+    def __init__(self, messages: dict[str, str]) -> None:
+        self.messages = messages
+        super().__init__(messages)
 
 
 def definition_of(draft: Draft, ontology: Ontology) -> Definition:
     """The definition that the form says. Raises Mistakes."""
-    reading = _Reading(draft.form, ontology)
+    parser = _FormParser(draft.form, ontology)
     plain = {
-        TYPES.key: reading.type,
-        ATTRIBUTES.key: reading.attribute,
-        RELATIONS.key: reading.relation,
-        FUNCTIONS.key: reading.function,
-        SERVICES.key: reading.service,
+        TYPES.key: parser.type,
+        ATTRIBUTES.key: parser.attribute,
+        RELATIONS.key: parser.relation,
+        FUNCTIONS.key: parser.function,
+        SERVICES.key: parser.service,
     }[draft.section_key]()
-    if reading.mistakes:
-        raise Mistakes(reading.mistakes)
+    if parser.mistakes:
+        raise Mistakes(parser.mistakes)
     # What is left out is as it is by default; only a parent has none.
     return msgspec.convert({key: value for key, value in plain.items() if value is not None or key == "parent"}, draft.section.struct)
 
 
-def written(form: Form, name: str) -> ObjectType:
+def type_from_form(form: Form, name: str) -> ObjectType:
     """The type that the form is about, as far as it says which attributes its objects may have."""
     return ObjectType(
         name=name, parent=form["parent"], attributes=tuple(row["attribute"] for row in form["attributes"] if row["attribute"])
@@ -50,10 +50,10 @@ def written(form: Form, name: str) -> ObjectType:
 
 def attributes_with(form: Form, ontology: Ontology) -> dict[str, AttributeType]:
     """By path: what objects of that type may have."""
-    return dict(ontology.extended([written(form, "")]).attributes_of(""))  # no definition has an empty name
+    return dict(ontology.extended([type_from_form(form, "")]).attributes_of(""))  # no definition has an empty name
 
 
-class _Reading:
+class _FormParser:
     """One reading of a form."""
 
     def __init__(self, form: Form, ontology: Ontology) -> None:
@@ -74,24 +74,26 @@ class _Reading:
         if match is None or not math.isfinite(float(match[1])):
             self.mistakes[path] = f"“{text}” is not a number" + (f" in {unit}" if unit else "")
             return None
-        value, written = float(match[1]), match[2].strip()
-        if not written:
+        value, unit_text = float(match[1]), match[2].strip()
+        if not unit_text:
             return value
-        into = convert_unit(value, written, unit) if unit else None
-        if into is None:
-            self.mistakes[path] = f"{written} cannot be expressed in {unit}" if unit else f"this number has no unit; leave out {written}"
-        return into
+        converted_value = convert_unit(value, unit_text, unit) if unit else None
+        if converted_value is None:
+            self.mistakes[path] = (
+                f"{unit_text} cannot be expressed in {unit}" if unit else f"this number has no unit; leave out {unit_text}"
+            )
+        return converted_value
 
-    def whole(self, text: str, path: str) -> int | None:
+    def count(self, text: str, path: str) -> int | None:
         value = self.number(text, path)
         if value is not None and (value < 0 or not value.is_integer()):
             self.mistakes[path] = "a count: 0, 1, 2 or more"
             return None
         return int(value) if value is not None else None
 
-    def chosen(self, value: str | None, path: str, what: str) -> str:
+    def require_choice(self, value: str | None, path: str, noun: str) -> str:
         if not value:
-            self.mistakes[path] = f"choose {what}, or remove the row"
+            self.mistakes[path] = f"choose {noun}, or remove the row"
         return value or ""
 
     def rows(self, key: str) -> list[tuple[str, Any]]:
@@ -101,38 +103,38 @@ class _Reading:
         attributes: list[str] = []
         required: list[str] = []
         for path, row in self.rows("attributes"):
-            (required if row["must"] else attributes).append(self.chosen(row["attribute"], path, "an attribute"))
-        known = attributes_with(self.form, self.ontology)
+            (required if row["must"] else attributes).append(self.require_choice(row["attribute"], path, "an attribute"))
+        known_attributes = attributes_with(self.form, self.ontology)
         parts = []
         for path, row in self.rows("parts"):
-            least = self.whole(row["minimum"], f"{path}.minimum")
-            most = self.whole(row["maximum"], f"{path}.maximum")
-            parts.append({"type": self.chosen(row["type"], f"{path}.type", "a type"), "minimum": least or 0, "maximum": most})
+            minimum = self.count(row["minimum"], f"{path}.minimum")
+            maximum = self.count(row["maximum"], f"{path}.maximum")
+            parts.append({"type": self.require_choice(row["type"], f"{path}.type", "a type"), "minimum": minimum or 0, "maximum": maximum})
         defaults: dict[str, Value] = {}
         for path, row in self.rows("defaults"):
-            name = self.chosen(row["path"], f"{path}.path", "an attribute")
+            name = self.require_choice(row["path"], f"{path}.path", "an attribute")
             if name in defaults:
                 self.mistakes[f"{path}.path"] = f"{name} is there twice; remove one of the two"
-            value = self.value(row["value"], known.get(name), f"{path}.value")
+            value = self.value(row["value"], known_attributes.get(name), f"{path}.value")
             if value is not None:
                 defaults[name] = value
             elif f"{path}.value" not in self.mistakes:
                 self.mistakes[f"{path}.value"] = "give the value, or remove the row"
-        rules = [self._rule(row, path, known) for path, row in self.rows("constraints")]
-        more = {"attributes": attributes, "required": required, "parts": parts, "defaults": defaults, "constraints": rules}
-        return {**self.plain("parent", "driver"), **more, "parent": self.form["parent"]}
+        rules = [self._rule(row, path, known_attributes) for path, row in self.rows("constraints")]
+        type_fields = {"attributes": attributes, "required": required, "parts": parts, "defaults": defaults, "constraints": rules}
+        return {**self.plain("parent", "driver"), **type_fields, "parent": self.form["parent"]}
 
-    def _rule(self, row: Form, path: str, known: Mapping[str, AttributeType]) -> Form:
+    def _rule(self, row: Form, path: str, known_attributes: Mapping[str, AttributeType]) -> Form:
         doc = row["doc"].strip()
         if row["sort"] == FORMULA:
             if not row["formula"].strip():
                 self.mistakes[f"{path}.formula"] = "write the formula, or remove the row"
             return {"formula": row["formula"].strip(), "doc": doc}
-        attribute = known.get(row["attribute"] or "")
+        attribute = known_attributes.get(row["attribute"] or "")
         unit = attribute.unit if attribute is not None else None
-        values = [value for text in _listed(row["values"]) if (value := self.value(text, attribute, f"{path}.values")) is not None]
+        values = [value for text in _split_list(row["values"]) if (value := self.value(text, attribute, f"{path}.values")) is not None]
         return {
-            "attribute": self.chosen(row["attribute"], f"{path}.attribute", "an attribute"),
+            "attribute": self.require_choice(row["attribute"], f"{path}.attribute", "an attribute"),
             "minimum": self.number(row["minimum"], f"{path}.minimum", unit),
             "maximum": self.number(row["maximum"], f"{path}.maximum", unit),
             "values": values,
@@ -149,16 +151,16 @@ class _Reading:
 
     def attribute(self) -> Form:
         kind, unit = self.form["kind"], self.form["unit"].strip()
-        more: Form = {}
+        kind_fields: Form = {}
         if kind == Kind.NUMBER.value:
-            more = {key: self.number(self.form[key], key, unit or None) for key in ("minimum", "maximum", "tolerance")}
-            more["unit"] = unit or None
+            kind_fields = {key: self.number(self.form[key], key, unit or None) for key in ("minimum", "maximum", "tolerance")}
+            kind_fields["unit"] = unit or None
         elif kind == Kind.ENUMERATION.value:
-            more = {"values": _listed(self.form["values"])}
-        return {**self.plain(*(["attributes"] if kind == Kind.COMPLEX.value else [])), **more, "kind": kind}
+            kind_fields = {"values": _split_list(self.form["values"])}
+        return {**self.plain(*(["attributes"] if kind == Kind.COMPLEX.value else [])), **kind_fields, "kind": kind}
 
     def relation(self) -> Form:
-        joins = [self.chosen(type, path, "a type") for path, type in self.rows("joins")]
+        joins = [self.require_choice(type, path, "a type") for path, type in self.rows("joins")]
         if not joins:
             self.mistakes["joins"] = "a relation joins at least one type"
         return {**self.plain("symmetric", "functional", "excludes"), "joins": joins}
@@ -173,7 +175,7 @@ class _Reading:
                 table[" ".join(row["key"].split())] = value
         if source == READ and not self.form["attribute"]:
             self.mistakes["attribute"] = "choose the attribute that it reads"
-        parameters = [self.chosen(type, path, "a type") for path, type in self.rows("parameters")]
+        parameters = [self.require_choice(type, path, "a type") for path, type in self.rows("parameters")]
         return {**self.plain("unit", *([READ] if source == READ else [])), "parameters": parameters, "values": table}
 
     def service(self) -> Form:
@@ -184,7 +186,7 @@ class _Reading:
                 if not row["name"].strip():
                     self.mistakes[f"{path}.name"] = "give it a name"
                 name = row["name"].strip().removeprefix("?")
-                sides[side].append({"name": name, "type": self.chosen(row["type"], f"{path}.type", "a type")})
+                sides[side].append({"name": name, "type": self.require_choice(row["type"], f"{path}.type", "a type")})
         if not self.form["effect"].strip():
             self.mistakes["effect"] = "say what holds after the service"
         handlers = [
@@ -193,23 +195,23 @@ class _Reading:
         return {**self.plain("parent", "precondition", "effect", "cost", "kind"), **sides, "handlers": handlers}
 
 
-def _listed(text: str) -> list[str]:
+def _split_list(text: str) -> list[str]:
     """What is written with commas between."""
-    return [word for one in text.split(",") if (word := one.strip())]
+    return [word for item in text.split(",") if (word := item.strip())]
 
 
-def place(path: str, form: Form) -> str:
+def form_path(path: str, form: Form) -> str:
     """Where in the form the backend's path is: rows stand for what it names by key."""
     key, _, rest = path.partition(".")
-    by = {"defaults": "path", "inputs": "name", "outputs": "name", "values": "key"}.get(key)
-    if by is not None and isinstance(form.get(key), list):
+    row_key = {"defaults": "path", "inputs": "name", "outputs": "name", "values": "key"}.get(key)
+    if row_key is not None and isinstance(form.get(key), list):
         for index, row in enumerate(form[key]):
-            if isinstance(row, dict) and row.get(by) == rest:
+            if isinstance(row, dict) and row.get(row_key) == rest:
                 return f"{key}.{index}.value" if key in ("defaults", "values") else f"{key}.{index}.type"
     if key == "required":
-        must = [index for index, row in enumerate(form["attributes"]) if row["must"]]
-        return f"attributes.{must[int(rest)]}" if rest.isdigit() and int(rest) < len(must) else "attributes"
+        required_indices = [index for index, row in enumerate(form["attributes"]) if row["must"]]
+        return f"attributes.{required_indices[int(rest)]}" if rest.isdigit() and int(rest) < len(required_indices) else "attributes"
     if key == "attributes" and form.get("attributes") and isinstance(form["attributes"][0], dict):
-        may = [index for index, row in enumerate(form["attributes"]) if not row["must"]]
-        return f"attributes.{may[int(rest)]}" if rest.isdigit() and int(rest) < len(may) else "attributes"
+        optional_indices = [index for index, row in enumerate(form["attributes"]) if not row["must"]]
+        return f"attributes.{optional_indices[int(rest)]}" if rest.isdigit() and int(rest) < len(optional_indices) else "attributes"
     return path

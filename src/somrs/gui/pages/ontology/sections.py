@@ -15,20 +15,20 @@ class Section:
     """`key`: what files and the ontology call it; `one`: a single definition of it; `label`: its tab."""
 
     key: str
-    one: str
+    singular: str
     label: str
     icon: str
     struct: type[Definition]
 
-    def among(self, ontology: Ontology) -> Mapping[str, Definition]:
+    def definitions_in(self, ontology: Ontology) -> Mapping[str, Definition]:
         """The definitions of this kind, by name."""
-        found: Mapping[str, Definition] = getattr(ontology, self.key)
-        return found
+        definitions: Mapping[str, Definition] = getattr(ontology, self.key)
+        return definitions
 
     @property
     def word(self) -> str:
         """The name in links: `/ontology?type=Jar`."""
-        return self.one.split()[0]
+        return self.singular.split()[0]
 
     def link(self, name: str) -> str:
         return f"/ontology?{self.word}={quote(name)}"
@@ -56,12 +56,12 @@ def number(value: float) -> str:
 
 def limits(minimum: float | None, maximum: float | None, unit: str | None = None) -> str:
     """`at least 0 kg`, `0 to 100 percent`; empty without limits."""
-    behind = f" {unit}" if unit else ""
+    unit_suffix = f" {unit}" if unit else ""
     if minimum is not None and maximum is not None:
-        return f"{number(minimum)} to {number(maximum)}{behind}"
+        return f"{number(minimum)} to {number(maximum)}{unit_suffix}"
     if minimum is not None:
-        return f"at least {number(minimum)}{behind}"
-    return f"at most {number(maximum)}{behind}" if maximum is not None else ""
+        return f"at least {number(minimum)}{unit_suffix}"
+    return f"at most {number(maximum)}{unit_suffix}" if maximum is not None else ""
 
 
 def value_text(value: Value, attribute: AttributeType | None = None) -> str:
@@ -79,8 +79,8 @@ def kind_text(attribute: AttributeType) -> str:
     """What its values are: `number in kg, at least 0`, `one of Red, Blue`."""
     match attribute.kind:
         case Kind.NUMBER:
-            said = [f"number in {attribute.unit}" if attribute.unit else "number", limits(attribute.minimum, attribute.maximum)]
-            return ", ".join(part for part in said if part)
+            phrases = [f"number in {attribute.unit}" if attribute.unit else "number", limits(attribute.minimum, attribute.maximum)]
+            return ", ".join(part for part in phrases if part)
         case Kind.ENUMERATION:
             return f"one of {', '.join(attribute.values)}"
         case Kind.COMPLEX:
@@ -102,6 +102,6 @@ def constraint_text(constraint: Constraint, unit: str | None = None) -> str:
     """What the rule says of an attribute; a formula speaks for itself."""
     if constraint.formula is not None:
         return constraint.formula
-    said = limits(constraint.minimum, constraint.maximum, unit)
-    among = f"one of {', '.join(value_text(value) for value in constraint.values)}" if constraint.values else ""
-    return f"{constraint.attribute}: {', '.join(part for part in (said, among) if part)}"
+    limit_text = limits(constraint.minimum, constraint.maximum, unit)
+    choice_text = f"one of {', '.join(value_text(value) for value in constraint.values)}" if constraint.values else ""
+    return f"{constraint.attribute}: {', '.join(part for part in (limit_text, choice_text) if part)}"
