@@ -235,9 +235,9 @@ def test_tasks_that_are_over_can_be_looked_at(stopped: Path, recovered: TaskReco
     asyncio.run(tasks.tasks(stopped, history=True, limit=1, json=True))
     assert [task["outcome"] for task in json.loads(capsys.readouterr().out)] == ["failed"]
     wanted = ReadRecords(outcome=Outcome.ACCOMPLISHED, service=recovered.work[0].service, text="jar")
-    asyncio.run(tasks.tasks(stopped, history=True, limit=20, json=True, wanted=wanted))
+    asyncio.run(tasks.tasks(stopped, history=True, limit=20, json=True, query=wanted))
     assert [task["task"] for task in json.loads(capsys.readouterr().out)] == [recovered.task]
-    asyncio.run(tasks.tasks(stopped, history=True, limit=20, json=False, wanted=ReadRecords(service="Robot7")))
+    asyncio.run(tasks.tasks(stopped, history=True, limit=20, json=False, query=ReadRecords(service="Robot7")))
     assert capsys.readouterr().out == "no such task\n"
     name = recovered.task[9:15]
     asyncio.run(tasks.task(name, stopped, messages=False, picture=None, json=True))

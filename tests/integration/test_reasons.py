@@ -8,7 +8,7 @@ import pytest
 from msgspec import structs
 from rich.console import Console
 
-from somrs.cli.task_report import tell
+from somrs.cli.task_report import print_report
 from somrs.client import terminal
 from somrs.client.task_report import TaskReport, reasons, view
 from somrs.gui.pages.history import _row as history_row
@@ -81,7 +81,7 @@ def test_the_terminal_shows_it_whole(record: TaskRecord) -> None:
     seen = view(record)
     assert WHY in shown(terminal.tasks([seen]))
     console = Console(file=io.StringIO(), width=400, highlight=False)
-    tell(TaskReport.from_record(record), console)
+    print_report(TaskReport.from_record(record), console)
     assert isinstance(console.file, io.StringIO)
     assert console.file.getvalue().count(WHY) == 1
 

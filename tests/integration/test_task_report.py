@@ -8,7 +8,7 @@ import itertools
 import pytest
 from rich.console import Console
 
-from somrs.cli.task_report import messages, tell
+from somrs.cli.task_report import messages, print_report
 from somrs.client import terminal
 from somrs.client.task_report import TaskReport, to_builtins
 from somrs.client.trace import lines_of, without_heartbeats
@@ -28,7 +28,7 @@ def shown(*things: object) -> str:
     console = Console(file=io.StringIO(), width=NARROW, highlight=False)
     for thing in things:
         if isinstance(thing, TaskReport):
-            tell(thing, console)
+            print_report(thing, console)
         else:
             console.print(thing)
     assert isinstance(console.file, io.StringIO)

@@ -8,7 +8,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from somrs.cli.task_commands import do, tasks
+from somrs.cli.task_commands import run_task, tasks
 from somrs.client.export import Format, Table, export
 from somrs.deployment.system import System
 from somrs.protocol.messages.clients import Submit
@@ -32,11 +32,11 @@ def test_what_is_over_is_exported_while_the_system_runs_when_it_is_killed_and_wh
 
     async def run() -> None:
         async with System([SCENARIO_1], data, speed="max", launcher=warm.launcher()) as system:
-            assert await do(Submit(effect="Jar002 isOn Platform001"), data, wait=True, json=False) == 0
+            assert await run_task(Submit(effect="Jar002 isOn Platform001"), data, wait=True, json=False) == 0
             said = capsys.readouterr().out
             assert said.count("✔ accomplished") == 1
             assert said.count("\n") == len(said.splitlines()), "the last line is a whole one"
-            assert await do(Submit(effect="Jar003 isOn Platform001", deadline=0.001), data, wait=True, json=False) == 1
+            assert await run_task(Submit(effect="Jar003 isOn Platform001", deadline=0.001), data, wait=True, json=False) == 1
             assert capsys.readouterr().out.count("the deadline of 0.001 s is over") == 1
             running = await exported(data, out)
             assert [record.outcome for record in running] == [Outcome.FAILED, Outcome.ACCOMPLISHED]

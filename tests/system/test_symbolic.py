@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from somrs.cli.importing import brought_in
+from somrs.cli.importing import import_sources
 from somrs.client.client import Client
 from somrs.deployment.system import System, symbolic
 from somrs.devices.symbolic.agent import Faults, Mishap, SymbolicAgent
@@ -223,7 +223,7 @@ def test_a_system_has_bodies_or_none() -> None:
 @asynccontextmanager
 async def running(folder: Path) -> AsyncIterator[tuple[System, Client]]:
     (folder / "run").mkdir()
-    files = brought_in([PARCELS / "domain.pddl", PARCELS / "problem.pddl"], folder / "run")
+    files = import_sources([PARCELS / "domain.pddl", PARCELS / "problem.pddl"], folder / "run")
     async with System(files, folder / "run", speed="20", launcher=warm.launcher()) as system, Client(system.addresses) as client:
         yield system, client
 

@@ -40,16 +40,16 @@ def check(files: Sequence[Path], *, json: bool) -> int:
     return 0
 
 
-def schema(out: Path | None) -> None:
+def schema(output: Path | None) -> None:
     """Write the JSON Schema of site files, and how to tell an editor of it."""
     from somrs.ontology.schema import json_schema
 
     text = json.dumps(json_schema(), indent=2, ensure_ascii=False) + "\n"
-    if out is None:
+    if output is None:
         print(text, end="")
     else:
-        out.write_text(text, encoding="utf-8")
-        print(f"{out}: begin a file with `# yaml-language-server: $schema={out}`, and editors that know YAML schemas complete it")
+        output.write_text(text, encoding="utf-8")
+        print(f"{output}: begin a file with `# yaml-language-server: $schema={output}`, and editors that know YAML schemas complete it")
 
 
 def check_files(site: Sequence[Path]) -> None:
@@ -59,70 +59,70 @@ def check_files(site: Sequence[Path]) -> None:
             raise UsageError(f"{file}: there is no such file")
 
 
-async def up(site: Sequence[Path], data: Path, speed: str, host: str, fresh: bool, launcher: Launcher) -> None:
+async def run_system(site: Sequence[Path], data: Path, speed: str, host: str, fresh: bool, launcher: Launcher) -> None:
     """Run a system until somebody ends it."""
-    from somrs.cli.importing import brought_in
+    from somrs.cli.importing import import_sources
     from somrs.deployment.programs import until_stopped
     from somrs.deployment.system import System
 
     console = terminal.console()
     data.mkdir(parents=True, exist_ok=True)
-    files = brought_in(site, data)
+    files = import_sources(site, data)
     system = System(files, data, speed=speed, host=host, fresh=fresh, windows=True, launcher=launcher)
     try:
         with console.status("starting the Repository, the Registry, the Task Manager, the simulator and the devices ..."):
             await system.start()
             async with Client(system.addresses) as client:
-                found = await client.services()
-        console.print(terminal.services(found))
+                offers = await client.services()
+        console.print(terminal.services(offers))
         console.print(
             f"Running. In another terminal: somrs do FORMULA{'' if data == Path('.somrs') else f' --data {data}'}. Ctrl-C ends it."
         )
         console.print(f"The API: {system.addresses.api}")
         if system.addresses.gui is not None:
             console.print(f"In the browser: {system.addresses.gui}")
-        keeping = asyncio.create_task(system.keep_running(lambda text: console.print(text)))
+        supervisor = asyncio.create_task(system.keep_running(lambda text: console.print(text)))
         await until_stopped()
-        keeping.cancel()
-        await asyncio.wait([keeping])
+        supervisor.cancel()
+        await asyncio.wait([supervisor])
     finally:
         with console.status("ending ..."):
             await system.stop()
 
 
 async def services(type: str | None, effect: str | None, attributes: Sequence[str], data: Path, *, json: bool) -> None:
-    wanted: dict[str, Value] = {}
+    required_values: dict[str, Value] = {}
     for attribute in attributes:
         name, equals, text = attribute.partition("=")
         if not equals:
             raise UsageError(f"--attribute takes NAME=VALUE, such as Payload=2, and not {attribute!r}")
-        wanted[name.strip()] = python_value(text.strip())
+        required_values[name.strip()] = python_value(text.strip())
     async with Client(Addresses.read(data)) as client:
-        found = await client.services(Discover(service_type=type, effect=effect, attributes=wanted))
+        offers = await client.services(Discover(service_type=type, effect=effect, attributes=required_values))
     if json:
-        terminal.print_json(found)
+        terminal.print_json(offers)
     else:
-        terminal.console().print(terminal.services(found) if found else "no such service is on offer")
+        terminal.console().print(terminal.services(offers) if offers else "no such service is on offer")
 
 
 async def query(formula: str, limit: int, data: Path, *, json: bool) -> int:
     """0 when the formula holds in some way."""
     async with Client(Addresses.read(data)) as client:
-        found = await client.query(formula, limit)
+        result = await client.query(formula, limit)
     if json:
-        terminal.print_json([row.bindings for row in found.rows])
-    elif not found.rows:
+        terminal.print_json([row.bindings for row in result.rows])
+    elif not result.rows:
         print("no: it does not hold")
-    elif not found.rows[0].bindings:
+    elif not result.rows[0].bindings:
         print("yes: it holds")
     else:
-        columns = list(found.rows[0].bindings)
+        columns = list(result.rows[0].bindings)
         terminal.console().print(
-            terminal.table(formula, [f"?{c}" for c in columns], ([row.bindings[c] for c in columns] for row in found.rows))
+            terminal.table(formula, [f"?{c}" for c in columns], ([row.bindings[c] for c in columns] for row in result.rows))
         )
-        if found.more:
+        if result.more:
             print(f"and more than these {limit}; --limit shows more")
-    return 0 if found.rows else 1
+    return 0 if result.rows else 1
 
 
 async def show_object(name: str, data: Path, *, json: bool) -> None:
@@ -143,16 +143,16 @@ async def show_object(name: str, data: Path, *, json: bool) -> None:
 
 
 async def history(name: str, data: Path, *, json: bool) -> None:
-    from somrs.cli.editing import told
+    from somrs.cli.editing import describe_event
 
     async with Client(Addresses.read(data)) as client:
-        found = await client.history(name)
+        page = await client.history(name)
     if json:
-        terminal.print_json(found.events)
+        terminal.print_json(page.events)
         return
-    rows = ((event.version, terminal.clock(event.at), person_name(event.author), "\n".join(told(event))) for event in found.events)
+    rows = ((event.version, terminal.clock(event.at), person_name(event.author), "\n".join(describe_event(event))) for event in page.events)
     terminal.console().print(
-        terminal.table(name, ("version", "when", "who", "what"), rows) if found.events else f"nothing happened to {name} yet"
+        terminal.table(name, ("version", "when", "who", "what"), rows) if page.events else f"nothing happened to {name} yet"
     )
 
 
@@ -161,35 +161,35 @@ async def update(situation: str, author: str, data: Path) -> None:
         print(f"the map is at version {await client.update(UpdateMap(situation=situation, author=author))}")
 
 
-async def export(out: Path, data: Path) -> None:
+async def export(output: Path, data: Path) -> None:
     from somrs.ontology.files.site import dump_site
 
     async with Client(Addresses.read(data)) as client:
         ontology, map = await client.ontology(), await client.map()
-    out.write_text(dump_site(ontology, map), encoding="utf-8")
-    print(f"{out}: {len(map.objects)} objects")
+    output.write_text(dump_site(ontology, map), encoding="utf-8")
+    print(f"{output}: {len(map.objects)} objects")
 
 
 def _simulator(data: Path) -> tuple[str, int]:
-    where = Addresses.read(data).simulator
-    if where is None:
+    address = Addresses.read(data).simulator
+    if address is None:
         raise RemoteError("this system has no simulator")
-    host, _, port = where.rpartition(":")
+    host, _, port = address.rpartition(":")
     return host, int(port)
 
 
-async def fault(robot: str, what: str, repair: bool, data: Path) -> None:
+async def fault(robot: str, fault_name: str, repair: bool, data: Path) -> None:
     from somrs.devices.simulator.link.commands import Fault
     from somrs.devices.simulator.link.link import OperatorLink
 
     async with OperatorLink(*_simulator(data)) as operator:
-        await (operator.repair if repair else operator.fault)(robot, Fault(what))
-    print(f"{robot}: {what} {'mended' if repair else 'broken'}")
+        await (operator.repair if repair else operator.fault)(robot, Fault(fault_name))
+    print(f"{robot}: {fault_name} {'mended' if repair else 'broken'}")
 
 
-async def picture(out: Path, data: Path) -> None:
+async def picture(output: Path, data: Path) -> None:
     from somrs.devices.simulator.link.link import OperatorLink
 
     async with OperatorLink(*_simulator(data)) as operator:
-        out.write_bytes(await operator.picture())
-    print(out)
+        output.write_bytes(await operator.picture())
+    print(output)

@@ -18,70 +18,74 @@ from somrs.repository.ontology_diff import diff_ontologies
 if TYPE_CHECKING:
     from somrs.api.ontology import Consequences
 
-LONG = 12
+MAX_LINES = 12
 """So many lines of what an event changed are shown."""
 
 
-def section_called(text: str) -> Section:
+def parse_section(text: str) -> Section:
     """The section of an ontology that a person means: `type`, `types`, `service`."""
-    known = {section.value: section for section in Section if section is not Section.OBJECTS}
-    by_one = {SINGULAR[section].partition(" ")[0]: section for section in known.values()}
-    found = known.get(text) or by_one.get(text)
-    if found is None:
-        raise UsageError(f"{text!r} is no part of an ontology; say one of {', '.join(by_one)}")
-    return found
+    sections = {section.value: section for section in Section if section is not Section.OBJECTS}
+    by_singular = {SINGULAR[section].partition(" ")[0]: section for section in sections.values()}
+    section = sections.get(text) or by_singular.get(text)
+    if section is None:
+        raise UsageError(f"{text!r} is no part of an ontology; say one of {', '.join(by_singular)}")
+    return section
 
 
-async def history(limit: int, data: Path, *, ontology: bool, before: int | None, json: bool) -> None:
+async def history(limit: int, data: Path, *, ontology: bool, before_version: int | None, json: bool) -> None:
     """What happened to the map and the ontology, or to that only, newest first."""
     async with Client(Addresses.read(data)) as client:
-        found = await client.read_events(ReadEvents(limit=limit, before=before, ontology=ontology))
+        page = await client.read_events(ReadEvents(limit=limit, before=before_version, ontology=ontology))
     if json:
-        terminal.print_json(found.events)
-    elif not found.events:
-        print("nothing changed yet" if before is None else f"nothing changed before version {before}")
+        terminal.print_json(page.events)
+    elif not page.events:
+        print("nothing changed yet" if before_version is None else f"nothing changed before version {before_version}")
     else:
         rows = (
-            (event.version, terminal.moment(event.at), person_name(event.author), "\n".join(_shortened(event))) for event in found.events
+            (event.version, terminal.moment(event.at), person_name(event.author), "\n".join(_shortened(event))) for event in page.events
         )
         terminal.console().print(terminal.table("the ontology" if ontology else "the map", ("version", "when", "who", "what"), rows))
-        if found.more:
-            print(f"and more before version {found.events[-1].version}; --before {found.events[-1].version} shows them")
+        if page.more:
+            print(f"and more before version {page.events[-1].version}; --before {page.events[-1].version} shows them")
 
 
 def _shortened(event: Event) -> list[str]:
-    lines = [*told(event)]
+    lines = [*describe_event(event)]
     count = (event.all_changes or len(event.changes)) - len(event.changes)
-    left = max(len(lines) - LONG, 0) + count
-    return [*lines[:LONG], *([f"and {left} more"] if left else [])]
+    omitted_count = max(len(lines) - MAX_LINES, 0) + count
+    return [*lines[:MAX_LINES], *([f"and {omitted_count} more"] if omitted_count else [])]
 
 
-def told(event: Event) -> Iterator[str]:
+def describe_event(event: Event) -> Iterator[str]:
     """What an event changed, a line each."""
     if event.undoes is not None:
         yield f"undid version {event.undoes}"
     yield from (f"renamed {renaming}" for renaming in event.renamed)
     if event.revision is not None:
-        yield from revised(
-            event.revision, {(one.section, one.to) for one in event.renamed} | {(one.section, one.name) for one in event.renamed}
+        yield from describe_revision(
+            event.revision,
+            {(renaming.section, renaming.to) for renaming in event.renamed}
+            | {(renaming.section, renaming.name) for renaming in event.renamed},
         )
     yield from map(terminal.change, event.changes)
 
 
-def revised(revision: Revision, known: set[tuple[Section, str]]) -> Iterator[str]:
+def describe_revision(revision: Revision, skipped_names: set[tuple[Section, str]]) -> Iterator[str]:
     """What became of definitions, but for those of which it is `known`."""
-    before, after = ({key_of(one): one for one in side.all_definitions()} for side in (revision.before, revision.after))
-    for what in dict.fromkeys((*before, *after)):
-        if (what.section, what.name) in known:
+    definitions_before, definitions_after = (
+        {key_of(definition): definition for definition in side.all_definitions()} for side in (revision.before, revision.after)
+    )
+    for word in dict.fromkeys((*definitions_before, *definitions_after)):
+        if (word.section, word.name) in skipped_names:
             continue
-        old, new = before.get(what), after.get(what)
+        old, new = definitions_before.get(word), definitions_after.get(word)
         if old is None:
-            yield f"added {what}"
+            yield f"added {word}"
         elif new is None:
-            yield f"removed {what}"
+            yield f"removed {word}"
         else:
             keys = [key for key in new.__struct_fields__ if getattr(old, key) != getattr(new, key)]
-            yield f"changed {what}: {', '.join(keys)}"
+            yield f"changed {word}: {', '.join(keys)}"
 
 
 # Changing
@@ -90,12 +94,12 @@ def revised(revision: Revision, known: set[tuple[Section, str]]) -> Iterator[str
 async def alter(alteration: Alteration, data: Path, *, dry: bool, json: bool) -> int:
     """Make the change, or only say what would come of it; 0 when it is made, or could be."""
     async with Client(Addresses.read(data)) as client:
-        return await _altered(client, alteration, dry=dry, json=json)
+        return await _make_change(client, alteration, dry=dry, json=json)
 
 
-async def _altered(client: Client, alteration: Alteration, *, dry: bool, json: bool) -> int:
+async def _make_change(client: Client, alteration: Alteration, *, dry: bool, json: bool) -> int:
     if dry:
-        return _considered(await _consider(client, alteration), json=json)
+        return _print_outcome(await _consider(client, alteration), json=json)
     match alteration:
         case Define():
             version = await client.define(alteration)
@@ -129,58 +133,58 @@ async def _consider(client: Client, alteration: Alteration) -> Considered | Cons
     return await client.consider(alteration)
 
 
-def _considered(found: Considered | Consequences, *, json: bool) -> int:
+def _print_outcome(outcome: Considered | Consequences, *, json: bool) -> int:
     if json:
-        terminal.print_json(found)
-        return 1 if found.broken else 0
-    lines = [*(revised(found.revision, set()) if found.revision is not None else ()), *map(terminal.change, found.changes)]
-    left = found.all_changes - len(found.changes)
+        terminal.print_json(outcome)
+        return 1 if outcome.broken else 0
+    lines = [*(describe_revision(outcome.revision, set()) if outcome.revision is not None else ()), *map(terminal.change, outcome.changes)]
+    omitted_count = outcome.all_changes - len(outcome.changes)
     for line in lines or ["nothing would change"]:
         print(line)
-    if left:
-        print(f"and {left} more changes of the map")
-    if not isinstance(found, Considered):
-        for offer in found.offers:
+    if omitted_count:
+        print(f"and {omitted_count} more changes of the map")
+    if not isinstance(outcome, Considered):
+        for offer in outcome.offers:
             print(f"service {offer.service}: it could not be planned with any more: {offer.problem}")
-        for one in found.affected:
-            print(f"{one.user_kind} {one.display_name}: {one}")
-        if found.affected:
+        for word_use in outcome.affected:
+            print(f"{word_use.user_kind} {word_use.display_name}: {word_use}")
+        if outcome.affected:
             print("tasks, orders and templates keep the words that they have")
-    for rule in found.broken:
+    for rule in outcome.broken:
         print(f"{rule.section} {rule.subject}: {rule.message} [{rule.rule}]")
-    if found.broken:
-        print(f"{found.all_broken} problem{'s' if found.all_broken != 1 else ''}: it would not be done")
-    return 1 if found.broken else 0
+    if outcome.broken:
+        print(f"{outcome.all_broken} problem{'s' if outcome.all_broken != 1 else ''}: it would not be done")
+    return 1 if outcome.broken else 0
 
 
-def renaming(section: str, name: str, to: str, author: str) -> Define:
-    return Define(renamed=(Renaming(section=section_called(section), name=name, to=to),), author=author)
+def rename_definition(section: str, name: str, new_name: str, author: str) -> Define:
+    return Define(renamed=(Renaming(section=parse_section(section), name=name, to=new_name),), author=author)
 
 
-def removing(section: str, names: Sequence[str], author: str) -> Define:
-    of = section_called(section)
-    return Define(removed=tuple(DefinitionKey(section=of, name=name) for name in names), author=author)
+def remove_definitions(section: str, names: Sequence[str], author: str) -> Define:
+    parsed_section = parse_section(section)
+    return Define(removed=tuple(DefinitionKey(section=parsed_section, name=name) for name in names), author=author)
 
 
 # Files
 
 
-async def export(out: Path, data: Path, *, whole: bool) -> None:
+async def export(output: Path, data: Path, *, whole: bool) -> None:
     from somrs.ontology.files.dump import dump_ontology
     from somrs.ontology.files.loading import upper
 
     async with Client(Addresses.read(data)) as client:
         ontology = await client.ontology()
-    out.write_text(dump_ontology(ontology, upper(), "ontology", whole=whole), encoding="utf-8")
-    print(f"{out}: {'all' if whole else 'what the upper ontology does not have'}")
+    output.write_text(dump_ontology(ontology, upper(), "ontology", whole=whole), encoding="utf-8")
+    print(f"{output}: {'all' if whole else 'what the upper ontology does not have'}")
 
 
-async def take_over(file: Path, author: str, data: Path, *, dry: bool, json: bool) -> int:
+async def import_definitions(file: Path, author: str, data: Path, *, dry: bool, json: bool) -> int:
     """Have the definitions of a file added, or put in place of those of the same names."""
     from somrs.ontology.files.loading import load_definitions
 
     text = file.read_text("utf-8-sig")
     async with Client(Addresses.read(data)) as client:
-        known = await client.ontology()
-        define = diff_ontologies(known, load_definitions(text, str(file), known), author)
-        return await _altered(client, define, dry=dry, json=json)
+        ontology = await client.ontology()
+        define = diff_ontologies(ontology, load_definitions(text, str(file), ontology), author)
+        return await _make_change(client, define, dry=dry, json=json)

@@ -15,7 +15,7 @@ from somrs.client import terminal
 from somrs.client.client import Addresses
 from somrs.client.refusals import ErrorReport
 
-SHOWN = 5
+MAX_LOG_LINES = 5
 """Comings and goings that are shown."""
 
 SIGNS = {
@@ -30,36 +30,42 @@ SIGNS = {
 
 
 async def fleet(data: Path, *, follow: bool, json: bool) -> None:
-    async with open_api_service(Addresses.read(data), data) as desk:
+    async with open_api_service(Addresses.read(data), data) as service:
         if not follow:
-            found = await desk.fleet.devices()
+            fleet_state = await service.fleet.devices()
             if json:
-                terminal.print_json(found)
+                terminal.print_json(fleet_state)
             else:
-                terminal.console().print(seen(found))
+                terminal.console().print(render_fleet(fleet_state))
             return
-        with Live(console=terminal.console(), auto_refresh=False) as screen, desk.context.hub.subscribe("fleet") as listening:
-            async for news in listening:
+        with Live(console=terminal.console(), auto_refresh=False) as screen, service.context.hub.subscribe("fleet") as subscription:
+            async for news in subscription:
                 match news.value:
                     case Devices() as devices:
-                        screen.update(seen(devices), refresh=True)
+                        screen.update(render_fleet(devices), refresh=True)
                     case ErrorReport(problem=problem):
                         screen.update(Text(problem, style="red"), refresh=True)
 
 
-def seen(found: Devices) -> Group:
+def render_fleet(fleet_state: Devices) -> Group:
     """All devices, and who came and went lately."""
     rows = (
-        (terminal.lines(one.name, f"a {one.type}" if one.type else ""), _state(one), _does(one), _services(one)) for one in found.devices
+        (
+            terminal.lines(device.name, f"a {device.type}" if device.type else ""),
+            _state(device),
+            _describe_activity(device),
+            _services(device),
+        )
+        for device in fleet_state.devices
     )
     columns = ("device", "state", "does", "services, and how they have done")
-    least = {"device": terminal.column_width(one.name for one in found.devices)}
-    made = terminal.table("Fleet", columns, rows, least=least)
+    least = {"device": terminal.column_width(device.name for device in fleet_state.devices)}
+    table = terminal.table("Fleet", columns, rows, least=least)
     log = [
-        Text(f"{terminal.clock(one.at)}  {one.device} {'joined' if one.joined else f'left: {one.reason}'}", style="dim")
-        for one in found.log[:SHOWN]
+        Text(f"{terminal.clock(change.at)}  {change.device} {'joined' if change.joined else f'left: {change.reason}'}", style="dim")
+        for change in fleet_state.log[:MAX_LOG_LINES]
     ]
-    return Group(made, *log)
+    return Group(table, *log)
 
 
 def _state(device: DeviceView) -> Text:
@@ -73,25 +79,31 @@ def _state(device: DeviceView) -> Text:
     return state
 
 
-def _does(device: DeviceView) -> str:
-    said: list[str] = []
-    for one in device.assignments:
-        how = f"{100 * one.fraction:.0f} %" if one.fraction is not None and one.state in BUSY else one.state.value.lower()
-        said.append(f"{one.service_type} ({', '.join(one.inputs.values())}), {how}\nfor {one.effect} ({terminal.short(one.task)})")
+def _describe_activity(device: DeviceView) -> str:
+    lines: list[str] = []
+    for assignment in device.assignments:
+        progress = (
+            f"{100 * assignment.fraction:.0f} %"
+            if assignment.fraction is not None and assignment.state in BUSY
+            else assignment.state.value.lower()
+        )
+        lines.append(
+            f"{assignment.service_type} ({', '.join(assignment.inputs.values())}), {progress}\nfor {assignment.effect} ({terminal.short(assignment.task)})"
+        )
     held = device.simulated.holding if device.simulated is not None else None
     for name in dict.fromkeys([*((held,) if held else ()), *device.holding]):
-        said.append(f"holds {name}")
-    return "\n".join(said) or "-"
+        lines.append(f"holds {name}")
+    return "\n".join(lines) or "-"
 
 
 def _services(device: DeviceView) -> str:
     return (
         "\n".join(
             terminal.lines(
-                f"{one.type}{f', {one.price:g} EUR' if one.price is not None else ''}{'' if one.on_offer else ', not on offer'}",
-                f"  {one.tally.in_words()}",
+                f"{service.type}{f', {service.price:g} EUR' if service.price is not None else ''}{'' if service.on_offer else ', not on offer'}",
+                f"  {service.tally.in_words()}",
             )
-            for one in device.services
+            for service in device.services
         )
         or "-"
     )

@@ -17,34 +17,34 @@ if TYPE_CHECKING:
 PDDL = ".pddl"
 
 
-def import_site(sources: Sequence[Path], out: Path | None) -> None:
+def import_site(sources: Sequence[Path], output: Path | None) -> None:
     """Bring a building or a planning problem in, check it, and write it as a map file."""
     if any(source.suffix == PDDL for source in sources):
-        _import_problem(sources, out)
+        _import_problem(sources, output)
         return
     if len(sources) != 1:
         raise UsageError("buildings are brought in one by one; only a problem in PDDL is of two files")
     source = sources[0]
-    if (bring_in := importer(source)) is None:
+    if (reader := importer(source)) is None:
         from somrs.sites import IMPORTERS
 
-        known = ", ".join(f"*{ending}" for ending in IMPORTERS)
-        raise UsageError(f"{source}: nothing here brings in such a file; it can be {known}, or a domain and a problem, *{PDDL}")
-    target = out or target_of(source)
-    notes = write_import(bring_in, source, target)
+        endings = ", ".join(f"*{ending}" for ending in IMPORTERS)
+        raise UsageError(f"{source}: nothing here brings in such a file; it can be {endings}, or a domain and a problem, *{PDDL}")
+    target = output or target_of(source)
+    notes = write_import(reader, source, target)
     for note in notes:
         print(f"note: {note}")
     print(f"{target}: {_count(target)} objects, and all is well. Next: somrs up {target}")
 
 
-def _import_problem(sources: Sequence[Path], out: Path | None) -> None:
+def _import_problem(sources: Sequence[Path], output: Path | None) -> None:
     imported = problem_of(sources)
-    target = out or target_of(sources[-1])
+    target = output or target_of(sources[-1])
     target.write_text(dump_site(imported.ontology, imported.map, imported.name), encoding="utf-8")
     for note in imported.notes:
         print(f"note: {note}")
-    what = f"{_count(target)} objects, {len(imported.agents)} devices, {len(imported.services)} service types"
-    print(f"{target}: {what}, and all is well. Next: somrs up {shlex.quote(str(target))}")
+    summary = f"{_count(target)} objects, {len(imported.agents)} devices, {len(imported.services)} service types"
+    print(f"{target}: {summary}, and all is well. Next: somrs up {shlex.quote(str(target))}")
     print(f"and in another terminal: somrs do {shlex.quote(imported.task)}")
 
 
@@ -70,7 +70,7 @@ def importer(source: Path) -> Callable[[Path], Site] | None:
     """What brings in a file of this name; None for the project's own files."""
     from somrs.sites import IMPORTERS
 
-    return next((found for ending, found in IMPORTERS.items() if source.name.endswith(ending)), None)
+    return next((reader for ending, reader in IMPORTERS.items() if source.name.endswith(ending)), None)
 
 
 def target_of(source: Path) -> Path:
@@ -78,20 +78,20 @@ def target_of(source: Path) -> Path:
     return Path(source.name.split(".")[0] + ".map.yaml")
 
 
-def write_import(bring_in: Callable[[Path], Site], source: Path, target: Path) -> tuple[str, ...]:
+def write_import(reader: Callable[[Path], Site], source: Path, target: Path) -> tuple[str, ...]:
     """Write what is brought in from `source` to `target`; what could not be brought in is returned, in words."""
-    site = bring_in(source)
+    site = reader(source)
     target.write_text(dump_site(site.ontology, site.map), encoding="utf-8")
     return site.notes
 
 
-def brought_in(site: Sequence[Path], data: Path) -> list[Path]:
+def import_sources(site: Sequence[Path], data: Path) -> list[Path]:
     """The files of a site, with what others have described brought in to the data folder first."""
     files: list[Path] = []
     for file in site:
-        if (bring_in := importer(file)) is not None:
+        if (reader := importer(file)) is not None:
             files.append(data / target_of(file))
-            write_import(bring_in, file, files[-1])
+            write_import(reader, file, files[-1])
         elif file.suffix != PDDL:
             files.append(file)
     if stated := [file for file in site if file.suffix == PDDL]:

@@ -12,8 +12,8 @@ from typing import Annotated
 import typer
 from typer.main import get_command
 
-from somrs.cli.ontology import SOMEBODY, Author, Before, Dry, Limit, ontology_app, undo
-from somrs.cli.options import HERE, LOOPBACK, Data, Formula, HostOption, Json, awaited, fail, guarded
+from somrs.cli.ontology import DEFAULT_AUTHOR, Author, BeforeOption, Dry, Limit, ontology_app, undo
+from somrs.cli.options import DEFAULT_FOLDER, LOOPBACK, Data, Formula, HostOption, Json, awaited, fail, guarded
 from somrs.cli.orders import orders_app, templates_app
 from somrs.cli.run import run_app
 from somrs.cli.tasks import PolicyOption, tasks_app
@@ -54,28 +54,28 @@ def demo(
     """Play a scenario of the paper in the simulator."""
     from somrs.deployment.launcher import Launcher, fork_launcher
 
-    begun = fork_launcher()  # before there are threads, as numpy has them
+    launcher_process = fork_launcher()  # before there are threads, as numpy has them
     from somrs.demo.scenarios import play
 
-    sys.exit(awaited(play(scenario, out or Path("out") / f"scenario-{scenario}", seed, launcher=Launcher(begun))))
+    sys.exit(awaited(play(scenario, out or Path("out") / f"scenario-{scenario}", seed, launcher=Launcher(launcher_process))))
 
 
 @app.command()
 def up(
     site: Annotated[list[Path], typer.Argument(help="A site: map and ontology files, or a building to import.")],
-    data: Data = HERE,
+    data: Data = DEFAULT_FOLDER,
     speed: Annotated[str, typer.Option(help="Of simulated time: 1 is real time, `max` as fast as it goes.")] = "1",
     host: HostOption = LOOPBACK,
     fresh: Annotated[bool, typer.Option("--fresh", help="Forget the map of an earlier run; begin with the site's.")] = False,
 ) -> None:
     """Start a whole system for a site: every part a process of its own. Ctrl-C ends it."""
     from somrs.cli.commands import check_files
-    from somrs.cli.commands import up as run
+    from somrs.cli.commands import run_system as run
     from somrs.deployment.launcher import Launcher, fork_launcher
 
     guarded(lambda: check_files(site))
-    begun = fork_launcher()
-    awaited(run(site, data, speed, host, fresh, Launcher(begun)))
+    launcher_process = fork_launcher()
+    awaited(run(site, data, speed, host, fresh, Launcher(launcher_process)))
 
 
 @app.command()
@@ -83,7 +83,7 @@ def services(
     type: Annotated[str | None, typer.Option(help="Of this service type, or a sub-type.")] = None,
     effect: Annotated[str | None, typer.Option(help="That can bring this formula about.")] = None,
     attribute: Annotated[list[str], typer.Option(help="With this value of an attribute, such as Payload=2.")] = [],  # noqa: B006  # as below
-    data: Data = HERE,
+    data: Data = DEFAULT_FOLDER,
     json: Json = False,
 ) -> None:
     """The services on offer now."""
@@ -95,7 +95,7 @@ def services(
 @app.command()
 def fleet(
     follow: Annotated[bool, typer.Option("--follow", help="Go on showing it as it changes, until Ctrl-C.")] = False,
-    data: Data = HERE,
+    data: Data = DEFAULT_FOLDER,
     json: Json = False,
 ) -> None:
     """The devices. What each does, its load and battery, how its services have done so far, and its faults."""
@@ -107,7 +107,7 @@ def fleet(
 
 
 @app.command()
-def questions(data: Data = HERE, json: Json = False) -> None:
+def questions(data: Data = DEFAULT_FOLDER, json: Json = False) -> None:
     """What the system asks people now, because nobody else can look."""
     from somrs.cli.questions import questions as run
 
@@ -118,13 +118,13 @@ def questions(data: Data = HERE, json: Json = False) -> None:
 def answer(
     number: Annotated[int, typer.Argument(help="The question's number.")],
     formula: Annotated[str | None, typer.Argument(help="What is so, as a formula, such as 'Jar002 isOn Table001'.")] = None,
-    cannot_tell: Annotated[bool, typer.Option("--cannot-tell", help="You do not know.")] = False,
-    data: Data = HERE,
+    is_unknown: Annotated[bool, typer.Option("--cannot-tell", help="You do not know.")] = False,
+    data: Data = DEFAULT_FOLDER,
 ) -> None:
     """Answer a question that the system asks a person."""
     from somrs.cli.questions import answer as run
 
-    if (formula is None) is not cannot_tell:
+    if (formula is None) is not is_unknown:
         fail("an answer is either a formula or --cannot-tell", 2)
     guarded(lambda: run(number, formula, data))
 
@@ -139,17 +139,17 @@ def plan(
     policy: Annotated[PolicyOption, typer.Option(help="With --quotes: what services are chosen by.")] = PolicyOption.price,
     time_value: Annotated[float, typer.Option(help="With the policy `weighted`: what a second is worth.")] = 0.01,
     deadline: Annotated[float | None, typer.Option(help="With --quotes: it has to be done within so many seconds.")] = None,
-    data: Data = HERE,
+    data: Data = DEFAULT_FOLDER,
     json: Json = False,
 ) -> None:
     """The plan for a formula, without carrying it out; or why there is none."""
     from somrs.cli.preview import plan as run
     from somrs.protocol.messages.clients import Policy, Preview
 
-    wanted = Preview(
+    request = Preview(
         effect=formula, precondition=precondition, quotes=quotes, policy=Policy(policy.value), time_value=time_value, deadline=deadline
     )
-    sys.exit(awaited(run(wanted, data, json=json)))
+    sys.exit(awaited(run(request, data, json=json)))
 
 
 @app.command()
@@ -163,20 +163,20 @@ def check(files: Annotated[list[Path], typer.Argument(help="Ontology and map fil
 @app.command(name="import")
 def import_(
     source: Annotated[list[Path], typer.Argument(help="A building (Open-RMF's SITE.building.yaml), or a PDDL domain and its problem.")],
-    out: Annotated[Path | None, typer.Option("--out", "-o", help="The map file to write.")] = None,
+    output: Annotated[Path | None, typer.Option("--out", "-o", help="The map file to write.")] = None,
 ) -> None:
     """Bring in an existing building, or a planning problem, as a map."""
     from somrs.cli.importing import import_site as run
 
-    guarded(lambda: run(source, out))
+    guarded(lambda: run(source, output))
 
 
 @app.command()
-def schema(out: Annotated[Path | None, typer.Option("--out", "-o", help="The file to write; otherwise it is printed.")] = None) -> None:
+def schema(output: Annotated[Path | None, typer.Option("--out", "-o", help="The file to write; otherwise it is printed.")] = None) -> None:
     """The JSON Schema of ontology and map files, for editors that complete and check them."""
     from somrs.cli.commands import schema as run
 
-    guarded(lambda: run(out))
+    guarded(lambda: run(output))
 
 
 @app.command()
@@ -184,7 +184,7 @@ def fault(
     robot: Annotated[str, typer.Argument(help="The simulated robot.")],
     what: Annotated[FaultOption, typer.Argument(help="What breaks.")],
     repair: Annotated[bool, typer.Option("--repair", help="Mend it instead.")] = False,
-    data: Data = HERE,
+    data: Data = DEFAULT_FOLDER,
 ) -> None:
     """Break something of a simulated robot, or mend it."""
     from somrs.cli.commands import fault as run
@@ -193,7 +193,7 @@ def fault(
 
 
 @app.command()
-def picture(out: Annotated[Path, typer.Argument(help="The PNG file to write.")], data: Data = HERE) -> None:
+def picture(out: Annotated[Path, typer.Argument(help="The PNG file to write.")], data: Data = DEFAULT_FOLDER) -> None:
     """A picture of the simulated world as it is now."""
     from somrs.cli.commands import picture as run
 
@@ -202,7 +202,7 @@ def picture(out: Annotated[Path, typer.Argument(help="The PNG file to write.")],
 
 @map_app.command()
 def query(
-    formula: Formula, limit: Annotated[int, typer.Option(help="At most so many.")] = 100, data: Data = HERE, json: Json = False
+    formula: Formula, limit: Annotated[int, typer.Option(help="At most so many.")] = 100, data: Data = DEFAULT_FOLDER, json: Json = False
 ) -> None:
     """For which objects does a formula hold? Exits with 1 when for none."""
     from somrs.cli.commands import query as run
@@ -211,7 +211,7 @@ def query(
 
 
 @map_app.command()
-def show(name: Annotated[str, typer.Argument(help="An object of the map.")], data: Data = HERE, json: Json = False) -> None:
+def show(name: Annotated[str, typer.Argument(help="An object of the map.")], data: Data = DEFAULT_FOLDER, json: Json = False) -> None:
     """What is known of an object."""
     from somrs.cli.commands import show_object as run
 
@@ -219,7 +219,7 @@ def show(name: Annotated[str, typer.Argument(help="An object of the map.")], dat
 
 
 @map_app.command()
-def history(name: Annotated[str, typer.Argument(help="An object of the map.")], data: Data = HERE, json: Json = False) -> None:
+def history(name: Annotated[str, typer.Argument(help="An object of the map.")], data: Data = DEFAULT_FOLDER, json: Json = False) -> None:
     """What happened to an object, newest first."""
     from somrs.cli.commands import history as run
 
@@ -230,7 +230,7 @@ def history(name: Annotated[str, typer.Argument(help="An object of the map.")], 
 def update(
     situation: Annotated[str, typer.Argument(help="What is so now, as a formula.")],
     author: Annotated[str, typer.Option(help="Who says so.")] = "somebody at the command line",
-    data: Data = HERE,
+    data: Data = DEFAULT_FOLDER,
 ) -> None:
     """Put a situation on the map."""
     from somrs.cli.commands import update as run
@@ -239,11 +239,11 @@ def update(
 
 
 @map_app.command()
-def events(limit: Limit = 20, before: Before = None, data: Data = HERE, json: Json = False) -> None:
+def events(limit: Limit = 20, before: BeforeOption = None, data: Data = DEFAULT_FOLDER, json: Json = False) -> None:
     """What happened to the map and the ontology, newest first: by whom, when, and what."""
     from somrs.cli.editing import history as run
 
-    awaited(run(limit, data, ontology=False, before=before, json=json))
+    awaited(run(limit, data, ontology=False, before_version=before, json=json))
 
 
 map_app.command()(undo)
@@ -253,9 +253,9 @@ map_app.command()(undo)
 def rename(
     name: Annotated[str, typer.Argument(help="An object of the map.")],
     to: Annotated[str, typer.Argument(help="What it is to be called.")],
-    author: Author = SOMEBODY,
+    author: Author = DEFAULT_AUTHOR,
     dry: Dry = False,
-    data: Data = HERE,
+    data: Data = DEFAULT_FOLDER,
     json: Json = False,
 ) -> None:
     """Give an object another name, everywhere where it is spoken of."""
@@ -266,7 +266,7 @@ def rename(
 
 
 @map_app.command()
-def export(out: Annotated[Path, typer.Argument(help="The YAML file to write.")], data: Data = HERE) -> None:
+def export(out: Annotated[Path, typer.Argument(help="The YAML file to write.")], data: Data = DEFAULT_FOLDER) -> None:
     """Write the map as it is now to a file."""
     from somrs.cli.commands import export as run
 

@@ -18,7 +18,7 @@ Json = Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")]
 HostOption = Annotated[str, typer.Option("--host", help="The address to listen at.")]
 PortOption = Annotated[int, typer.Option("--port", help="The port to listen at; 0 takes a free one.")]
 Formula = Annotated[str, typer.Argument(help="An Entish formula, such as 'Jar002 isOn Platform001'.")]
-HERE = Path(".somrs")
+DEFAULT_FOLDER = Path(".somrs")
 LOOPBACK = "127.0.0.1"
 
 

@@ -8,7 +8,7 @@ from datetime import datetime
 from pathlib import Path
 
 from somrs.api.remote import Api, api_of
-from somrs.cli.task_commands import do
+from somrs.cli.task_commands import run_task
 from somrs.client import terminal
 from somrs.client.client import Addresses, client_name
 from somrs.errors import UsageError
@@ -28,57 +28,57 @@ from somrs.protocol.messages.orders import (
 from somrs.protocol.messages.people import person_name
 from somrs.scheduling.recurrence import DAYS, in_words
 
-_SO_LONG = re.compile(r"(\d+(?:\.\d+)?)\s*(m|min|h|d)")
+_DURATION = re.compile(r"(\d+(?:\.\d+)?)\s*(m|min|h|d)")
 _MINUTES = {"m": 1, "min": 1, "h": 60, "d": 1440}
 
 
-def me() -> str:
+def author_name() -> str:
     """Who changes something, as the histories of templates and orders name them."""
     return person_name(client_name())
 
 
-def values(said: Sequence[str]) -> dict[str, str]:
+def parse_values(fillings: Sequence[str]) -> dict[str, str]:
     """`Thing=Jar002` ..."""
-    found: dict[str, str] = {}
-    for one in said:
-        name, equals, value = one.partition("=")
+    values_by_name: dict[str, str] = {}
+    for filling in fillings:
+        name, equals, value = filling.partition("=")
         if not equals or not name.strip():
-            raise UsageError(f"a blank is filled in as NAME=VALUE, such as Thing=Jar002, and not as {one!r}")
-        found[name.strip()] = value.strip()
-    return found
+            raise UsageError(f"a blank is filled in as NAME=VALUE, such as Thing=Jar002, and not as {filling!r}")
+        values_by_name[name.strip()] = value.strip()
+    return values_by_name
 
 
-def blank(said: str) -> Blank:
+def parse_blank(text: str) -> Blank:
     """`Thing:Jar`, or `Thing:Jar=Jar002` with what is taken when nothing is said."""
-    declared, _, default = said.partition("=")
+    declared, _, default = text.partition("=")
     name, _, type = declared.partition(":")
     return Blank(name=name.strip(), type=type.strip() or "Object", default=default.strip())
 
 
-def when(every: str | None, daily: str | None, days: str | None, at: str | None) -> Schedule:
+def parse_recurrence(interval: str | None, daily: str | None, days: str | None, moment: str | None) -> Schedule:
     """One of them. Raises UsageError."""
-    if sum(one is not None for one in (every, daily, at)) != 1:
+    if sum(option is not None for option in (interval, daily, moment)) != 1:
         raise UsageError("say when: --every 2h, or --daily 07:30 (and perhaps --days Mon,Thu), or --at 2026-11-24T08:00")
     if days is not None and daily is None:
         raise UsageError("--days go with --daily")
-    if every is not None:
-        found = _SO_LONG.fullmatch(every.strip().lower())
-        if found is None:
-            raise UsageError(f"{every!r} is no time; write it as 30m, 2h or 1d")
-        return Every(minutes=float(found[1]) * _MINUTES[found[2]])
-    if at is not None:
+    if interval is not None:
+        match = _DURATION.fullmatch(interval.strip().lower())
+        if match is None:
+            raise UsageError(f"{interval!r} is no time; write it as 30m, 2h or 1d")
+        return Every(minutes=float(match[1]) * _MINUTES[match[2]])
+    if moment is not None:
         try:
-            return Once(at=datetime.fromisoformat(at.strip()).timestamp())
+            return Once(at=datetime.fromisoformat(moment.strip()).timestamp())
         except ValueError:
-            raise UsageError(f"{at!r} is no moment; write it as 2026-11-24T08:00") from None
+            raise UsageError(f"{moment!r} is no moment; write it as 2026-11-24T08:00") from None
     assert daily is not None, "one of them is said"
-    return Daily(at=daily, days=tuple(_day(day) for day in (days or "").split(",") if day.strip()))
+    return Daily(at=daily, days=tuple(_parse_day(day) for day in (days or "").split(",") if day.strip()))
 
 
-def _day(said: str) -> int:
-    short = said.strip().capitalize()[:3]
+def _parse_day(text: str) -> int:
+    short = text.strip().capitalize()[:3]
     if short not in DAYS:
-        raise UsageError(f"{said.strip()!r} is no day; they are {', '.join(DAYS)}")
+        raise UsageError(f"{text.strip()!r} is no day; they are {', '.join(DAYS)}")
     return DAYS.index(short)
 
 
@@ -87,30 +87,33 @@ def _day(said: str) -> int:
 
 async def list_templates(data: Path, *, json: bool) -> None:
     async with api_of(Addresses.read(data)) as api:
-        found = (await api.orders.templates()).templates
+        templates = (await api.orders.templates()).templates
     if json:
-        terminal.print_json(found)
-    elif found:
-        rows = ((one.name, terminal.lines(one.task.effect, one.note), "\n".join(map(_declared, one.blanks)) or "-") for one in found)
+        terminal.print_json(templates)
+    elif templates:
+        rows = (
+            (template.name, terminal.lines(template.task.effect, template.note), "\n".join(map(_describe_blank, template.blanks)) or "-")
+            for template in templates
+        )
         terminal.console().print(terminal.table("Templates", ("name", "wish", "blanks"), rows))
     else:
         print("no templates yet; `somrs templates save NAME FORMULA` keeps one")
 
 
-def _declared(blank: Blank) -> str:
+def _describe_blank(blank: Blank) -> str:
     return f"{blank.name}: {blank.type}{f' = {blank.default}' if blank.default else ''}"
 
 
 async def save_template(name: str, saved: TemplateSaved, data: Path) -> None:
     async with api_of(Addresses.read(data)) as api:
-        made = await api.orders.save_template(name, saved)
-    print(f"{made.name}: {'saved' if made.version == 1 else 'changed'}")
+        template = await api.orders.save_template(name, saved)
+    print(f"{template.name}: {'saved' if template.version == 1 else 'changed'}")
 
 
-async def rename_template(name: str, to: str, data: Path) -> None:
+async def rename_template(name: str, new_name: str, data: Path) -> None:
     async with api_of(Addresses.read(data)) as api:
-        await api.orders.rename_template(name, to, by=me())
-    print(f"{name} is called {to} now")
+        await api.orders.rename_template(name, new_name, by=author_name())
+    print(f"{name} is called {new_name} now")
 
 
 async def remove_template(name: str, data: Path) -> None:
@@ -119,11 +122,11 @@ async def remove_template(name: str, data: Path) -> None:
     print(f"{name} is removed")
 
 
-async def use_template(name: str, said: Sequence[str], data: Path, *, wait: bool, json: bool) -> int:
+async def use_template(name: str, fillings: Sequence[str], data: Path, *, wait: bool, json: bool) -> int:
     """State the task that it is, and follow it; 0 when it was accomplished."""
     async with api_of(Addresses.read(data)) as api:
-        task = await api.orders.fill_template(name, Filled(values=values(said)))
-    return await do(task, data, wait=wait, json=json)
+        task = await api.orders.fill_template(name, Filled(values=parse_values(fillings)))
+    return await run_task(task, data, wait=wait, json=json)
 
 
 # Standing orders
@@ -131,13 +134,19 @@ async def use_template(name: str, said: Sequence[str], data: Path, *, wait: bool
 
 async def list_orders(data: Path, *, json: bool) -> None:
     async with api_of(Addresses.read(data)) as api:
-        found = (await api.orders.orders()).orders
+        orders = (await api.orders.orders()).orders
     if json:
-        terminal.print_json(found)
-    elif found:
+        terminal.print_json(orders)
+    elif orders:
         rows = (
-            (one.id, terminal.lines(one.name, wish(one)), in_words(one.when), _next(one), last(one.last) if one.last is not None else "-")
-            for one in found
+            (
+                order.id,
+                terminal.lines(order.name, goal_text(order)),
+                in_words(order.when),
+                _describe_next(order),
+                describe_run(order.last) if order.last is not None else "-",
+            )
+            for order in orders
         )
         terminal.console().print(
             terminal.table("Standing orders", ("id", "order", "when", "next", "last time"), rows, whole=("id", "next"))
@@ -146,67 +155,67 @@ async def list_orders(data: Path, *, json: bool) -> None:
         print("no standing orders yet; `somrs orders add NAME FORMULA --every 2h` gives one")
 
 
-def wish(order: StandingOrder) -> str:
+def goal_text(order: StandingOrder) -> str:
     if order.task is not None:
         return order.task.effect
     return ", ".join((f"template {order.template}", *(f"{name}={value}" for name, value in order.values.items())))
 
 
-def _next(order: StandingOrder) -> str:
+def _describe_next(order: StandingOrder) -> str:
     if order.next is not None:
         return f"{datetime.fromtimestamp(order.next):%Y-%m-%d %H:%M}"
     return "never again" if order.enabled else "paused"
 
 
-def last(run: Run) -> str:
+def describe_run(run: Run) -> str:
     """What came of a time at which an order was due."""
-    became = run.state.value
+    result = run.state.value
     if run.state is RunState.SUBMITTED:
-        became = str(run.outcome) if run.outcome is not None else "over" if run.ended_at is not None else "under way"
+        result = str(run.outcome) if run.outcome is not None else "over" if run.ended_at is not None else "under way"
     elif run.state is RunState.MISSED and run.times > 1:
-        became = f"missed, {run.times} times"
-    return terminal.lines(f"{datetime.fromtimestamp(run.due):%Y-%m-%d %H:%M}: {became}", run.note)
+        result = f"missed, {run.times} times"
+    return terminal.lines(f"{datetime.fromtimestamp(run.due):%Y-%m-%d %H:%M}: {result}", run.note)
 
 
 async def add_order(order: OrderSaved, data: Path) -> None:
     async with api_of(Addresses.read(data)) as api:
-        made = await api.orders.add_order(order)
-    print(f"{made.id}: {made.name}, {in_words(made.when)}; next: {_next(made)}")
+        added_order = await api.orders.add_order(order)
+    print(f"{added_order.id}: {added_order.name}, {in_words(added_order.when)}; next: {_describe_next(added_order)}")
 
 
 async def show_runs(name: str, limit: int, data: Path, *, json: bool) -> None:
     async with api_of(Addresses.read(data)) as api:
-        order = await _named(name, api)
-        found = (await api.orders.runs(order.id, limit)).runs
+        order = await _find_order(name, api)
+        runs = (await api.orders.runs(order.id, limit)).runs
     if json:
-        terminal.print_json(found)
+        terminal.print_json(runs)
         return
-    rows = ((last(run), terminal.short(run.task) if run.task is not None else "-") for run in found)
-    print(f"{order.name}: {wish(order)}; {in_words(order.when)}; next: {_next(order)}")
-    terminal.console().print(terminal.table("", ("due", "task"), rows) if found else "it was not due yet")
+    rows = ((describe_run(run), terminal.short(run.task) if run.task is not None else "-") for run in runs)
+    print(f"{order.name}: {goal_text(order)}; {in_words(order.when)}; next: {_describe_next(order)}")
+    terminal.console().print(terminal.table("", ("due", "task"), rows) if runs else "it was not due yet")
 
 
-async def turn_order(name: str, data: Path, *, on: bool) -> None:
+async def turn_order(name: str, data: Path, *, is_enabled: bool) -> None:
     """Resume it, or pause it."""
     async with api_of(Addresses.read(data)) as api:
-        order = await _named(name, api)
-        turned = api.orders.resume_order if on else api.orders.pause_order
-        made = await turned(order.id, by=me())
-    print(f"{made.name}: next: {_next(made)}")
+        order = await _find_order(name, api)
+        turned = api.orders.resume_order if is_enabled else api.orders.pause_order
+        updated_order = await turned(order.id, by=author_name())
+    print(f"{updated_order.name}: next: {_describe_next(updated_order)}")
 
 
 async def remove_order(name: str, data: Path) -> None:
     async with api_of(Addresses.read(data)) as api:
-        order = await _named(name, api)
+        order = await _find_order(name, api)
         await api.orders.remove_order(order.id)
     print(f"{order.name} is taken back")
 
 
-async def _named(name: str, api: Api) -> StandingOrder:
+async def _find_order(name: str, api: Api) -> StandingOrder:
     """The order of that id, or of that name."""
     orders = (await api.orders.orders()).orders
-    found = [one for one in orders if one.id == name] or [one for one in orders if one.name == name]
-    if len(found) != 1:
-        how = f"{len(found)} orders are called {name}: say the id" if found else f"there is no order {name}"
-        raise UsageError(f"{how}; `somrs orders` lists them")
-    return found[0]
+    matches = [order for order in orders if order.id == name] or [order for order in orders if order.name == name]
+    if len(matches) != 1:
+        problem = f"{len(matches)} orders are called {name}: say the id" if matches else f"there is no order {name}"
+        raise UsageError(f"{problem}; `somrs orders` lists them")
+    return matches[0]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from somrs.cli.options import HERE, Data, Json, awaited, guarded
+from somrs.cli.options import DEFAULT_FOLDER, Data, Json, awaited, guarded
 from somrs.cli.tasks import PolicyOption
 from somrs.protocol.messages.orders import OrderSaved, TemplateSaved
 
@@ -38,7 +38,7 @@ Priority = Annotated[
 
 
 @templates_app.callback()
-def templates(context: typer.Context, data: Data = HERE, json: Json = False) -> None:
+def templates(context: typer.Context, data: Data = DEFAULT_FOLDER, json: Json = False) -> None:
     """The templates of the running system."""
     from somrs.cli.order_commands import list_templates as run
 
@@ -59,15 +59,15 @@ def save_template(
     time_value: TimeValue = 0.01,
     deadline: Deadline = None,
     priority: Priority = 0,
-    data: Data = HERE,
+    data: Data = DEFAULT_FOLDER,
 ) -> None:
     """Keep a task under a name; one of that name is changed."""
-    from somrs.cli.order_commands import blank as declared
-    from somrs.cli.order_commands import me
+    from somrs.cli.order_commands import author_name
+    from somrs.cli.order_commands import parse_blank as declared
     from somrs.cli.order_commands import save_template as run
 
     task = _task(formula, precondition, policy, time_value, deadline, priority)
-    awaited(run(name, TemplateSaved(task=task, blanks=tuple(map(declared, blank)), note=note, by=me()), data))
+    awaited(run(name, TemplateSaved(task=task, blanks=tuple(map(declared, blank)), note=note, by=author_name()), data))
 
 
 @templates_app.command(name="use")
@@ -75,7 +75,7 @@ def use_template(
     name: TemplateName,
     fill: Filling = [],  # noqa: B006  # as above
     wait: Annotated[bool, typer.Option(help="Stay until the task ended.")] = True,
-    data: Data = HERE,
+    data: Data = DEFAULT_FOLDER,
     json: Json = False,
 ) -> None:
     """State the task that a template is, with its blanks filled in."""
@@ -85,7 +85,7 @@ def use_template(
 
 
 @templates_app.command(name="rename")
-def rename_template(name: TemplateName, to: Annotated[str, typer.Argument(help="Its new name.")], data: Data = HERE) -> None:
+def rename_template(name: TemplateName, to: Annotated[str, typer.Argument(help="Its new name.")], data: Data = DEFAULT_FOLDER) -> None:
     """Give a template another name, in the orders that use it, too."""
     from somrs.cli.order_commands import rename_template as run
 
@@ -93,7 +93,7 @@ def rename_template(name: TemplateName, to: Annotated[str, typer.Argument(help="
 
 
 @templates_app.command(name="remove")
-def remove_template(name: TemplateName, data: Data = HERE) -> None:
+def remove_template(name: TemplateName, data: Data = DEFAULT_FOLDER) -> None:
     """Remove a template that no order uses."""
     from somrs.cli.order_commands import remove_template as run
 
@@ -101,7 +101,7 @@ def remove_template(name: TemplateName, data: Data = HERE) -> None:
 
 
 @orders_app.callback()
-def orders(context: typer.Context, data: Data = HERE, json: Json = False) -> None:
+def orders(context: typer.Context, data: Data = DEFAULT_FOLDER, json: Json = False) -> None:
     """The standing orders. When each is due next, and what came of it last."""
     from somrs.cli.order_commands import list_orders as run
 
@@ -125,21 +125,21 @@ def add_order(
     time_value: TimeValue = 0.01,
     deadline: Deadline = None,
     priority: Priority = 0,
-    data: Data = HERE,
+    data: Data = DEFAULT_FOLDER,
 ) -> None:
     """Give a standing order."""
     from somrs.cli.order_commands import add_order as run
-    from somrs.cli.order_commands import me, values, when
+    from somrs.cli.order_commands import author_name, parse_recurrence, parse_values
 
     order = guarded(
         lambda: OrderSaved(
             name=name,
-            when=when(every, daily, days, at),
+            when=parse_recurrence(every, daily, days, at),
             task=_task(formula, precondition, policy, time_value, deadline, priority) if formula is not None else None,
             template=template,
-            values=values(fill),
+            values=parse_values(fill),
             skip=skip,
-            by=me(),
+            by=author_name(),
         )
     )
     awaited(run(order, data))
@@ -147,7 +147,10 @@ def add_order(
 
 @orders_app.command(name="runs")
 def show_runs(
-    name: OrderName, limit: Annotated[int, typer.Option(min=1, help="At most so many.")] = 20, data: Data = HERE, json: Json = False
+    name: OrderName,
+    limit: Annotated[int, typer.Option(min=1, help="At most so many.")] = 20,
+    data: Data = DEFAULT_FOLDER,
+    json: Json = False,
 ) -> None:
     """When an order was due, and what came of it."""
     from somrs.cli.order_commands import show_runs as run
@@ -156,23 +159,23 @@ def show_runs(
 
 
 @orders_app.command(name="pause")
-def pause_order(name: OrderName, data: Data = HERE) -> None:
+def pause_order(name: OrderName, data: Data = DEFAULT_FOLDER) -> None:
     """Let an order rest. Its task, if one runs, goes on."""
     from somrs.cli.order_commands import turn_order as run
 
-    awaited(run(name, data, on=False))
+    awaited(run(name, data, is_enabled=False))
 
 
 @orders_app.command(name="resume")
-def resume_order(name: OrderName, data: Data = HERE) -> None:
+def resume_order(name: OrderName, data: Data = DEFAULT_FOLDER) -> None:
     """Let an order go on; what was due meanwhile is not made up for."""
     from somrs.cli.order_commands import turn_order as run
 
-    awaited(run(name, data, on=True))
+    awaited(run(name, data, is_enabled=True))
 
 
 @orders_app.command(name="remove")
-def remove_order(name: OrderName, data: Data = HERE) -> None:
+def remove_order(name: OrderName, data: Data = DEFAULT_FOLDER) -> None:
     """Take an order back."""
     from somrs.cli.order_commands import remove_order as run
 

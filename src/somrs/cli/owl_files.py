@@ -21,34 +21,34 @@ def is_owl(file: Path) -> bool:
     return file.suffix.lower() in FORMATS
 
 
-async def export(out: Path, data: Path, *, map: bool, shapes: bool) -> None:
+async def export(output: Path, data: Path, *, map: bool, shapes: bool) -> None:
     async with Client(Addresses.read(data)) as client:
-        ontology, wanted = await client.ontology(), await client.map() if map else None
-    out.write_bytes(owl.export(ontology, wanted, FORMATS[out.suffix.lower()], shapes=shapes))
-    objects = f", {len(wanted.objects)} objects" if wanted is not None else ""
-    print(f"{out}: {len(ontology.types)} types, {len(ontology.services)} service types{objects}")
+        ontology, exported_map = await client.ontology(), await client.map() if map else None
+    output.write_bytes(owl.export(ontology, exported_map, FORMATS[output.suffix.lower()], shapes=shapes))
+    objects = f", {len(exported_map.objects)} objects" if exported_map is not None else ""
+    print(f"{output}: {len(ontology.types)} types, {len(ontology.services)} service types{objects}")
 
 
-async def take_over(file: Path, author: str, data: Path, *, map: bool, dry: bool, json: bool) -> int:
+async def import_definitions(file: Path, author: str, data: Path, *, map: bool, dry: bool, json: bool) -> int:
     """Have the definitions of a file added, or put in place of those of the same names; and, with `map`, its objects on the map."""
     async with Client(Addresses.read(data)) as client:
-        ontology, now = await client.ontology(), await client.map() if map else None
+        ontology, current_map = await client.ontology(), await client.map() if map else None
     try:
         text = file.read_text("utf-8-sig")
     except UnicodeDecodeError:
         raise UsageError(f"{file}: is no text in UTF-8; save it as such") from None
-    found = owl.read(text, str(file), ontology)
-    for note in found.notes:
+    owl_content = owl.read(text, str(file), ontology)
+    for note in owl_content.notes:
         print(note, file=sys.stderr)
-    change = OwlChange(found, ontology, author)
-    changes = change.on_map(now, str(file)) if now is not None else ()
+    change = OwlChange(owl_content, ontology, author)
+    changes = change.on_map(current_map, str(file)) if current_map is not None else ()
     code = await alter(change.define, data, dry=dry, json=json) if change.changes_ontology or not changes else 0
     if code or not changes:
-        if found.map.objects and not map:
-            print(f"individuals in it: {len(found.map.objects)}; --map puts them on the map as the file has them", file=sys.stderr)
+        if owl_content.map.objects and not map:
+            print(f"individuals in it: {len(owl_content.map.objects)}; --map puts them on the map as the file has them", file=sys.stderr)
         return code
     if not dry:
         return await alter(UpdateMap(changes=changes, author=author), data, dry=False, json=json)
-    for one in changes:
-        print(f"on the map: {terminal.change(one)}")
+    for map_change in changes:
+        print(f"on the map: {terminal.change(map_change)}")
     return 0

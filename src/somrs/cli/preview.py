@@ -14,51 +14,55 @@ from somrs.client.task_report import reasons
 from somrs.protocol.messages.clients import Preview, Previewed, Quotation
 
 
-async def plan(wanted: Preview, data: Path, *, json: bool) -> int:
+async def plan(request: Preview, data: Path, *, json: bool) -> int:
     """Show the plan; 0 if there is one, or nothing to do."""
     async with Client(Addresses.read(data)) as client:
-        found = await client.preview(wanted)
+        result = await client.preview(request)
     if json:
-        terminal.print_json(found)
-    elif not found.steps:
-        print("\n".join(reasons(found)))
+        terminal.print_json(result)
+    elif not result.steps:
+        print("\n".join(reasons(result)))
     else:
-        terminal.console().print(preview(found, quoted=wanted.quotes))
-    return 0 if found.steps or not found.reasons else 1
+        terminal.console().print(preview(result, quoted=request.quotes))
+    return 0 if result.steps or not result.reasons else 1
 
 
-def preview(found: Previewed, *, quoted: bool) -> Group:
-    parts: list[RenderableType] = [terminal.plan(found.steps)]
+def preview(result: Previewed, *, quoted: bool) -> Group:
+    parts: list[RenderableType] = [terminal.plan(result.steps)]
     if quoted:
-        parts += ["", quotations(found.quotations), "", total(found)]
-    if found.waits:
-        parts.append(Text(f"A task would begin by {found.waits}."))
+        parts += ["", quotations(result.quotations), "", total(result)]
+    if result.waits:
+        parts.append(Text(f"A task would begin by {result.waits}."))
     return Group(*parts)
 
 
-def quotations(found: Iterable[Quotation]) -> RenderableType:
+def quotations(offered_quotations: Iterable[Quotation]) -> RenderableType:
     """Who was asked for a step, and what each wants; ✔ would get it."""
-    asked = [*found]
+    quotation_list = [*offered_quotations]
     rows = (
         (
-            one.step,
-            Text(f"{'✔ ' if one.chosen else ''}{one.service}", "green" if one.chosen else ""),
-            terminal.terms(one.price, one.currency, one.duration) or "-",
-            f"{one.start:.0f} s to {one.finish:.0f} s" if one.start is not None and one.finish is not None else "-",
-            terminal.lines("an estimate: it asked this last" if one.estimate else "", one.reason),
+            quotation.step,
+            Text(f"{'✔ ' if quotation.chosen else ''}{quotation.service}", "green" if quotation.chosen else ""),
+            terminal.terms(quotation.price, quotation.currency, quotation.duration) or "-",
+            f"{quotation.start:.0f} s to {quotation.finish:.0f} s" if quotation.start is not None and quotation.finish is not None else "-",
+            terminal.lines("an estimate: it asked this last" if quotation.estimate else "", quotation.reason),
         )
-        for one in asked
+        for quotation in quotation_list
     )
     columns = ("step", "asked (✔ chosen)", "offers", "from, until", "but")
     return terminal.table(
-        "Terms now", columns, rows, whole=("offers",), least={columns[1]: terminal.column_width(f"✔ {one.service}" for one in asked)}
+        "Terms now",
+        columns,
+        rows,
+        whole=("offers",),
+        least={columns[1]: terminal.column_width(f"✔ {quotation.service}" for quotation in quotation_list)},
     )
 
 
-def total(found: Previewed) -> Text:
+def total(result: Previewed) -> Text:
     """What all of it comes to."""
-    if found.unserved:
-        return Text("\n".join(f"{step}: {why}" for step, why in found.unserved.items()), "red")
-    price = f"{found.price:g} {found.currency}" if found.price is not None else "prices in several currencies"
-    seconds = f", done in {found.seconds:.0f} s" if found.seconds is not None else ""
-    return Text(f"All together: {price}{seconds}{'; some of it is an estimate' if found.estimate else ''}.", "bold")
+    if result.unserved:
+        return Text("\n".join(f"{step}: {reason}" for step, reason in result.unserved.items()), "red")
+    price = f"{result.price:g} {result.currency}" if result.price is not None else "prices in several currencies"
+    seconds = f", done in {result.seconds:.0f} s" if result.seconds is not None else ""
+    return Text(f"All together: {price}{seconds}{'; some of it is an estimate' if result.estimate else ''}.", "bold")

@@ -12,19 +12,19 @@ from somrs.errors import FormulaError
 from somrs.ontology.services import Handler, Occasion
 
 _TYPE = re.compile(r"\s*(?P<name>[^\W\d]\w*(?:-\w+)*)\s*:")
-_WHEN = re.compile(r'"(?:[^"\\\n]|\\.)*"|(?P<when>\bWHEN\b)')
+_WHEN_WORD = re.compile(r'"(?:[^"\\\n]|\\.)*"|(?P<when>\bWHEN\b)')
 
 
-def handler(on: Occasion, text: str) -> Handler:
+def handler(occasion: Occasion, text: str) -> Handler:
     """What the text says. Raises FormulaError, which shows the place in the whole of it."""
     typed = _TYPE.match(text)
     start = typed.end() if typed is not None else 0
-    words = [found for found in _WHEN.finditer(text, start) if found["when"] is not None]
+    words = [match for match in _WHEN_WORD.finditer(text, start) if match["when"] is not None]
     if len(words) > 1:
         raise FormulaError(text, words[1].start(), "WHEN is there twice", "join what has to hold with AND")
     end = words[0].start() if words else len(text)
     return Handler(
-        on=on,
+        on=occasion,
         service_type=typed["name"] if typed is not None else None,
         effect=_formula(text, start, end),
         when=_formula(text, words[0].end(), len(text)) if words else None,

@@ -11,13 +11,15 @@ from somrs.client.questions import open_questions, put_answer
 
 def questions(data: Path, *, json: bool) -> None:
     """List the open questions."""
-    found = open_questions(data)
+    questions = open_questions(data)
     if json:
-        terminal.print_json(found)
-    elif not found:
+        terminal.print_json(questions)
+    elif not questions:
         print("nobody asks anything")
     else:
-        rows = ((one.number, one.person, one.text, f"{max(0.0, one.until - time.time()):.0f} s") for one in found)
+        rows = (
+            (question.number, question.person, question.text, f"{max(0.0, question.until - time.time()):.0f} s") for question in questions
+        )
         terminal.console().print(terminal.table("Open questions", ("number", "to", "question", "time left"), rows))
         print("Answer with: somrs answer NUMBER FORMULA, such as `Jar002 isOn Table001`")
 

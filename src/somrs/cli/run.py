@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from somrs.cli.options import HERE, LOOPBACK, Data, HostOption, PortOption, guarded
+from somrs.cli.options import DEFAULT_FOLDER, LOOPBACK, Data, HostOption, PortOption, guarded
 
 run_app = typer.Typer(help="Run one part of a system by itself.", no_args_is_help=True, rich_markup_mode=None)
 
@@ -15,7 +15,7 @@ run_app = typer.Typer(help="Run one part of a system by itself.", no_args_is_hel
 @run_app.command()
 def repository(
     site: Annotated[list[Path], typer.Option(help="Map and ontology files to begin with.")] = [],  # noqa: B006  # typer's way to say a list
-    data: Data = HERE,
+    data: Data = DEFAULT_FOLDER,
     host: HostOption = LOOPBACK,
     port: PortOption = 0,
 ) -> None:
@@ -26,7 +26,7 @@ def repository(
 
 
 @run_app.command()
-def registry(data: Data = HERE, host: HostOption = LOOPBACK, port: PortOption = 0) -> None:
+def registry(data: Data = DEFAULT_FOLDER, host: HostOption = LOOPBACK, port: PortOption = 0) -> None:
     """The Service Registry."""
     from somrs.client.client import Addresses
     from somrs.deployment.programs import run_program, run_registry
@@ -35,7 +35,7 @@ def registry(data: Data = HERE, host: HostOption = LOOPBACK, port: PortOption = 
 
 
 @run_app.command(name="task-manager")
-def task_manager(data: Data = HERE, host: HostOption = LOOPBACK, port: PortOption = 0) -> None:
+def task_manager(data: Data = DEFAULT_FOLDER, host: HostOption = LOOPBACK, port: PortOption = 0) -> None:
     """A Task Manager."""
     from somrs.client.client import Addresses
     from somrs.deployment.programs import run_program, run_task_manager
@@ -46,7 +46,7 @@ def task_manager(data: Data = HERE, host: HostOption = LOOPBACK, port: PortOptio
 @run_app.command()
 def simulator(
     site: Annotated[list[Path], typer.Option(help="Make the world from these files' map, with no Repository.")] = [],  # noqa: B006  # as above
-    data: Data = HERE,
+    data: Data = DEFAULT_FOLDER,
     host: HostOption = LOOPBACK,
     port: PortOption = 0,
     speed: Annotated[str, typer.Option(help="Of simulated time: 1 is real time, `max` as fast as it goes.")] = "1",
@@ -63,7 +63,7 @@ def simulator(
 
 @run_app.command()
 def world(
-    data: Data = HERE,
+    data: Data = DEFAULT_FOLDER,
     host: HostOption = LOOPBACK,
     port: PortOption = 0,
     speed: Annotated[str, typer.Option(help="A service that costs 1 takes 1 s at speed 1, and none at `max`.")] = "1",
@@ -76,7 +76,7 @@ def world(
 
 
 @run_app.command()
-def scheduler(data: Data = HERE, host: HostOption = LOOPBACK, port: PortOption = 0) -> None:
+def scheduler(data: Data = DEFAULT_FOLDER, host: HostOption = LOOPBACK, port: PortOption = 0) -> None:
     """The Scheduler of standing orders."""
     from somrs.client.client import Addresses
     from somrs.deployment.programs import run_program
@@ -86,7 +86,7 @@ def scheduler(data: Data = HERE, host: HostOption = LOOPBACK, port: PortOption =
 
 
 @run_app.command()
-def api(data: Data = HERE, host: HostOption = LOOPBACK, port: PortOption = 0) -> None:
+def api(data: Data = DEFAULT_FOLDER, host: HostOption = LOOPBACK, port: PortOption = 0) -> None:
     """The API: REST and WebSocket."""
     from somrs.api.program import run_api
     from somrs.client.client import Addresses
@@ -96,7 +96,7 @@ def api(data: Data = HERE, host: HostOption = LOOPBACK, port: PortOption = 0) ->
 
 
 @run_app.command()
-def gui(data: Data = HERE, host: HostOption = LOOPBACK, port: PortOption = 0) -> None:
+def gui(data: Data = DEFAULT_FOLDER, host: HostOption = LOOPBACK, port: PortOption = 0) -> None:
     """The windows, in the browser; they need the API."""
     from somrs.client.client import Addresses
     from somrs.deployment.programs import has_windows, run_program
@@ -116,7 +116,7 @@ def gui(data: Data = HERE, host: HostOption = LOOPBACK, port: PortOption = 0) ->
 def device(
     driver: Annotated[str, typer.Argument(help="The device's class: `module:Class` or `file.py:Class`.")],
     name: Annotated[str, typer.Option(help="The device's object on the map.")],
-    data: Data = HERE,
+    data: Data = DEFAULT_FOLDER,
     host: HostOption = LOOPBACK,
 ) -> None:
     """The Service Manager of a device."""

@@ -17,51 +17,51 @@ from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.people import person_name
 
 
-def tell(story: TaskReport, console: Console) -> None:
+def print_report(report: TaskReport, console: Console) -> None:
     """All but the messages."""
-    seen, record = story.view, story.record
-    parts: list[RenderableType] = [Group(Text(seen.effect, style="bold"), terminal.ending(seen), "", _facts(story))]
-    if seen.steps:
-        parts.append(terminal.steps("Plan" if record is None else "Last plan", seen.steps))
-    if seen.work:
-        parts.append(work(seen.work))
-    if story.contracts:
-        parts.append(contracts(story.contracts))
-    if story.events:
-        parts.append(Group(Text("Events", style="bold"), terminal.events(story.events)))
+    view, record = report.view, report.record
+    parts: list[RenderableType] = [Group(Text(view.effect, style="bold"), terminal.ending(view), "", _facts(report))]
+    if view.steps:
+        parts.append(terminal.steps("Plan" if record is None else "Last plan", view.steps))
+    if view.work:
+        parts.append(work(view.work))
+    if report.contracts:
+        parts.append(contracts(report.contracts))
+    if report.events:
+        parts.append(Group(Text("Events", style="bold"), terminal.events(report.events)))
     for number, part in enumerate(parts):
         console.print(*([""] if number else []), part, sep="\n")
 
 
-def _facts(story: TaskReport) -> Table:
-    seen, record = story.view, story.record
+def _facts(report: TaskReport) -> Table:
+    view, record = report.view, report.record
     facts = [
-        ("task", seen.task),
-        ("submitted", terminal.moment(seen.submitted_at)),
+        ("task", view.task),
+        ("submitted", terminal.moment(view.submitted_at)),
         *([("ended", terminal.moment(record.ended_at))] if record is not None else []),
-        ("by", person_name(seen.client)),
-        ("policy", seen.policy.value),
-        *([("priority", f"{seen.priority}")] if seen.priority else []),
-        *([("from", seen.precondition)] if seen.precondition else []),
-        *([("deadline", f"{seen.deadline:g} s")] if seen.deadline is not None else []),
+        ("by", person_name(view.client)),
+        ("policy", view.policy.value),
+        *([("priority", f"{view.priority}")] if view.priority else []),
+        *([("from", view.precondition)] if view.precondition else []),
+        *([("deadline", f"{view.deadline:g} s")] if view.deadline is not None else []),
     ]
-    made = Table.grid(padding=(0, 2))
+    table = Table.grid(padding=(0, 2))
     for fact in facts:
-        made.add_row(*fact)
-    return made
+        table.add_row(*fact)
+    return table
 
 
-def work(found: Iterable[WorkView]) -> Table:
+def work(views: Iterable[WorkView]) -> Table:
     """What services did, in the order in which they began, and what became of it."""
-    works = [*found]
+    works = [*views]
     rows = (
         (
-            one.step,
-            terminal.lines(one.service, terminal.inputs(one)),
-            terminal.state_text(one.state),
-            terminal.lines(one.situation or "nothing is known", one.note),
+            work.step,
+            terminal.lines(work.service, terminal.inputs(work)),
+            terminal.state_text(work.state),
+            terminal.lines(work.situation or "nothing is known", work.note),
         )
-        for one in works
+        for work in works
     )
     return terminal.table(
         "What was done",
@@ -72,26 +72,26 @@ def work(found: Iterable[WorkView]) -> Table:
     )
 
 
-def contracts(found: Iterable[ContractView]) -> Table:
+def contracts(views: Iterable[ContractView]) -> Table:
     """Who was asked for a step, what they wanted, and who got it."""
-    asked = [*found]
+    contract_views = [*views]
     rows = (
         (
-            one.step,
-            one.service,
+            contract.step,
+            contract.service,
             Text(
-                f"{'✔ ' if one.accepted else ''}{terminal.terms(one.price, one.currency, one.duration) or '-'}",
-                "green" if one.accepted else "",
+                f"{'✔ ' if contract.accepted else ''}{terminal.terms(contract.price, contract.currency, contract.duration) or '-'}",
+                "green" if contract.accepted else "",
             ),
-            Group(terminal.state_text(one.state)) if one.state is not State.ENDED else one.reason or "left",
+            Group(terminal.state_text(contract.state)) if contract.state is not State.ENDED else contract.reason or "left",
         )
-        for one in asked
+        for contract in contract_views
     )
     return terminal.table(
         "Terms",
         ("step", "asked", "offered (✔ accepted)", "in the end"),
         rows,
-        least={"asked": terminal.column_width(one.service for one in asked)},
+        least={"asked": terminal.column_width(contract.service for contract in contract_views)},
     )
 
 

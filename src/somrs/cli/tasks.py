@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from somrs.cli.options import HERE, Data, Formula, Json, awaited, fail, guarded
+from somrs.cli.options import DEFAULT_FOLDER, Data, Formula, Json, awaited, fail, guarded
 
 if TYPE_CHECKING:
     from somrs.protocol.messages.records import ReadRecords
@@ -20,9 +20,9 @@ tasks_app = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
 TaskName = Annotated[str, typer.Argument(help="The task's id, or its beginning; or `last`.")]
 PROCEDURE = "[SERVICE TYPE:] FORMULA [WHEN FORMULA]; it may speak of the step's inputs, such as ?Object. Can be given several times."
 
-Since = Annotated[str | None, typer.Option(help="Those that ended since: 2026-03-01, 2026-03-01T14:30, or so long ago: 2h, 7d.")]
-TextWanted = Annotated[str | None, typer.Option("--text", help="Those with this text in what was wished for.")]
-ByWanted = Annotated[str | None, typer.Option("--by", help="Those in which this service, or a service of this device, did something.")]
+SinceOption = Annotated[str | None, typer.Option(help="Those that ended since: 2026-03-01, 2026-03-01T14:30, or so long ago: 2h, 7d.")]
+TextOption = Annotated[str | None, typer.Option("--text", help="Those with this text in what was wished for.")]
+ByOption = Annotated[str | None, typer.Option("--by", help="Those in which this service, or a service of this device, did something.")]
 
 
 class PolicyOption(StrEnum):
@@ -76,15 +76,15 @@ def do(
         list[str], typer.Option(help=f"Bring this about to undo a step, instead of what was before it: {PROCEDURE}")
     ] = [],  # noqa: B006  # as above
     wait: Annotated[bool, typer.Option(help="Stay until the task ended.")] = True,
-    data: Data = HERE,
+    data: Data = DEFAULT_FOLDER,
     json: Json = False,
 ) -> None:
     """Make a formula true. Shows the plan, who does what, what is done about failures, and how it ends."""
-    from somrs.cli.task_commands import do as run
     from somrs.cli.task_commands import handlers
+    from somrs.cli.task_commands import run_task as run
     from somrs.protocol.messages.clients import Policy, Submit
 
-    wish = Submit(
+    submission = Submit(
         effect=formula,
         precondition=precondition,
         policy=Policy(policy.value),
@@ -93,26 +93,26 @@ def do(
         priority=priority,
         handlers=guarded(lambda: handlers(on_failure, on_compensation)),
     )
-    sys.exit(awaited(run(wish, data, wait=wait, json=json)))
+    sys.exit(awaited(run(submission, data, wait=wait, json=json)))
 
 
 @tasks_app.command()
 def tasks(
     history: Annotated[bool, typer.Option("--history", help="Those that are over, too.")] = False,
     limit: Annotated[int, typer.Option(min=1, help="At most so many of those that are over.")] = 20,
-    since: Since = None,
+    since: SinceOption = None,
     outcome: OutcomeWanted = None,
-    text: TextWanted = None,
-    by: ByWanted = None,
-    data: Data = HERE,
+    text: TextOption = None,
+    service: ByOption = None,
+    data: Data = DEFAULT_FOLDER,
     json: Json = False,
 ) -> None:
     """The tasks that run. With --history those that are over, too; these also when no system runs. With --since, --outcome, --text or
     --by only those that are over, and fit."""
     from somrs.cli.task_commands import tasks as run
 
-    wanted = guarded(lambda: _wanted(since, outcome, text, by))
-    awaited(run(data, history=history or wanted is not None, limit=limit, json=json, wanted=wanted))
+    query = guarded(lambda: _make_query(since, outcome, text, service))
+    awaited(run(data, history=history or query is not None, limit=limit, json=json, query=query))
 
 
 @tasks_app.command()
@@ -120,7 +120,7 @@ def task(
     task: TaskName,
     messages: Annotated[bool, typer.Option("--messages", help="The sequence of its messages.")] = False,
     chart: Annotated[Path | None, typer.Option(help="Write the messages as a sequence chart to this SVG file.")] = None,
-    data: Data = HERE,
+    data: Data = DEFAULT_FOLDER,
     json: Json = False,
 ) -> None:
     """Everything of one task. Its steps, what was done and what became of it, terms, events; also when no system runs."""
@@ -133,7 +133,7 @@ def task(
 def cancel(
     task: TaskName,
     reason: Annotated[str, typer.Option(help="Why.")] = "cancelled by the client",
-    data: Data = HERE,
+    data: Data = DEFAULT_FOLDER,
 ) -> None:
     """Stop a task, and have undone what was done."""
     from somrs.cli.task_commands import cancel as run
@@ -148,11 +148,11 @@ def export(
         FormatOption | None, typer.Option(help="JSON lines, a task a line; or CSV. If it is not said, the file's name says it.")
     ] = None,
     table: Annotated[TableOption | None, typer.Option(help="With CSV: what a row is; tasks, if it is not said.")] = None,
-    since: Since = None,
+    since: SinceOption = None,
     outcome: OutcomeWanted = None,
-    text: TextWanted = None,
-    by: ByWanted = None,
-    data: Data = HERE,
+    text: TextOption = None,
+    service: ByOption = None,
+    data: Data = DEFAULT_FOLDER,
 ) -> None:
     """Write what is kept of tasks that are over. For other programs, the latest first; also when no system runs."""
     from somrs.client.export import Format, Table
@@ -162,17 +162,17 @@ def export(
     if format is FormatOption.jsonl and table is not None:
         fail(f"--table {table.value} is a table, and JSON lines hold all of a task; leave one of the two out", 2)
     chosen = Format(format.value) if format is not None else Format.CSV if csv else Format.JSONL
-    what = Table(table.value) if table is not None else Table.TASKS
-    awaited(run(out, data, chosen, what, guarded(lambda: _wanted(since, outcome, text, by))))
+    chosen_table = Table(table.value) if table is not None else Table.TASKS
+    awaited(run(out, data, chosen, chosen_table, guarded(lambda: _make_query(since, outcome, text, service))))
 
 
-def _wanted(since: str | None, outcome: OutcomeOption | None, text: str | None, by: str | None) -> ReadRecords | None:
+def _make_query(since: str | None, outcome: OutcomeOption | None, text: str | None, service: str | None) -> ReadRecords | None:
     """The tasks that are over that are asked for; None: all."""
     from somrs.client.export import moment
     from somrs.protocol.messages.frp import Outcome
     from somrs.protocol.messages.records import ReadRecords
 
-    if since is None and outcome is None and not text and not by:
+    if since is None and outcome is None and not text and not service:
         return None
-    began = moment(since, time.time()) if since is not None else None
-    return ReadRecords(since=began, outcome=Outcome(outcome.value) if outcome is not None else None, text=text, service=by)
+    start_time = moment(since, time.time()) if since is not None else None
+    return ReadRecords(since=start_time, outcome=Outcome(outcome.value) if outcome is not None else None, text=text, service=service)
