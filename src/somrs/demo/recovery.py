@@ -29,13 +29,13 @@ from somrs.protocol.messages.clients import Policy, Submit, TaskView
 from somrs.protocol.messages.events import EventKind
 from somrs.protocol.messages.frp import Outcome, State
 
-GOAL = "Platform001"
+DESTINATION = "Platform001"
 THINGS = ("Jar002", "Jar003", "Carton001")
-WISH = Submit(effect=" AND ".join(f"{thing} isOn {GOAL}" for thing in THINGS), policy=Policy.TIME)
+REQUEST = Submit(effect=" AND ".join(f"{thing} isOn {DESTINATION}" for thing in THINGS), policy=Policy.TIME)
 SPEED = "5"
 """Simulated seconds in a second. Limits such as how long one may be silent are in seconds of the clock on the wall."""
-DYING, TAKING_OVER, LOOKING = "Robot1", "Robot2", "Patrol1"
-AWAY = 1.0
+FAILING_ROBOT, SUBSTITUTE_ROBOT, PATROL_ROBOT = "Robot1", "Robot2", "Patrol1"
+DOWNTIME = 1.0
 """Seconds for which the Task Manager is dead."""
 UNDER_WAY = 0.4
 """The fraction of the last step at which the client changes its mind: the thing is gripped."""
@@ -44,7 +44,7 @@ MOST_TIME = 300.0
 
 
 @dataclass(slots=True)
-class Story:
+class ScenarioRecord:
     """What was done to the system so far, and what was seen."""
 
     marks: list[Mark] = field(default_factory=list)
@@ -54,138 +54,142 @@ class Story:
     killed: bool = False
     cancelled: bool = False
 
-    def heard(self, type: str, device: str) -> list[Line]:
+    def find_messages(self, type: str, device: str) -> list[Line]:
         """The messages of a type from or to a device."""
         return [
             line for line in self.lines if line.type == type and device in (line.sender.partition(".")[0], line.recipient.partition(".")[0])
         ]
 
 
-class Stage:
+class ScenarioPlayer:
     """Plays the story in a running system."""
 
     def __init__(self, system: System, client: Client, console: Console) -> None:
-        self.story = Story()
+        self.record = ScenarioRecord()
         self._system, self._client, self._console = system, client, console
         self._trace = Follower(system.data / "messages.jsonl")
 
-    async def play(self) -> Story:
-        task = await self._client.submit(WISH)
-        self._mark("client", WISH.effect)
-        watching = asyncio.create_task(self._watch(task))
+    async def play(self) -> ScenarioRecord:
+        task = await self._client.submit(REQUEST)
+        self._mark("client", REQUEST.effect)
+        watcher = asyncio.create_task(self._watch(task))
         try:
             async with asyncio.timeout(MOST_TIME):
-                while not watching.done():
+                while not watcher.done():
                     self._print()
-                    await self._strike(task)
+                    await self._take_next_action(task)
                     await asyncio.sleep(0.01)
-            await watching
+            await watcher
         finally:
-            watching.cancel()
+            watcher.cancel()
         await asyncio.sleep(0.5)  # the last End is on its way to those it concerns
         self._print()
-        return self.story
+        return self.record
 
-    async def _strike(self, task: str) -> None:
+    async def _take_next_action(self, task: str) -> None:
         """Do the next thing of the story, if its moment has come."""
-        story = self.story
-        if not story.dead and story.heard("Execute", DYING):
-            story.dead = True
-            self._system.programs[DYING].process.kill()
-            self._mark(DYING, "its computer dies, without a word")
-        elif story.dead and not story.killed and story.heard("Completed", TAKING_OVER):
-            story.killed = True
+        record = self.record
+        if not record.dead and record.find_messages("Execute", FAILING_ROBOT):
+            record.dead = True
+            self._system.programs[FAILING_ROBOT].process.kill()
+            self._mark(FAILING_ROBOT, "its computer dies, without a word")
+        elif record.dead and not record.killed and record.find_messages("Completed", SUBSTITUTE_ROBOT):
+            record.killed = True
             self._system.programs["task-manager"].process.kill()
             self._mark("Task Manager", "is killed")
-            await asyncio.sleep(AWAY)
+            await asyncio.sleep(DOWNTIME)
             await self._system.restart("task-manager")
             self._mark("Task Manager", "is back, from its journal")
-        elif story.killed and not story.cancelled and self._last_step_is_under_way():
-            story.cancelled = True
+        elif record.killed and not record.cancelled and self._last_step_is_under_way():
+            record.cancelled = True
             self._mark("client", "changes its mind")
             await self._client.cancel(task, "the client changed its mind")
 
     def _last_step_is_under_way(self) -> bool:
-        if not self.story.heard("Completed", LOOKING):
+        if not self.record.find_messages("Completed", PATROL_ROBOT):
             return False
-        since = self.story.heard("Completed", LOOKING)[-1].at
-        taken = [line for line in self.story.heard("Execute", TAKING_OVER) if line.at > since]
-        if not taken:
+        observation_time = self.record.find_messages("Completed", PATROL_ROBOT)[-1].at
+        executions = [line for line in self.record.find_messages("Execute", SUBSTITUTE_ROBOT) if line.at > observation_time]
+        if not executions:
             return False
-        progress = [line for line in self.story.heard("Progress", TAKING_OVER) if line.participant == taken[-1].participant]
+        progress = [
+            line for line in self.record.find_messages("Progress", SUBSTITUTE_ROBOT) if line.participant == executions[-1].participant
+        ]
         return bool(progress) and float(progress[-1].body.get("fraction", 0)) >= UNDER_WAY
 
     async def _watch(self, task: str) -> None:
         """Hear what happens to the task, whether or not the Task Manager is there, until it is over."""
         async for news in self._client.news(task):
-            self.story.view = news.view
+            self.record.view = news.view
             for event in news.events:
                 if event.kind is not EventKind.NEWS:
                     self._console.print(Text(f"{'':>10} · ", style="dim") + terminal.event(event))
 
-    def _mark(self, who: str, text: str) -> None:
-        self.story.marks.append(Mark(at=time.time(), subject=who, text=text))
-        self._console.print(f"[bold red]{'':>10} ◆ {who}: {text}[/]")
+    def _mark(self, actor: str, text: str) -> None:
+        self.record.marks.append(Mark(at=time.time(), subject=actor, text=text))
+        self._console.print(f"[bold red]{'':>10} ◆ {actor}: {text}[/]")
 
     def _print(self) -> None:
         for line in self._trace.new():
-            self.story.lines.append(line)
+            self.record.lines.append(line)
             if line.type != "Progress":
-                self._console.print(terminal.passing(line, self.story.lines[0].at))
+                self._console.print(terminal.passing(line, self.record.lines[0].at))
 
 
-async def perform(system: System, out: Path, console: Console) -> int:
+async def perform(system: System, folder: Path, console: Console) -> int:
     """Play it, and leave everything in `out`. 0 when all went as it has to."""
     assert system.addresses.simulator is not None
     host, _, port = system.addresses.simulator.rpartition(":")
     started = time.monotonic()
     async with Client(system.addresses) as client, OperatorLink(host, int(port)) as operator:
-        before = await client.map()
-        console.print(f"[bold]Scenario 2[/]: {WISH.effect}")
-        stage = Stage(system, client, console)
-        story = await stage.play()
+        map_before = await client.map()
+        console.print(f"[bold]Scenario 2[/]: {REQUEST.effect}")
+        player = ScenarioPlayer(system, client, console)
+        record = await player.play()
         ontology, map = await client.ontology(), await client.map()
-        stands = {thing: (await operator.observe(thing)).support for thing in THINGS}
+        actual_places = {thing: (await operator.observe(thing)).support for thing in THINGS}
         with contextlib.suppress(RemoteError):
-            (out / "end.png").write_bytes(await operator.picture())
-    assert story.view is not None, "an accepted task has news"
-    (out / "map-after.yaml").write_text(dump_site(ontology, map), encoding="utf-8")
-    (out / "messages.jsonl").write_bytes((system.data / "messages.jsonl").read_bytes())
-    (out / "messages.svg").write_text(chart([line for line in story.lines if line.type != "Progress"], "Scenario 2"), encoding="utf-8")
-    done = bars(story.lines)
-    (out / "timeline.svg").write_text(svg(done, story.marks, "Scenario 2: what a transaction survives"), encoding="utf-8")
+            (folder / "end.png").write_bytes(await operator.picture())
+    assert record.view is not None, "an accepted task has news"
+    (folder / "map-after.yaml").write_text(dump_site(ontology, map), encoding="utf-8")
+    (folder / "messages.jsonl").write_bytes((system.data / "messages.jsonl").read_bytes())
+    (folder / "messages.svg").write_text(chart([line for line in record.lines if line.type != "Progress"], "Scenario 2"), encoding="utf-8")
+    timeline_bars = bars(record.lines)
+    (folder / "timeline.svg").write_text(svg(timeline_bars, record.marks, "Scenario 2: what a transaction survives"), encoding="utf-8")
     console.print()
-    console.print(timeline_table(done, story.marks))
-    console.print(_work(story.view))
-    console.print(terminal.outcome(story.view))
-    checks = verdict(story, before, map, stands)
-    console.print(terminal.table("Seen to be so", ("", ""), ((what, "yes" if so else "NO") for what, so in checks.items())))
-    console.print(f"It took {time.monotonic() - started:.0f} s. Everything is in {out}/")
+    console.print(timeline_table(timeline_bars, record.marks))
+    console.print(_execution_table(record.view))
+    console.print(terminal.outcome(record.view))
+    checks = verdict(record, map_before, map, actual_places)
+    console.print(terminal.table("Seen to be so", ("", ""), ((check, "yes" if passed else "NO") for check, passed in checks.items())))
+    console.print(f"It took {time.monotonic() - started:.0f} s. Everything is in {folder}/")
     return 0 if all(checks.values()) else 1
 
 
-def _work(view: TaskView) -> Table:
+def _execution_table(view: TaskView) -> Table:
     rows = ((work.step, work.service, work.inputs.get("Object", ""), work.state.value, work.before or "-") for work in view.work)
     return terminal.table("What was done, and what became of it", ("step", "service", "thing", "in the end", "to restore"), rows)
 
 
-def verdict(story: Story, before: Map, after: Map, stands: dict[str, str | None]) -> dict[str, bool]:
+def verdict(record: ScenarioRecord, map_before: Map, map_after: Map, actual_places: dict[str, str | None]) -> dict[str, bool]:
     """What has to be so at the end."""
-    assert story.view is not None, "an accepted task has news"
-    at_first, now = _places(before), _places(after)
-    executed = [line.message_id for line in story.lines if line.type == "Execute"]
-    homes = {line.participant for line in story.lines if line.type in ("End", "Cancel")}
-    accepted = {line.participant for line in story.lines if line.type == "Accept"}
+    assert record.view is not None, "an accepted task has news"
+    initial_places, final_places = _places(map_before), _places(map_after)
+    executed = [line.message_id for line in record.lines if line.type == "Execute"]
+    homes = {line.participant for line in record.lines if line.type in ("End", "Cancel")}
+    accepted = {line.participant for line in record.lines if line.type == "Accept"}
     return {
-        "a robot fell silent, and it was looked at what it left": bool(story.heard("Query", DYING) and story.heard("Completed", LOOKING)),
-        "the Task Manager was killed, and the same task went on": story.killed and story.view.outcome is not None,
-        "the task was cancelled, as the client wanted": story.view.outcome is Outcome.CANCELLED,
-        "each step that was done is undone": bool(story.view.work)
-        and all(work.state in (State.COMPENSATED, State.UNREACHABLE) for work in story.view.work if work.before is not None),
-        "everything stands where it stood, says the Repository": all(now[thing] == at_first[thing] for thing in THINGS),
-        "everything stands where the Repository says, in the physics": all(stands[thing] == now[thing] for thing in THINGS),
+        "a robot fell silent, and it was looked at what it left": bool(
+            record.find_messages("Query", FAILING_ROBOT) and record.find_messages("Completed", PATROL_ROBOT)
+        ),
+        "the Task Manager was killed, and the same task went on": record.killed and record.view.outcome is not None,
+        "the task was cancelled, as the client wanted": record.view.outcome is Outcome.CANCELLED,
+        "each step that was done is undone": bool(record.view.work)
+        and all(work.state in (State.COMPENSATED, State.UNREACHABLE) for work in record.view.work if work.before is not None),
+        "everything stands where it stood, says the Repository": all(final_places[thing] == initial_places[thing] for thing in THINGS),
+        "everything stands where the Repository says, in the physics": all(actual_places[thing] == final_places[thing] for thing in THINGS),
         "everyone who had a contract was sent home": accepted <= homes,
-        "nothing was told twice": len(set(executed)) == len({line.participant for line in story.lines if line.type == "Execute"}),
+        "nothing was told twice": len(set(executed)) == len({line.participant for line in record.lines if line.type == "Execute"}),
     }
 
 

@@ -43,8 +43,8 @@ from somrs.protocol.messages.clients import Submit, TaskView
 from somrs.protocol.messages.frp import Outcome
 
 SCENARIOS = ("1", "1b", "2")
-WISH = Submit(effect="Jar002 isOn Platform001", precondition="Jar002 isOn ?Shelf")
-CHEAP, DEAR, JAR, CUPBOARD, GOAL = "Robot1", "Robot2", "Jar002", "Cupboard001", "Platform001"
+REQUEST = Submit(effect="Jar002 isOn Platform001", precondition="Jar002 isOn ?Shelf")
+CHEAP_ROBOT, EXPENSIVE_ROBOT, JAR, CUPBOARD, DESTINATION = "Robot1", "Robot2", "Jar002", "Cupboard001", "Platform001"
 STEPS = {
     "A": "robot 1 approaches and grips the jar",
     "B": "robot 1 transports the jar",
@@ -63,7 +63,7 @@ UNDER_WAY = 1.2
 
 
 @dataclass(slots=True)
-class Play:
+class ScenarioResult:
     """What came of playing a scenario."""
 
     view: TaskView
@@ -71,36 +71,36 @@ class Play:
     checks: dict[str, bool]
     pictures: list[Path] = field(default_factory=list)
     simulated: float = 0.0
-    took: float = 0.0
+    elapsed: float = 0.0
 
     @property
     def passed(self) -> bool:
         return all(self.checks.values())
 
 
-async def play(scenario: str, out: Path, seed: int | None, console: Console | None = None, *, launcher: Launcher | None = None) -> int:
+async def play(scenario: str, folder: Path, seed: int | None, console: Console | None = None, *, launcher: Launcher | None = None) -> int:
     """Play a scenario, tell what happens, and leave everything in `out`. 0 when all went as the paper says."""
     if scenario not in SCENARIOS:
         raise UsageError(f"there is no scenario {scenario}; there are {' and '.join(SCENARIOS)}")
     console = console or terminal.console()
-    if out.exists():
-        shutil.rmtree(out)
-    out.mkdir(parents=True)
-    site, distance = prepare(scenario, out, seed)
-    system = System([site], out / "run", speed=recovery_demo.SPEED if scenario == "2" else SPEED, launcher=launcher)
+    if folder.exists():
+        shutil.rmtree(folder)
+    folder.mkdir(parents=True)
+    site, distance = prepare(scenario, folder, seed)
+    system = System([site], folder / "run", speed=recovery_demo.SPEED if scenario == "2" else SPEED, launcher=launcher)
     try:
         with console.status("starting the Repository, the Registry, the Task Manager, the simulator and the Service Managers ..."):
             await system.start()
         if scenario == "2":
-            return await recovery_demo.perform(system, out, console)
-        played = await perform(scenario, system, out, distance, console)
+            return await recovery_demo.perform(system, folder, console)
+        played = await perform(scenario, system, folder, distance, console)
     finally:
         await system.stop()
-    _close(played, scenario, out, console)
+    _close(played, scenario, folder, console)
     return 0 if played.passed else 1
 
 
-def prepare(scenario: str, out: Path, seed: int | None) -> tuple[Path, float]:
+def prepare(scenario: str, folder: Path, seed: int | None) -> tuple[Path, float]:
     """The scenario's site as a file, and after how many metres with the jar the drive breaks; varied when there is a seed."""
     source = resources.files("somrs.demo") / "data" / f"scenario-{scenario[0]}.yaml"
     with resources.as_file(source) as file:
@@ -108,34 +108,34 @@ def prepare(scenario: str, out: Path, seed: int | None) -> tuple[Path, float]:
     assert loaded.map is not None, "the scenario's site has a map"
     map, distance = loaded.map, 2.5
     if seed is not None:
-        map, distance = varied(map, loaded.ontology, random.Random(seed))
-    site = out / "map-before.yaml"
+        map, distance = vary_scenario(map, loaded.ontology, random.Random(seed))
+    site = folder / "map-before.yaml"
     site.write_text(dump_site(loaded.ontology, map), encoding="utf-8")
     return site, distance
 
 
-def varied(map: Map, ontology: Ontology, chance: random.Random) -> tuple[Map, float]:
+def vary_scenario(map: Map, ontology: Ontology, rng: random.Random) -> tuple[Map, float]:
     """Robots and jar at other places, and another moment of failure."""
     navigator = Navigator(map, ontology)
     changes: list[Change] = []
     placed: list[tuple[float, float]] = []
-    for robot in (CHEAP, DEAR):
+    for robot in (CHEAP_ROBOT, EXPENSIVE_ROBOT):
         while True:
-            x, y = chance.uniform(0.8, 11.0), chance.uniform(0.8, 7.2)
+            x, y = rng.uniform(0.8, 11.0), rng.uniform(0.8, 7.2)
             if navigator.free((x, y), 0.5) and all(hypot(x - px, y - py) > 1.5 for px, py in placed):
                 break
         placed.append((x, y))
-        changes += [ValueSet(robot, "PositionX", x), ValueSet(robot, "PositionY", y), ValueSet(robot, "RotationZ", chance.uniform(-pi, pi))]
+        changes += [ValueSet(robot, "PositionX", x), ValueSet(robot, "PositionY", y), ValueSet(robot, "RotationZ", rng.uniform(-pi, pi))]
     cupboard = map.objects[CUPBOARD].values
     front, middle = float(cupboard["PositionX"]) + float(cupboard["Shape.Width"]) / 2, float(cupboard["PositionY"])
     changes += [
-        ValueSet(JAR, "PositionX", round(front - chance.uniform(0.07, 0.14), 3)),
-        ValueSet(JAR, "PositionY", round(middle + chance.uniform(-0.35, 0.1), 3)),
+        ValueSet(JAR, "PositionX", round(front - rng.uniform(0.07, 0.14), 3)),
+        ValueSet(JAR, "PositionY", round(middle + rng.uniform(-0.35, 0.1), 3)),
     ]
-    return map.changed(changes), chance.uniform(0.3, 6.0)
+    return map.changed(changes), rng.uniform(0.3, 6.0)
 
 
-async def perform(scenario: str, system: System, out: Path, distance: float, console: Console) -> Play:
+async def perform(scenario: str, system: System, folder: Path, distance: float, console: Console) -> ScenarioResult:
     """Give the task, and see it through with camera and notebook."""
     assert system.addresses.simulator is not None
     host, _, port = system.addresses.simulator.rpartition(":")
@@ -143,45 +143,45 @@ async def perform(scenario: str, system: System, out: Path, distance: float, con
     lines: list[Line] = []
     async with Client(system.addresses) as client, OperatorLink(host, int(port)) as operator:
         if scenario == "1b":
-            await operator.schedule(CHEAP, Fault.DRIVE, carried=distance)
-        started, since = time.monotonic(), (await operator.clock()).time
-        camera = asyncio.create_task(Photographer(operator, out, console).watch())
-        console.print(f"[bold]Scenario {scenario}[/]: {WISH.effect}, from {WISH.precondition}")
-        task = await client.submit(WISH)
-        last: TaskView | None = None
+            await operator.schedule(CHEAP_ROBOT, Fault.DRIVE, carried=distance)
+        started, start_time = time.monotonic(), (await operator.clock()).time
+        camera = asyncio.create_task(Photographer(operator, folder, console).watch())
+        console.print(f"[bold]Scenario {scenario}[/]: {REQUEST.effect}, from {REQUEST.precondition}")
+        task = await client.submit(REQUEST)
+        view: TaskView | None = None
         async for news in client.news(task):
-            last = news.view
+            view = news.view
             _print(trace, lines, console)
-        took = time.monotonic() - started
+        elapsed = time.monotonic() - started
         await operator.idle()
         await asyncio.sleep(0.3)  # the last End is on its way to those it concerns
         _print(trace, lines, console)
-        assert last is not None, "an accepted task has news"
-        simulated = (await operator.clock()).time - since
-        seen = await operator.observe(JAR)
+        assert view is not None, "an accepted task has news"
+        simulated = (await operator.clock()).time - start_time
+        jar_state = await operator.observe(JAR)
         ontology, map = await client.ontology(), await client.map()
         camera.cancel()
         with contextlib.suppress(asyncio.CancelledError):
             await camera
-        pictures = sorted(out.glob("[A-F].png"))
+        pictures = sorted(folder.glob("[A-F].png"))
         if pictures:
-            sheet(pictures, STEPS, out / "pictures.png")
-        (out / "map-after.yaml").write_text(dump_site(ontology, map), encoding="utf-8")
-        shutil.copy(system.data / "messages.jsonl", out / "messages.jsonl")
-        (out / "messages.svg").write_text(chart(lines, f"Scenario {scenario}: {WISH.effect}"), encoding="utf-8")
+            sheet(pictures, STEPS, folder / "pictures.png")
+        (folder / "map-after.yaml").write_text(dump_site(ontology, map), encoding="utf-8")
+        shutil.copy(system.data / "messages.jsonl", folder / "messages.jsonl")
+        (folder / "messages.svg").write_text(chart(lines, f"Scenario {scenario}: {REQUEST.effect}"), encoding="utf-8")
         checks = {
-            "the task was accomplished": last.outcome is Outcome.ACCOMPLISHED,
-            "the wish holds in the Repository": formula_holds(parse(WISH.effect), map, ontology),
-            "the wish holds in the physics": seen.support == GOAL,
-            "the messages are the paper's": unlike_the_paper(scenario, lines) == [],
+            "the task was accomplished": view.outcome is Outcome.ACCOMPLISHED,
+            "the wish holds in the Repository": formula_holds(parse(REQUEST.effect), map, ontology),
+            "the wish holds in the physics": jar_state.support == DESTINATION,
+            "the messages are the paper's": differences_from_paper(scenario, lines) == [],
         }
-    return Play(last, lines, checks, pictures, simulated, took)
+    return ScenarioResult(view, lines, checks, pictures, simulated, elapsed)
 
 
-def unlike_the_paper(scenario: str, lines: list[Line]) -> list[str]:
+def differences_from_paper(scenario: str, lines: list[Line]) -> list[str]:
     """In what the messages differ from those that the paper tells of; Progress, which it leaves out, may come at any time."""
-    said = [(line.sender, line.type, line.recipient) for line in lines if line.type != "Progress"]
-    manager, first, second = "TaskManager", f"{CHEAP}.TransferObject", f"{DEAR}.TransferObject"
+    messages = [(line.sender, line.type, line.recipient) for line in lines if line.type != "Progress"]
+    manager, first, second = "TaskManager", f"{CHEAP_ROBOT}.TransferObject", f"{EXPENSIVE_ROBOT}.TransferObject"
     expected: list[set[tuple[str, str, str]]] = [
         {(manager, "Arrange", first), (manager, "Arrange", second)},
         {(first, "Terms", manager), (second, "Terms", manager)},
@@ -201,17 +201,17 @@ def unlike_the_paper(scenario: str, lines: list[Line]) -> list[str]:
             {(manager, "End", first), (manager, "End", second)},
         ]
     wrong: list[str] = []
-    for wanted in expected:
-        came, said = set(said[: len(wanted)]), said[len(wanted) :]
-        if came != wanted:
-            wrong.append(f"expected {sorted(wanted)}, and there came {sorted(came)}")
-    if said:
-        wrong.append(f"and then {said}")
+    for expected_messages in expected:
+        actual_messages, messages = set(messages[: len(expected_messages)]), messages[len(expected_messages) :]
+        if actual_messages != expected_messages:
+            wrong.append(f"expected {sorted(expected_messages)}, and there came {sorted(actual_messages)}")
+    if messages:
+        wrong.append(f"and then {messages}")
     if scenario == "1b":
-        reported = next((_position(line.body.get("situation")) for line in lines if line.type == "Failed"), {})
-        again = [_position(line.body.get("precondition")) for line in lines if line.type == "Arrange"][-1]
-        if len(reported) != 3 or again != reported:
-            wrong.append(f"the position of the jar in Failed is {reported}, and in the second Arrange {again}")
+        reported_position = next((_position(line.body.get("situation")) for line in lines if line.type == "Failed"), {})
+        arranged_position = [_position(line.body.get("precondition")) for line in lines if line.type == "Arrange"][-1]
+        if len(reported_position) != 3 or arranged_position != reported_position:
+            wrong.append(f"the position of the jar in Failed is {reported_position}, and in the second Arrange {arranged_position}")
     return wrong
 
 
@@ -237,10 +237,10 @@ def _print(trace: Follower, lines: list[Line], console: Console) -> None:
 class Photographer:
     """Takes the pictures of the paper's steps when their moments come."""
 
-    def __init__(self, operator: OperatorLink, out: Path, console: Console) -> None:
-        self._operator, self._out, self._console = operator, out, console
+    def __init__(self, operator: OperatorLink, folder: Path, console: Console) -> None:
+        self._operator, self._folder, self._console = operator, folder, console
         self._gripped: dict[str, tuple[float, float]] = {}
-        self._taken: set[str] = set()
+        self._taken_letters: set[str] = set()
 
     async def watch(self) -> None:
         """Look at the robots until cancelled. Without OpenGL: say so, once."""
@@ -248,41 +248,43 @@ class Photographer:
             while True:
                 for robot, state in (await self._operator.robots()).items():
                     if (letter := self._moment(robot, state)) is not None:
-                        await self._take(letter, robot)
-                if "F" not in self._taken and self._gripped and (await self._operator.observe(JAR)).support == GOAL:
-                    await self._take("F", JAR)
+                        await self._take_picture(letter, robot)
+                if "F" not in self._taken_letters and self._gripped and (await self._operator.observe(JAR)).support == DESTINATION:
+                    await self._take_picture("F", JAR)
                 await asyncio.sleep(0.01)
         except SimulationError as error:
             self._console.print(f"[yellow]no pictures: {error}[/]")
 
     def _moment(self, robot: str, state: RobotState) -> str | None:
         """The step of the paper's figure that the robot is in right now, if it has no picture yet."""
-        first = robot == CHEAP
-        if first and Fault.DRIVE in state.faults and state.holding is None and "C" not in self._taken:
+        first = robot == CHEAP_ROBOT
+        if first and Fault.DRIVE in state.faults and state.holding is None and "C" not in self._taken_letters:
             return "C"
         if state.holding != JAR:
             return None
         gripped, carried = ("A", "B") if first else ("D", "E")
-        if gripped not in self._taken:
+        if gripped not in self._taken_letters:
             self._gripped[robot] = (state.x, state.y)
             return gripped
         x, y = self._gripped[robot]
         far = hypot(state.x - x, state.y - y) > UNDER_WAY
-        return carried if far and carried not in self._taken and Fault.DRIVE not in state.faults else None
+        return carried if far and carried not in self._taken_letters and Fault.DRIVE not in state.faults else None
 
-    async def _take(self, letter: str, subject: str) -> None:
-        self._taken.add(letter)
-        (self._out / f"{letter}.png").write_bytes(await self._operator.picture(subject))
+    async def _take_picture(self, letter: str, subject: str) -> None:
+        self._taken_letters.add(letter)
+        (self._folder / f"{letter}.png").write_bytes(await self._operator.picture(subject))
 
 
-def _close(played: Play, scenario: str, out: Path, console: Console) -> None:
+def _close(played: ScenarioResult, scenario: str, folder: Path, console: Console) -> None:
     console.print()
     console.print(terminal.steps("What was done", played.view.steps))
     console.print(terminal.outcome(played.view))
-    console.print(terminal.table("Seen to be so", ("", ""), ((what, "yes" if so else "NO") for what, so in played.checks.items())))
+    console.print(
+        terminal.table("Seen to be so", ("", ""), ((check, "yes" if passed else "NO") for check, passed in played.checks.items()))
+    )
     if played.pictures:
         letters = [picture.stem for picture in played.pictures]
         console.print(terminal.table("Pictures", ("file", "what it shows"), ((f"{letter}.png", STEPS[letter]) for letter in letters)))
-    if wrong := unlike_the_paper(scenario, played.lines):
+    if wrong := differences_from_paper(scenario, played.lines):
         console.print("\n".join(f"[yellow]unlike the paper: {text}[/]" for text in wrong))
-    console.print(f"{played.simulated:.0f} s of simulated time took {played.took:.1f} s. Everything is in {out}/")
+    console.print(f"{played.simulated:.0f} s of simulated time took {played.elapsed:.1f} s. Everything is in {folder}/")
