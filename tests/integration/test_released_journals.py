@@ -23,7 +23,7 @@ from somrs.storage.journal import Journal
 from somrs.storage.repository_store import repository_journal
 from somrs.task_manager.manager import SCHEMA, TaskManager
 from tests.support.paths import ROOT
-from verification.upgrade_runs.snapshot import journals_of, nobody
+from verification.upgrade_runs.snapshot import journals_of, refuse_empty_journal
 
 RELEASES = sorted(folder for folder in (ROOT / "tests" / "data" / "journals").iterdir())
 KILLED_AND_LONG_RUN = [
@@ -45,7 +45,7 @@ def unpacked(packed: Path, data: Path) -> Path:
 
 
 def gone_on(journal: Journal) -> JournaledComponent:
-    journaled, again = journal.begin(journal.address, nobody)
+    journaled, again = journal.begin(journal.address, refuse_empty_journal)
     assert again
     return journaled
 
@@ -110,7 +110,7 @@ def test_the_map_is_as_it_was(release: Path, packed: Path, tmp_path: Path) -> No
     kept = []
     for address in ("here", "elsewhere"):
         journal = repository_journal(data / "repository.sqlite")
-        journaled, again = journal.begin(address, nobody)
+        journaled, again = journal.begin(address, refuse_empty_journal)
         assert again
         assert isinstance(journaled.component, Repository)
         contents = journaled.component.contents
@@ -127,7 +127,7 @@ def test_the_book_of_orders_is_as_it_was(release: Path, packed: Path, tmp_path: 
     books = []
     for address in ("here", "elsewhere"):
         journal = orders_journal(data / "orders.sqlite")
-        journaled, again = journal.begin(address, nobody)
+        journaled, again = journal.begin(address, refuse_empty_journal)
         assert again
         assert isinstance(journaled.component, Scheduler)
         books.append(journaled.component.book)

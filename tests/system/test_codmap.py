@@ -12,7 +12,7 @@ import pytest
 from somrs.sites.pddl import classical, read
 from tests.support.courier import DOMAIN, PROBLEM
 from tests.support.paths import SHARED
-from verification.codmap.play import play
+from verification.codmap.play import run_problem
 from verification.codmap.referee import judges, objections
 
 PUBLISHED = SHARED / "benchmarks" / "codmap"
@@ -29,7 +29,7 @@ def place(tmp_path: Path) -> Path:
 
 
 def test_a_goal_is_reached_in_the_world_and_the_referee_agrees(place: Path) -> None:
-    result = play(place, limit=30.0)
+    result = run_problem(place, limit=30.0)
     assert (result.trouble, result.accomplished, result.agents) == ("", True, 2)
 
 
@@ -38,25 +38,25 @@ def test_who_does_not_need_the_other_does_not_wait_for_it(place: Path) -> None:
     apart = apart.replace("(at red west) (at blue east)", "(at red depot) (at blue mill)")
     apart = apart.replace("west depot - place", "west depot mill - place").replace("(at blue west))", "(at blue west) (road west mill))")
     (place / "problem.pddl").write_text(apart, encoding="utf-8")
-    result = play(place, limit=30.0)
+    result = run_problem(place, limit=30.0)
     assert (result.trouble, result.steps, result.makespan) == ("", 6, 3.0)
 
 
 @pytest.mark.parametrize("seed", range(8))
 def test_a_goal_that_can_be_reached_is_reached_whatever_fails(place: Path, seed: int) -> None:
-    result = play(place, 30.0, 0.3, seed)
+    result = run_problem(place, 30.0, 0.3, seed)
     assert result.trouble == "", "\n".join(result.notes)
     assert result.accomplished or result.leaver is not None or result.out_of_reach
 
 
 def test_what_the_files_get_wrong_is_said_and_nothing_is_played(place: Path) -> None:
     (place / "problem.pddl").write_text(PROBLEM.replace("(at red east)", "(at red nowhere)"), encoding="utf-8")
-    assert "nowhere" in play(place, 30.0).trouble
+    assert "nowhere" in run_problem(place, 30.0).trouble
 
 
 def test_a_problem_without_a_plan_does_not_pass(place: Path) -> None:
     (place / "problem.pddl").write_text(PROBLEM.replace("(road east depot)", ""), encoding="utf-8")
-    result = play(place, 30.0)
+    result = run_problem(place, 30.0)
     assert result.steps is None
     assert "at west" in result.trouble
 
@@ -90,7 +90,7 @@ def test_the_command_prints_a_table_and_a_closing_line(place: Path) -> None:
     "name", ["depot/pfile2", "driverlog/pfile3", "elevators08/p02", "logistics00/probLOGISTICS-6-0", "zenotravel/pfile4"]
 )
 def test_published_problems(name: str) -> None:
-    result = play(PUBLISHED / name, 60.0)
+    result = run_problem(PUBLISHED / name, 60.0)
     assert result.trouble == ""
     assert result.steps is not None
     assert result.makespan is not None

@@ -25,10 +25,22 @@ from verification.fault_runs.draw import draw
 from verification.fault_runs.hands import DeviceManager
 from verification.fault_runs.likeness import difference
 from verification.fault_runs.properties import Property
-from verification.fault_runs.result import Result, played, run
-from verification.fault_runs.shrink import fewest, shrunk
-from verification.fault_runs.stage import Parts
-from verification.fault_runs.story import AT_WORK, Act, Character, Cut, Fault, Kill, Misdeed, Setting, Story, Undo, Wish
+from verification.fault_runs.result import Result, play_scenario, run
+from verification.fault_runs.shrink import minimize, shrink_scenario
+from verification.fault_runs.stage import ComponentFactory
+from verification.fault_runs.story import (
+    AT_WORK,
+    Cut,
+    DeviceTraits,
+    Fault,
+    Kill,
+    Scenario,
+    Setting,
+    TaskRequest,
+    Undo,
+    WorkFault,
+    WorkFaultKind,
+)
 
 
 @pytest.fixture(scope="module")
@@ -95,15 +107,15 @@ def test_from_the_command_line(arguments: list[str], last: str) -> None:
 # Defects that are planted have to be noticed
 
 
-def carrier(number: int, **more: object) -> Character:
-    return Character(name=f"Robot{number}", services=("TransferObject",), price=number, **{"duration": 10.0, **more})  # type: ignore[arg-type]
+def carrier(number: int, **more: object) -> DeviceTraits:
+    return DeviceTraits(name=f"Robot{number}", services=("TransferObject",), price=number, **{"duration": 10.0, **more})  # type: ignore[arg-type]
 
 
-LOOKER = Character(name="Robot9", services=("RecognizeSituation",), price=1, duration=3.0)
+LOOKER = DeviceTraits(name="Robot9", services=("RecognizeSituation",), price=1, duration=3.0)
 
 
-def story(*faults: Fault, devices: tuple[Character, ...] = (), wish: str = "Jar1 isOn Table2", **more: object) -> Story:
-    return Story(
+def story(*faults: Fault, devices: tuple[DeviceTraits, ...] = (), wish: str = "Jar1 isOn Table2", **more: object) -> Scenario:
+    return Scenario(
         seed=0,
         setting=Setting.FLAT,
         managers=1,
@@ -112,24 +124,24 @@ def story(*faults: Fault, devices: tuple[Character, ...] = (), wish: str = "Jar1
         doors=(),
         things=(("Jar1", "Table1"), ("Jar2", "Table1"), ("Jar3", "Table1")),
         devices=devices or (carrier(1), carrier(2), LOOKER),
-        wishes=(Wish(at=0.0, to="tm1", effect=wish, **more),),  # type: ignore[arg-type]
+        requests=(TaskRequest(at=0.0, task_manager="tm1", effect=wish, **more),),  # type: ignore[arg-type]
         faults=faults,
     )
 
 
-def noticed(played_story: Story, parts: Parts | None = None) -> Property | None:
-    _, violation = played(played_story, parts)
+def noticed(played_story: Scenario, parts: ComponentFactory | None = None) -> Property | None:
+    _, violation = play_scenario(played_story, parts)
     return violation.property if violation is not None else None
 
 
-class Devices(Parts):
+class Devices(ComponentFactory):
     """Parts with other Service Managers."""
 
     def __init__(self, kind: type[DeviceManager]) -> None:
         self.device_manager = kind
 
 
-class Managers(Parts):
+class Managers(ComponentFactory):
     """Parts with other Task Managers."""
 
     def __init__(self, kind: type[TaskManager]) -> None:
@@ -148,7 +160,7 @@ def test_a_device_that_goes_on_when_it_is_cut_off_is_noticed() -> None:
             yield from ()
 
     assert noticed(CUT_OFF) is None
-    assert noticed(CUT_OFF, Devices(Careless)) is Property.HANDS
+    assert noticed(CUT_OFF, Devices(Careless)) is Property.MUTUAL_EXCLUSION
 
 
 def test_who_was_not_heard_to_begin_may_have_begun_late() -> None:
@@ -172,24 +184,24 @@ def test_a_device_that_works_on_terms_that_ran_out_is_noticed() -> None:
 
 
 def test_a_task_manager_that_waits_for_ever_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
-    dies = story(Misdeed(nth=0, act=Act.DIE))
+    dies = story(WorkFault(nth=0, kind=WorkFaultKind.DIE))
     assert noticed(dies) is None
     monkeypatch.setattr(Participants, "silent", lambda *_: iter(()))
     monkeypatch.setattr(Participants, "overdue", lambda *_: iter(()))
     assert noticed(dies) is Property.HOME
 
 
-DROPS = tuple(Misdeed(nth=number, act=Act.DROP) for number in range(1, 9))
+DROPS = tuple(WorkFault(nth=number, kind=WorkFaultKind.DROP) for number in range(1, 9))
 HALF_DONE = story(*DROPS, devices=(carrier(1),), wish="Jar1 isOn Table2 AND Jar2 isOn Table2")
 
 
 def test_tasks_that_do_not_leave_each_other_what_they_were_promised_are_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
-    wishes = [Wish(at=2.0 * number, to="tm1", effect=f"Jar1 isOn Table{number}", policy=Policy.TIME) for number in (2, 3)]
+    wishes = [TaskRequest(at=2.0 * number, task_manager="tm1", effect=f"Jar1 isOn Table{number}", policy=Policy.TIME) for number in (2, 3)]
     quarrel = replace(story(), wishes=tuple(wishes))
     assert noticed(quarrel) is None
     monkeypatch.setattr(Reservations, "conflicts", lambda *_: {})
     monkeypatch.setattr(Reservations, "taken", lambda *_: frozenset())
-    assert noticed(quarrel) is Property.HANDS
+    assert noticed(quarrel) is Property.MUTUAL_EXCLUSION
 
 
 def test_a_task_manager_that_leaves_what_it_did_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -199,7 +211,7 @@ def test_a_task_manager_that_leaves_what_it_did_is_noticed(monkeypatch: pytest.M
 
 
 def test_a_task_manager_that_does_not_wait_for_the_map_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
-    slips = story(Misdeed(nth=0, act=Act.DROP), Cut(at=5.0, target="repository", seconds=20.0))
+    slips = story(WorkFault(nth=0, kind=WorkFaultKind.DROP), Cut(at=5.0, target="repository", seconds=20.0))
     assert noticed(slips) is None
 
     reported = ParticipantEvents._reported
@@ -223,7 +235,7 @@ def test_a_task_manager_that_does_not_say_that_it_is_over_is_noticed(monkeypatch
 
 @pytest.mark.parametrize("snapshot", [False, True])
 def test_a_journal_that_loses_what_came_last_is_noticed(snapshot: bool) -> None:
-    class Forgetful(Parts):
+    class Forgetful(ComponentFactory):
         def revive(self, world: World, address: str) -> None:
             if address == "tm1":
                 del world._journal(address).entries[-1:]
@@ -235,7 +247,7 @@ def test_a_journal_that_loses_what_came_last_is_noticed(snapshot: bool) -> None:
 
 
 def test_a_service_manager_whose_journal_is_lost_is_noticed() -> None:
-    class Blank(Parts):
+    class Blank(ComponentFactory):
         def revive(self, world: World, address: str) -> None:
             if address.startswith("devices/"):
                 world._journal(address).entries.clear()
@@ -263,18 +275,18 @@ def test_a_task_manager_that_cannot_handle_an_input_is_noticed() -> None:
 def test_a_failing_story_is_made_as_short_as_it_can_be(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ExecutionLog, "to_undo", lambda *_: [])
     seed = next(seed for seed in range(300) if len(draw(seed).faults) >= 4 and noticed(draw(seed)) is Property.SILENCE)
-    short = shrunk(draw(seed), lambda candidate: noticed(candidate) is Property.SILENCE)
+    short = shrink_scenario(draw(seed), lambda candidate: noticed(candidate) is Property.SILENCE)
     assert noticed(short) is Property.SILENCE
     assert len(short.faults) <= 1
-    assert len(short.wishes) == 1
+    assert len(short.requests) == 1
     assert len(short.devices) <= 3
-    assert "Robot" in short.words()
+    assert "Robot" in short.describe()
 
 
 def test_nothing_can_be_left_out_of_the_fewest() -> None:
-    assert fewest(range(100), lambda kept: {7, 61} <= set(kept)) == [7, 61]
-    assert fewest(range(100), lambda kept: True) == []
-    assert fewest([5], lambda kept: kept == [5]) == [5]
+    assert minimize(range(100), lambda kept: {7, 61} <= set(kept)) == [7, 61]
+    assert minimize(range(100), lambda kept: True) == []
+    assert minimize([5], lambda kept: kept == [5]) == [5]
 
 
 def test_what_differs_is_found_wherever_it_is() -> None:
@@ -284,4 +296,4 @@ def test_what_differs_is_found_wherever_it_is() -> None:
     shared = [1]
     assert "something else" in (difference([shared, shared], [[1], [1]]) or "")
     assert difference({1, 2}, {1, 3}) is not None
-    assert difference(carrier(1, undo=Undo.NO), carrier(1, undo=Undo.FAIL)) is not None
+    assert difference(carrier(1, undo=Undo.IMPOSSIBLE), carrier(1, undo=Undo.FAIL)) is not None

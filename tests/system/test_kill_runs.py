@@ -14,21 +14,21 @@ from somrs.protocol.messages.knowledge import Event
 from tests.support import warm
 from verification.kill_runs import truth
 from verification.kill_runs.bystanders import AUTHOR, CHANGED, PATH, Acknowledged
-from verification.kill_runs.draw import CELLS, MESSAGES, MOST_ATTEMPTS, Victim, drawn
-from verification.kill_runs.plays import plays_of
+from verification.kill_runs.draw import CELLS, MAX_ATTEMPTS, MESSAGES, Victim, draw_case
+from verification.kill_runs.plays import scenarios_of
 from verification.kill_runs.run import Run
-from verification.kill_runs.stage import Stage
-from verification.kill_runs.truth import Told
+from verification.kill_runs.stage import RunningSystem
+from verification.kill_runs.truth import LoggedMessage
 
 pytestmark = pytest.mark.long
 
 
 def test_a_killed_task_manager_and_a_killed_repository_find_their_places(tmp_path: Path) -> None:
     async def play() -> None:
-        async with Stage(tmp_path / "system", warm.launcher()) as stage:
+        async with RunningSystem(tmp_path / "system", warm.launcher()) as stage:
             for number, (message, victim) in enumerate((("Execute", Victim.TASK_MANAGER), ("Arrange", Victim.REPOSITORY))):
-                carry = next(play for play in plays_of(message) if play.name == "carry")
-                case = drawn(CELLS.index((message, victim)))
+                carry = next(play for play in scenarios_of(message) if play.name == "carry")
+                case = draw_case(CELLS.index((message, victim)))
                 case = replace(case, seed=number, play=carry, nth=1, pause=0.1, wanted=(("Jar002", "Platform001"),))
                 result = await Run(stage, case).play()
                 assert result.recovered, [*result.problems, *result.lost, result.missed]
@@ -40,19 +40,19 @@ def test_a_killed_task_manager_and_a_killed_repository_find_their_places(tmp_pat
 
 
 def test_every_message_is_brought_about_with_every_victim() -> None:
-    cases = [drawn(seed) for seed in range(len(CELLS))]
+    cases = [draw_case(seed) for seed in range(len(CELLS))]
     assert {(case.message, case.victim) for case in cases} == {(message, victim) for message in MESSAGES for victim in Victim}
     assert len(MESSAGES) == 18
     for case in cases:
-        assert 1 <= case.nth <= case.play.count(case.message, len(case.wanted)), case
-        assert drawn(case.seed) == case
-        assert drawn(case.seed, 1).message == case.message
-        last = drawn(case.seed, MOST_ATTEMPTS - 1)  # the surest of all to come in time
+        assert 1 <= case.nth <= case.scenario.count(case.message, len(case.placements)), case
+        assert draw_case(case.seed) == case
+        assert draw_case(case.seed, 1).message == case.message
+        last = draw_case(case.seed, MAX_ATTEMPTS - 1)  # the surest of all to come in time
         assert (last.message, last.victim, last.nth, last.delay) == (case.message, case.victim, 1, 0.0)
 
 
-def said(*messages: tuple[float, str, str]) -> list[Told]:
-    return [Told(at=at, type=type, participant=participant, id=f"{at}") for at, type, participant in messages]
+def said(*messages: tuple[float, str, str]) -> list[LoggedMessage]:
+    return [LoggedMessage(at=at, type=type, participant=participant, id=f"{at}") for at, type, participant in messages]
 
 
 ONE, OTHER = "Robot1.TransferObject#step1", "Robot2.TransferObject#step1.2"

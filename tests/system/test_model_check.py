@@ -9,12 +9,12 @@ from somrs.protocol.frp.states import Entry, Kind
 from somrs.protocol.messages.frp import Cancel, End, Fault, State, Stop
 from verification.model_check.explore import explore
 from verification.model_check.media import DUPLICATING, EMPTY, FIFO, LOSSY_FIFO, MEDIA, OUTBOX, UNORDERED, Medium
-from verification.model_check.mutations import Mutation, all_mutations, altered, noticed
+from verification.model_check.mutations import Mutation, all_mutations, altered, find_violation
 from verification.model_check.pair import explore_pair
 from verification.model_check.properties import Property
 from verification.model_check.quotient import Quotient, quotient
 from verification.model_check.suite import check_assumption, check_lost_disk, check_one, check_two
-from verification.model_check.system import Link, Lost, Model
+from verification.model_check.system import Link, LostDisk, Model
 
 
 def _fallen(cells: dict[Property, object]) -> list[Property]:
@@ -32,14 +32,14 @@ def test_two_participants() -> None:
     assert _fallen({**check_two(DUPLICATING).cells}) == []
 
 
-@pytest.mark.parametrize("whose", [Lost.COORDINATOR, Lost.PARTICIPANT])
-def test_everyone_goes_home_when_a_disk_is_lost(whose: Lost) -> None:
+@pytest.mark.parametrize("whose", [LostDisk.COORDINATOR, LostDisk.PARTICIPANT])
+def test_everyone_goes_home_when_a_disk_is_lost(whose: LostDisk) -> None:
     assert _fallen({**check_lost_disk(FIFO, whose).cells}) == []
 
 
 @pytest.mark.parametrize(("cut_off", "clocks"), [(False, True), (True, False)])
 def test_without_the_timing_assumption_two_work_on_one_step(cut_off: bool, clocks: bool) -> None:
-    broken = check_assumption(cut_off=cut_off, clocks=clocks).cells[Property.HANDS]
+    broken = check_assumption(cut_off=cut_off, clocks=clocks).cells[Property.MUTUAL_EXCLUSION]
     assert broken is not None
     chart = "\n".join(broken.chart)
     assert "gives up A [Unreachable]" in chart
@@ -63,7 +63,7 @@ WRONG = [
 def test_a_wrong_table_is_noticed(mutation: Mutation) -> None:
     before = repr(states.PARTICIPANT), repr(states.COORDINATOR), repr(states.RESUMES), states.HOLDING_STATES
     assert mutation in all_mutations()
-    assert noticed(mutation)
+    assert find_violation(mutation)
     assert before == (repr(states.PARTICIPANT), repr(states.COORDINATOR), repr(states.RESUMES), states.HOLDING_STATES), (
         "the tables are as before"
     )
@@ -97,30 +97,34 @@ def test_mutations_are_undone() -> None:
 
 def test_two_parts_joined_are_as_their_quotients_joined() -> None:
     """The reduction beside what it reduces: every state as a class of its own."""
-    part = explore(Link(Model(medium=FIFO, restarts=False, cut_off=False)), alone=False)
+    part = explore(Link(Model(medium=FIFO, restarts=False, cut_off=False)), single_participant=False)
     small = quotient(part)
-    classes = [small.shows[block] for block in small.of]
-    moves = [tuple({(part.kinds[part.labels[move]], part.targets[move]) for move in part.moves(at)}) for at in range(len(part.states))]
+    classes = [small.observations[block] for block in small.classes]
+    moves = [
+        tuple({(part.kinds[part.labels[move]], part.targets[move]) for move in part.transitions(at)}) for at in range(len(part.states))
+    ]
     whole = explore_pair(Quotient(part, list(range(len(part.states))), classes, moves))
     reduced = explore_pair(small)
     assert len(reduced.states) < len(whole.states) / 2
     assert reduced.outcomes == whole.outcomes
-    assert reduced.falls.keys() == whole.falls.keys() == {Property.HANDS}
-    assert len(reduced.way(reduced.falls[Property.HANDS].state)) == len(whole.way(whole.falls[Property.HANDS].state))
+    assert reduced.violations.keys() == whole.violations.keys() == {Property.MUTUAL_EXCLUSION}
+    assert len(reduced.path_to(reduced.violations[Property.MUTUAL_EXCLUSION].state)) == len(
+        whole.path_to(whole.violations[Property.MUTUAL_EXCLUSION].state)
+    )
 
 
 def test_media() -> None:
     first, second = 0, 1
-    both = {medium: medium.put(medium.put(EMPTY, first), second) for medium in (*MEDIA, OUTBOX)}
+    both = {medium: medium.send(medium.send(EMPTY, first), second) for medium in (*MEDIA, OUTBOX)}
     arriving = {medium.name: {one.token for one in medium.arrivals(channel)} for medium, channel in both.items() if medium is not OUTBOX}
     assert arriving["FIFO"] == arriving["FIFO, lossy"] == {first}
     assert arriving["unordered"] == arriving["unordered, lossy"] == arriving["unordered, lossy, duplicating"] == {first, second}
     (arrival,) = FIFO.arrivals(both[FIFO])
-    assert [one.token for one in FIFO.arrivals(arrival.after)] == [second]
-    again = {medium.name for medium, channel in both.items() for one in medium.arrivals(channel) if one.after == channel}
+    assert [one.token for one in FIFO.arrivals(arrival.channel_after)] == [second]
+    again = {medium.name for medium, channel in both.items() for one in medium.arrivals(channel) if one.channel_after == channel}
     assert again == {"FIFO, lossy", "unordered, lossy"}, "an acknowledgement is lost, and the message comes again"
     last = next(one for one in DUPLICATING.arrivals(both[DUPLICATING]) if one.token == first)
-    assert {one.token for one in DUPLICATING.arrivals(last.after)} == {first, second}, "long acknowledged, and here again"
+    assert {one.token for one in DUPLICATING.arrivals(last.channel_after)} == {first, second}, "long acknowledged, and here again"
     assert {one.word for one in LOSSY_FIFO.events(both[LOSSY_FIFO])} == {"is lost"}
-    lost = next(LOSSY_FIFO.events(both[LOSSY_FIFO])).after
+    lost = next(LOSSY_FIFO.events(both[LOSSY_FIFO])).channel_after
     assert [(one.word, one.token) for one in LOSSY_FIFO.events(lost)] == [("is lost", second), ("is sent again", first)]

@@ -62,11 +62,11 @@ def test_what_is_changed(line: str, changed: list[str]) -> None:
 
 def test_a_default_is_changed_and_judged_by_what_the_function_does() -> None:
     [mutant] = mutants("src/somrs/one.py", b"def f(a, b=1):\n    x = a\n    y = b\n")
-    assert (mutant.name, mutant.within) == ("one.py:1:1", (2, 3))
+    assert (mutant.name, mutant.line_range) == ("one.py:1:1", (2, 3))
 
 
 def test_what_a_module_does_when_it_is_imported_has_no_lines_of_a_function() -> None:
-    assert [mutant.within for mutant in mutants("src/somrs/one.py", b'NAMES = {"a"}\n\nclass C:\n    b: bool = True\n')] == [None, None]
+    assert [mutant.line_range for mutant in mutants("src/somrs/one.py", b'NAMES = {"a"}\n\nclass C:\n    b: bool = True\n')] == [None, None]
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
-from verification.codmap.play import play
+from verification.codmap.play import run_problem
 from verification.codmap.referee import judges
 from verification.codmap.result import Result
 from verification.codmap.table import table
@@ -37,25 +37,25 @@ def main() -> int:
     parser.add_argument("--tell", action="store_true", help="tell the story of each task")
     chosen = parser.parse_args()
     console = Console(soft_wrap=True, highlight=False, width=None if sys.stdout.isatty() else WIDTH)
-    found = [place for place in problems(chosen.folder) if chosen.only in f"{place.parent.name}/{place.name}"]
-    if not found:
+    folders = [place for place in problems(chosen.folder) if chosen.only in f"{place.parent.name}/{place.name}"]
+    if not folders:
         named = f" with {chosen.only} in its name" if chosen.only else ""
         parser.error(f"{chosen.folder}: there is no problem.pddl in a folder of a folder there{named}")
     results: list[Result] = []
-    began = time.perf_counter()
+    started_at = time.perf_counter()
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
-        bar = progress.add_task("problems", total=len(found))
-        for place in found:
+        bar = progress.add_task("problems", total=len(folders))
+        for place in folders:
             progress.update(bar, description=f"{place.parent.name}/{place.name}")
-            result = play(place, chosen.limit, chosen.faults, chosen.seed)
+            result = run_problem(place, chosen.limit, chosen.faults, chosen.seed)
             results.append(result)
             progress.update(bar, advance=1)
             console.print(line(result))
             if chosen.tell:
                 console.print(escape("\n".join(f"    {note}" for note in result.notes)))
     console.print(f"Plans were judged by {' and '.join(judges())}.")
-    console.print(table(results, time.perf_counter() - began))
+    console.print(table(results, time.perf_counter() - started_at))
     failed = sum(bool(result.trouble) for result in results)
     console.print(f"{len(results) - failed} passed, {failed} failed")
     return 1 if failed else 0
@@ -73,14 +73,14 @@ def problems(folder: Path) -> Iterator[Path]:
 
 def line(result: Result) -> str:
     """One problem in one line."""
-    said = f"{result.name:32}"
+    text = f"{result.name:32}"
     if result.steps is not None:
-        said += f" {result.steps:4} steps, cost {result.cost:g}, planned in {result.planning:.2f} s"
+        text += f" {result.steps:4} steps, cost {result.cost:g}, planned in {result.planning:.2f} s"
     if result.makespan is not None:
-        said += f", makespan {result.makespan:g}, coordinated in {result.coordinating:.2f} s"
+        text += f", makespan {result.makespan:g}, coordinated in {result.coordinating:.2f} s"
     if result.mishaps or result.leaver:
-        said += f", {result.mishaps} mishaps{f', {result.leaver} left' if result.leaver else ''}, {result.plans} plans"
-    return escape(said) + (f" [red]{escape(result.trouble)}[/red]" if result.trouble else "")
+        text += f", {result.mishaps} mishaps{f', {result.leaver} left' if result.leaver else ''}, {result.plans} plans"
+    return escape(text) + (f" [red]{escape(result.trouble)}[/red]" if result.trouble else "")
 
 
 if __name__ == "__main__":

@@ -27,28 +27,28 @@ class Faults:
     leaver: str | None = None
     works: int = 0
     mishaps: int = 0
-    gone: bool = False
-    _leaves_at: int = 0
+    has_departed: bool = False
+    _departure: int = 0
     _dice: random.Random = field(init=False)
 
     def __post_init__(self) -> None:
         self._dice = random.Random(f"{self.seed}/works")
         dice = random.Random(f"{self.seed}/leaver")
         if self.share > 0 and len(self.agents) > 1 and dice.random() < LEAVING:
-            self.leaver, self._leaves_at = dice.choice(sorted(self.agents)), dice.randrange(EARLY)
+            self.leaver, self._departure = dice.choice(sorted(self.agents)), dice.randrange(EARLY)
 
     def mishap(self, agent: str, order: Order) -> Mishap | None:
         """What goes wrong with the agent's next work, if anything."""
         self.works += 1
-        if agent == self.leaver and self.works > self._leaves_at:
-            self.gone = True
-            return Mishap(select_changes=self._some, goes_offline=True)
+        if agent == self.leaver and self.works > self._departure:
+            self.has_departed = True
+            return Mishap(select_changes=self._select_changes, goes_offline=True)
         if self._dice.random() >= self.share:
             return None
         self.mishaps += 1
-        return Mishap(select_changes=self._some) if self._dice.random() < 0.5 else Mishap()
+        return Mishap(select_changes=self._select_changes) if self._dice.random() < 0.5 else Mishap()
 
-    def _some(self, changes: Sequence[Change]) -> Sequence[Change]:
+    def _select_changes(self, changes: Sequence[Change]) -> Sequence[Change]:
         """What becomes of some of the objects: each is changed wholly, or not at all, so that none is in no place."""
-        happens = {objects_of(change)[0]: self._dice.random() < 0.5 for change in changes}
-        return [change for change in changes if happens[objects_of(change)[0]]]
+        is_changed = {objects_of(change)[0]: self._dice.random() < 0.5 for change in changes}
+        return [change for change in changes if is_changed[objects_of(change)[0]]]

@@ -16,7 +16,7 @@ STEP_TIME = 4.0
 
 
 @dataclass(slots=True, kw_only=True)
-class Hands:
+class TimedAgent:
     """One agent, and from when until when it worked."""
 
     agent: SymbolicAgent
@@ -24,13 +24,13 @@ class Hands:
     times: list[float] = field(default_factory=list)
 
     def carry_out(self, task: object) -> Work:
-        began = self.now()
+        started_at = self.now()
         for seconds, value in self.agent.carry_out(task):
             yield seconds, value
             if isinstance(task, Perform) and isinstance(value, WorkDone):
                 break
         if isinstance(task, Perform):
-            self.times += [began, self.now()]
+            self.times += [started_at, self.now()]
 
 
 @dataclass(slots=True, kw_only=True)
@@ -46,8 +46,8 @@ class Observer:
 
     @property
     def profile(self) -> Profile:
-        looks = Capability(type="RecognizeSituation", method="look", undoable=True)
-        return Profile(name=self.name, type=self.person.type, capabilities=(looks,), lease=1e9, capacity=100)
+        capability = Capability(type="RecognizeSituation", method="look", undoable=True)
+        return Profile(name=self.name, type=self.person.type, capabilities=(capability,), lease=1e9, capacity=100)
 
     def carry_out(self, task: object) -> Work:
         match task:

@@ -31,7 +31,7 @@ from somrs.sites.pddl import ImportedProblem, classical, read
 from somrs.task_manager.manager import TaskManager
 from somrs.task_manager.transaction.state import TaskState
 from verification.codmap.faults import Faults
-from verification.codmap.hands import STEP_TIME, Hands, Observer
+from verification.codmap.hands import STEP_TIME, Observer, TimedAgent
 from verification.codmap.referee import objections
 from verification.codmap.result import Result
 
@@ -54,7 +54,7 @@ class Client:
         return []
 
 
-class Play:
+class ProblemRun:
     """The whole system for one problem, on virtual time."""
 
     def __init__(self, imported: ImportedProblem, faults: Faults, limit: float) -> None:
@@ -64,7 +64,7 @@ class Play:
         self.planning = 0.0
         self.world = World(watch=self._watch)
         self.client = Client()
-        self.hands: dict[str, Hands] = {}
+        self.timed_agents: dict[str, TimedAgent] = {}
         world, ontology = self.world, imported.ontology
         map, observer = imported.map, Observer(world=self.truth)
         if faults.share:
@@ -74,8 +74,8 @@ class Play:
         world.add("client", self.client)
         for name, services in imported.agents.items():
             agent = SymbolicAgent(name=name, world=self.truth, services=services, faults=partial(faults.mishap, name), seconds=STEP_TIME)
-            hands = self.hands[name] = Hands(agent=agent, now=lambda: world.now)
-            self._join(agent.profile(lease=FOREVER, valid_for=FOREVER), hands.carry_out)
+            timed_agent = self.timed_agents[name] = TimedAgent(agent=agent, now=lambda: world.now)
+            self._join(agent.profile(lease=FOREVER, valid_for=FOREVER), timed_agent.carry_out)
         if faults.share:
             self._join(observer.profile, observer.carry_out)
         world.add("tm", TaskManager("tm", repository="repository", registry="registry"), self._plan)
@@ -88,7 +88,7 @@ class Play:
     def _watch(self, address: str, event: Input) -> None:
         """Who left is not there any more."""
         name = address.removeprefix("devices/")
-        if name in self.hands and self.hands[name].agent.is_offline and self.world.alive(address):
+        if name in self.timed_agents and self.timed_agents[name].agent.is_offline and self.world.alive(address):
             self.world.kill(address)
 
     @property
@@ -102,90 +102,91 @@ class Play:
         header = Header(sender="client", recipient="tm", message_id="client/task", reply_to="client")
         self.world.send(Message(header=header, body=Submit(effect=str(self.imported.goal), policy=Policy.TIME)))
 
-        def over() -> bool:
+        def has_ended() -> bool:
             return (transaction := self.transaction) is not None and (transaction.outcome is not None or transaction.ending is not None)
 
-        return self.transaction if self.world.run(LONGEST, over) else None
+        return self.transaction if self.world.run(LONGEST, has_ended) else None
 
     def _plan(self, task: object) -> Work:
         assert isinstance(task, Problem), "a Task Manager has nothing but plans made"
-        began = time.perf_counter()
-        found = plan_in_process(task, self.limit)
-        self.planning += time.perf_counter() - began
-        self.plans.append(found)
-        yield 0.0, found
+        started_at = time.perf_counter()
+        plan = plan_in_process(task, self.limit)
+        self.planning += time.perf_counter() - started_at
+        self.plans.append(plan)
+        yield 0.0, plan
 
     def still_possible(self) -> Plan | NoPlan:
         """From the world as it is now to the goal, with the agents that are there."""
-        start, gone = self.imported.problem(), {name for name, hands in self.hands.items() if hands.agent.is_offline}
+        start, departed = self.imported.problem(), {name for name, timed_agent in self.timed_agents.items() if timed_agent.agent.is_offline}
         services = tuple(
-            AvailableService(one.service_type, tuple(name for name in one.providers if name not in gone)) for one in start.services
+            AvailableService(available.service_type, tuple(name for name in available.providers if name not in departed))
+            for available in start.services
         )
         return plan_in_process(Problem(ontology=start.ontology, map=self.truth.map, goal=start.goal, services=services), self.limit)
 
 
-def play(place: Path, limit: float, share: float = 0.0, seed: int = 0) -> Result:
+def run_problem(place: Path, limit: float, share: float = 0.0, seed: int = 0) -> Result:
     """The problem in a folder, with `domain.pddl` and `problem.pddl`. `limit`: seconds until the first plan is found."""
     result = Result(domain=place.parent.name, problem=place.name)
-    began = time.perf_counter()
+    started_at = time.perf_counter()
     try:
         imported = read(place / "domain.pddl", place / "problem.pddl")
     except SomrsError as error:
         result.trouble = str(error)
         return result
-    result.importing = time.perf_counter() - began
+    result.importing = time.perf_counter() - started_at
     result.agents = len(imported.agents)
     faults = Faults(share, f"{seed}/{result.name}", [*imported.agents])
-    stage = Play(imported, faults, limit - result.importing)
+    problem_run = ProblemRun(imported, faults, limit - result.importing)
     gc.collect()
-    began = time.perf_counter()
-    transaction = stage.run()
-    whole = time.perf_counter() - began
-    _note(result, stage, transaction, whole)
-    result.trouble = _trouble(result, stage, transaction, place)
+    started_at = time.perf_counter()
+    transaction = problem_run.run()
+    whole = time.perf_counter() - started_at
+    _note(result, problem_run, transaction, whole)
+    result.trouble = _trouble(result, problem_run, transaction, place)
     return result
 
 
-def _note(result: Result, stage: Play, transaction: TaskState | None, whole: float) -> None:
-    first = stage.plans[0] if stage.plans else None
-    result.planning = result.importing + stage.planning
-    result.coordinating = whole - stage.planning
-    result.plans, result.messages = len(stage.plans), len(stage.world.messages)
-    result.mishaps, result.leaver = stage.faults.mishaps, stage.faults.leaver if stage.faults.gone else None
+def _note(result: Result, problem_run: ProblemRun, transaction: TaskState | None, whole: float) -> None:
+    first = problem_run.plans[0] if problem_run.plans else None
+    result.planning = result.importing + problem_run.planning
+    result.coordinating = whole - problem_run.planning
+    result.plans, result.messages = len(problem_run.plans), len(problem_run.world.messages)
+    result.mishaps, result.leaver = problem_run.faults.mishaps, problem_run.faults.leaver if problem_run.faults.has_departed else None
     if isinstance(first, Plan):
         result.steps = len(first.steps)
-        result.cost = sum(_cost(stage, step) for step in first.steps)
+        result.cost = sum(_cost(problem_run, step) for step in first.steps)
     if transaction is None:
         return
     result.notes = [
         f"{event.at - transaction.submitted_at:9.1f} {event.step or '':14} {sentence(event.event)}" for event in transaction.events
     ]
     result.accomplished = transaction.outcome is Outcome.ACCOMPLISHED
-    times = [time for hands in stage.hands.values() for time in hands.times]
+    times = [time for timed_agent in problem_run.timed_agents.values() for time in timed_agent.times]
     if result.accomplished and times:
         result.makespan = round((max(times) - min(times)) / STEP_TIME, 1)
 
 
-def _trouble(result: Result, stage: Play, transaction: TaskState | None, place: Path) -> str:
+def _trouble(result: Result, problem_run: ProblemRun, transaction: TaskState | None, place: Path) -> str:
     """Why it did not pass."""
-    first = stage.plans[0] if stage.plans else None
+    first = problem_run.plans[0] if problem_run.plans else None
     if transaction is None:
         return "the task did not come to an end"
     if not isinstance(first, Plan):
         return first.explanation if first is not None else f"nothing was planned: {join_reasons(transaction.reasons)}"
-    wrong = objections(*classical(place / "domain.pddl", place / "problem.pddl"), stage.imported.pddl_plan(first.topological()))
+    wrong = objections(*classical(place / "domain.pddl", place / "problem.pddl"), problem_run.imported.pddl_plan(first.topological()))
     if wrong:
         return "; ".join(wrong)
     if (twice := _twice(transaction)) is not None:
         return f"{twice} was executed by two"
-    if not stage.faults.share and stage.truth.rejected:
-        return f"the world rejected {stage.truth.rejected[0]}"
-    reached = formula_holds(stage.imported.goal, stage.truth.map, stage.imported.ontology)
+    if not problem_run.faults.share and problem_run.truth.rejected:
+        return f"the world rejected {problem_run.truth.rejected[0]}"
+    reached = formula_holds(problem_run.imported.goal, problem_run.truth.map, problem_run.imported.ontology)
     if result.accomplished:
         return "" if reached else "it is called accomplished, and the goal does not hold in the world"
-    if not stage.faults.share:
+    if not problem_run.faults.share:
         return join_reasons(transaction.reasons)
-    rest = stage.still_possible()
+    rest = problem_run.still_possible()
     if isinstance(rest, Plan):
         return f"given up ({join_reasons(transaction.reasons)[:200]}), and {len(rest.steps)} more steps would reach the goal"
     if rest.undecided:
@@ -205,6 +206,6 @@ def _twice(transaction: TaskState) -> str | None:
     return None
 
 
-def _cost(stage: Play, step: Step) -> float:
+def _cost(problem_run: ProblemRun, step: Step) -> float:
     inputs = {name: str(term) for name, term in step.inputs.items()}
-    return stage.truth.cost(step.service_type, inputs, step.provider or next(iter(stage.hands)))
+    return problem_run.truth.cost(step.service_type, inputs, step.provider or next(iter(problem_run.timed_agents)))

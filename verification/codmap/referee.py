@@ -47,16 +47,16 @@ def _unified_planning(domain: Path, problem: Path, plan: Path) -> list[str]:
         read = reader.parse_problem(str(domain), str(problem))
     validator = SequentialPlanValidator()
     validator.skip_checks = True  # it minds static functions in costs, and can do them
-    found = validator.validate(read, reader.parse_plan(read, str(plan)))
-    return [] if found.status is ValidationResultStatus.VALID else [f"{UNIFIED_PLANNING}: {found.reason or found.status}"]
+    result = validator.validate(read, reader.parse_plan(read, str(plan)))
+    return [] if result.status is ValidationResultStatus.VALID else [f"{UNIFIED_PLANNING}: {result.reason or result.status}"]
 
 
 def _val(domain: Path, problem: Path, plan: Path) -> list[str]:
     program = _program()
     if program is None:
         return []
-    said = subprocess.run([program, domain, problem, plan], capture_output=True, text=True, timeout=VAL_TIME, check=False)
-    return [] if "Plan valid" in said.stdout else [f"VAL: {said.stdout.strip()[-300:]}"]
+    completed = subprocess.run([program, domain, problem, plan], capture_output=True, text=True, timeout=VAL_TIME, check=False)
+    return [] if "Plan valid" in completed.stdout else [f"VAL: {completed.stdout.strip()[-300:]}"]
 
 
 def _program() -> str | None:

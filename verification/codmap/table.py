@@ -12,8 +12,8 @@ from verification.codmap.result import Result
 
 def table(results: Sequence[Result], seconds: float) -> Table:
     """`seconds` is how long all of it took."""
-    made = Table(title=f"{len(results)} problems in {seconds / 60:.1f} min", title_justify="left")
-    made.add_column("domain")
+    domain_table = Table(title=f"{len(results)} problems in {seconds / 60:.1f} min", title_justify="left")
+    domain_table.add_column("domain")
     for title in (
         "solved",
         "passed",
@@ -27,14 +27,14 @@ def table(results: Sequence[Result], seconds: float) -> Table:
         "s to coordinate",
         "worst",
     ):
-        made.add_column(title, justify="right")
+        domain_table.add_column(title, justify="right")
     domains = {result.domain: None for result in results}
     for domain in domains:
-        made.add_row(domain, *_row([result for result in results if result.domain == domain]))
+        domain_table.add_row(domain, *_row([result for result in results if result.domain == domain]))
     if len(domains) > 1:
-        made.add_section()
-        made.add_row("all", *_row(results))
-    return made
+        domain_table.add_section()
+        domain_table.add_row("all", *_row(results))
+    return domain_table
 
 
 def _row(results: Sequence[Result]) -> list[str]:

@@ -14,16 +14,16 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from verification.fault_runs.draw import draw
 from verification.fault_runs.properties import Violation
-from verification.fault_runs.result import Result, played, run
-from verification.fault_runs.shrink import shrunk
-from verification.fault_runs.stage import Stage
-from verification.fault_runs.story import Story
-from verification.fault_runs.told import Ear, figures, log
+from verification.fault_runs.result import Result, play_scenario, run
+from verification.fault_runs.shrink import shrink_scenario
+from verification.fault_runs.stage import ScenarioRun
+from verification.fault_runs.story import Scenario
+from verification.fault_runs.told import MessageLog, figures, report_lines
 
-TOLD_EVERY = 5000
+PROGRESS_INTERVAL = 5000
 """Runs between two lines of a file that the progress is written to."""
 
-MOST_NAMED, MOST_TOLD = 25, 5
+MAX_LISTED, MAX_REPORTED = 25, 5
 """So many failing seeds are named, and so many of them are made short and told."""
 
 
@@ -36,27 +36,27 @@ def main() -> int:
     chosen = parser.parse_args()
     console = Console(soft_wrap=True, highlight=False)
     if chosen.seed is not None:
-        return _tell(chosen.seed, console)
+        return _report_seed(chosen.seed, console)
     return _run(chosen.seed_base, chosen.runs, chosen.jobs, console)
 
 
 def _run(base: int, count: int, jobs: int, console: Console) -> int:
-    total, began = Result(), time.perf_counter()
+    total, started_at = Result(), time.perf_counter()
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
         bar = progress.add_task("fault runs", total=count)
         for result in _results(range(base, base + count), jobs):
             total.add(result)
-            rate = total.runs / (time.perf_counter() - began)
+            rate = total.runs / (time.perf_counter() - started_at)
             progress.update(bar, advance=1, description=f"fault runs, {rate:.0f}/s, {len(total.failed)} failed")
-            if not console.is_terminal and total.runs % TOLD_EVERY == 0:
+            if not console.is_terminal and total.runs % PROGRESS_INTERVAL == 0:
                 console.print(f"{total.runs} of {count} runs, {rate:.0f}/s, {len(total.failed)} failed")
-            for seed, (property, seen) in result.failed.items() if len(total.failed) <= MOST_NAMED else ():
-                console.print(f"seed {seed}: [red]{property}[/red]: {escape(seen)}\n  make fault-runs SEED={seed}")
-    console.print(figures(total, time.perf_counter() - began))
-    for seed in sorted(total.failed)[:MOST_TOLD]:
+            for seed, (property, description) in result.failed.items() if len(total.failed) <= MAX_LISTED else ():
+                console.print(f"seed {seed}: [red]{property}[/red]: {escape(description)}\n  make fault-runs SEED={seed}")
+    console.print(figures(total, time.perf_counter() - started_at))
+    for seed in sorted(total.failed)[:MAX_REPORTED]:
         console.print(f"\n[bold]seed {seed}, made as short as it can be:[/bold]")
-        console.print(escape(_short(seed).words()))
+        console.print(escape(_shrink(seed).describe()))
     console.print(f"{total.runs - len(total.failed)} passed, {len(total.failed)} failed")
     return 1 if total.failed else 0
 
@@ -69,49 +69,49 @@ def _results(seeds: range, jobs: int) -> Iterator[Result]:
         yield from pool.imap_unordered(run, seeds, chunksize=max(1, min(50, len(seeds) // (4 * jobs))))
 
 
-def _short(seed: int) -> Story:
+def _shrink(seed: int) -> Scenario:
     """The shortest story that fails as the seed's does."""
-    story = draw(seed)
-    _, violation = played(story)
+    scenario = draw(seed)
+    _, violation = play_scenario(scenario)
     if violation is None:
-        return story
+        return scenario
 
-    def fails(candidate: Story) -> bool:
-        _, found = played(candidate)
-        return found is not None and found.property is violation.property
+    def fails(candidate: Scenario) -> bool:
+        _, candidate_violation = play_scenario(candidate)
+        return candidate_violation is not None and candidate_violation.property is violation.property
 
-    return shrunk(story, fails)
+    return shrink_scenario(scenario, fails)
 
 
-def _tell(seed: int, console: Console) -> int:
-    story = draw(seed)
-    stage, violation = _heard(story, console)
+def _report_seed(seed: int, console: Console) -> int:
+    scenario = draw(seed)
+    scenario_run, violation = _play_and_report(scenario, console)
     if violation is None:
-        console.print(f"seed {seed}: {len(stage.world.messages)} messages, {stage.events} inputs\n1 passed, 0 failed")
+        console.print(f"seed {seed}: {len(scenario_run.world.messages)} messages, {scenario_run.events} inputs\n1 passed, 0 failed")
         return 0
-    short = _short(seed)
-    if short != story:
+    short = _shrink(seed)
+    if short != scenario:
         console.print("\n[bold]made as short as it can be:[/bold]")
-        _heard(short, console)
+        _play_and_report(short, console)
     console.print("0 passed, 1 failed")
     return 1
 
 
-def _heard(story: Story, console: Console) -> tuple[Stage, Violation | None]:
+def _play_and_report(scenario: Scenario, console: Console) -> tuple[ScenarioRun, Violation | None]:
     """Play the story, and tell it."""
-    stage, ear = Stage(story), Ear()
-    stage.hears(ear.hear)
+    scenario_run, message_log = ScenarioRun(scenario), MessageLog()
+    scenario_run.add_listener(message_log.record)
     violation = None
     try:
-        stage.play()
-    except Violation as found:
-        violation = found
-    console.print(escape(story.words()))
-    for line in log(stage, ear):
+        scenario_run.play()
+    except Violation as error:
+        violation = error
+    console.print(escape(scenario.describe()))
+    for line in report_lines(scenario_run, message_log):
         console.print(escape(line))
     if violation is not None:
-        console.print(f"[red]{violation.property}[/red]: {escape(violation.seen)}")
-    return stage, violation
+        console.print(f"[red]{violation.property}[/red]: {escape(violation.description)}")
+    return scenario_run, violation
 
 
 if __name__ == "__main__":

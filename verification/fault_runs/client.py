@@ -10,7 +10,7 @@ from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.clients import Cancelling, CancelTask, Preview, Previewed, Submit, Submitted, TaskRejected
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Fault
-from verification.fault_runs.story import Wish
+from verification.fault_runs.story import TaskRequest
 
 PATIENCE = 15.0
 """Seconds after which a request without an answer is made again."""
@@ -20,7 +20,7 @@ PREVIEW_PATIENCE = 60.0
 """As above, of previews: the Registry, the planner and services are asked on the way."""
 
 
-def asked_id(number: int) -> str:
+def preview_id(number: int) -> str:
     """Of the message that asks what a wish would cost."""
     return message_id("what would it cost", number)
 
@@ -28,27 +28,27 @@ def asked_id(number: int) -> str:
 class Client:
     """`tasks` are the wishes that were taken, by their number, `rejected` those that were not, and why."""
 
-    def __init__(self, wishes: Sequence[Wish]) -> None:
-        self._wishes = wishes
+    def __init__(self, requests: Sequence[TaskRequest]) -> None:
+        self._requests = requests
         self.tasks: dict[int, str] = {}
         self.rejected: dict[int, str] = {}
-        self.calling_off: dict[int, str] = {}
+        self.cancellations: dict[int, str] = {}
         """Tasks that were to be cancelled, and what was answered."""
         self.previews: dict[int, Previewed | Fault] = {}
         self._attempts: Counter[int] = Counter()
 
     @property
-    def open(self) -> list[int]:
+    def open_requests(self) -> list[int]:
         """The wishes that were neither taken nor rejected."""
-        return [number for number in range(len(self._wishes)) if number not in self.tasks and number not in self.rejected]
+        return [number for number in range(len(self._requests)) if number not in self.tasks and number not in self.rejected]
 
     @property
-    def wants_previews(self) -> list[int]:
-        return [n for n, wish in enumerate(self._wishes) if wish.previewed and n not in self.previews]
+    def pending_previews(self) -> list[int]:
+        return [n for n, request in enumerate(self._requests) if request.previewed and n not in self.previews]
 
     @property
-    def wants_to_cancel(self) -> list[int]:
-        return [n for n in self.tasks if self._wishes[n].cancelled is not None and n not in self.calling_off]
+    def pending_cancellations(self) -> list[int]:
+        return [n for n in self.tasks if self._requests[n].cancelled is not None and n not in self.cancellations]
 
     def handle(self, event: Input, now: float) -> list[Effect]:
         match event:
@@ -60,41 +60,46 @@ class Client:
                     case "preview":
                         return self._preview(int(number), now)
                 return self._cancel(int(number), now)
-            case Received(message) if (asked := message.header.relates_to) is not None:
-                return self._answered(asked, message.body, now)
+            case Received(message) if (request_id := message.header.relates_to) is not None:
+                return self._answered(request_id, message.body, now)
         return []
 
     def _submit(self, number: int, now: float) -> list[Effect]:
-        if number not in self.open:
+        if number not in self.open_requests:
             return []
-        wish = self._wishes[number]
-        body = Submit(effect=wish.effect, policy=wish.policy, deadline=wish.deadline, handlers=wish.handlers, priority=wish.priority)
-        return [self._send(self._id(number), wish.to, body, now), SetTimer(f"submit {number}", now + PATIENCE)]
+        request = self._requests[number]
+        body = Submit(
+            effect=request.effect, policy=request.policy, deadline=request.deadline, handlers=request.handlers, priority=request.priority
+        )
+        return [self._send(self._id(number), request.task_manager, body, now), SetTimer(f"submit {number}", now + PATIENCE)]
 
     def _preview(self, number: int, now: float) -> list[Effect]:
-        if number not in self.wants_previews:
+        if number not in self.pending_previews:
             return []
-        wish = self._wishes[number]
-        body = Preview(effect=wish.effect, policy=wish.policy, deadline=wish.deadline, priority=wish.priority, quotes=True)
-        return [self._send(asked_id(number), wish.to, body, now), SetTimer(f"preview {number}", now + PREVIEW_PATIENCE)]
+        request = self._requests[number]
+        body = Preview(effect=request.effect, policy=request.policy, deadline=request.deadline, priority=request.priority, quotes=True)
+        return [self._send(preview_id(number), request.task_manager, body, now), SetTimer(f"preview {number}", now + PREVIEW_PATIENCE)]
 
     def _cancel(self, number: int, now: float) -> list[Effect]:
-        if number in self.calling_off:
+        if number in self.cancellations:
             return []
         body = CancelTask(task=self.tasks[number])
-        return [self._send(message_id("cancel", number), self._wishes[number].to, body, now), SetTimer(f"cancel {number}", now + PATIENCE)]
+        return [
+            self._send(message_id("cancel", number), self._requests[number].task_manager, body, now),
+            SetTimer(f"cancel {number}", now + PATIENCE),
+        ]
 
-    def _answered(self, asked: str, answer: Body, now: float) -> list[Effect]:
-        for number, wish in enumerate(self._wishes):
-            if asked == message_id("cancel", number) and isinstance(answer, Cancelling | Fault):
-                self.calling_off.setdefault(number, answer.text if isinstance(answer, Fault) else "")
-            elif asked == asked_id(number) and isinstance(answer, Previewed | Fault):
+    def _answered(self, request_id: str, answer: Body, now: float) -> list[Effect]:
+        for number, request in enumerate(self._requests):
+            if request_id == message_id("cancel", number) and isinstance(answer, Cancelling | Fault):
+                self.cancellations.setdefault(number, answer.text if isinstance(answer, Fault) else "")
+            elif request_id == preview_id(number) and isinstance(answer, Previewed | Fault):
                 self.previews.setdefault(number, answer)
-            elif asked == self._id(number) and number in self.open:
+            elif request_id == self._id(number) and number in self.open_requests:
                 match answer:
                     case Submitted(task=task):
                         self.tasks[number] = task
-                        return [SetTimer(f"cancel {number}", now + wish.cancelled)] if wish.cancelled is not None else []
+                        return [SetTimer(f"cancel {number}", now + request.cancelled)] if request.cancelled is not None else []
                     case TaskRejected(problem=problem):
                         self.rejected[number] = problem
                     case Fault():  # the Task Manager does not know the map yet
@@ -106,5 +111,7 @@ class Client:
         return message_id("wish", number, self._attempts[number])
 
     @staticmethod
-    def _send(id: str, to: str, body: Body, now: float) -> Send:
-        return Send(Message(header=Header(sender="client", recipient=to, message_id=id, reply_to="client"), body=body), now + PATIENCE)
+    def _send(id: str, recipient: str, body: Body, now: float) -> Send:
+        return Send(
+            Message(header=Header(sender="client", recipient=recipient, message_id=id, reply_to="client"), body=body), now + PATIENCE
+        )

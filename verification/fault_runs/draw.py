@@ -8,23 +8,23 @@ from collections.abc import Iterator
 from somrs.ontology.services import Handler, Occasion
 from somrs.protocol.messages.clients import Policy
 from somrs.runtime.virtual import KillPoint
-from verification.fault_runs.site import FLOOR, LOOKING, SERVICES
+from verification.fault_runs.site import FLOOR, RECOGNITION, SERVICES
 from verification.fault_runs.story import (
     AT_WORK,
-    Act,
-    Character,
     Cut,
+    Departure,
+    DeviceTraits,
+    Disturbance,
     Fault,
     Kill,
-    Leave,
-    Misdeed,
     Move,
+    Scenario,
     Setting,
     Sight,
-    Story,
+    TaskRequest,
     Undo,
-    Weather,
-    Wish,
+    WorkFault,
+    WorkFaultKind,
 )
 
 OFTEN, SELDOM, RARELY = 0.5, 0.15, 0.05
@@ -34,9 +34,9 @@ EVENTFUL = 90.0
 """Seconds in which things begin to go wrong."""
 
 
-def draw(seed: int) -> Story:
+def draw(seed: int) -> Scenario:
     """The story of the seed."""
-    return _Draw(seed).story()
+    return _Draw(seed).scenario()
 
 
 class _Draw:
@@ -51,7 +51,7 @@ class _Draw:
         self.shelves = [(f"Shelf{number}", dice.choice(self.doors)[0]) for number in range(1, dice.randint(1, 3) + 1)]
         self.supports = [*self.tables, *(shelf for shelf, _ in self.shelves)]
         self.things = [(f"Jar{number}", dice.choice(self.tables)) for number in range(1, dice.choice((3, 4, 5, 6, 10)) + 1)]
-        self.characters = [*self._characters()]
+        self.devices = [*self._devices()]
         self.count = dice.choice((1, 1, 2, 2, 3, 4, 6, 8))
         self.quarrel = self.chance(OFTEN)
         """Whether several tasks may want the same things."""
@@ -60,11 +60,11 @@ class _Draw:
     def chance(self, probability: float) -> bool:
         return self.dice.random() < probability
 
-    def seconds(self, most: float) -> float:
-        return round(self.dice.random() * most, 2)
+    def seconds(self, maximum: float) -> float:
+        return round(self.dice.random() * maximum, 2)
 
-    def story(self) -> Story:
-        return Story(
+    def scenario(self) -> Scenario:
+        return Scenario(
             seed=self.seed,
             setting=self.setting,
             managers=len(self.managers),
@@ -72,29 +72,31 @@ class _Draw:
             shelves=tuple(self.shelves),
             doors=tuple(self.doors),
             things=tuple(self.things),
-            devices=tuple(self.characters),
-            wishes=tuple(self._wishes()),
+            devices=tuple(self.devices),
+            requests=tuple(self._requests()),
             faults=tuple(self._faults()),
             planning=self.dice.choice((0.0, 0.0, 0.5, 8.0)),
         )
 
     # Who is there
 
-    def _characters(self) -> Iterator[Character]:
+    def _devices(self) -> Iterator[DeviceTraits]:
         kinds = SERVICES[self.setting]
         count = self.dice.choice((5, 5, 6, 6, 7, 8, 10, 12, 16, 20))
-        looking = self.dice.choice((0, 1, 1, 2))
+        observer_count = self.dice.choice((0, 1, 1, 2))
         for number in range(count):
-            yield self._character(f"Robot{number + 1}", kinds[number % len(kinds)] if number < count - looking else (LOOKING,))
+            yield self._device_traits(
+                f"Robot{number + 1}", kinds[number % len(kinds)] if number < count - observer_count else (RECOGNITION,)
+            )
 
-    def _character(self, name: str, services: tuple[str, ...]) -> Character:
+    def _device_traits(self, name: str, services: tuple[str, ...]) -> DeviceTraits:
         dice = self.dice
-        return Character(
+        return DeviceTraits(
             name=name,
             services=services,
             price=dice.randint(1, 9),
             duration=dice.choice((3.0, 6.0, 12.0, 18.0)),
-            undo=dice.choice((Undo.RESTORE, Undo.RESTORE, Undo.RESTORE, Undo.NO, Undo.NO, Undo.FAIL, Undo.HANG)),
+            undo=dice.choice((Undo.RESTORE, Undo.RESTORE, Undo.RESTORE, Undo.IMPOSSIBLE, Undo.IMPOSSIBLE, Undo.FAIL, Undo.HANG)),
             refuses=self.chance(RARELY),
             mute=self.chance(RARELY),
             valid_for=dice.choice((60.0, 60.0, 60.0, 60.0, 5.0, 0.5)),
@@ -107,17 +109,17 @@ class _Draw:
 
     # What is wanted
 
-    def _wishes(self) -> Iterator[Wish]:
+    def _requests(self) -> Iterator[TaskRequest]:
         for _ in range(self.count):
             if not self.quarrel and not self.unclaimed:
                 return
-            yield self._wish()
+            yield self._request()
 
-    def _wish(self) -> Wish:
+    def _request(self) -> TaskRequest:
         dice = self.dice
-        return Wish(
+        return TaskRequest(
             at=self.seconds(40) if self.chance(OFTEN) else 0.0,
-            to=dice.choice(self.managers),
+            task_manager=dice.choice(self.managers),
             effect=self._effect(),
             deadline=dice.choice((15.0, 60.0, 300.0)) if self.chance(SELDOM) else None,
             policy=dice.choice(list(Policy)),
@@ -129,18 +131,18 @@ class _Draw:
 
     def _effect(self) -> str:
         dice = self.dice
-        among = [thing for thing, _ in self.things] if self.quarrel else self.unclaimed
-        chosen = dice.sample(among, min(dice.choice((1, 1, 1, 2, 2, 3)), len(among)))
+        candidates = [thing for thing, _ in self.things] if self.quarrel else self.unclaimed
+        chosen = dice.sample(candidates, min(dice.choice((1, 1, 1, 2, 2, 3)), len(candidates)))
         self.unclaimed = [thing for thing in self.unclaimed if thing not in chosen]
-        wanted = [f"{thing} isOn {dice.choice(self.supports)}" for thing in chosen]
-        if len(wanted) == 1 and self.chance(SELDOM) and self.quarrel:
+        goals = [f"{thing} isOn {dice.choice(self.supports)}" for thing in chosen]
+        if len(goals) == 1 and self.chance(SELDOM) and self.quarrel:
             return f"?It: Jar isOn {dice.choice(self.supports)}"
-        if len(wanted) == 2 and self.chance(SELDOM):
-            return " OR ".join(wanted)
+        if len(goals) == 2 and self.chance(SELDOM):
+            return " OR ".join(goals)
         if self.setting is Setting.DOORS and self.chance(OFTEN):
             door, _ = dice.choice(self.doors)
-            wanted.append(f"{door}.Open = {dice.choice(('TRUE', 'FALSE', 'FALSE'))}")
-        return " AND ".join(wanted)
+            goals.append(f"{door}.Open = {dice.choice(('TRUE', 'FALSE', 'FALSE'))}")
+        return " AND ".join(goals)
 
     def _handlers(self) -> Iterator[Handler]:
         carrying = {Setting.FLAT: "TransferObject", Setting.DOORS: "CarryObject", Setting.GRIP: "PutDown"}[self.setting]
@@ -155,19 +157,28 @@ class _Draw:
     def _faults(self) -> Iterator[Fault]:
         for _ in range(self.dice.choice((0, 1, 1, 2, 2, 3, 4, 5, 6, 8))):
             yield from self.dice.choice(
-                (self._misdeed, self._misdeed, self._misdeed, self._kill, self._kill_manager, self._cut, self._weather, self._person)
+                (
+                    self._work_fault,
+                    self._work_fault,
+                    self._work_fault,
+                    self._kill,
+                    self._kill_manager,
+                    self._cut,
+                    self._disturbance,
+                    self._person,
+                )
             )()
 
-    def _device(self) -> Character:
-        return self.dice.choice(self.characters)
+    def _device(self) -> DeviceTraits:
+        return self.dice.choice(self.devices)
 
-    def _misdeed(self) -> Iterator[Fault]:
+    def _work_fault(self) -> Iterator[Fault]:
         dice = self.dice
-        act = dice.choice(list(Act))
+        kind = dice.choice(list(WorkFaultKind))
         if self.chance(SELDOM):
-            yield Misdeed(device=self._device().name, nth=dice.choice((0, 0, 1)), act=act)
+            yield WorkFault(device=self._device().name, nth=dice.choice((0, 0, 1)), kind=kind)
         else:
-            yield Misdeed(nth=dice.choice((0, 0, 1, 1, 2, 3, 5, 8)), act=act)
+            yield WorkFault(nth=dice.choice((0, 0, 1, 1, 2, 3, 5, 8)), kind=kind)
         if self.chance(SELDOM):
             yield Sight(at=self.seconds(2 * EVENTFUL), object=self.dice.choice(self.things)[0])
 
@@ -195,9 +206,9 @@ class _Draw:
         target = self.dice.choice((AT_WORK, AT_WORK, self._device().address, *self.managers, "repository", "registry"))
         yield Cut(at=self.seconds(EVENTFUL), target=target, seconds=self.dice.choice((2.0, 12.0, 18.0, 30.0, 70.0)))
 
-    def _weather(self) -> Iterator[Fault]:
+    def _disturbance(self) -> Iterator[Fault]:
         dice = self.dice
-        yield Weather(
+        yield Disturbance(
             at=self.seconds(EVENTFUL / 2),
             seconds=dice.choice((20.0, 60.0, 120.0)),
             lost=dice.choice((0.0, 0.1, 0.4)),
@@ -207,10 +218,10 @@ class _Draw:
 
     def _person(self) -> Iterator[Fault]:
         if self.chance(SELDOM):
-            yield Leave(at=self.seconds(EVENTFUL), device=self._device().name)
+            yield Departure(at=self.seconds(EVENTFUL), device=self._device().name)
             return
         thing = self.dice.choice(self.things)[0]
-        at = self.seconds(EVENTFUL)
-        yield Move(at=at, thing=thing, place=self.dice.choice([*self.supports, FLOOR]), told=self.chance(OFTEN))
+        start_time = self.seconds(EVENTFUL)
+        yield Move(at=start_time, thing=thing, place=self.dice.choice([*self.supports, FLOOR]), is_reported=self.chance(OFTEN))
         if self.chance(OFTEN):
-            yield Sight(at=at + self.seconds(60), object=thing)
+            yield Sight(at=start_time + self.seconds(60), object=thing)

@@ -12,20 +12,20 @@ from somrs.runtime.virtual import QUIET, Work
 from somrs.service_manager.participant.participant import ServiceManager
 from somrs.service_manager.participant.timers import Activity, WorkWanted
 from somrs.service_manager.sdk.orders import Advance, Halt, Order, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo, WorkDone
-from verification.fault_runs.site import FLOOR, LOOKING
-from verification.fault_runs.story import Act, Character
+from verification.fault_runs.site import FLOOR, RECOGNITION
+from verification.fault_runs.story import DeviceTraits, WorkFaultKind
 from verification.fault_runs.story import Undo as Undoing
-from verification.fault_runs.truth import Place, Reality, parts
+from verification.fault_runs.truth import Place, Reality, placements
 
-NEVER = 1e7
+FOREVER = 1e7
 """Seconds."""
 
-Saw = Callable[[str, Input], None]
+InputObserver = Callable[[str, Input], None]
 """Sees each input of a device's Service Manager, and whose it is, before it is handled."""
 
 
 @dataclass(frozen=True, slots=True)
-class Labour:
+class DeviceWork:
     """Work that a device really does, from its first move until it is done or interrupted. Looking moves nothing."""
 
     activity: Activity
@@ -45,36 +45,36 @@ class Labour:
 
 
 @dataclass
-class Hands:
+class SimulatedDevice:
     """`misdeeds` tells what goes wrong in its next work, if anything; `began` hears of each piece of work that begins; `dies` is called
     when the device breaks without a word."""
 
-    character: Character
+    traits: DeviceTraits
     reality: Reality
-    misdeeds: Callable[[], Act | None]
+    next_fault: Callable[[], WorkFaultKind | None]
     now: Callable[[], float]
-    began: Callable[[Hands, Labour], None]
-    dies: Callable[[Character], None]
-    labours: dict[Hashable, Labour] = field(default_factory=dict)
+    on_start: Callable[[SimulatedDevice, DeviceWork], None]
+    on_break: Callable[[DeviceTraits], None]
+    current_work: dict[Hashable, DeviceWork] = field(default_factory=dict)
     """What it does now."""
-    _left: dict[str, Place | bool] = field(default_factory=dict)
+    _last_places: dict[str, Place | bool] = field(default_factory=dict)
     """Where it put what it worked on last."""
 
     @property
     def name(self) -> str:
-        return self.character.name
+        return self.traits.name
 
     # What its Service Manager tells it
 
     def interrupted(self, question: Hashable) -> None:
         """It stops moving."""
-        self.labours.pop(question, None)
+        self.current_work.pop(question, None)
 
     def died(self) -> None:
         """Its program is dead: a watchdog stops it."""
-        if self.character.drops:
-            self.reality.drop_all(self.name, self.now(), [labour.object for labour in self.labours.values()])
-        self.labours.clear()
+        if self.traits.drops:
+            self.reality.drop_all(self.name, self.now(), [device_work.object for device_work in self.current_work.values()])
+        self.current_work.clear()
 
     def carry_out(self, task: object) -> Work:
         match task:
@@ -92,160 +92,162 @@ class Hands:
     # What it does
 
     def _quote(self) -> Work:
-        if self.character.mute:
+        if self.traits.mute:
             return
-        if self.character.refuses:
+        if self.traits.refuses:
             yield 0.1, Refusal("it is too heavy for me")
         else:
-            yield 0.1, Quoted(price=self.character.price, duration=self.character.duration)
+            yield 0.1, Quoted(price=self.traits.price, duration=self.traits.duration)
 
     def _perform(self, order: Order) -> Work:
-        act = self.misdeeds()
-        work = self._look(order, act) if order.method == LOOKING else self._work(order, act)
-        yield from self._laboured(Activity.PERFORM, order, work)
+        fault_kind = self.next_fault()
+        work = self._look(order, fault_kind) if order.method == RECOGNITION else self._work(order, fault_kind)
+        yield from self._track_work(Activity.PERFORM, order, work)
 
-    def _laboured(self, activity: Activity, order: Order, work: Work) -> Work:
+    def _track_work(self, activity: Activity, order: Order, work: Work) -> Work:
         """The work, which is real until its end is reported."""
-        labour = Labour(activity, order)
+        device_work = DeviceWork(activity, order)
         question = WorkWanted(order.transaction, order.participant, activity)
-        if order.method != LOOKING:
-            self.labours[question] = labour
-        self.began(self, labour)
+        if order.method != RECOGNITION:
+            self.current_work[question] = device_work
+        self.on_start(self, device_work)
         for seconds, value in work:
             if value is not QUIET and not isinstance(value, Advance):
-                self.labours.pop(question, None)
+                self.current_work.pop(question, None)
                 yield seconds, value
                 return
             yield seconds, value
 
-    def _work(self, order: Order, act: Act | None) -> Work:
-        seconds = self.character.duration * (15 if act is Act.SLOW else 1)
+    def _work(self, order: Order, fault_kind: WorkFaultKind | None) -> Work:
+        seconds = self.traits.duration * (15 if fault_kind is WorkFaultKind.SLOW else 1)
         moves, spent = [*self._moves(order)], 0.0
-        for number, (share, object, to) in enumerate(moves, 1):
+        for number, (share, object, target) in enumerate(moves, 1):
             yield (share - spent) * seconds, QUIET
             spent = share
-            if number == len(moves) and act is not None and act not in (Act.SLOW, Act.CARRY):
-                yield from self._goes_wrong(act, order, object, to)
+            if number == len(moves) and fault_kind is not None and fault_kind not in (WorkFaultKind.SLOW, WorkFaultKind.CARRY):
+                yield from self._goes_wrong(fault_kind, order, object, target)
                 return
-            if (failed := self._move(order, object, to)) is not None:
+            if (failed := self._move(order, object, target)) is not None:
                 yield 0.0, failed
                 return
-            if number < len(moves) and act is Act.CARRY:
-                yield 0.0, Advance(fraction=share, situation=self.reality.said(object))
+            if number < len(moves) and fault_kind is WorkFaultKind.CARRY:
+                yield 0.0, Advance(fraction=share, situation=self.reality.situation_of(object))
         yield 0.0, WorkDone(situation=self._promised(order))
 
-    def _look(self, order: Order, act: Act | None) -> Work:
+    def _look(self, order: Order, fault_kind: WorkFaultKind | None) -> Work:
         """Cognitive services tell the truth, or nothing."""
-        yield self.character.duration, QUIET
-        if act is Act.DIE:
-            self.dies(self.character)
-        if act in (Act.DIE, Act.HANG):
-            yield NEVER, QUIET
-        if act is not None:
+        yield self.traits.duration, QUIET
+        if fault_kind is WorkFaultKind.DIE:
+            self.on_break(self.traits)
+        if fault_kind in (WorkFaultKind.DIE, WorkFaultKind.HANG):
+            yield FOREVER, QUIET
+        if fault_kind is not None:
             yield 0.0, ServiceFailed("it sees nothing", None)
         object = order.inputs["Object"]
-        yield 0.0, WorkDone(situation=f"{self.reality.said(object)} AND {object}.Unknown = FALSE")
+        yield 0.0, WorkDone(situation=f"{self.reality.situation_of(object)} AND {object}.Unknown = FALSE")
 
     def _moves(self, order: Order) -> Iterator[tuple[float, str, Place | bool]]:
         """After which share of the time which object comes where."""
-        for object, to in parts(parse(self._promised(order))):
-            if not isinstance(to, bool) and to[0] == "isOn" and order.method != "PutDown":
+        for object, target in placements(parse(self._promised(order))):
+            if not isinstance(target, bool) and target[0] == "isOn" and order.method != "PutDown":
                 yield 0.4, object, ("isHeldBy", self.name)
-            yield 1.0, object, to
+            yield 1.0, object, target
 
     def _promised(self, order: Order) -> str:
         return order.effect.replace("?Provider", self.name)
 
-    def _move(self, order: Order, object: str, to: Place | bool) -> ServiceFailed | None:
+    def _move(self, order: Order, object: str, target: Place | bool) -> ServiceFailed | None:
         """Bring the object there; what it says when that cannot be done."""
-        if isinstance(to, bool):
-            self._put(object, to, order.transaction)
+        if isinstance(target, bool):
+            self._place_object(object, target, order.transaction)
             return None
         reality = self.reality
-        mine = reality.where[object] == ("isHeldBy", self.name)
-        if to == ("isHeldBy", self.name):
-            told = dict(parts(parse(order.precondition))) if order.precondition is not None else {}
-            if not mine and (reality.where[object][0] == "isHeldBy" or told.get(object) != reality.where[object]):
+        mine = reality.places[object] == ("isHeldBy", self.name)
+        if target == ("isHeldBy", self.name):
+            expected_places = dict(placements(parse(order.precondition))) if order.precondition is not None else {}
+            if not mine and (reality.places[object][0] == "isHeldBy" or expected_places.get(object) != reality.places[object]):
                 return ServiceFailed(f"{object} is not where it is said to be", None)
         elif not mine:
             return ServiceFailed(f"{object} is gone from the gripper", None)
-        elif not reality.reachable(to[1]):
-            self._put(object, ("isOn", FLOOR), order.transaction)
-            return ServiceFailed("the door is closed", f"{reality.said(object)} AND {reality.said(reality.behind[to[1]])}")
-        self._put(object, to, order.transaction)
+        elif not reality.reachable(target[1]):
+            self._place_object(object, ("isOn", FLOOR), order.transaction)
+            return ServiceFailed(
+                "the door is closed", f"{reality.situation_of(object)} AND {reality.situation_of(reality.shelf_doors[target[1]])}"
+            )
+        self._place_object(object, target, order.transaction)
         return None
 
-    def _goes_wrong(self, act: Act, order: Order, object: str, to: Place | bool) -> Work:
+    def _goes_wrong(self, fault_kind: WorkFaultKind, order: Order, object: str, target: Place | bool) -> Work:
         """What happens instead of the last move."""
         reality, mine = self.reality, self.reality.state(object) == ("isHeldBy", self.name)
-        match act:
-            case Act.DROP | Act.MISPUT:
+        match fault_kind:
+            case WorkFaultKind.DROP | WorkFaultKind.MISPUT:
                 if mine:
-                    self._put(object, ("isOn", FLOOR), order.transaction)
-                said = reality.said(object)
-                yield 0.0, ServiceFailed("it slipped", said) if act is Act.DROP else WorkDone(situation=said)
-            case Act.FAIL:
+                    self._place_object(object, ("isOn", FLOOR), order.transaction)
+                situation = reality.situation_of(object)
+                yield 0.0, ServiceFailed("it slipped", situation) if fault_kind is WorkFaultKind.DROP else WorkDone(situation=situation)
+            case WorkFaultKind.FAIL:
                 yield 0.0, ServiceFailed("it is stuck", None)
-            case Act.ERROR:
+            case WorkFaultKind.ERROR:
                 yield 0.0, ZeroDivisionError("division by zero")
-            case Act.FALSE:
+            case WorkFaultKind.FALSE:
                 reality.doubtful.add(object)
                 yield 0.0, WorkDone(situation=self._promised(order))
-            case Act.RAVE:
-                failed = self._move(order, object, to)
+            case WorkFaultKind.RAVE:
+                failed = self._move(order, object, target)
                 yield 0.0, failed or WorkDone(situation=f"{object} isOn Nowhere")
-            case Act.DIE:
-                self.dies(self.character)
-        yield NEVER, QUIET
+            case WorkFaultKind.DIE:
+                self.on_break(self.traits)
+        yield FOREVER, QUIET
 
     def _undo(self, order: Order, situation: str) -> Work:
-        yield from self._laboured(Activity.UNDO, order, self._restore(order, situation))
+        yield from self._track_work(Activity.UNDO, order, self._restore(order, situation))
 
     def _restore(self, order: Order, situation: str) -> Work:
-        reality, wanted = self.reality, [*parts(parse(situation))]
-        yield self.character.duration, QUIET
-        if self.character.undo is Undoing.HANG:
-            yield NEVER, QUIET
-        for object, to in wanted:
-            there = reality.state(object)
-            known = there in (to, ("isHeldBy", self.name), self._left.get(object))
-            if self.character.undo is Undoing.FAIL or not known or not self._can_bring(to):
-                yield 0.0, ServiceFailed("it cannot be undone", reality.said(object) if known else None)
-            self._put(object, to, order.transaction)
-        yield 0.0, WorkDone(situation=" AND ".join(reality.said(object) for object, _ in wanted) or situation)
+        reality, goals = self.reality, [*placements(parse(situation))]
+        yield self.traits.duration, QUIET
+        if self.traits.undo is Undoing.HANG:
+            yield FOREVER, QUIET
+        for object, target in goals:
+            place = reality.state(object)
+            is_certain = place in (target, ("isHeldBy", self.name), self._last_places.get(object))
+            if self.traits.undo is Undoing.FAIL or not is_certain or not self._can_deliver(target):
+                yield 0.0, ServiceFailed("it cannot be undone", reality.situation_of(object) if is_certain else None)
+            self._place_object(object, target, order.transaction)
+        yield 0.0, WorkDone(situation=" AND ".join(reality.situation_of(object) for object, _ in goals) or situation)
 
-    def _can_bring(self, to: Place | bool) -> bool:
-        return isinstance(to, bool) or (self.reality.reachable(to[1]) if to[0] == "isOn" else to[1] == self.name)
+    def _can_deliver(self, target: Place | bool) -> bool:
+        return isinstance(target, bool) or (self.reality.reachable(target[1]) if target[0] == "isOn" else target[1] == self.name)
 
     def _halt(self, order: Order) -> Work:
         """Reach a safe state, and say what is known of the thing."""
-        yield self.character.halts, QUIET
+        yield self.traits.halts, QUIET
         object = next(iter(order.inputs.values()))
         mine = self.reality.state(object) == ("isHeldBy", self.name)
-        if mine and self.character.lays_down:
-            self._put(object, ("isOn", FLOOR), order.transaction)
-        known = mine or self.reality.state(object) == self._left.get(object)
-        yield 0.0, WorkDone(situation=self.reality.said(object) if known else None)
+        if mine and self.traits.lays_down:
+            self._place_object(object, ("isOn", FLOOR), order.transaction)
+        is_certain = mine or self.reality.state(object) == self._last_places.get(object)
+        yield 0.0, WorkDone(situation=self.reality.situation_of(object) if is_certain else None)
 
-    def _put(self, object: str, to: Place | bool, transaction: str) -> None:
-        self._left[object] = to
-        self.reality.put(object, to, self.now(), transaction, self.name)
+    def _place_object(self, object: str, target: Place | bool, transaction: str) -> None:
+        self._last_places[object] = target
+        self.reality.move_object(object, target, self.now(), transaction, self.name)
 
 
 class DeviceManager(ServiceManager):
     """A Service Manager whose device is told at once when it is interrupted."""
 
-    _hands: Hands
-    _saw: Saw
+    _simulated_device: SimulatedDevice
+    _observe_input: InputObserver
 
-    def given(self, hands: Hands, saw: Saw) -> Self:
-        self._hands, self._saw = hands, saw
+    def attach(self, simulated_device: SimulatedDevice, observe_input: InputObserver) -> Self:
+        self._simulated_device, self._observe_input = simulated_device, observe_input
         return self
 
     def handle(self, event: Input, now: float) -> list[Effect]:
-        self._saw(self._hands.character.address, event)
+        self._observe_input(self._simulated_device.traits.address, event)
         effects = super().handle(event, now)
         for effect in effects:
             if isinstance(effect, Withdraw):
-                self._hands.interrupted(effect.question)
+                self._simulated_device.interrupted(effect.question)
         return effects

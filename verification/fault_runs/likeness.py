@@ -12,45 +12,45 @@ from somrs.ontology.types import Ontology
 Leaf = str | int | float | bool | bytes | None
 
 
-def difference(one: object, other: object, leave_out: Collection[type] = ()) -> str | None:
+def difference(old: object, new: object, ignored_types: Collection[type] = ()) -> str | None:
     """Where they differ, as a path of attributes; None when they are alike. Objects of `leave_out` are not looked into."""
-    pairs: list[tuple[str, object, object]] = [("", one, other)]
-    seen: dict[int, tuple[object, object]] = {}
+    pairs: list[tuple[str, object, object]] = [("", old, new)]
+    visited: dict[int, tuple[object, object]] = {}
     """The first of each pair is kept with the second, so that no other object gets its identity."""
     while pairs:
-        path, a, b = pairs.pop()
-        if a is b or isinstance(a, tuple(leave_out)):
+        path, old_value, new_value = pairs.pop()
+        if old_value is new_value or isinstance(old_value, tuple(ignored_types)):
             continue
-        if isinstance(a, int | float) and a == b:
+        if isinstance(old_value, int | float) and old_value == new_value:
             continue
-        if type(a) is not type(b):
-            return f"{path}: {type(a).__name__} {a!r:.200} and {type(b).__name__} {b!r:.200}"
-        if isinstance(a, Leaf | type):
-            if a != b:
-                return f"{path}: {a!r:.200} and {b!r:.200}"
+        if type(old_value) is not type(new_value):
+            return f"{path}: {type(old_value).__name__} {old_value!r:.200} and {type(new_value).__name__} {new_value!r:.200}"
+        if isinstance(old_value, Leaf | type):
+            if old_value != new_value:
+                return f"{path}: {old_value!r:.200} and {new_value!r:.200}"
             continue
-        if _is_value(a):  # values are shared here and there as it happens; nobody can tell
-            if a == b:
+        if _is_value(old_value):  # values are shared here and there as it happens; nobody can tell
+            if old_value == new_value:
                 continue
-        elif id(a) in seen:
-            if seen[id(a)][1] is not b:
+        elif id(old_value) in visited:
+            if visited[id(old_value)][1] is not new_value:
                 return f"{path}: refers to something else of the same kind"
             continue
         else:
-            seen[id(a)] = a, b
-        mine, its = [*_inside(a)], [*_inside(b)]
-        if [name for name, _ in mine] != [name for name, _ in its]:
-            return f"{path}: {[name for name, _ in mine]!r:.300} and {[name for name, _ in its]!r:.300}"
-        pairs += [(f"{path}.{name}", a_value, b_value) for (name, a_value), (_, b_value) in zip(mine, its, strict=True)]
+            visited[id(old_value)] = old_value, new_value
+        old_members, new_members = [*_members(old_value)], [*_members(new_value)]
+        if [name for name, _ in old_members] != [name for name, _ in new_members]:
+            return f"{path}: {[name for name, _ in old_members]!r:.300} and {[name for name, _ in new_members]!r:.300}"
+        pairs += [(f"{path}.{name}", a_value, b_value) for (name, a_value), (_, b_value) in zip(old_members, new_members, strict=True)]
     return None
 
 
-def _is_value(it: object) -> bool:
-    parameters = getattr(it, "__dataclass_params__", None)
-    return isinstance(it, Struct | tuple | frozenset) or (parameters is not None and parameters.frozen)
+def _is_value(value: object) -> bool:
+    parameters = getattr(value, "__dataclass_params__", None)
+    return isinstance(value, Struct | tuple | frozenset) or (parameters is not None and parameters.frozen)
 
 
-def _inside(value: object) -> Iterator[tuple[str, object]]:
+def _members(value: object) -> Iterator[tuple[str, object]]:
     """What an object is made of, by name."""
     match value:
         case dict():
@@ -87,8 +87,8 @@ def _inside(value: object) -> Iterator[tuple[str, object]]:
         elif number == 1:
             yield from ((f"argument{count}", item) for count, item in enumerate(part))
         elif isinstance(part, tuple) and number == 2:
-            for one in part:
-                yield from one.items() if isinstance(one, dict) else ()
+            for state_part in part:
+                yield from state_part.items() if isinstance(state_part, dict) else ()
         elif isinstance(part, dict):
             yield from part.items()
         else:

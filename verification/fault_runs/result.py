@@ -12,8 +12,8 @@ from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.records import TaskRecord
 from verification.fault_runs.draw import draw
 from verification.fault_runs.properties import Violation
-from verification.fault_runs.stage import Parts, Stage
-from verification.fault_runs.story import Story
+from verification.fault_runs.stage import ComponentFactory, ScenarioRun
+from verification.fault_runs.story import Scenario
 
 RUNGS: dict[type[Event], str] = {
     events.HandlerBegun: "handlers",
@@ -47,24 +47,24 @@ class Result:
     inputs: int = 0
     failed: dict[int, tuple[str, str]] = field(default_factory=dict)
 
-    def add(self, other: Result) -> None:
-        self.runs += other.runs
-        self.tasks += other.tasks
-        self.troubled += other.troubled
-        self.rungs += other.rungs
-        self.messages += other.messages
-        self.inputs += other.inputs
-        self.failed |= other.failed
+    def add(self, result: Result) -> None:
+        self.runs += result.runs
+        self.tasks += result.tasks
+        self.troubled += result.troubled
+        self.rungs += result.rungs
+        self.messages += result.messages
+        self.inputs += result.inputs
+        self.failed |= result.failed
 
 
-def played(story: Story, parts: Parts | None = None) -> tuple[Stage, Violation | None]:
+def play_scenario(scenario: Scenario, factory: ComponentFactory | None = None) -> tuple[ScenarioRun, Violation | None]:
     """The story's stage after it was played, and what did not hold, if anything."""
-    stage = Stage(story, parts)
+    scenario_run = ScenarioRun(scenario, factory)
     try:
-        stage.play()
+        scenario_run.play()
     except Violation as violation:
-        return stage, violation
-    return stage, None
+        return scenario_run, violation
+    return scenario_run, None
 
 
 def run(seed: int) -> Result:
@@ -78,17 +78,19 @@ def run(seed: int) -> Result:
 
 
 def _run(seed: int) -> Result:
-    stage, violation = played(draw(seed))
-    result = Result(runs=1, messages=len(stage.world.messages), inputs=stage.events)
+    scenario_run, violation = play_scenario(draw(seed))
+    result = Result(runs=1, messages=len(scenario_run.world.messages), inputs=scenario_run.events)
     if violation is not None:
-        result.failed[seed] = violation.property, violation.seen
+        result.failed[seed] = violation.property, violation.description
         return result
-    blows = [at for at, _ in stage.log]
-    for address in stage.managers:
-        records = {entry.task: entry for entry in stage.world.records[address] if isinstance(entry, TaskRecord)}
+    fault_times = [time for time, _ in scenario_run.log]
+    for address in scenario_run.managers:
+        records = {entry.task: entry for entry in scenario_run.world.records[address] if isinstance(entry, TaskRecord)}
         for record in records.values():
             result.tasks[record.outcome] += 1
-            if any(work.state in BROKEN for work in record.work) or any(record.submitted_at <= at <= record.ended_at for at in blows):
+            if any(work.state in BROKEN for work in record.work) or any(
+                record.submitted_at <= time <= record.ended_at for time in fault_times
+            ):
                 result.troubled[record.outcome] += 1
             for event in record.events:
                 if (rung := RUNGS.get(type(event.event))) is not None:  # type: ignore[arg-type]  # records of today have an event
@@ -96,5 +98,5 @@ def _run(seed: int) -> Result:
                 elif isinstance(event.event, events.WorkStranded) and not event.event.taken:
                     result.rungs["stranded"] += 1
             result.rungs["given up"] += record.outcome is Outcome.FAILED
-    result.rungs["rejected"] += len(stage.client.rejected)
+    result.rungs["rejected"] += len(scenario_run.client.rejected)
     return result

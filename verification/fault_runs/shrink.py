@@ -7,64 +7,68 @@ from dataclasses import replace
 from functools import partial
 from typing import TypeVar
 
-from verification.fault_runs.story import Character, Fault, Story, Wish
+from verification.fault_runs.story import DeviceTraits, Fault, Scenario, TaskRequest
 
 T = TypeVar("T")
 
-MOST_TRIES = 600
+MAX_TRIES = 600
 """So many stories are played at most."""
 
 
-def shrunk(story: Story, fails: Callable[[Story], bool]) -> Story:
+def shrink_scenario(scenario: Scenario, fails: Callable[[Scenario], bool]) -> Scenario:
     """The shortest story found."""
     tries = 0
 
-    def still(candidate: Story) -> bool:
+    def still_fails(candidate: Scenario) -> bool:
         nonlocal tries
         tries += 1
-        return tries <= MOST_TRIES and fails(candidate)
+        return tries <= MAX_TRIES and fails(candidate)
 
     for _ in range(2):
-        story = _with_faults(story, fewest(story.faults, partial(_fails, still, _with_faults, story)))
-        story = _with_wishes(story, fewest(story.wishes, partial(_fails, still, _with_wishes, story)))
-        story = _with_devices(story, fewest(story.devices, partial(_fails, still, _with_devices, story)))
-    plain = tuple(replace(wish, handlers=(), cancelled=None, deadline=None, priority=0, previewed=False) for wish in story.wishes)
-    for simpler in (replace(story, planning=0.0), replace(story, wishes=plain), replace(story, planning=0.0, wishes=plain)):
-        if simpler != story and still(simpler):
-            story = simpler
-    return story
+        scenario = _with_faults(scenario, minimize(scenario.faults, partial(_fails, still_fails, _with_faults, scenario)))
+        scenario = _with_requests(scenario, minimize(scenario.requests, partial(_fails, still_fails, _with_requests, scenario)))
+        scenario = _with_devices(scenario, minimize(scenario.devices, partial(_fails, still_fails, _with_devices, scenario)))
+    plain = tuple(
+        replace(request, handlers=(), cancelled=None, deadline=None, priority=0, previewed=False) for request in scenario.requests
+    )
+    for simpler in (replace(scenario, planning=0.0), replace(scenario, wishes=plain), replace(scenario, planning=0.0, wishes=plain)):
+        if simpler != scenario and still_fails(simpler):
+            scenario = simpler
+    return scenario
 
 
-def _fails(still: Callable[[Story], bool], made: Callable[[Story, list[T]], Story], story: Story, kept: list[T]) -> bool:
-    return still(made(story, kept))
+def _fails(
+    still_fails: Callable[[Scenario], bool], build: Callable[[Scenario, list[T]], Scenario], scenario: Scenario, remaining: list[T]
+) -> bool:
+    return still_fails(build(scenario, remaining))
 
 
-def _with_faults(story: Story, faults: list[Fault]) -> Story:
-    return replace(story, faults=tuple(faults))
+def _with_faults(scenario: Scenario, faults: list[Fault]) -> Scenario:
+    return replace(scenario, faults=tuple(faults))
 
 
-def _with_wishes(story: Story, wishes: list[Wish]) -> Story:
-    return replace(story, wishes=tuple(wishes))
+def _with_requests(scenario: Scenario, requests: list[TaskRequest]) -> Scenario:
+    return replace(scenario, wishes=tuple(requests))
 
 
-def _with_devices(story: Story, devices: list[Character]) -> Story:
-    return replace(story, devices=tuple(devices))
+def _with_devices(scenario: Scenario, devices: list[DeviceTraits]) -> Scenario:
+    return replace(scenario, devices=tuple(devices))
 
 
-def fewest(all: Sequence[T], fails: Callable[[list[T]], bool]) -> list[T]:
+def minimize(items: Sequence[T], fails: Callable[[list[T]], bool]) -> list[T]:
     """Delta debugging (Zeller and Hildebrandt 2002): a list of which nothing can be left out any more without `fails` becoming false."""
-    kept, parts = [*all], 2
-    if kept and fails([]):
+    remaining, part_count = [*items], 2
+    if remaining and fails([]):
         return []
-    while len(kept) >= 2:
-        size = -(-len(kept) // parts)
-        for start in range(0, len(kept), size):
-            without = kept[:start] + kept[start + size :]
-            if fails(without):
-                kept, parts = without, max(parts - 1, 2)
+    while len(remaining) >= 2:
+        size = -(-len(remaining) // part_count)
+        for start in range(0, len(remaining), size):
+            shorter = remaining[:start] + remaining[start + size :]
+            if fails(shorter):
+                remaining, part_count = shorter, max(part_count - 1, 2)
                 break
         else:
             if size == 1:
                 break
-            parts = min(parts * 2, len(kept))
-    return kept
+            part_count = min(part_count * 2, len(remaining))
+    return remaining

@@ -9,7 +9,7 @@ from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import PART_OF, Ontology, Value
-from verification.fault_runs.story import Setting, Story
+from verification.fault_runs.story import Scenario, Setting
 
 FLOOR = "Floor1"
 """Where things come to lie that are dropped."""
@@ -45,7 +45,7 @@ services:
     effect: "?Object isOn ?Place"
 """
 
-LOOKING = "RecognizeSituation"
+RECOGNITION = "RecognizeSituation"
 
 SERVICES: dict[Setting, tuple[tuple[str, ...], ...]] = {
     Setting.FLAT: (("TransferObject",),),
@@ -65,30 +65,30 @@ def service_type(name: str) -> ServiceType:
     return ontology().services[name]
 
 
-def map_of(story: Story) -> Map:
+def map_of(scenario: Scenario) -> Map:
     """The map as it is at the beginning, with the devices on it."""
-    return Map(_objects(story), _facts(story))
+    return Map(_objects(scenario), _facts(scenario))
 
 
-def _objects(story: Story) -> Iterator[Object]:
-    def placed(name: str, type: str, **more: Value) -> Object:
+def _objects(scenario: Scenario) -> Iterator[Object]:
+    def placed(name: str, type: str, **extra_values: Value) -> Object:
         box: dict[str, Value] = {"Shape.Form": "Box", "Shape.Width": 1.0, "Shape.Depth": 1.0, "Shape.Height": 0.8}
-        return Object(name=name, type=type, values={"PositionX": 1.0, "PositionY": 1.0, "PositionZ": 0.0, **box, **more})
+        return Object(name=name, type=type, values={"PositionX": 1.0, "PositionY": 1.0, "PositionZ": 0.0, **box, **extra_values})
 
     yield Object(name="Building1", type="Building")
     yield Object(name="Storey1", type="Storey")
     yield placed(FLOOR, "Floor")
-    yield from (placed(table, "Table") for table in story.tables)
-    yield from (placed(shelf, "Shelf") for shelf, _ in story.shelves)
-    yield from (placed(door, "Door", Open=is_open) for door, is_open in story.doors)
-    yield from (placed(thing, "Jar") for thing, _ in story.things)
-    yield from (placed(device.name, "PioneerP3DX") for device in story.devices)
+    yield from (placed(table, "Table") for table in scenario.tables)
+    yield from (placed(shelf, "Shelf") for shelf, _ in scenario.shelves)
+    yield from (placed(door, "Door", Open=is_open) for door, is_open in scenario.doors)
+    yield from (placed(thing, "Jar") for thing, _ in scenario.things)
+    yield from (placed(device.name, "PioneerP3DX") for device in scenario.devices)
 
 
-def _facts(story: Story) -> Iterator[Fact]:
+def _facts(scenario: Scenario) -> Iterator[Fact]:
     yield Fact(PART_OF, ("Storey1", "Building1"))
     yield Fact(PART_OF, (FLOOR, "Storey1"))
-    standing = [*story.tables, *(s for s, _ in story.shelves), *(d for d, _ in story.doors), *(t for t, _ in story.things)]
-    yield from (Fact(PART_OF, (name, "Storey1")) for name in [*standing, *(device.name for device in story.devices)])
-    yield from (Fact("isBehind", (shelf, door)) for shelf, door in story.shelves)
-    yield from (Fact("isOn", (thing, place)) for thing, place in story.things)
+    standing = [*scenario.tables, *(s for s, _ in scenario.shelves), *(d for d, _ in scenario.doors), *(t for t, _ in scenario.things)]
+    yield from (Fact(PART_OF, (name, "Storey1")) for name in [*standing, *(device.name for device in scenario.devices)])
+    yield from (Fact("isBehind", (shelf, door)) for shelf, door in scenario.shelves)
+    yield from (Fact("isOn", (thing, place)) for thing, place in scenario.things)

@@ -21,7 +21,7 @@ class Setting(StrEnum):
     GRIP = "who takes a thing has to put it down, too"
 
 
-class Act(StrEnum):
+class WorkFaultKind(StrEnum):
     """What goes wrong in a work."""
 
     SLOW = "takes fifteen times as long as it said"
@@ -39,21 +39,21 @@ class Act(StrEnum):
 class Undo(StrEnum):
     """What a device does to undo its work."""
 
-    NO = "it cannot"
+    IMPOSSIBLE = "it cannot"
     RESTORE = "restores what was"
     FAIL = "fails, and says what is"
     HANG = "does not come to an end"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Character:
+class DeviceTraits:
     """A device. `joins` after so many seconds. `drops` what it holds when its program dies; `lays_down` what it holds when stopped."""
 
     name: str
     services: tuple[str, ...]
     price: int
     duration: float
-    undo: Undo = Undo.NO
+    undo: Undo = Undo.IMPOSSIBLE
     refuses: bool = False
     mute: bool = False
     valid_for: float = 60.0
@@ -69,12 +69,12 @@ class Character:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wish:
+class TaskRequest:
     """A task. `to` is the Task Manager that gets it; `cancelled`: so many seconds after it was taken; `previewed`: what it would cost is
     asked at the same time."""
 
     at: float
-    to: str
+    task_manager: str
     effect: str
     deadline: float | None = None
     policy: Policy = Policy.PRICE
@@ -107,7 +107,7 @@ class Cut:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Weather:
+class Disturbance:
     """For a while messages get lost or come twice, with these probabilities, and late by up to so many seconds."""
 
     at: float
@@ -118,11 +118,11 @@ class Weather:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Misdeed:
+class WorkFault:
     """The `nth` work (counted from 0) of the device, or of all devices together (None), goes wrong."""
 
     nth: int
-    act: Act
+    kind: WorkFaultKind
     device: str | None = None
 
 
@@ -133,7 +133,7 @@ class Move:
     at: float
     thing: str
     place: str
-    told: bool
+    is_reported: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -145,18 +145,18 @@ class Sight:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Leave:
+class Departure:
     """A device takes its leave."""
 
     at: float
     device: str
 
 
-Fault = Kill | Cut | Weather | Misdeed | Move | Sight | Leave
+Fault = Kill | Cut | Disturbance | WorkFault | Move | Sight | Departure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Story:
+class Scenario:
     """`planning`: seconds that the planner takes. `things` are on supports, `doors` are open or not, `shelves` stand behind them."""
 
     seed: int
@@ -166,12 +166,12 @@ class Story:
     shelves: tuple[tuple[str, str], ...]
     doors: tuple[tuple[str, bool], ...]
     things: tuple[tuple[str, str], ...]
-    devices: tuple[Character, ...]
-    wishes: tuple[Wish, ...]
+    devices: tuple[DeviceTraits, ...]
+    requests: tuple[TaskRequest, ...]
     faults: tuple[Fault, ...]
     planning: float = 0.0
 
-    def words(self) -> str:
+    def describe(self) -> str:
         """The story, to be read."""
         lines = [
             f"{self.setting}; {self.managers} Task Manager{'s' if self.managers > 1 else ''}, planning takes {self.planning:g} s",
@@ -179,19 +179,19 @@ class Story:
             f"doors: {', '.join(f'{door} open' if is_open else f'{door} closed' for door, is_open in self.doors)}",
             f"things: {', '.join(f'{thing} on {place}' for thing, place in self.things)}",
             "devices:",
-            *(f"  {_words(device)}" for device in self.devices),
+            *(f"  {_describe(device)}" for device in self.devices),
             "tasks:",
-            *(f"  {_words(wish)}" for wish in self.wishes),
+            *(f"  {_describe(request)}" for request in self.requests),
             "what goes wrong:" if self.faults else "nothing goes wrong",
-            *(f"  {_words(fault)}" for fault in self.faults),
+            *(f"  {_describe(fault)}" for fault in self.faults),
         ]
         return "\n".join(lines)
 
 
-def _words(value: Character | Wish | Fault) -> str:
+def _describe(value: DeviceTraits | TaskRequest | Fault) -> str:
     """A value with what is not as usual."""
-    told = [f"{f.name}={_plain(getattr(value, f.name))}" for f in fields(value) if getattr(value, f.name) != f.default]
-    return f"{type(value).__name__}: {', '.join(told)}"
+    details = [f"{f.name}={_plain(getattr(value, f.name))}" for f in fields(value) if getattr(value, f.name) != f.default]
+    return f"{type(value).__name__}: {', '.join(details)}"
 
 
 def _plain(value: object) -> str:

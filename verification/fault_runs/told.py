@@ -14,9 +14,9 @@ from somrs.protocol.messages.event_text import sentence
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.knowledge import Rejected, UpdateMap
 from verification.fault_runs.result import RUNGS, Result
-from verification.fault_runs.stage import Stage
+from verification.fault_runs.stage import ScenarioRun
 
-TOLD = (
+REPORTED_BODIES = (
     frp.Arrange | frp.Terms | frp.Refuse | frp.Accept | frp.Cancel | frp.Execute | frp.Completed | frp.Failed | frp.Stop | frp.Stopped
     | frp.Compensate | frp.Compensated | frp.Stranded | frp.Query | frp.Status | frp.End | frp.Fault
     | UpdateMap | Rejected | Submit | Submitted | TaskRejected | CancelTask | Cancelling
@@ -24,38 +24,40 @@ TOLD = (
 """The messages that matter; signs of life and subscriptions do not."""
 
 
-class Ear:
+class MessageLog:
     """Hears what comes to each address."""
 
     def __init__(self) -> None:
-        self.heard: list[tuple[float, str]] = []
+        self.entries: list[tuple[float, str]] = []
 
-    def hear(self, at: float, event: Input) -> None:
-        if isinstance(event, Received) and isinstance(event.message.body, TOLD):
-            self.heard.append((at, _words(event.message)))
+    def record(self, time: float, event: Input) -> None:
+        if isinstance(event, Received) and isinstance(event.message.body, REPORTED_BODIES):
+            self.entries.append((time, _describe(event.message)))
 
 
-def log(stage: Stage, heard: Ear) -> Iterator[str]:
+def report_lines(scenario_run: ScenarioRun, message_log: MessageLog) -> Iterator[str]:
     """Everything, by time."""
-    lines = [(at, 0, f"    ! {text}") for at, text in stage.log]
-    lines += [(d.at, 1, f"    * {d.who}: {d.object} {_state(d.before)} -> {_state(d.after)}") for d in stage.reality.deeds]
-    lines += [(at, 2, text) for at, text in heard.heard]
-    for address in stage.managers:
-        manager = stage.task_manager(address)
+    lines = [(time, 0, f"    ! {text}") for time, text in scenario_run.log]
+    lines += [
+        (d.at, 1, f"    * {d.actor}: {d.object} {_state(d.state_before)} -> {_state(d.state_after)}") for d in scenario_run.reality.actions
+    ]
+    lines += [(time, 2, text) for time, text in message_log.entries]
+    for address in scenario_run.managers:
+        manager = scenario_run.task_manager(address)
         for task in manager.state.tasks.values() if manager is not None else ():
             lines += [(event.at, 3, f"  {address} {task.id[-6:]} {event.step or ''}: {sentence(event.event)}") for event in task.events]
-    for at, _, text in sorted(lines, key=lambda line: line[:2]):
-        yield f"{at - stage.start:10.3f} {text}"
+    for time, _, text in sorted(lines, key=lambda line: line[:2]):
+        yield f"{time - scenario_run.start:10.3f} {text}"
 
 
-def _words(message: Message) -> str:
+def _describe(message: Message) -> str:
     header, body = message.header, message.body
-    about = f" {header.participant}" if header.participant else ""
+    participant = f" {header.participant}" if header.participant else ""
     task = f" {header.transaction[-6:]}" if header.transaction else ""
-    said = getattr(body, "situation", None) or getattr(body, "reason", None) or getattr(body, "description", None) or ""
+    text = getattr(body, "situation", None) or getattr(body, "reason", None) or getattr(body, "description", None) or ""
     if isinstance(body, Submit):
-        said = body.effect
-    return f"{header.sender} > {header.recipient}:{task}{about} {type(body).__name__} {said}".rstrip()
+        text = body.effect
+    return f"{header.sender} > {header.recipient}:{task}{participant} {type(body).__name__} {text}".rstrip()
 
 
 def _state(state: tuple[str, str] | bool) -> str:
@@ -71,8 +73,10 @@ def figures(result: Result, seconds: float) -> Table:
     for outcome in Outcome:
         table.add_row(outcome.value, str(result.tasks[outcome]), str(result.troubled[outcome]))
     table.add_section()
-    everything = sum(result.troubled.values())
-    table.add_row("accomplished all the same", "", f"{result.troubled[Outcome.ACCOMPLISHED] / everything:.1%}" if everything else "-")
+    troubled_count = sum(result.troubled.values())
+    table.add_row(
+        "accomplished all the same", "", f"{result.troubled[Outcome.ACCOMPLISHED] / troubled_count:.1%}" if troubled_count else "-"
+    )
     table.add_section()
     for rung in (*dict.fromkeys(RUNGS.values()), "stranded", "given up", "rejected"):
         table.add_row(rung, str(result.rungs[rung]), "")

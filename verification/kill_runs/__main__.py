@@ -19,10 +19,10 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from somrs.errors import SomrsError
-from verification.kill_runs.draw import CELLS, MOST_ATTEMPTS, drawn
-from verification.kill_runs.report import summary, told
+from verification.kill_runs.draw import CELLS, MAX_ATTEMPTS, draw_case
+from verification.kill_runs.report import result_line, summary
 from verification.kill_runs.run import Result, Run
-from verification.kill_runs.stage import Stage
+from verification.kill_runs.stage import RunningSystem
 
 ROUNDS = 3
 """So many runs there are for each message and each victim, unless another number is wanted."""
@@ -33,10 +33,10 @@ STARTS = 3
 class Series:
     """Runs for many seeds, in several systems at the same time. A system goes on with the next run as long as all is well."""
 
-    def __init__(self, seeds: list[int], out: Path, bar: Progress) -> None:
+    def __init__(self, seeds: list[int], out_folder: Path, bar: Progress) -> None:
         self.results: list[Result] = []
-        self._seeds, self._out, self._bar = deque(seeds), out, bar
-        self._shown = bar.add_task("kill runs", total=len(seeds))
+        self._seeds, self._out_folder, self._bar = deque(seeds), out_folder, bar
+        self._progress_task = bar.add_task("kill runs", total=len(seeds))
         self._systems = 0
 
     async def play(self, systems: int) -> list[Result]:
@@ -48,11 +48,11 @@ class Series:
         troubles = 0
         while self._seeds:
             self._systems += 1
-            data = self._out / f"system-{self._systems}"
+            data = self._out_folder / f"system-{self._systems}"
             try:
-                async with Stage(data) as stage:
+                async with RunningSystem(data) as running_system:
                     troubles = 0
-                    while self._seeds and await self._seed(stage, self._seeds.popleft()):
+                    while self._seeds and await self._seed(running_system, self._seeds.popleft()):
                         pass
             except SomrsError as error:
                 troubles += 1
@@ -62,41 +62,41 @@ class Series:
             else:
                 shutil.rmtree(data, ignore_errors=True)
 
-    async def _seed(self, stage: Stage, seed: int) -> bool:
+    async def _seed(self, running_system: RunningSystem, seed: int) -> bool:
         """Play the run of a seed, and again while the kill comes too late. Whether the system is as it should be after it."""
-        for attempt in range(MOST_ATTEMPTS):
-            run = Run(stage, drawn(seed, attempt))
+        for attempt in range(MAX_ATTEMPTS):
+            run = Run(running_system, draw_case(seed, attempt))
             result = await run.play()
-            if result.missed and attempt == MOST_ATTEMPTS - 1:
-                result.problems.append(f"the kill came too late {MOST_ATTEMPTS} times: {result.missed}")
+            if result.missed and attempt == MAX_ATTEMPTS - 1:
+                result.problems.append(f"the kill came too late {MAX_ATTEMPTS} times: {result.missed}")
                 result.missed = ""
             self.results.append(result)
-            self._keep(result)
+            self._save_result(result)
             self._bar.console.print(
-                told(result), style="" if result.recovered else "yellow" if result.missed else "bold red", highlight=False
+                result_line(result), style="" if result.recovered else "yellow" if result.missed else "bold red", highlight=False
             )
             if result.problems or result.lost:
-                self._leave(stage, run, result)
-                self._bar.advance(self._shown)
+                self._save_logs(running_system, run, result)
+                self._bar.advance(self._progress_task)
                 return False
             if not result.missed:
                 break
-        self._bar.advance(self._shown)
+        self._bar.advance(self._progress_task)
         return True
 
-    def _keep(self, result: Result) -> None:
-        with (self._out / "runs.jsonl").open("ab") as file:
+    def _save_result(self, result: Result) -> None:
+        with (self._out_folder / "runs.jsonl").open("ab") as file:
             file.write(msgspec.json.encode(result) + b"\n")
 
-    def _leave(self, stage: Stage, run: Run, result: Result) -> None:
+    def _save_logs(self, running_system: RunningSystem, run: Run, result: Result) -> None:
         """What tells of a run that failed."""
-        folder = self._out / str(result.seed)
+        folder = self._out_folder / str(result.seed)
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "result.json").write_bytes(msgspec.json.format(msgspec.json.encode(result)))
         (folder / "task.jsonl").write_bytes(b"".join(msgspec.json.encode(line) + b"\n" for line in run.lines))
         if run.view is not None:
             (folder / "task.json").write_bytes(msgspec.json.format(msgspec.json.encode(run.view)))
-        stage.keep(folder)
+        running_system.save_logs(folder)
 
 
 def main() -> int:
@@ -108,17 +108,17 @@ def main() -> int:
     arguments.add_argument("--seed", type=int, help="the one run of this seed")
     arguments.add_argument("--systems", type=int, default=2, help="how many systems are started, to play in all of them at the same time")
     arguments.add_argument("--out", type=Path, default=Path("out/kill-runs"))
-    wanted = arguments.parse_args()
-    seeds = [wanted.seed] if wanted.seed is not None else [*range(wanted.first, wanted.first + wanted.runs)]
-    shutil.rmtree(wanted.out, ignore_errors=True)
-    wanted.out.mkdir(parents=True)
+    options = arguments.parse_args()
+    seeds = [options.seed] if options.seed is not None else [*range(options.first, options.first + options.runs)]
+    shutil.rmtree(options.out, ignore_errors=True)
+    options.out.mkdir(parents=True)
     console = Console(width=None if sys.stdout.isatty() else 200)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console) as bar:
-        series = Series(seeds, wanted.out, bar)
-        results = asyncio.run(series.play(min(wanted.systems, len(seeds))))
+        series = Series(seeds, options.out, bar)
+        results = asyncio.run(series.play(min(options.systems, len(seeds))))
     summary(results, console)
-    passed = len({one.seed for one in results if one.recovered})
+    passed = len({result.seed for result in results if result.recovered})
     print(f"{passed} passed, {len(seeds) - passed} failed")
     return 0 if passed == len(seeds) else 1
 

@@ -18,7 +18,7 @@ PATIENCE = 60.0
 """Seconds for which an input is sent again."""
 CHANGED, PATH = "Room002", "Label"
 """What is changed again and again; nothing that a task is about."""
-SO_ALREADY = "Door001.Open = TRUE"
+SATISFIED_GOAL = "Door001.Open = TRUE"
 """A wish without steps."""
 AUTHOR = "bystander"
 
@@ -39,16 +39,16 @@ class Bystanders:
         self.acknowledged = Acknowledged()
         self._client, self._name = client, name
         self._number = 0
-        self._over = asyncio.Event()
+        self._finished = asyncio.Event()
         self._bursts: list[asyncio.Task[None]] = []
 
     @contextlib.asynccontextmanager
     async def at_work(self) -> AsyncIterator[Bystanders]:
         """While the context lasts they work; at its end all that they have begun is acknowledged, or it raises RemoteError."""
-        working = [asyncio.create_task(self._again_and_again(one)) for one in (self._update, self._submit)]
+        working = [asyncio.create_task(self._repeat(work)) for work in (self._update, self._submit)]
         try:
             yield self
-            self._over.set()
+            self._finished.set()
             await asyncio.gather(*working, *self._bursts)
         finally:
             for task in [*working, *self._bursts]:
@@ -57,11 +57,11 @@ class Bystanders:
     def burst(self) -> None:
         self._bursts += [asyncio.create_task(work()) for work in (self._submit, self._submit, self._submit, self._update)]
 
-    async def _again_and_again(self, work: Callable[[], Awaitable[None]]) -> None:
-        while not self._over.is_set():
+    async def _repeat(self, work: Callable[[], Awaitable[None]]) -> None:
+        while not self._finished.is_set():
             await work()
             with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(self._over.wait(), PAUSE)
+                await asyncio.wait_for(self._finished.wait(), PAUSE)
 
     async def _update(self) -> None:
         self._number += 1
@@ -71,4 +71,4 @@ class Bystanders:
         self.acknowledged.versions[label] = answer.version
 
     async def _submit(self) -> None:
-        self.acknowledged.tasks.append(await self._client.submit(Submit(effect=SO_ALREADY), patience=PATIENCE))
+        self.acknowledged.tasks.append(await self._client.submit(Submit(effect=SATISFIED_GOAL), patience=PATIENCE))

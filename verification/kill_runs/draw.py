@@ -8,7 +8,7 @@ from enum import StrEnum
 
 from somrs.protocol.frp.states import TO_COORDINATOR, TO_PARTICIPANT
 from somrs.protocol.messages.clients import Policy
-from verification.kill_runs.plays import CHEAP, DEAR, PLACES, THINGS, Play, plays_of
+from verification.kill_runs.plays import CHEAP, DEAR, PLACES, THINGS, Scenario, scenarios_of
 
 MESSAGES = tuple(dict.fromkeys(kind.__name__ for kind in (*TO_PARTICIPANT, *TO_COORDINATOR)))
 """Every type of message of the Failure Recovery Protocol."""
@@ -17,7 +17,7 @@ MOST_DELAY = 0.02
 """Seconds from the message to the kill: by then the message may be on its way, handled, kept, or answered."""
 MOST_PAUSE = 3.0
 """Seconds for which the victim is away."""
-MOST_ATTEMPTS = 8
+MAX_ATTEMPTS = 8
 """How often a run is played at most while its kill comes too late; in the second half of them it does not wait after the message."""
 IMPOSSIBLE = "Jar003"
 """Nothing can be put on it."""
@@ -47,48 +47,48 @@ class Case:
     attempt: int
     message: str
     victim: Victim
-    play: Play
-    wanted: tuple[tuple[str, str], ...]
+    scenario: Scenario
+    placements: tuple[tuple[str, str], ...]
     """Things, and where they are wanted."""
     policy: Policy
     nth: int
     delay: float
     pause: float
-    which: float
+    device_choice: float
     """Which of the devices, from 0 to 1: up to a half, the one that the message is from or for."""
 
     @property
-    def wish(self) -> str:
-        return " AND ".join(f"{thing} isOn {place}" for thing, place in self.wanted)
+    def goal(self) -> str:
+        return " AND ".join(f"{thing} isOn {place}" for thing, place in self.placements)
 
     def __str__(self) -> str:
-        when = f"{self.message} {self.nth}" + (f" + {self.delay * 1000:.0f} ms" if self.delay else "")
-        return f"{self.play.name} ({self.wish}): the {self.victim} is struck at {when}, for {self.pause:.1f} s"
+        moment = f"{self.message} {self.nth}" + (f" + {self.delay * 1000:.0f} ms" if self.delay else "")
+        return f"{self.scenario.name} ({self.goal}): the {self.victim} is struck at {moment}, for {self.pause:.1f} s"
 
 
-def drawn(seed: int, attempt: int = 0) -> Case:
+def draw_case(seed: int, attempt: int = 0) -> Case:
     """The run of a seed; a later attempt is another draw for the same message and victim."""
     chance = random.Random(f"{seed}/{attempt}")
     message, victim = CELLS[seed % len(CELLS)]
-    play = chance.choice(plays_of(message))
-    things = chance.sample(THINGS, chance.randint(1, play.most_things))
-    wanted = tuple((thing, chance.choice([place for place in PLACES if place != HOMES[thing]])) for thing in things)
-    if not play.possible:
-        wanted = (("Carton001", IMPOSSIBLE),)
-    broken = {robot for robot, _ in play.broken} | {one.robot for one in play.breaks}
-    most = 1 if attempt == MOST_ATTEMPTS - 1 else play.count(message, len(wanted))
+    scenario = chance.choice(scenarios_of(message))
+    things = chance.sample(THINGS, chance.randint(1, scenario.most_things))
+    placements = tuple((thing, chance.choice([place for place in PLACES if place != HOMES[thing]])) for thing in things)
+    if not scenario.possible:
+        placements = (("Carton001", IMPOSSIBLE),)
+    broken = {robot for robot, _ in scenario.broken} | {breakdown.robot for breakdown in scenario.breaks}
+    max_count = 1 if attempt == MAX_ATTEMPTS - 1 else scenario.count(message, len(placements))
     return Case(
         seed=seed,
         attempt=attempt,
         message=message,
         victim=victim,
-        play=play,
-        wanted=wanted,
+        scenario=scenario,
+        placements=placements,
         policy=Policy.PRICE if CHEAP in broken and DEAR not in broken else chance.choice((Policy.PRICE, Policy.TIME)),
-        nth=chance.randint(1, most),
-        delay=chance.choice((0.0, 0.0, chance.uniform(0.0, MOST_DELAY))) if attempt < MOST_ATTEMPTS // 2 else 0.0,
+        nth=chance.randint(1, max_count),
+        delay=chance.choice((0.0, 0.0, chance.uniform(0.0, MOST_DELAY))) if attempt < MAX_ATTEMPTS // 2 else 0.0,
         pause=chance.uniform(0.0, MOST_PAUSE),
-        which=chance.random(),
+        device_choice=chance.random(),
     )
 
 

@@ -19,7 +19,7 @@ THINGS = ("Jar002", "Jar003", "Carton001")
 PLACES = ("Platform001", "Table001", "Table002", "Shelf001")
 
 
-class Act(Enum):
+class Action(Enum):
     """What is done to the system besides the kill."""
 
     CANCEL = "the client changes its mind"
@@ -29,87 +29,92 @@ class Act(Enum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Cue:
+class Trigger:
     """The first message of the type, with so much progress if it tells any, is the cue for an act."""
 
     type: str
-    act: Act
+    action: Action
     fraction: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Play:
+class Scenario:
     """`brings`: how many messages of a type come at least, in a run that nobody disturbs. `each`: so many for each thing wanted."""
 
     name: str
     ends: frozenset[Outcome] = frozenset({Outcome.ACCOMPLISHED})
-    brings: Mapping[str, int] = field(default_factory=dict)
-    each: Mapping[str, int] = field(default_factory=dict)
+    counts: Mapping[str, int] = field(default_factory=dict)
+    counts_per_thing: Mapping[str, int] = field(default_factory=dict)
     most_things: int = 2
     broken: tuple[tuple[str, Fault], ...] = ()
     """What is broken from the beginning."""
     breaks: tuple[Break, ...] = ()
     """What breaks meanwhile, at a moment of the simulated world, which is the same however busy the machine is."""
-    cues: tuple[Cue, ...] = ()
+    triggers: tuple[Trigger, ...] = ()
     one_robot: bool = False
     """Of the two robots that carry things, one does not come into question, or not any more."""
     possible: bool = True
     """Whether a thing can be where it is wanted."""
 
     def count(self, message: str, things: int) -> int:
-        return self.brings.get(message, 0) + things * self.each.get(message, 0)
+        return self.counts.get(message, 0) + things * self.counts_per_thing.get(message, 0)
 
 
 _CONTRACT = {"Arrange": 2, "Terms": 2, "Accept": 1, "Cancel": 1, "Execute": 1, "Progress": 3}
-_DONE = {"Completed": 1, "End": 1}
+_COMPLETION = {"Completed": 1, "End": 1}
 _CANCELLED = frozenset({Outcome.CANCELLED})
-_CHANGED_MIND = Cue(type="Progress", act=Act.CANCEL, fraction=0.4)
+_CHANGED_MIND = Trigger(type="Progress", action=Action.CANCEL, fraction=0.4)
 
-PLAYS = (
-    Play(name="carry", each={**_CONTRACT, **_DONE}),
-    Play(
+SCENARIOS = (
+    Scenario(name="carry", counts_per_thing={**_CONTRACT, **_COMPLETION}),
+    Scenario(
         name="refuse",
         one_robot=True,
         broken=((CHEAP, Fault.GRIPPER),),
-        each={"Arrange": 2, "Terms": 1, "Refuse": 1, "Accept": 1, "Execute": 1, **_DONE},
+        counts_per_thing={"Arrange": 2, "Terms": 1, "Refuse": 1, "Accept": 1, "Execute": 1, **_COMPLETION},
     ),
-    Play(name="hopeless", ends=frozenset({Outcome.FAILED}), brings={"Arrange": 2, "Refuse": 2}, most_things=1, possible=False),
-    Play(
+    Scenario(name="hopeless", ends=frozenset({Outcome.FAILED}), counts={"Arrange": 2, "Refuse": 2}, most_things=1, possible=False),
+    Scenario(
         name="break",
         one_robot=True,
         breaks=(Break(robot=CHEAP, fault=Fault.DRIVE, carried=1.0),),
-        brings={**_CONTRACT, **_DONE, "Failed": 1},
+        counts={**_CONTRACT, **_COMPLETION, "Failed": 1},
         most_things=1,
     ),
-    Play(
+    Scenario(
         name="cancel",
         ends=_CANCELLED,
-        brings={"Stop": 1, "Stopped": 1, "Compensate": 1, "Compensated": 1, "End": 1, "Accept": 1, "Execute": 1},
-        cues=(_CHANGED_MIND,),
+        counts={"Stop": 1, "Stopped": 1, "Compensate": 1, "Compensated": 1, "End": 1, "Accept": 1, "Execute": 1},
+        triggers=(_CHANGED_MIND,),
     ),
-    Play(
+    Scenario(
         name="strand",
         ends=_CANCELLED,
-        brings={"Stop": 1, "Stopped": 1, "Compensate": 1, "Stranded": 1, "End": 1},
+        counts={"Stop": 1, "Stopped": 1, "Compensate": 1, "Stranded": 1, "End": 1},
         most_things=1,
         breaks=tuple(Break(robot=robot, fault=Fault.GRIPPER, released=True) for robot in ROBOTS),
-        cues=(_CHANGED_MIND,),
+        triggers=(_CHANGED_MIND,),
     ),
-    Play(
+    Scenario(
         name="silence",
         one_robot=True,
-        brings={"Query": 1, "Status": 1},
+        counts={"Query": 1, "Status": 1},
         most_things=1,
-        cues=(Cue(type="Progress", act=Act.FREEZE, fraction=0.4), Cue(type="Query", act=Act.THAW)),
+        triggers=(Trigger(type="Progress", action=Action.FREEZE, fraction=0.4), Trigger(type="Query", action=Action.THAW)),
     ),
-    Play(name="stray", brings={**_CONTRACT, **_DONE, "Fault": 1}, most_things=1, cues=(Cue(type="Progress", act=Act.STRAY),)),
+    Scenario(
+        name="stray",
+        counts={**_CONTRACT, **_COMPLETION, "Fault": 1},
+        most_things=1,
+        triggers=(Trigger(type="Progress", action=Action.STRAY),),
+    ),
 )
 
 SLOW = frozenset({"silence"})
 """Plays that last for more than a few seconds: they are played only for messages that nothing else brings."""
 
 
-def plays_of(message: str) -> tuple[Play, ...]:
+def scenarios_of(message: str) -> tuple[Scenario, ...]:
     """The plays in which a message of the type comes."""
-    bringing = tuple(play for play in PLAYS if play.count(message, 1))
-    return tuple(play for play in bringing if play.name not in SLOW) or bringing
+    bringing = tuple(scenario for scenario in SCENARIOS if scenario.count(message, 1))
+    return tuple(scenario for scenario in bringing if scenario.name not in SLOW) or bringing

@@ -33,7 +33,7 @@ from verification.kill_runs.plays import DEVICES, PATROL, ROBOTS, THINGS
 
 FREE_TIME = 30.0
 """Seconds that a device has, once everything is mended, to take a contract that begins at once."""
-AT_ONCE = 2.0
+START_TOLERANCE = 2.0
 """Seconds in which a contract begins that begins at once."""
 
 
@@ -41,7 +41,7 @@ class Trouble(Exception):
     """The system cannot be brought to where a run can begin, or be ended."""
 
 
-class Stage:
+class RunningSystem:
     """One system in a folder. An asynchronous context manager."""
 
     def __init__(self, data: Path, launcher: Launcher | None = None) -> None:
@@ -55,7 +55,7 @@ class Stage:
         self._wire = Wire()
         self._open = contextlib.AsyncExitStack()
 
-    async def __aenter__(self) -> Stage:
+    async def __aenter__(self) -> RunningSystem:
         try:
             await self._open.enter_async_context(self.system)
             self.client = await self._open.enter_async_context(Client(self.system.addresses))
@@ -74,10 +74,10 @@ class Stage:
 
     # Striking
 
-    def signal(self, program: str, what: signal.Signals) -> None:
+    def signal(self, program: str, signal_number: signal.Signals) -> None:
         """Send a signal to a process, if it is there."""
         with contextlib.suppress(ProcessLookupError):
-            self.system.programs[program].process.send_signal(what)
+            self.system.programs[program].process.send_signal(signal_number)
 
     async def strike(self, victim: Victim, device: str) -> None:
         match victim:
@@ -95,7 +95,7 @@ class Stage:
         else:
             await self.system.restart(device if victim is Victim.DEVICE else victim)
 
-    async def say(self, address: str, transaction: str, participant: str, body: Body, *, sender: str = ANONYMOUS) -> Message | None:
+    async def send(self, address: str, transaction: str, participant: str, body: Body, *, sender: str = ANONYMOUS) -> Message | None:
         """Say something to a participant from outside; what it answers on the same connection."""
         header = Header(
             sender=sender,
@@ -115,7 +115,7 @@ class Stage:
 
     async def state(self, address: str, transaction: str, participant: str) -> State:
         """What a Service Manager says of a participant."""
-        answer = await self.say(address, transaction, participant, frp.Query())
+        answer = await self.send(address, transaction, participant, frp.Query())
         if answer is None or not isinstance(answer.body, frp.Status):
             raise Trouble(f"{participant} answered a Query with {type(answer.body).__name__ if answer else 'nothing'}")
         return answer.body.state
@@ -131,10 +131,13 @@ class Stage:
         await self.operator.idle()
         parts = []
         for thing in THINGS:
-            seen = await self.operator.observe(thing)
-            if seen.support != HOMES[thing]:
-                raise Trouble(f"{thing} was put on {HOMES[thing]}, and is on {seen.support}")
-            places = [f"{thing}.Position{axis} = {value:.3f}" for axis, value in zip("XYZ", (seen.x, seen.y, seen.z), strict=True)]
+            thing_state = await self.operator.observe(thing)
+            if thing_state.support != HOMES[thing]:
+                raise Trouble(f"{thing} was put on {HOMES[thing]}, and is on {thing_state.support}")
+            places = [
+                f"{thing}.Position{axis} = {value:.3f}"
+                for axis, value in zip("XYZ", (thing_state.x, thing_state.y, thing_state.z), strict=True)
+            ]
             parts += [f"{thing} isOn {HOMES[thing]}", f"{thing}.Unknown = FALSE", *places]
         parts += [f"{device}.Working = TRUE" for device in DEVICES]
         for robot, state in (await self.operator.robots()).items():
@@ -158,15 +161,15 @@ class Stage:
             except RemoteError as error:
                 troubles = dict.fromkeys(troubles, str(error))
                 addresses = {}
-            asked = {device: self._trouble(device, addresses[device]) for device in troubles if device in addresses}
-            answers = await asyncio.gather(*asked.values())
-            troubles |= dict(zip(asked, answers, strict=True))
+            probes = {device: self._trouble(device, addresses[device]) for device in troubles if device in addresses}
+            answers = await asyncio.gather(*probes.values())
+            troubles |= dict(zip(probes, answers, strict=True))
             troubles = {device: trouble for device, trouble in troubles.items() if trouble}
             if troubles:
                 await asyncio.sleep(0.1)
         if troubles:
-            told = "; ".join(f"{device}: {trouble}" for device, trouble in troubles.items())
-            raise Trouble(f"not free after {FREE_TIME:.0f} s: {told}")
+            details = "; ".join(f"{device}: {trouble}" for device, trouble in troubles.items())
+            raise Trouble(f"not free after {FREE_TIME:.0f} s: {details}")
 
     async def _trouble(self, device: str, address: str) -> str:
         """Why the device would not begin a contract at once; nothing if it would."""
@@ -175,20 +178,20 @@ class Stage:
         inputs = {"Object": "Carton001", "Destination": "Platform001"} if device in ROBOTS else {"Object": "Carton001"}
         effect = "Carton001 isOn Platform001" if device in ROBOTS else "Carton001.Unknown = FALSE"
         try:
-            answer = await self.say(address, transaction, participant, frp.Arrange(service_type=kind, inputs=inputs, effect=effect))
-            await self.say(address, transaction, participant, frp.Cancel(reason="it was only asked"))
+            answer = await self.send(address, transaction, participant, frp.Arrange(service_type=kind, inputs=inputs, effect=effect))
+            await self.send(address, transaction, participant, frp.Cancel(reason="it was only asked"))
         except SomrsError as error:
             return str(error)
         match answer:
             case Message(body=frp.Terms(start_from=start)):
                 late = (start or 0.0) - time.time()
-                return f"it would begin in {late:.0f} s" if late > AT_ONCE else ""
+                return f"it would begin in {late:.0f} s" if late > START_TOLERANCE else ""
             case Message(body=frp.Refuse(reason=reason)):
                 return reason if device in (*ROBOTS, PATROL) else ""  # a camera refuses what it does not see
             case _:
                 return f"it answered {type(answer.body).__name__ if answer else 'nothing'}"
 
-    def keep(self, folder: Path, files: Iterable[str] = ("logs", "messages.jsonl")) -> None:
+    def save_logs(self, folder: Path, files: Iterable[str] = ("logs", "messages.jsonl")) -> None:
         """Copy what tells of the run."""
         for name in files:
             source = self.data / name

@@ -26,7 +26,7 @@ REPORTS = ("Completed", "Failed", "Stopped", "Refuse", "Fault", "Status")
 SENT_BY_COORDINATOR = frozenset(("Arrange", "Accept", "Cancel", "Execute", "Stop", "Compensate", "Query", "End"))
 
 
-class Told(Struct, frozen=True, kw_only=True):
+class LoggedMessage(Struct, frozen=True, kw_only=True):
     """A message, whoever noted it."""
 
     at: float
@@ -39,36 +39,36 @@ class Told(Struct, frozen=True, kw_only=True):
     def step(self) -> str:
         """What the participant was asked for; the attempt's number does not count."""
         label = self.participant.rpartition("#")[2]
-        before, _, number = label.rpartition(".")
-        return before if before and number.isdigit() else label
+        prefix, _, number = label.rpartition(".")
+        return prefix if prefix and number.isdigit() else label
 
 
 # The outcome
 
 
-def outcome(case: Case, view: TaskView, kept: Iterable[TaskRecord], struck: str, cancelled_at: float | None) -> Iterator[str]:
+def outcome(case: Case, view: TaskView, records: Iterable[TaskRecord], struck: str, cancelled_at: float | None) -> Iterator[str]:
     """An outcome that the run could have had without a kill. A device that was killed, or was cut off, may have failed."""
     if view.outcome is None or view.phase is not Phase.ENDED:
         yield f"there is no outcome: the task is {view.phase}"
         return
-    if view.outcome in case.play.ends:
+    if view.outcome in case.scenario.ends:
         return
-    too_late = Outcome.CANCELLED in case.play.ends and (cancelled_at is None or view.ended_at is None or cancelled_at > view.ended_at)
+    too_late = Outcome.CANCELLED in case.scenario.ends and (cancelled_at is None or view.ended_at is None or cancelled_at > view.ended_at)
     if too_late and view.outcome is Outcome.ACCOMPLISHED:
         return
     # A Service Manager that is killed at work reports Failed; the other robot may not be able to take over, or have failed, too.
-    may_fail = case.victim is Victim.DEVICE and (case.play.one_robot or nobody_left(view)) and struck in given_up(kept)
+    may_fail = case.victim is Victim.DEVICE and (case.scenario.one_robot or all_robots_failed(view)) and struck in failed_devices(records)
     if not (may_fail and view.outcome is Outcome.FAILED):
-        yield f"the outcome is {view.outcome}, and without the kill it is {' or '.join(case.play.ends)}: {view.explanation}"
+        yield f"the outcome is {view.outcome}, and without the kill it is {' or '.join(case.scenario.ends)}: {view.explanation}"
 
 
-def given_up(kept: Iterable[TaskRecord]) -> set[str]:
+def failed_devices(records: Iterable[TaskRecord]) -> set[str]:
     """The devices that were given up, or refused, in the task."""
-    told = (happened.event for record in kept for happened in record.events)
-    return {event.service.partition(".")[0] for event in told if isinstance(event, ServiceFailure | ServiceRefused)}
+    events = (task_event.event for record in records for task_event in record.events)
+    return {event.service.partition(".")[0] for event in events if isinstance(event, ServiceFailure | ServiceRefused)}
 
 
-def nobody_left(view: TaskView) -> bool:
+def all_robots_failed(view: TaskView) -> bool:
     """Whether all robots that carry things failed in the task. One may, without a kill, when the other stands where it has to."""
     failed = {work.service.partition(".")[0] for work in view.work if work.state in (State.FAILED, State.STRANDED, State.UNREACHABLE)}
     return failed >= set(ROBOTS)
@@ -76,7 +76,7 @@ def nobody_left(view: TaskView) -> bool:
 
 def undone(case: Case, view: TaskView, map: Map) -> Iterator[str]:
     """When the task was cancelled, everything is where it was; unless there was no robot left that could undo it."""
-    if view.outcome is Outcome.CANCELLED and case.victim is not Victim.DEVICE and not nobody_left(view):
+    if view.outcome is Outcome.CANCELLED and case.victim is not Victim.DEVICE and not all_robots_failed(view):
         for thing, home in HOMES.items():
             if [fact[1] for fact in map.facts_with("isOn", 0, thing)] != [home]:
                 yield f"the task was cancelled, and {thing} is not back on {home}: {view.explanation}"
@@ -85,44 +85,51 @@ def undone(case: Case, view: TaskView, map: Map) -> Iterator[str]:
 # The protocol
 
 
-def told(record: TaskRecord) -> list[Told]:
+def logged_messages(record: TaskRecord) -> list[LoggedMessage]:
     """The messages of a task, in the order in which the Task Manager had them."""
-    return [Told(at=one.at, type=one.type, participant=one.participant, id=one.id, body=one.body) for one in record.messages]
+    return [
+        LoggedMessage(at=message.at, type=message.type, participant=message.participant, id=message.id, body=message.body)
+        for message in record.messages
+    ]
 
 
-def protocol(messages: Iterable[Told]) -> Iterator[str]:
+def protocol(messages: Iterable[LoggedMessage]) -> Iterator[str]:
     """What can be seen of properties 1, 2 and 6 of the protocol."""
-    by_participant: dict[str, list[Told]] = {}
-    kept = list(messages)
-    for one in kept:
-        by_participant.setdefault(one.participant, []).append(one)
-    for name, its in by_participant.items():
-        types = [one.type for one in its]
-        executes = {one.id for one in its if one.type == "Execute"}
+    by_participant: dict[str, list[LoggedMessage]] = {}
+    message_list = list(messages)
+    for message in message_list:
+        by_participant.setdefault(message.participant, []).append(message)
+    for name, participant_messages in by_participant.items():
+        types = [message.type for message in participant_messages]
+        executes = {message.id for message in participant_messages if message.type == "Execute"}
         if len(executes) > 1:
             yield f"{name} was told {len(executes)} times to execute"
         if executes and not {"Terms", "Accept"} <= set(types[: types.index("Execute")]):
             yield f"{name} was told to execute without a contract"
         if "Accept" in types and not {"End", "Cancel", "Refuse"} & set(types):
             yield f"{name} was committed, and nobody sent it home"
-    for execute in (one for one in kept if one.type == "Execute"):
-        for name, its in by_participant.items():
-            if name != execute.participant and its[0].step == execute.step and (why := _works(its, execute.at)):
-                yield f"{execute.participant} was told to execute while {name} worked at the same step: {why}"
+    for execute in (message for message in message_list if message.type == "Execute"):
+        for name, participant_messages in by_participant.items():
+            if (
+                name != execute.participant
+                and participant_messages[0].step == execute.step
+                and (reason := _working_reason(participant_messages, execute.at))
+            ):
+                yield f"{execute.participant} was told to execute while {name} worked at the same step: {reason}"
 
 
-def _works(its: list[Told], at: float) -> str:
+def _working_reason(messages: list[LoggedMessage], time: float) -> str:
     """Why the participant counts as working at that time; nothing if it does not."""
-    before = [one for one in its if one.at < at]
-    began = next((one for one in before if one.type == "Execute"), None)
-    if began is None:
+    earlier_messages = [message for message in messages if message.at < time]
+    execute = next((message for message in earlier_messages if message.type == "Execute"), None)
+    if execute is None:
         return ""
-    if any(one.type in REPORTS and one.at > began.at for one in before):
+    if any(message.type in REPORTS and message.at > execute.at for message in earlier_messages):
         return ""
-    heard = [one.at for one in before if one.type not in SENT_BY_COORDINATOR]
-    silent = at - max([began.at, *heard])
-    given_up = any(one.type == "Query" for one in before) and silent > 2 * SILENCE - 1
-    return "" if given_up else f"it said nothing for {silent:.1f} s"
+    report_times = [message.at for message in earlier_messages if message.type not in SENT_BY_COORDINATOR]
+    silent = time - max([execute.at, *report_times])
+    is_abandoned = any(message.type == "Query" for message in earlier_messages) and silent > 2 * SILENCE - 1
+    return "" if is_abandoned else f"it said nothing for {silent:.1f} s"
 
 
 def at_home(states: Mapping[str, State]) -> Iterator[str]:
@@ -135,43 +142,46 @@ def at_home(states: Mapping[str, State]) -> Iterator[str]:
 # What was acknowledged
 
 
-def lost_tasks(acknowledged: Acknowledged, found: Mapping[str, Outcome | None]) -> Iterator[str]:
+def lost_tasks(acknowledged: Acknowledged, outcomes: Mapping[str, Outcome | None]) -> Iterator[str]:
     for task in acknowledged.tasks:
-        if task not in found:
+        if task not in outcomes:
             yield f"task {task} was acknowledged, and is not known"
-        elif found[task] is not Outcome.ACCOMPLISHED:
-            yield f"task {task} was acknowledged, and came to {found[task]}"
+        elif outcomes[task] is not Outcome.ACCOMPLISHED:
+            yield f"task {task} was acknowledged, and came to {outcomes[task]}"
 
 
 def lost_updates(acknowledged: Acknowledged, history: Iterable[Event]) -> Iterator[str]:
     """Each update is in the history under the version that was told, and once."""
-    found: dict[str, list[int]] = {}
+    label_versions: dict[str, list[int]] = {}
     versions = []
     for event in history:
         versions.append(event.version)
         for change in event.changes:
             if event.author == AUTHOR and isinstance(change, ValueSet) and change.path == PATH:
-                found.setdefault(str(change.value), []).append(event.version)
+                label_versions.setdefault(str(change.value), []).append(event.version)
     oldest = min(versions, default=0)
     for label, version in acknowledged.versions.items():
-        if version >= oldest and found.get(label) != [version]:
-            yield f"the update {label!r} was acknowledged with version {version}, and is in the history at {found.get(label, 'no version')}"
+        if version >= oldest and label_versions.get(label) != [version]:
+            yield f"the update {label!r} was acknowledged with version {version}, and is in the history at {label_versions.get(label, 'no version')}"
 
 
 # The map and the world
 
 
-def of_things(map: Map, ontology: Ontology, seen: Mapping[str, ObjectState]) -> Iterator[str]:
+def of_things(map: Map, ontology: Ontology, observed: Mapping[str, ObjectState]) -> Iterator[str]:
     """The map says where each thing is; or that it does not know, which `unknown` tells."""
-    for name, one in seen.items():
+    for name, thing in observed.items():
         if map.objects[name].values.get("Unknown") is True:
             continue
-        known = {relation: [a[1] for a in map.facts_with(relation, 0, name)] for relation in ("isOn", "isHeldBy")}
-        true = {"isOn": [one.support] if one.support and not one.held_by else [], "isHeldBy": [one.held_by] if one.held_by else []}
-        if known != true:
-            yield f"{name}: the map has {_placed(known)}, and in the world it is {_placed(true)}"
-        elif not one.held_by:
-            yield from _differences(name, map, ontology, {"PositionX": one.x, "PositionY": one.y, "PositionZ": one.z})
+        map_facts = {relation: [fact[1] for fact in map.facts_with(relation, 0, name)] for relation in ("isOn", "isHeldBy")}
+        true = {
+            "isOn": [thing.support] if thing.support and not thing.held_by else [],
+            "isHeldBy": [thing.held_by] if thing.held_by else [],
+        }
+        if map_facts != true:
+            yield f"{name}: the map has {_placed(map_facts)}, and in the world it is {_placed(true)}"
+        elif not thing.held_by:
+            yield from _differences(name, map, ontology, {"PositionX": thing.x, "PositionY": thing.y, "PositionZ": thing.z})
 
 
 def unknown(map: Map, names: Iterable[str]) -> list[str]:
@@ -186,12 +196,12 @@ def of_robots(map: Map, ontology: Ontology, robots: Mapping[str, RobotState]) ->
 def _differences(name: str, map: Map, ontology: Ontology, true: Mapping[str, float]) -> Iterator[str]:
     attributes = ontology.attributes_of(map.objects[name].type)
     for path, value in true.items():
-        said = value_of(name, path, map, ontology)
-        known = float(said) if said is not None else math.nan
-        gap = abs(math.remainder(known - value, math.tau) if path == "RotationZ" else known - value)
+        recorded_value = value_of(name, path, map, ontology)
+        recorded_number = float(recorded_value) if recorded_value is not None else math.nan
+        gap = abs(math.remainder(recorded_number - value, math.tau) if path == "RotationZ" else recorded_number - value)
         if not gap <= attributes[path].tolerance + 0.0005:  # reports are rounded to the millimetre
-            yield f"{name}.{path} is {known:.3f} on the map, and {value:.3f} in the world"
+            yield f"{name}.{path} is {recorded_number:.3f} on the map, and {value:.3f} in the world"
 
 
 def _placed(facts: Mapping[str, list[str]]) -> str:
-    return " and ".join(f"{relation} {where}" for relation, places in facts.items() for where in places) or "nothing"
+    return " and ".join(f"{relation} {place}" for relation, places in facts.items() for place in places) or "nothing"

@@ -15,9 +15,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn
 from rich.table import Table
 
 from verification.model_check.media import MEDIA
-from verification.model_check.mutations import all_mutations, try_all
+from verification.model_check.mutations import all_mutations, judge_all
 from verification.model_check.properties import Property
-from verification.model_check.suite import LOST, Result, check_assumption, everything
+from verification.model_check.suite import LOST_DISKS, Result, check_all, check_assumption
 
 COLUMNS = 160
 
@@ -35,9 +35,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m verification.model_check", description="Checks the Failure Recovery Protocol.")
     parser.add_argument("--mutations", action="store_true", help="alter each entry of the tables in turn, and see whether a property falls")
     parser.add_argument("--processes", type=int, default=os.cpu_count() or 1, help="for --mutations: how many at a time")
-    wanted = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     console = Console(width=None if sys.stdout.isatty() else COLUMNS, highlight=False)
-    passed, failed = _mutations(console, wanted.processes) if wanted.mutations else _properties(console)
+    passed, failed = _mutations(console, options.processes) if options.mutations else _properties(console)
     print(f"{passed} passed, {failed} failed")
     return 1 if failed else 0
 
@@ -48,30 +48,32 @@ def _bar(console: Console) -> Progress:
 
 
 def _properties(console: Console) -> tuple[int, int]:
-    began = time.perf_counter()
+    started_at = time.perf_counter()
     with _bar(console) as bar:
-        task = bar.add_task("exploring", total=2 * len(MEDIA) + len(LOST) + 2)
+        task = bar.add_task("exploring", total=2 * len(MEDIA) + len(LOST_DISKS) + 2)
 
         def tick(states: int) -> None:
             bar.update(task, description=f"exploring: {states:,} states")
 
         results = []
-        for result in everything(tick):
+        for result in check_all(tick):
             results.append(result)
             bar.advance(task)
-        without = []
+        assumption_results = []
         for cut_off, clocks in ((False, True), (True, False)):
-            without.append(check_assumption(cut_off=cut_off, clocks=clocks, tick=tick))
+            assumption_results.append(check_assumption(cut_off=cut_off, clocks=clocks, tick=tick))
             bar.advance(task)
     console.print(table(results, "The Failure Recovery Protocol, in every state that can be reached"))
-    console.print(table(without, "Without the timing assumption property 1 has to fall: it is no protocol's to keep"))
+    console.print(table(assumption_results, "Without the timing assumption property 1 has to fall: it is no protocol's to keep"))
     for bound in BOUNDS:
         console.print(f"- {bound}")
-    _charts(console, [*results, *without])
-    looked = [broken for result in results for broken in result.cells.values()]
-    failed = sum(broken is not None for broken in looked) + sum(result.cells[Property.HANDS] is None for result in without)
-    console.print(f"{sum(result.states for result in results):,} states in {time.perf_counter() - began:.0f} s")
-    return len(looked) + len(without) - failed, failed
+    _print_charts(console, [*results, *assumption_results])
+    cells = [counterexample for result in results for counterexample in result.cells.values()]
+    failed = sum(broken is not None for broken in cells) + sum(
+        result.cells[Property.MUTUAL_EXCLUSION] is None for result in assumption_results
+    )
+    console.print(f"{sum(result.states for result in results):,} states in {time.perf_counter() - started_at:.0f} s")
+    return len(cells) + len(assumption_results) - failed, failed
 
 
 def table(results: list[Result], title: str) -> Table:
@@ -79,47 +81,47 @@ def table(results: list[Result], title: str) -> Table:
     drawn = Table(title=title, title_justify="left")
     drawn.add_column("medium", no_wrap=True)
     drawn.add_column("with", no_wrap=True)
-    for which in Property:
-        drawn.add_column(str(which), justify="center")
+    for prop in Property:
+        drawn.add_column(str(prop), justify="center")
     drawn.add_column("states", justify="right")
     drawn.add_column("s", justify="right")
     for result in results:
-        cells = ["-" if which not in result.cells else "holds" if result.cells[which] is None else "FALLS" for which in Property]
-        drawn.add_row(result.medium, result.what, *cells, f"{result.states:,}", f"{result.seconds:.1f}")
+        cells = ["-" if prop not in result.cells else "holds" if result.cells[prop] is None else "FALLS" for prop in Property]
+        drawn.add_row(result.medium, result.configuration, *cells, f"{result.states:,}", f"{result.seconds:.1f}")
     return drawn
 
 
-def _charts(console: Console, results: list[Result]) -> None:
+def _print_charts(console: Console, results: list[Result]) -> None:
     for result in results:
-        for which, broken in result.cells.items():
-            if broken is not None:
-                console.print(f"\n{which}: falls on {result.medium}, {result.what}")
-                print("\n".join(broken.chart or [f"  => {broken.why}"]))
+        for prop, counterexample in result.cells.items():
+            if counterexample is not None:
+                console.print(f"\n{prop}: falls on {result.medium}, {result.configuration}")
+                print("\n".join(counterexample.chart or [f"  => {counterexample.reason}"]))
     console.print()
 
 
 def _mutations(console: Console, processes: int) -> tuple[int, int]:
-    began = time.perf_counter()
+    started_at = time.perf_counter()
     mutations = all_mutations()
     with _bar(console) as bar:
         task = bar.add_task("altering the tables", total=len(mutations))
         verdicts = []
-        for verdict in try_all(mutations, processes):
+        for verdict in judge_all(mutations, processes):
             verdicts.append(verdict)
             bar.advance(task)
-    quiet = [verdict for verdict in verdicts if not verdict.caught_by]
+    uncaught = [verdict for verdict in verdicts if not verdict.caught_by]
     drawn = Table("altered", "why no property notices", title="What no property notices", title_justify="left")
-    for verdict in quiet:
+    for verdict in uncaught:
         drawn.add_row(str(verdict.mutation), verdict.explanation or "UNEXPLAINED")
     console.print(drawn)
-    caught, explained = len(verdicts) - len(quiet), sum(bool(verdict.explanation) for verdict in quiet)
+    caught, explained = len(verdicts) - len(uncaught), sum(bool(verdict.explanation) for verdict in uncaught)
     stale = [verdict for verdict in verdicts if verdict.misexplained]
     for verdict in stale:
         console.print(
             f"{verdict.mutation}: the explanation is wrong: {verdict.caught_by or ('it is used' if verdict.met else 'it is never met')}"
         )
-    unexplained = len(quiet) - explained
-    console.print(f"{len(verdicts)} alterations in {time.perf_counter() - began:.0f} s")
+    unexplained = len(uncaught) - explained
+    console.print(f"{len(verdicts)} alterations in {time.perf_counter() - started_at:.0f} s")
     console.print(f"{caught} caught, {explained} explained, {unexplained} unexplained")
     return caught + explained - len(stale), unexplained + len(stale)
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from verification.model_check.explore import Falls, Space
-from verification.model_check.pair import Both, PairSpace
+from verification.model_check.explore import StateSpace, Violation
+from verification.model_check.pair import ClassPair, PairSpace
 from verification.model_check.quotient import Quotient
-from verification.model_check.sides import Step
-from verification.model_check.system import Link, LinkState, Move
+from verification.model_check.sides import Action
+from verification.model_check.system import Link, LinkState, Transition
 
 WIDTH = 44
 """Columns from lane to lane."""
@@ -24,78 +24,83 @@ class Line:
     source: int | None = None
 
 
-def chart_of_one(space: Space, falls: Falls) -> list[str]:
+def single_chart(space: StateSpace, violation: Violation) -> list[str]:
     """How one participant's part comes to break the property. The participant is to the right of the Task Manager."""
     lines: list[Line] = []
     state = space.link.first
-    for move in [*space.way(falls.state), *([falls.last] if falls.last is not None else [])]:
-        lines += _lines(space.link, state, move, tm=0, sm=1)
-        state = move.after
-    return [*_drawn(("Task Manager", "participant"), lines), f"  => {falls.why}"]
+    for transition in [*space.path_to(violation.state), *([violation.last_transition] if violation.last_transition is not None else [])]:
+        lines += _lines(space.link, state, transition, tm=0, sm=1)
+        state = transition.target
+    return [*_drawn(("Task Manager", "participant"), lines), f"  => {violation.reason}"]
 
 
-def chart_of_two(space: PairSpace, state: int, why: str) -> list[str]:
+def pair_chart(space: PairSpace, state: int, reason: str) -> list[str]:
     """How two participants come to break the property, one to the left of the Task Manager and one to the right."""
     link = space.quotient.space.link
     lines: list[Line] = []
-    for left, left_before, right, right_before in _lifted(space.quotient, space.way(state)):
-        if left is not None:
-            lines += _lines(link, left_before, left, tm=1, sm=0)
-        if right is not None:
-            lines += _lines(link, right_before, right, tm=1, sm=2, joint=left is not None)
-    return [*_drawn(("participant A", "Task Manager", "participant B"), lines), f"  => {why}"]
+    for left_transition, left_state, right_transition, right_state in _lift_path(space.quotient, space.path_to(state)):
+        if left_transition is not None:
+            lines += _lines(link, left_state, left_transition, tm=1, sm=0)
+        if right_transition is not None:
+            lines += _lines(link, right_state, right_transition, tm=1, sm=2, joint=left_transition is not None)
+    return [*_drawn(("participant A", "Task Manager", "participant B"), lines), f"  => {reason}"]
 
 
-def _lifted(quotient: Quotient, way: list[Both]) -> Iterator[tuple[Move | None, LinkState, Move | None, LinkState]]:
+def _lift_path(quotient: Quotient, path: list[ClassPair]) -> Iterator[tuple[Transition | None, LinkState, Transition | None, LinkState]]:
     """The run of two parts that the run of their quotients stands for: at each step what the one does, the other, or both."""
     link = quotient.space.link
-    of = {state: quotient.of[at] for at, state in enumerate(quotient.space.states)}
-    one, other = link.first, link.first
-    for wanted in way[1:]:
-        mine, its = list(link.moves(one)), list(link.moves(other))
-        found = next(_matching(of, one, other, mine, its, wanted))
-        yield found[0], one, found[1], other
-        one, other = found[0].after if found[0] else one, found[1].after if found[1] else other
+    classes = {state: quotient.classes[index] for index, state in enumerate(quotient.space.states)}
+    left_state, right_state = link.first, link.first
+    for target in path[1:]:
+        left_transitions, right_transitions = list(link.transitions(left_state)), list(link.transitions(right_state))
+        match = next(_matching(classes, left_state, right_state, left_transitions, right_transitions, target))
+        yield match[0], left_state, match[1], right_state
+        left_state, right_state = match[0].target if match[0] else left_state, match[1].target if match[1] else right_state
 
 
 def _matching(
-    of: dict[LinkState, int], one: LinkState, other: LinkState, mine: list[Move], its: list[Move], wanted: Both
-) -> Iterator[tuple[Move | None, Move | None]]:
-    for move in mine:
-        if move.joint in ("", "claim") and sorted((of[move.after], of[other])) == [*wanted]:
-            yield move, None
-    for move in its:
-        if move.joint in ("", "claim") and sorted((of[one], of[move.after])) == [*wanted]:
-            yield None, move
-    for move in mine:
-        for also in its:
-            same = move.joint.rstrip("+-") == also.joint.rstrip("+-") not in ("", "claim")
-            if same and sorted((of[move.after], of[also.after])) == [*wanted]:
-                yield move, also
+    classes: dict[LinkState, int],
+    left_state: LinkState,
+    right_state: LinkState,
+    left_transitions: list[Transition],
+    right_transitions: list[Transition],
+    target: ClassPair,
+) -> Iterator[tuple[Transition | None, Transition | None]]:
+    for transition in left_transitions:
+        if transition.joint in ("", "claim") and sorted((classes[transition.target], classes[right_state])) == [*target]:
+            yield transition, None
+    for transition in right_transitions:
+        if transition.joint in ("", "claim") and sorted((classes[left_state], classes[transition.target])) == [*target]:
+            yield None, transition
+    for transition in left_transitions:
+        for other_transition in right_transitions:
+            is_joint = transition.joint.rstrip("+-") == other_transition.joint.rstrip("+-") not in ("", "claim")
+            if is_joint and sorted((classes[transition.target], classes[other_transition.target])) == [*target]:
+                yield transition, other_transition
 
 
-def _lines(link: Link, before: LinkState, move: Move, *, tm: int, sm: int, joint: bool = False) -> Iterator[Line]:
+def _lines(link: Link, state_before: LinkState, transition: Transition, *, tm: int, sm: int, joint: bool = False) -> Iterator[Line]:
     """The lines of one move. `joint`: the first line of it was drawn for the other participant already."""
-    step = move.step
-    if not isinstance(step, Step):
-        post = link.down if move.who == "down" else link.up
-        yield Line(lane=tm if move.who == "down" else sm, text=f"{post.name(step.token)} {step.word}")
+    action = transition.action
+    if not isinstance(action, Action):
+        post = link.participant_inbox if transition.actor == "down" else link.coordinator_inbox
+        yield Line(lane=tm if transition.actor == "down" else sm, text=f"{post.name(action.token)} {action.word}")
         return
-    at_tm = move.who in ("tm", "to tm")
+    at_tm = transition.actor in ("tm", "to tm")
     lane, source = (tm, sm) if at_tm else (sm, tm)
-    was = (link.coordinator(before) if at_tm else link.participant(before)).session.state
-    now = (link.coordinator(move.after) if at_tm else link.participant(move.after)).session.state
-    becomes = f" [{now}]" if now is not was else ""
-    said = [(link.down if at_tm else link.up).name(token) for token in step.says]
-    answers = f", says {', '.join(said)}" if said and not step.what.startswith("says ") else ""
-    about = f" to {'AB'[sm // 2]}" if at_tm and tm == 1 else ""
-    what = step.what if step.what != "gives it up" or tm == 0 else f"gives up {'AB'[sm // 2]}"
-    if move.who.startswith("to"):
-        yield Line(lane=lane, source=source, text=f"{step.what.removeprefix('hears ')}{becomes}{answers}")
+    old_state = (link.coordinator(state_before) if at_tm else link.participant(state_before)).session.state
+    new_state = (link.coordinator(transition.target) if at_tm else link.participant(transition.target)).session.state
+    change = f" [{new_state}]" if new_state is not old_state else ""
+    message_names = [(link.participant_inbox if at_tm else link.coordinator_inbox).name(token) for token in action.tokens]
+    answers = f", says {', '.join(message_names)}" if message_names and not action.description.startswith("says ") else ""
+    addressee = f" to {'AB'[sm // 2]}" if at_tm and tm == 1 else ""
+    description = action.description if action.description != "gives it up" or tm == 0 else f"gives up {'AB'[sm // 2]}"
+    if transition.actor.startswith("to"):
+        yield Line(lane=lane, source=source, text=f"{action.description.removeprefix('hears ')}{change}{answers}")
     elif joint:
-        yield Line(lane=lane, text=f"  and{answers}{about if said else ''}{becomes}")
+        yield Line(lane=lane, text=f"  and{answers}{addressee if message_names else ''}{change}")
     else:
-        yield Line(lane=lane, text=f"{what}{answers}{about if said else ''}{becomes}")
+        yield Line(lane=lane, text=f"{description}{answers}{addressee if message_names else ''}{change}")
 
 
 def _drawn(names: tuple[str, ...], lines: list[Line]) -> list[str]:

@@ -12,10 +12,10 @@ from somrs.protocol.frp import states
 from somrs.protocol.frp.session import CoordinatorBody, CoordinatorSession
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.frp import State
-from verification.model_check.sides import PARTICIPANT, SM, TM, TRANSACTION, Fair, Side, Step, key, trial
+from verification.model_check.sides import PARTICIPANT, SM, TM, TRANSACTION, Action, Fair, Side, key, try_action
 
 # Bodies say nothing here: what they carry changes no state.
-COORDINATOR_SAYS: dict[type[object], CoordinatorBody] = {
+COORDINATOR_BODIES: dict[type[object], CoordinatorBody] = {
     frp.Arrange: frp.Arrange(service_type="S", inputs={}, effect="E"),
     frp.Cancel: frp.Cancel(reason="r"),
     frp.Execute: frp.Execute(inputs={}),
@@ -27,7 +27,7 @@ COORDINATOR_SAYS: dict[type[object], CoordinatorBody] = {
 
 
 # What a Task Manager says in each state (`task_manager.participants`), whatever the table lets it; Cancel and End where it does.
-MUST_SAY: dict[State, type[object]] = {
+REQUIRED_MESSAGES: dict[State, type[object]] = {
     State.NEW: frp.Arrange,
     State.OFFERED: frp.Accept,
     State.COMMITTED: frp.Execute,
@@ -35,7 +35,7 @@ MUST_SAY: dict[State, type[object]] = {
 }
 
 
-MUST_SAY_AGAIN: dict[State, type[object]] = {State.EXECUTING: frp.Execute, State.COMPENSATING: frp.Compensate}
+REQUIRED_REPEATS: dict[State, type[object]] = {State.EXECUTING: frp.Execute, State.COMPENSATING: frp.Compensate}
 """What it says again when the participant was not reached in time."""
 
 
@@ -56,17 +56,17 @@ class Coordinator:
 
     session: CoordinatorSession
     phase: Phase = Phase.OPEN
-    left: State | None = None
-    given_up: bool = False
+    last_state: State | None = None
+    abandoned: bool = False
     """Nobody waits for it any more, and it has not said since how its work ended."""
     overdue: bool = False
     """The transaction ended though not everything was undone, and said so."""
 
 
-OUT = frozenset((State.NEW, State.ENDED, State.FAILED, State.STOPPED, State.COMPENSATED, State.STRANDED, State.UNREACHABLE))
+UNUSABLE_STATES = frozenset((State.NEW, State.ENDED, State.FAILED, State.STOPPED, State.COMPENSATED, State.STRANDED, State.UNREACHABLE))
 """The coordinator's states in which a participant is of no more use for the step."""
 
-UNDONE_AT_LAST = frozenset((State.COMPLETED, State.FAILED, State.STOPPED))
+NEEDS_COMPENSATION = frozenset((State.COMPLETED, State.FAILED, State.STOPPED))
 """The coordinator's states in which a participant that was told to start has to undo, when the transaction is not accomplished."""
 
 
@@ -78,132 +78,138 @@ class Coordinators(Side[Coordinator]):
     def first(self) -> int:
         return self._add(Coordinator(session=_fresh_coordinator()))
 
-    def _add(self, one: Coordinator) -> int:
-        known = key(one.session, lambda state, name: name == "Terms" or self.futures.moves_coordinator(state, name))
-        return self._number((known, one.phase, one.left, one.given_up, one.overdue), one)
+    def _add(self, coordinator: Coordinator) -> int:
+        session_key = key(coordinator.session, lambda state, name: name == "Terms" or self.futures.moves_coordinator(state, name))
+        return self._number(
+            (session_key, coordinator.phase, coordinator.last_state, coordinator.abandoned, coordinator.overdue), coordinator
+        )
 
-    def _receive(self, at: int, token: int, what: str) -> Step:
-        one, session = self.states[at], self.states[at].session.copy()
-        message = self.hears.messages[token]
-        self.says.ready(session, states.COORDINATOR[session.state][type(message.body)].answer)
-        heard = session.receive(message)
-        says, wrong = self._spoken(session, heard.answers)
-        if heard.state_before is State.ENDED and heard.state is not State.ENDED:
-            wrong = f"a participant whose part is over becomes {heard.state}"
-        if heard.moved and heard.state is not heard.state_before:
-            one = replace(one, given_up=False)
-        return Step(what, self._moved(one, session, one.phase), says, wrong=wrong)
+    def _receive(self, state_number: int, token: int, description: str) -> Action:
+        coordinator, session = self.states[state_number], self.states[state_number].session.copy()
+        message = self.inbox.messages[token]
+        self.outbox.prepare(session, states.COORDINATOR[session.state][type(message.body)].answer)
+        result = session.receive(message)
+        tokens, wrong = self._number_messages(session, result.answers)
+        if result.state_before is State.ENDED and result.state is not State.ENDED:
+            wrong = f"a participant whose part is over becomes {result.state}"
+        if result.moved and result.state is not result.state_before:
+            coordinator = replace(coordinator, given_up=False)
+        return Action(description, self._moved(coordinator, session, coordinator.phase), tokens, wrong=wrong)
 
-    def _moved(self, one: Coordinator, session: CoordinatorSession, phase: Phase, left: State | None = None) -> int:
-        if session.state is State.ENDED and one.session.state is not State.ENDED:
-            one = replace(one, left=left or one.session.state)
+    def _moved(self, coordinator: Coordinator, session: CoordinatorSession, phase: Phase, last_state: State | None = None) -> int:
+        if session.state is State.ENDED and coordinator.session.state is not State.ENDED:
+            coordinator = replace(coordinator, left=last_state or coordinator.session.state)
         if phase is Phase.LOST and session.state is State.ENDED:
             session = _fresh_coordinator()  # a Task Manager that knows nothing keeps nothing
         session.reason = ""
-        return self._add(replace(one, session=session, phase=phase))
+        return self._add(replace(coordinator, session=session, phase=phase))
 
-    def _all_moves(self, at: int) -> Iterator[Step]:
+    def _all_actions(self, state_number: int) -> Iterator[Action]:
         """`joint` names the moves that depend on the other participants, or move them, too."""
-        one = self.states[at]
-        state, said = one.session.state, one.session.sent_messages
+        coordinator = self.states[state_number]
+        state, sent_messages = coordinator.session.state, coordinator.session.sent_messages
         allowed = states.COORDINATOR_SENDS.get(state, {})
-        undo = state in UNDONE_AT_LAST and "Execute" in said
-        if one.phase is Phase.OPEN:
-            for kind in dict.fromkeys((*allowed, *([MUST_SAY[state]] if state in MUST_SAY else []))):
-                if kind is MUST_SAY_AGAIN.get(state):
+        undo = state in NEEDS_COMPENSATION and "Execute" in sent_messages
+        if coordinator.phase is Phase.OPEN:
+            for kind in dict.fromkeys((*allowed, *([REQUIRED_MESSAGES[state]] if state in REQUIRED_MESSAGES else []))):
+                if kind is REQUIRED_REPEATS.get(state):
                     continue
                 if kind is frp.Compensate and undo:
-                    yield self._say(at, kind, joint="claim")
+                    yield self._send(state_number, kind, joint="claim")
                 elif kind is frp.Accept:
-                    yield self._say(at, kind, joint="claim", fair=Fair.YES)
+                    yield self._send(state_number, kind, joint="claim", fair=Fair.YES)
                 elif kind not in (frp.End, frp.Compensate):
-                    yield self._say(at, kind, fair=Fair.YES if kind in (frp.Arrange, frp.Execute) else Fair.NO)
-            yield self._stop(at, "cancel")
-            if state in OUT:
-                yield self._stop(at, "fail", fair=Fair.YES)
+                    yield self._send(state_number, kind, fair=Fair.YES if kind in (frp.Arrange, frp.Execute) else Fair.NO)
+            yield self._stop(state_number, "cancel")
+            if state in UNUSABLE_STATES:
+                yield self._stop(state_number, "fail", fair=Fair.YES)
             if state not in states.WORKING:
-                yield self._end(at, "accomplish+" if state is State.COMPLETED else "accomplish-", Phase.ACCOMPLISHED, fair=Fair.YES)
-        elif one.phase is Phase.STOPPING:
+                yield self._end(
+                    state_number, "accomplish+" if state is State.COMPLETED else "accomplish-", Phase.ACCOMPLISHED, fair=Fair.YES
+                )
+        elif coordinator.phase is Phase.STOPPING:
             if undo and frp.Compensate in allowed:
-                yield self._say(at, frp.Compensate, joint="claim", fair=Fair.YES)
+                yield self._send(state_number, frp.Compensate, joint="claim", fair=Fair.YES)
             if state is State.UNREACHABLE and frp.Stop in allowed:
-                yield self._say(at, frp.Stop)
+                yield self._send(state_number, frp.Stop)
             if state not in states.WORKING and not undo:
-                yield self._end(at, "end", Phase.BROKEN, fair=Fair.YES)
-            yield self._end(at, "overdue", Phase.BROKEN)
-        if one.phase in (Phase.OPEN, Phase.STOPPING) and state in states.ABANDONED_STATES:
-            yield self._give_up(at)
-        if one.phase in (Phase.OPEN, Phase.STOPPING) and state in MUST_SAY_AGAIN:
-            yield self._say(at, MUST_SAY_AGAIN[state], joint="again")
-        if self.queries and one.phase in (Phase.OPEN, Phase.STOPPING) and state in states.WORKING:
-            yield self._say(at, frp.Query)
+                yield self._end(state_number, "end", Phase.BROKEN, fair=Fair.YES)
+            yield self._end(state_number, "overdue", Phase.BROKEN)
+        if coordinator.phase in (Phase.OPEN, Phase.STOPPING) and state in states.ABANDONED_STATES:
+            yield self._abandon(state_number)
+        if coordinator.phase in (Phase.OPEN, Phase.STOPPING) and state in REQUIRED_REPEATS:
+            yield self._send(state_number, REQUIRED_REPEATS[state], joint="again")
+        if self.queries and coordinator.phase in (Phase.OPEN, Phase.STOPPING) and state in states.WORKING:
+            yield self._send(state_number, frp.Query)
 
-    def _say(self, at: int, kind: type[object], *, fair: Fair = Fair.NO, joint: str = "") -> Step:
-        what = f"says {kind.__name__}{' again' if joint == 'again' else ''}"
-        return trial(lambda: self._spoken_up(at, kind, what, fair, joint), what, at)
+    def _send(self, state_number: int, kind: type[object], *, fair: Fair = Fair.NO, joint: str = "") -> Action:
+        description = f"says {kind.__name__}{' again' if joint == 'again' else ''}"
+        return try_action(lambda: self._perform_send(state_number, kind, description, fair, joint), description, state_number)
 
-    def _spoken_up(self, at: int, kind: type[object], what: str, fair: Fair, joint: str) -> Step:
-        one, session = self.states[at], self.states[at].session.copy()
+    def _perform_send(self, state_number: int, kind: type[object], description: str, fair: Fair, joint: str) -> Action:
+        coordinator, session = self.states[state_number], self.states[state_number].session.copy()
         if kind is frp.Query:
-            session.sent_messages = {name: said for name, said in session.sent_messages.items() if name != "Query"}
+            session.sent_messages = {name: record for name, record in session.sent_messages.items() if name != "Query"}
             session.number = [*State].index(session.state)  # questions asked in one state are the same question
         elif joint == "again":
-            self.says.ready_again(session, kind)
+            self.outbox.prepare_repeat(session, kind)
         else:
-            self.says.ready(session, kind)
-        message = session.accept() if kind is frp.Accept else session.send(COORDINATOR_SAYS[kind])
-        return Step(what, self._moved(one, session, one.phase), (self.says.number(message, session.number),), fair, joint)
+            self.outbox.prepare(session, kind)
+        message = session.accept() if kind is frp.Accept else session.send(COORDINATOR_BODIES[kind])
+        return Action(
+            description, self._moved(coordinator, session, coordinator.phase), (self.outbox.number(message, session.number),), fair, joint
+        )
 
-    def _stop(self, at: int, rule: str, *, fair: Fair = Fair.NO) -> Step:
+    def _stop(self, state_number: int, rule: str, *, fair: Fair = Fair.NO) -> Action:
         """As `Participants.stop` of the Task Manager: whoever works is told to stop, the others go home."""
 
-        def step() -> Step:
-            one, session = self.states[at], self.states[at].session.copy()
+        def take_action() -> Action:
+            coordinator, session = self.states[state_number], self.states[state_number].session.copy()
             kind: type[object] | None = frp.Stop if session.state is State.EXECUTING else frp.Cancel
             if kind is frp.Cancel and kind not in states.COORDINATOR_SENDS.get(session.state, {}):
                 kind = None
-            numbers = self._say_to(session, kind)
-            return Step(f"the transaction is stopped ({rule})", self._moved(one, session, Phase.STOPPING), numbers, fair, rule)
+            numbers = self._send_kind(session, kind)
+            return Action(f"the transaction is stopped ({rule})", self._moved(coordinator, session, Phase.STOPPING), numbers, fair, rule)
 
-        return trial(step, rule, at)
+        return try_action(take_action, rule, state_number)
 
-    def _end(self, at: int, rule: str, phase: Phase, *, fair: Fair = Fair.NO) -> Step:
+    def _end(self, state_number: int, rule: str, phase: Phase, *, fair: Fair = Fair.NO) -> Action:
         """As `Participants.end` of the Task Manager: End to everyone that was committed, Cancel to the others."""
 
-        def step() -> Step:
-            one, session = self.states[at], self.states[at].session.copy()
+        def take_action() -> Action:
+            coordinator, session = self.states[state_number], self.states[state_number].session.copy()
             overdue = rule == "overdue"
             if session.state in states.WORKING and session.abandon():
-                one = replace(one, given_up=True)
-            left, allowed = session.state, states.COORDINATOR_SENDS.get(session.state, {})
-            numbers = self._say_to(session, next((kind for kind in (frp.End, frp.Cancel) if kind in allowed), None))
-            after = self._moved(replace(one, overdue=overdue), session, phase, left)
-            what = f"the transaction ends ({'overdue' if overdue else phase.value})"
-            return Step(what, after, numbers, fair, rule)
+                coordinator = replace(coordinator, given_up=True)
+            last_state, allowed = session.state, states.COORDINATOR_SENDS.get(session.state, {})
+            numbers = self._send_kind(session, next((kind for kind in (frp.End, frp.Cancel) if kind in allowed), None))
+            target = self._moved(replace(coordinator, overdue=overdue), session, phase, last_state)
+            description = f"the transaction ends ({'overdue' if overdue else phase.value})"
+            return Action(description, target, numbers, fair, rule)
 
-        return trial(step, rule, at)
+        return try_action(take_action, rule, state_number)
 
-    def _say_to(self, session: CoordinatorSession, kind: type[object] | None) -> tuple[int, ...]:
+    def _send_kind(self, session: CoordinatorSession, kind: type[object] | None) -> tuple[int, ...]:
         if kind is None:
             return ()
-        self.says.ready(session, kind)
-        return (self.says.number(session.send(COORDINATOR_SAYS[kind]), session.number),)
+        self.outbox.prepare(session, kind)
+        return (self.outbox.number(session.send(COORDINATOR_BODIES[kind]), session.number),)
 
-    def _give_up(self, at: int) -> Step:
-        one, session = self.states[at], self.states[at].session.copy()
+    def _abandon(self, state_number: int) -> Action:
+        coordinator, session = self.states[state_number], self.states[state_number].session.copy()
         session.abandon()
-        return Step("gives it up", self._moved(replace(one, given_up=True), session, one.phase), joint="give up")
+        return Action("gives it up", self._moved(replace(coordinator, given_up=True), session, coordinator.phase), joint="give up")
 
-    def without_memory(self, at: int) -> int:
+    def without_memory(self, state_number: int) -> int:
         """The state after the Task Manager's disk was lost."""
-        return self._add(Coordinator(session=_fresh_coordinator(), phase=Phase.LOST, left=self.states[at].session.state))
+        return self._add(Coordinator(session=_fresh_coordinator(), phase=Phase.LOST, last_state=self.states[state_number].session.state))
 
-    def said(self, at: int) -> tuple[int, ...]:
+    def repeatable_tokens(self, state_number: int) -> tuple[int, ...]:
         """Everything it said that its node may send again after a restart; orders only as long as they are wanted."""
-        session = self.states[at].session
+        session = self.states[state_number].session
         orders = {"Execute": State.EXECUTING, "Compensate": State.COMPENSATING}
         return tuple(
-            self.says.number(message, 1)
+            self.outbox.number(message, 1)
             for name in session.sent_messages
             if name != "Query" and orders.get(name, session.state) is session.state
             for message in session._repeat(name)

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 Pattern = tuple[str, str, str, str]
 """Table, state, message and alteration, as in a `Mutation`."""
 
-NEVER_MET = "never met"
+UNUSED_ENTRY = "never met"
 
 REPEATED = "sooner only: the report is repeated until it is acknowledged, whether it is asked for again or not"
 OVERTAKEN = "sooner only: its next report, or its lapse, is answered with End or Cancel again, and then it ends"
@@ -16,61 +16,63 @@ LOST_AGAIN = "never met: one that lost its journal and is arranged anew; a lost 
 NO_CANCEL = "never met: Cancel is not said after Execute; it stays, as leaving is never refused"
 BREAKS_RULES = "never met: one of the two would have to break the rules; it stays, against those that do"
 FAULT = "never met: no Fault is said, as nothing is malformed and nothing does not fit; it stays, against those that cannot read"
-ASKED = "changes nothing: who keeps its journal says its state to people and programs only"
+STATUS_ONLY = "changes nothing: who keeps its journal says its state to people and programs only"
 MONITORED = "changes nothing here: it is news for people, and a sign of life for a timer that may ring at any time"
 ONLY_IF_LATE = "never needed as long as the timing assumption holds: a device that was given up does not move"
 
 
-def _each(table: str, states: Iterable[str], messages: Iterable[str], hows: Iterable[str], why: str) -> dict[Pattern, str]:
-    return {(table, state, message, how): why for state in states for message in messages for how in hows}
+def _explain_each(
+    table: str, states: Iterable[str], messages: Iterable[str], changes: Iterable[str], explanation: str
+) -> dict[Pattern, str]:
+    return {(table, state, message, change): explanation for state in states for message in messages for change in changes}
 
 
 WORK = ("Accept", "Execute", "Stop", "Compensate")
 REPORTS = ("Completed", "Failed", "Stopped", "Compensated", "Stranded")
 
 EXPLANATIONS: dict[Pattern, str] = {
-    **_each("PARTICIPANT", ("New",), WORK, ("ignored",), LOST),
+    **_explain_each("PARTICIPANT", ("New",), WORK, ("ignored",), LOST),
     ("PARTICIPANT", "New", "Compensate", "Ended"): "sooner only: it is free then, and what it says of the undoing is the same",
     ("PARTICIPANT", "New", "End", "ignored"): "changes nothing: one that knows nothing is free",
-    **_each("PARTICIPANT", ("Arranging",), WORK, ("ignored", "unanswered", "Ended"), LOST_AGAIN),
-    **_each("PARTICIPANT", ("Arranging",), ("End",), ("ignored",), "never met: one that was not committed hears Cancel instead"),
-    **_each("PARTICIPANT", ("Arranging",), ("Cancel",), ("ignored",), OVERTAKEN),
-    **_each("PARTICIPANT", ("Offered",), ("Arrange",), ("ignored",), REPEATED),
+    **_explain_each("PARTICIPANT", ("Arranging",), WORK, ("ignored", "unanswered", "Ended"), LOST_AGAIN),
+    **_explain_each("PARTICIPANT", ("Arranging",), ("End",), ("ignored",), "never met: one that was not committed hears Cancel instead"),
+    **_explain_each("PARTICIPANT", ("Arranging",), ("Cancel",), ("ignored",), OVERTAKEN),
+    **_explain_each("PARTICIPANT", ("Offered",), ("Arrange",), ("ignored",), REPEATED),
     ("PARTICIPANT", "Offered", "Accept", "ignored"): "equivalent: the Execute that follows names the terms, and is an Accept",
-    **_each("PARTICIPANT", ("Offered", "Committed"), ("Compensate",), ("ignored", "unanswered", "Ended"), BREAKS_RULES),
-    **_each("PARTICIPANT", ("Executing", "Stopping"), ("Compensate",), ("ignored",), BREAKS_RULES),
-    **_each(
+    **_explain_each("PARTICIPANT", ("Offered", "Committed"), ("Compensate",), ("ignored", "unanswered", "Ended"), BREAKS_RULES),
+    **_explain_each("PARTICIPANT", ("Executing", "Stopping"), ("Compensate",), ("ignored",), BREAKS_RULES),
+    **_explain_each(
         "PARTICIPANT",
         ("Executing", "Completed", "Stopping", "Stopped", "Compensating", "Compensated", "Stranded"),
         ("Cancel",),
         ("ignored",),
         NO_CANCEL,
     ),
-    **_each("PARTICIPANT", ("Completed", "Failed"), ("Execute", "Stop"), ("ignored",), REPEATED),
-    **_each("PARTICIPANT", ("Stopped",), ("Stop",), ("ignored",), REPEATED),
-    **_each("PARTICIPANT", ("Compensated", "Stranded"), ("Compensate",), ("ignored",), REPEATED),
-    **_each("PARTICIPANT", ("Stopping", "Compensating"), ("End",), ("ignored",), OVERTAKEN),
-    **_each(
+    **_explain_each("PARTICIPANT", ("Completed", "Failed"), ("Execute", "Stop"), ("ignored",), REPEATED),
+    **_explain_each("PARTICIPANT", ("Stopped",), ("Stop",), ("ignored",), REPEATED),
+    **_explain_each("PARTICIPANT", ("Compensated", "Stranded"), ("Compensate",), ("ignored",), REPEATED),
+    **_explain_each("PARTICIPANT", ("Stopping", "Compensating"), ("End",), ("ignored",), OVERTAKEN),
+    **_explain_each(
         "PARTICIPANT",
         ("Executing", "Completed", "Failed", "Stopping", "Stopped", "Compensating", "Compensated",
          "Stranded", "Ended"),
         ("Query",),
         ("ignored",),
-        ASKED,
+        STATUS_ONLY,
     ),
-    **_each("PARTICIPANT", ("Arranging", "Offered", "Committed"), ("Query",), ("ignored",), f"{NEVER_MET}: one that works is asked"),
-    **_each("COORDINATOR", ("New",), ("Terms",), ("ignored", "unanswered"), "sooner only: terms that nobody accepts expire"),
-    **_each("COORDINATOR", ("Arranging", "Offered"), ("Progress", *REPORTS), ("ignored", "unanswered"), BREAKS_RULES),
-    **_each("COORDINATOR", ("Arranging", "Offered"), ("Fault",), ("ignored", "unanswered"), FAULT),
-    **_each("COORDINATOR", ("Committed", "Executing", "Compensating"), ("Fault",), ("ignored", "Ended"), FAULT),
-    **_each("COORDINATOR", ("Executing", "Stopping", "Compensating"), ("Progress",), ("ignored",), MONITORED),
+    **_explain_each("PARTICIPANT", ("Arranging", "Offered", "Committed"), ("Query",), ("ignored",), f"{UNUSED_ENTRY}: one that works is asked"),
+    **_explain_each("COORDINATOR", ("New",), ("Terms",), ("ignored", "unanswered"), "sooner only: terms that nobody accepts expire"),
+    **_explain_each("COORDINATOR", ("Arranging", "Offered"), ("Progress", *REPORTS), ("ignored", "unanswered"), BREAKS_RULES),
+    **_explain_each("COORDINATOR", ("Arranging", "Offered"), ("Fault",), ("ignored", "unanswered"), FAULT),
+    **_explain_each("COORDINATOR", ("Committed", "Executing", "Compensating"), ("Fault",), ("ignored", "Ended"), FAULT),
+    **_explain_each("COORDINATOR", ("Executing", "Stopping", "Compensating"), ("Progress",), ("ignored",), MONITORED),
     ("COORDINATOR", "Stranded", "Compensated", "ignored"): "better news only: the client is told of something left that was undone",
-    **_each("COORDINATOR", ("Ended",), ("Terms", "Progress", *REPORTS), ("ignored",), "sooner only: End and Cancel are repeated for a day"),
+    **_explain_each("COORDINATOR", ("Ended",), ("Terms", "Progress", *REPORTS), ("ignored",), "sooner only: End and Cancel are repeated for a day"),
     ("COORDINATOR", "Unreachable", "Refuse", "ignored"): "sooner only: its End follows with the transaction's",
-    **_each("COORDINATOR", ("Unreachable",), ("Progress",), ("ignored", "unanswered"), ONLY_IF_LATE),
+    **_explain_each("COORDINATOR", ("Unreachable",), ("Progress",), ("ignored", "unanswered"), ONLY_IF_LATE),
     ("PARTICIPANT_SENDS", "Executing", "Stopped", "ignored"): "equivalent: Failed says as much; it is for devices that people can halt",
     ("COORDINATOR_SENDS", "Committed", "End", "ignored"): "equivalent: Cancel is said instead",
-    **_each("GIVES_UP", ("Committed",), ("",), ("ignored", "Failed"), "equivalent: it has not begun, and Cancel takes the step from it"),
+    **_explain_each("GIVES_UP", ("Committed",), ("",), ("ignored", "Failed"), "equivalent: it has not begun, and Cancel takes the step from it"),
     ("GIVES_UP", "Executing", "", "ignored"): "equivalent: it is told to stop, and given up as it stops",
     ("RESUMES", "Executing", "", "Stopped"): "equivalent: both say that the work was interrupted, and where",
     ("RESUMES", "Stopping", "", "Failed"): "equivalent: both say that the work was interrupted, and where",

@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 from verification.model_check.coordinator import Phase
-from verification.model_check.properties import Outcome, Property, at_home, outcome, wrongs
+from verification.model_check.properties import Outcome, Property, at_home, broken_properties, outcome
 from verification.model_check.sides import Fair
-from verification.model_check.system import Kind, Link, LinkState, Lost, Move
+from verification.model_check.system import Link, LinkState, LostDisk, Transition, TransitionKind
 
 ENDED = (Phase.ACCOMPLISHED, Phase.BROKEN)
 
-MOST_STATES = 2_000_000
+MAX_STATES = 2_000_000
 """A part with more states than this counts as one that goes on for ever; the tables as they are stay far below."""
 
 Tick = Callable[[int], None]
@@ -22,90 +22,96 @@ Tick = Callable[[int], None]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Falls:
+class Violation:
     """A property that does not hold: why, and the number of the state in which it shows; `last` is the move that is wrong there."""
 
     property: Property
-    why: str
+    reason: str
     state: int
-    last: Move | None = None
+    last_transition: Transition | None = None
 
 
 @dataclass(kw_only=True)
-class Space:
+class StateSpace:
     """What was found. Moves are numbered on from `begins[state]`; `kinds` says which are joint, fair, and the coordinator's own."""
 
     link: Link
     states: list[LinkState] = field(default_factory=list)
-    came_from: array[int] = field(default_factory=lambda: array("i"))
+    parents: array[int] = field(default_factory=lambda: array("i"))
     begins: array[int] = field(default_factory=lambda: array("i"))
     labels: array[int] = field(default_factory=lambda: array("i"))
     targets: array[int] = field(default_factory=lambda: array("i"))
-    kinds: list[Kind] = field(default_factory=list)
-    falls: dict[Property, Falls] = field(default_factory=dict)
+    kinds: list[TransitionKind] = field(default_factory=list)
+    violations: dict[Property, Violation] = field(default_factory=dict)
     outcomes: set[Outcome] = field(default_factory=set)
 
-    def moves(self, state: int) -> range:
+    def transitions(self, state: int) -> range:
         return range(self.begins[state], self.begins[state + 1])
 
-    def way(self, state: int) -> list[Move]:
+    def path_to(self, state: int) -> list[Transition]:
         """The moves from the first state to this one."""
         numbers = [state]
         while numbers[-1] != 0:
-            numbers.append(self.came_from[numbers[-1]])
+            numbers.append(self.parents[numbers[-1]])
         numbers.reverse()
-        found = []
-        for one, other in pairwise(numbers):
-            after = self.states[other]
-            found.append(next(move for move in self.link.moves(self.states[one]) if move.after == after))
-        return found
+        path = []
+        for source, target in pairwise(numbers):
+            target_state = self.states[target]
+            path.append(next(transition for transition in self.link.transitions(self.states[source]) if transition.target == target_state))
+        return path
 
 
-def explore(link: Link, *, alone: bool, hasty: bool = False, most: int = MOST_STATES, tick: Tick | None = None) -> Space:
+def explore(
+    link: Link, *, single_participant: bool, stop_at_first: bool = False, max_states: int = MAX_STATES, tick: Tick | None = None
+) -> StateSpace:
     """`alone`: there is no other participant to accomplish anything. `hasty`: the first property that falls is enough."""
-    space = Space(link=link)
+    space = StateSpace(link=link)
     numbers = {link.first: 0}
     space.states.append(link.first)
-    space.came_from.append(0)
-    kinds: dict[Kind, int] = {}
+    space.parents.append(0)
+    kinds: dict[TransitionKind, int] = {}
     checked: set[tuple[int, int]] = set()
     # Whoever lost a disk is not held to what it no longer knows, but even so everyone has to get home.
-    held = link.model.lost_disk is Lost.NONE
-    for at, state in enumerate(space.states):
+    checks_properties = link.model.lost_disk is LostDisk.NONE
+    for state_number, state in enumerate(space.states):
         if (pair := state[:2]) not in checked:
             checked.add(pair)
-            for which, why in wrongs(link.coordinator(state), link.participant(state)) if held else ():
-                space.falls.setdefault(which, Falls(property=which, why=why, state=at))
+            for prop, reason in broken_properties(link.coordinator(state), link.participant(state)) if checks_properties else ():
+                space.violations.setdefault(prop, Violation(property=prop, reason=reason, state=state_number))
         space.begins.append(len(space.targets))
-        for move in link.moves(state):
-            kind, to, _, _, wrong = move
-            if alone and kind[0] == "accomplish-":
+        for transition in link.transitions(state):
+            kind, target, _, _, wrong = transition
+            if single_participant and kind[0] == "accomplish-":
                 continue
-            if wrong and held:
-                space.falls.setdefault(Property.FITS, Falls(property=Property.FITS, why=wrong, state=at, last=move))
-            after = numbers.get(to)
-            if after is None:
-                after = numbers[to] = len(space.states)
-                space.states.append(to)
-                space.came_from.append(at)
+            if wrong and checks_properties:
+                space.violations.setdefault(
+                    Property.FITS, Violation(property=Property.FITS, reason=wrong, state=state_number, last_transition=transition)
+                )
+            target_number = numbers.get(target)
+            if target_number is None:
+                target_number = numbers[target] = len(space.states)
+                space.states.append(target)
+                space.parents.append(state_number)
             space.labels.append(kinds.setdefault(kind, len(kinds)))
-            space.targets.append(after)
-        if hasty and space.falls:
+            space.targets.append(target_number)
+        if stop_at_first and space.violations:
             break
-        if len(space.states) > most:
-            space.falls[Property.HOME] = Falls(property=Property.HOME, why=f"more than {most} states: it goes on for ever", state=at)
+        if len(space.states) > max_states:
+            space.violations[Property.HOME] = Violation(
+                property=Property.HOME, reason=f"more than {max_states} states: it goes on for ever", state=state_number
+            )
             break
-        if tick is not None and at % 4096 == 0:
+        if tick is not None and state_number % 4096 == 0:
             tick(len(space.states))
     space.begins.append(len(space.targets))
     space.kinds = list(kinds)
-    if alone and not space.falls:
+    if single_participant and not space.violations:
         _everyone_goes_home(space)
     _note_outcomes(space)
     return space
 
 
-def _note_outcomes(space: Space) -> None:
+def _note_outcomes(space: StateSpace) -> None:
     link = space.link
     for c, p in {state[:2] for state in space.states}:
         coordinator, participant = link.coordinators.states[c], link.participants.states[p]
@@ -113,38 +119,38 @@ def _note_outcomes(space: Space) -> None:
             space.outcomes.add(outcome(coordinator, participant))
 
 
-def _everyone_goes_home(space: Space) -> None:
+def _everyone_goes_home(space: StateSpace) -> None:
     """From every state fair moves lead to the end; so they do, with a cancel, when work never ends by itself; and the transaction
     can end without a word from the participant."""
     link = space.link
     home = [n for n, state in enumerate(space.states) if at_home(link.coordinator(state), link.participant(state))]
     fair = {label for label, (_, fair, _) in enumerate(space.kinds) if fair}
-    if (stuck := first_without(space, home, fair)) is not None:
-        space.falls[Property.HOME] = Falls(property=Property.HOME, why="no fair moves lead from here to the end", state=stuck)
+    if (stuck := find_stuck_state(space, home, fair)) is not None:
+        space.violations[Property.HOME] = Violation(property=Property.HOME, reason="no fair moves lead from here to the end", state=stuck)
     endless = {label for label, (joint, fair, _) in enumerate(space.kinds) if fair is Fair.YES or joint == "cancel"}
-    if (stuck := first_without(space, home, endless)) is not None:
-        why = "work that does not end by itself cannot be ended from here"
-        space.falls.setdefault(Property.HOME, Falls(property=Property.HOME, why=why, state=stuck))
-    over = [n for n, state in enumerate(space.states) if link.coordinator(state).phase not in (Phase.OPEN, Phase.STOPPING)]
-    own = {label for label, (_, _, own) in enumerate(space.kinds) if own}
-    if (stuck := first_without(space, over, own)) is not None:
-        why = "the transaction cannot end as long as the participant is silent"
-        space.falls.setdefault(Property.HOME, Falls(property=Property.HOME, why=why, state=stuck))
+    if (stuck := find_stuck_state(space, home, endless)) is not None:
+        reason = "work that does not end by itself cannot be ended from here"
+        space.violations.setdefault(Property.HOME, Violation(property=Property.HOME, reason=reason, state=stuck))
+    ended_states = [n for n, state in enumerate(space.states) if link.coordinator(state).phase not in (Phase.OPEN, Phase.STOPPING)]
+    coordinator_labels = {label for label, (_, _, is_coordinator) in enumerate(space.kinds) if is_coordinator}
+    if (stuck := find_stuck_state(space, ended_states, coordinator_labels)) is not None:
+        reason = "the transaction cannot end as long as the participant is silent"
+        space.violations.setdefault(Property.HOME, Violation(property=Property.HOME, reason=reason, state=stuck))
 
 
-def first_without(space: Space, goal: Iterable[int], labels: set[int]) -> int | None:
+def find_stuck_state(space: StateSpace, goal: Iterable[int], labels: set[int]) -> int | None:
     """The first state from which no moves with these labels lead to the goal."""
-    before: list[list[int]] = [[] for _ in space.begins]
-    for at in range(len(space.begins) - 1):
-        for move in space.moves(at):
-            if space.labels[move] in labels:
-                before[space.targets[move]].append(at)
+    predecessors: list[list[int]] = [[] for _ in space.begins]
+    for source in range(len(space.begins) - 1):
+        for transition in space.transitions(source):
+            if space.labels[transition] in labels:
+                predecessors[space.targets[transition]].append(source)
     good = bytearray(len(space.states))
     waiting = list(goal)
     for state in waiting:
         good[state] = 1
     while waiting:
-        for state in before[waiting.pop()]:
+        for state in predecessors[waiting.pop()]:
             if not good[state]:
                 good[state] = 1
                 waiting.append(state)

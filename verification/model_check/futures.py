@@ -20,7 +20,7 @@ class Futures:
 
     def __init__(self, *, lost_disk: bool, queries: bool = False) -> None:
         self.queries = queries or lost_disk
-        self.past = cache(self._past)
+        self.ineffective_messages = cache(self._ineffective_messages)
         self.moves_participant = cache(self._moves_participant)
         self.moves_coordinator = cache(self._moves_coordinator)
         participant = {
@@ -44,39 +44,49 @@ class Futures:
 
     def _moves_participant(self, state: State, name: str) -> bool:
         """Whether a message of the type can move the participant, now or later."""
-        return any(states.PARTICIPANT[at][kind].kind is Kind.MOVES for at in self.participant[state] for kind in _named(name, at, True))
+        return any(
+            states.PARTICIPANT[reachable_state][kind].kind is Kind.MOVES
+            for reachable_state in self.participant[state]
+            for kind in _named(name, reachable_state, True)
+        )
 
     def _moves_coordinator(self, state: State, name: str) -> bool:
-        return any(states.COORDINATOR[at][kind].kind is Kind.MOVES for at in self.coordinator[state] for kind in _named(name, at, False))
+        return any(
+            states.COORDINATOR[reachable_state][kind].kind is Kind.MOVES
+            for reachable_state in self.coordinator[state]
+            for kind in _named(name, reachable_state, False)
+        )
 
-    def _past(self, coordinator: State, participant: State) -> tuple[frozenset[MessageType], frozenset[MessageType]]:
+    def _ineffective_messages(self, coordinator: State, participant: State) -> tuple[frozenset[MessageType], frozenset[MessageType]]:
         """The types of messages to the participant, and of those to the coordinator, that can have no effect any more."""
-        down = frozenset(kind for kind in states.TO_PARTICIPANT if self._without_effect_down(participant, kind, frozenset()))
-        silent = End in down and Cancel in down
-        up = frozenset(kind for kind in states.TO_COORDINATOR if self._without_effect_up(coordinator, kind, silent))
-        return frozenset(kind for kind in states.TO_PARTICIPANT if self._without_effect_down(participant, kind, up)), up
+        to_participant = frozenset(kind for kind in states.TO_PARTICIPANT if self._is_ineffective_down(participant, kind, frozenset()))
+        silent = End in to_participant and Cancel in to_participant
+        to_coordinator = frozenset(kind for kind in states.TO_COORDINATOR if self._is_ineffective_up(coordinator, kind, silent))
+        return frozenset(
+            kind for kind in states.TO_PARTICIPANT if self._is_ineffective_down(participant, kind, to_coordinator)
+        ), to_coordinator
 
-    def _without_effect_down(self, participant: State, kind: MessageType, unheard: frozenset[MessageType]) -> bool:
-        entries = [states.PARTICIPANT[at][kind] for at in self.participant[participant]]
+    def _is_ineffective_down(self, participant: State, kind: MessageType, unheard: frozenset[MessageType]) -> bool:
+        entries = [states.PARTICIPANT[reachable_state][kind] for reachable_state in self.participant[participant]]
         return all(entry.kind is not Kind.MOVES and (entry.answer is None or entry.answer in unheard) for entry in entries)
 
-    def _without_effect_up(self, coordinator: State, kind: MessageType, silent: bool) -> bool:
+    def _is_ineffective_up(self, coordinator: State, kind: MessageType, silent: bool) -> bool:
         """`silent`: End and Cancel, with which a coordinator answers again, have no effect."""
         if kind is Status and self.queries and self.coordinator[coordinator] & states.CONTRACTED:
             return False
-        entries = [states.COORDINATOR[at][kind] for at in self.coordinator[coordinator]]
+        entries = [states.COORDINATOR[reachable_state][kind] for reachable_state in self.coordinator[coordinator]]
         return all(entry.kind is not Kind.MOVES and (entry.answer is None or (silent and entry.kind is Kind.REPEATED)) for entry in entries)
 
 
-def _named(name: str, at: State, participant: bool) -> Iterable[MessageType]:
-    row = (states.PARTICIPANT if participant else states.COORDINATOR)[at]
+def _named(name: str, state: State, participant: bool) -> Iterable[MessageType]:
+    row = (states.PARTICIPANT if participant else states.COORDINATOR)[state]
     return (kind for kind in row if kind.__name__ == name)
 
 
 def _reached(state: State, following: dict[State, set[State]]) -> frozenset[State]:
-    found, waiting = {state}, [state]
+    reached, waiting = {state}, [state]
     while waiting:
-        for one in following[waiting.pop()] - found:
-            found.add(one)
-            waiting.append(one)
-    return frozenset(found)
+        for successor in following[waiting.pop()] - reached:
+            reached.add(successor)
+            waiting.append(successor)
+    return frozenset(reached)

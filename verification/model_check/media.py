@@ -29,8 +29,8 @@ class Arrival(NamedTuple):
     """A token that can arrive now, the channel then, and whether its sender repeats it until it arrives."""
 
     token: int
-    after: Channel
-    sure: bool
+    channel_after: Channel
+    is_repeated: bool
 
 
 class Event(NamedTuple):
@@ -38,8 +38,8 @@ class Event(NamedTuple):
 
     word: str
     token: int
-    after: Channel
-    sure: bool
+    channel_after: Channel
+    is_repeated: bool
 
 
 def members(mask: int) -> Iterator[int]:
@@ -62,7 +62,7 @@ class Medium:
     ordered: bool
     lossy: bool
     duplicating: bool = False
-    one_by_one: bool = False
+    oldest_first: bool = False
     """Ordered and lossy only. The sender repeats its oldest message until it is acknowledged or out of time, and then the next."""
 
     def __str__(self) -> str:
@@ -73,7 +73,7 @@ class Medium:
         """Everything arrives, once."""
         return not self.lossy
 
-    def put(self, channel: Channel, token: int) -> Channel:
+    def send(self, channel: Channel, token: int) -> Channel:
         """The sender sends the token, for the first time or again."""
         queue, unacknowledged, copies = channel
         bit = 1 << token
@@ -81,7 +81,7 @@ class Medium:
             queue = queue if token in queue else (*queue, token)
         elif self.duplicating or not self.lossy:
             copies |= bit
-        return Channel(queue, unacknowledged | bit if self.lossy and not self.one_by_one else 0, copies)
+        return Channel(queue, unacknowledged | bit if self.lossy and not self.oldest_first else 0, copies)
 
     def arrivals(self, channel: Channel) -> Iterator[Arrival]:
         """What can arrive next."""
@@ -89,14 +89,14 @@ class Medium:
         if self.ordered:
             if queue:
                 token, rest = queue[0], queue[1:]
-                if self.one_by_one:
+                if self.oldest_first:
                     yield Arrival(token, Channel(rest), True)
                     yield Arrival(token, channel, True)  # its acknowledgement is lost
                     return
-                sure = not self.lossy or bool(unacknowledged >> token & 1)
-                yield Arrival(token, Channel(rest, unacknowledged & ~(1 << token), 0), sure)
-                if self.lossy and sure:  # its acknowledgement is lost
-                    yield Arrival(token, Channel(rest, unacknowledged, 0), sure)
+                is_repeated = not self.lossy or bool(unacknowledged >> token & 1)
+                yield Arrival(token, Channel(rest, unacknowledged & ~(1 << token), 0), is_repeated)
+                if self.lossy and is_repeated:  # its acknowledgement is lost
+                    yield Arrival(token, Channel(rest, unacknowledged, 0), is_repeated)
         elif self.duplicating:
             for token in members(copies):
                 yield Arrival(token, Channel((), unacknowledged & ~(1 << token), copies), bool(unacknowledged >> token & 1))
@@ -111,7 +111,7 @@ class Medium:
     def events(self, channel: Channel) -> Iterator[Event]:
         """What happens without either side; where order means nothing, `arrivals` has it all."""
         queue, unacknowledged, _ = channel
-        if self.one_by_one:
+        if self.oldest_first:
             if queue:
                 yield Event("is out of time", queue[0], Channel(queue[1:]), True)
         elif self.ordered and self.lossy:
@@ -122,7 +122,7 @@ class Medium:
                 if token not in queue:
                     yield Event("is sent again", token, Channel((*queue, token), unacknowledged, 0), True)
 
-    def without(self, channel: Channel, tokens: int) -> Channel:
+    def drop(self, channel: Channel, tokens: int) -> Channel:
         """None of these arrives any more."""
         queue, unacknowledged, copies = channel
         return Channel(tuple(token for token in queue if not tokens >> token & 1), unacknowledged & ~tokens, copies & ~tokens)
@@ -131,11 +131,11 @@ class Medium:
         """The order's time is over: it is not sent again, and whatever of it is under way is too late."""
         queue, unacknowledged, copies = channel
         queue = tuple(late if token == order else token for token in queue if token != late)
-        waits, here = unacknowledged >> order & 1, copies >> order & 1
+        waiting_bit, copy_bit = unacknowledged >> order & 1, copies >> order & 1
         unacknowledged &= ~(1 << order)
-        if waits and not self.ordered and not self.duplicating:
+        if waiting_bit and not self.ordered and not self.duplicating:
             unacknowledged |= 1 << late  # here that means that it is under way
-        return Channel(queue, unacknowledged, copies & ~(1 << order) | here << late)
+        return Channel(queue, unacknowledged, copies & ~(1 << order) | copy_bit << late)
 
     def restarted(self, channel: Channel) -> tuple[Channel, ...]:
         """What a restart of the sender leaves: what its node had yet to send is forgotten, what is under way may arrive."""
@@ -146,7 +146,7 @@ class Medium:
 
 FIFO = Medium(name="FIFO", ordered=True, lossy=False)
 LOSSY_FIFO = Medium(name="FIFO, lossy", ordered=True, lossy=True)
-OUTBOX = Medium(name="FIFO, lossy", ordered=True, lossy=True, one_by_one=True)
+OUTBOX = Medium(name="FIFO, lossy", ordered=True, lossy=True, oldest_first=True)
 """A lossy FIFO with the senders that run, see `runtime.node`; with senders that repeat in any order, two participants are too many."""
 UNORDERED = Medium(name="unordered", ordered=False, lossy=False)
 UNORDERED_LOSSY = Medium(name="unordered, lossy", ordered=False, lossy=True)

@@ -15,15 +15,15 @@ from typing import Any
 from somrs.protocol.frp import states
 from somrs.protocol.frp.states import Kind
 from somrs.protocol.messages.frp import Completed, Failed, State, Stopped, Stranded
-from verification.model_check.explanations import EXPLANATIONS, NEVER_MET
-from verification.model_check.explore import Space, explore
+from verification.model_check.explanations import EXPLANATIONS, UNUSED_ENTRY
+from verification.model_check.explore import StateSpace, explore
 from verification.model_check.media import DUPLICATING, FIFO, UNORDERED, UNORDERED_LOSSY
 from verification.model_check.pair import explore_pair
 from verification.model_check.properties import Property
 from verification.model_check.quotient import quotient
-from verification.model_check.system import Link, Lost, Model
+from verification.model_check.system import Link, LostDisk, Model
 
-MOST_STATES = 120_000
+MAX_STATES = 120_000
 """Altered tables that lead to more than this go on for ever."""
 
 SIDES = ("PARTICIPANT", "COORDINATOR")
@@ -37,11 +37,11 @@ class Mutation:
     table: str
     state: str
     message: str
-    how: str
+    change: str
 
     def __str__(self) -> str:
         entry = f"{self.state}: {self.message}" if self.message else self.state
-        return f"{self.table} {entry}, {self.how}"
+        return f"{self.table} {entry}, {self.change}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,7 +51,7 @@ class Verdict:
     mutation: Mutation
     caught_by: str
     explanation: str
-    met: bool = True
+    is_exercised: bool = True
     """Some configuration uses the entry."""
 
     @property
@@ -59,37 +59,41 @@ class Verdict:
         """It is noticed after all, or an entry is used that is said to be never met, or the other way round."""
         if not self.explanation:
             return False
-        return bool(self.caught_by) or self.explanation.startswith(NEVER_MET) is self.met
+        return bool(self.caught_by) or self.explanation.startswith(UNUSED_ENTRY) is self.is_exercised
 
 
 def all_mutations() -> list[Mutation]:
     """Each entry that moves or answers, left out, without its answer, and leading home at once; each thing that may be said, left out
     and leading home at once; each state in the other tables."""
-    found = []
+    mutations = []
     for table in SIDES:
         for state, row in getattr(states, table).items():
             for message, entry in row.items():
                 name = message.__name__
                 if entry.kind is Kind.MOVES or entry.send is not None:
-                    found.append(Mutation(table, state, name, "ignored"))
+                    mutations.append(Mutation(table, state, name, "ignored"))
                 if entry.kind is Kind.MOVES and entry.send is not None:
-                    found.append(Mutation(table, state, name, "unanswered"))
+                    mutations.append(Mutation(table, state, name, "unanswered"))
                 if entry.kind is Kind.MOVES and entry.next is not State.ENDED:
-                    found.append(Mutation(table, state, name, "Ended"))
+                    mutations.append(Mutation(table, state, name, "Ended"))
     for table in SENDS:
         for state, sends in getattr(states, table).items():
-            for message, after in sends.items():
-                found.append(Mutation(table, state, message.__name__, "ignored"))
-                if after is not State.ENDED:
-                    found.append(Mutation(table, state, message.__name__, "Ended"))
-    for state, after in states.ABANDONED_STATES.items():
-        found.append(Mutation("GIVES_UP", state, "", "ignored"))
-        found += [Mutation("GIVES_UP", state, "", to) for to in (State.FAILED, State.ENDED) if to is not after]
+            for message, target in sends.items():
+                mutations.append(Mutation(table, state, message.__name__, "ignored"))
+                if target is not State.ENDED:
+                    mutations.append(Mutation(table, state, message.__name__, "Ended"))
+    for state, target in states.ABANDONED_STATES.items():
+        mutations.append(Mutation("GIVES_UP", state, "", "ignored"))
+        mutations += [
+            Mutation("GIVES_UP", state, "", replacement) for replacement in (State.FAILED, State.ENDED) if replacement is not target
+        ]
     for state, report in states.RESUMES.items():
-        found.append(Mutation("RESUMES", state, "", "ignored"))
-        found += [Mutation("RESUMES", state, "", kind.__name__) for kind in (Completed, Failed, Stopped, Stranded) if kind is not report]
-    found += [Mutation("HOLDS", state, "", "ignored") for state in sorted(states.HOLDING_STATES)]
-    return found
+        mutations.append(Mutation("RESUMES", state, "", "ignored"))
+        mutations += [
+            Mutation("RESUMES", state, "", kind.__name__) for kind in (Completed, Failed, Stopped, Stranded) if kind is not report
+        ]
+    mutations += [Mutation("HOLDS", state, "", "ignored") for state in sorted(states.HOLDING_STATES)]
+    return mutations
 
 
 @contextlib.contextmanager
@@ -106,15 +110,15 @@ def altered(mutation: Mutation) -> Iterator[None]:
             setattr(states, "HOLDS", restored)  # noqa: B010
         return
     owner, key = (table[state], _named(table[state], mutation.message)) if mutation.message else (table, state)
-    order, before = list(owner.items()), owner[key]
+    order, original = list(owner.items()), owner[key]
     if mutation.table in SIDES:
-        owner[key] = _entry(before, state, mutation.how)
-    elif mutation.how == "ignored":
+        owner[key] = _entry(original, state, mutation.change)
+    elif mutation.change == "ignored":
         del owner[key]
     elif mutation.table == "RESUMES":
-        owner[key] = next(kind for kind in (Completed, Failed, Stopped, Stranded) if kind.__name__ == mutation.how)
+        owner[key] = next(kind for kind in (Completed, Failed, Stopped, Stranded) if kind.__name__ == mutation.change)
     else:
-        owner[key] = State(mutation.how)
+        owner[key] = State(mutation.change)
     try:
         yield
     finally:
@@ -126,10 +130,10 @@ def _named(owner: dict[type[object], object], name: str) -> type[object]:
     return next(kind for kind in owner if kind.__name__ == name)
 
 
-def _entry(entry: states.Entry, state: State, how: str) -> states.Entry:
-    if how == "ignored":
+def _entry(entry: states.Entry, state: State, change: str) -> states.Entry:
+    if change == "ignored":
         return states.Entry(Kind.LATE, state)
-    return entry._replace(send=None) if how == "unanswered" else entry._replace(next=State(how))
+    return entry._replace(send=None) if change == "unanswered" else entry._replace(next=State(change))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,20 +142,20 @@ class Trial:
 
     name: str
     model: Model
-    two: bool = False
+    two_participants: bool = False
 
-    def part(self) -> Space:
-        return explore(Link(self.model), alone=not self.two, hasty=True, most=MOST_STATES)
+    def part(self) -> StateSpace:
+        return explore(Link(self.model), single_participant=not self.two_participants, stop_at_first=True, max_states=MAX_STATES)
 
-    def falls(self) -> str:
+    def violated_property(self) -> str:
         """A property that falls, or nothing."""
         part = self.part()
-        if part.falls:
-            return next(iter(part.falls))
-        if self.two:
-            return next(iter(explore_pair(quotient(part), hasty=True).falls), "")
+        if part.violations:
+            return next(iter(part.violations))
+        if self.two_participants:
+            return next(iter(explore_pair(quotient(part), stop_at_first=True).violations), "")
         if self.model.restarts:
-            calm = explore(Link(replace(self.model, restarts=False)), alone=True, hasty=True, most=MOST_STATES)
+            calm = explore(Link(replace(self.model, restarts=False)), single_participant=True, stop_at_first=True, max_states=MAX_STATES)
             return Property.RESTART if part.outcomes - calm.outcomes else ""
         return ""
 
@@ -162,49 +166,56 @@ TRIALS = (
         for medium in (DUPLICATING, FIFO, UNORDERED_LOSSY, UNORDERED)
     ),
     *(
-        Trial(name=f"{whose.value} disk lost, {medium.name}", model=Model(medium=medium, restarts=False, lost_disk=whose))
-        for medium, whose in ((FIFO, Lost.COORDINATOR), (UNORDERED, Lost.COORDINATOR), (FIFO, Lost.PARTICIPANT))
+        Trial(name=f"{lost_disk.value} disk lost, {medium.name}", model=Model(medium=medium, restarts=False, lost_disk=lost_disk))
+        for medium, lost_disk in ((FIFO, LostDisk.COORDINATOR), (UNORDERED, LostDisk.COORDINATOR), (FIFO, LostDisk.PARTICIPANT))
     ),
-    Trial(name=f"2 participants, {DUPLICATING.name}", model=Model(medium=DUPLICATING), two=True),
+    Trial(name=f"2 participants, {DUPLICATING.name}", model=Model(medium=DUPLICATING), two_participants=True),
 )
 
 Entry = tuple[str, str, str]
 """A table, a state and, in the tables that have it, a message."""
 
 
-def used(trial: Trial) -> frozenset[Entry]:
+def used_entries(trial: Trial) -> frozenset[Entry]:
     """The entries that the tables as they are use in it."""
     link = trial.part().link
     sides = (("PARTICIPANT", link.participants), ("COORDINATOR", link.coordinators))
-    found = {(table, str(side.states[at].session.state), side.hears.name(token)) for table, side in sides for at, token in side.heard}
+    entries = {
+        (table, str(side.states[state_number].session.state), side.inbox.name(token))
+        for table, side in sides
+        for state_number, token in side.reactions
+    }
     for table, side in sides:
-        for state in {one.session.state for one in side.states}:
-            found |= {(f"{table}_SENDS", state, message.__name__) for message in getattr(states, f"{table}_SENDS").get(state, {})}
-            found |= {(other, state, "") for other in ("GIVES_UP", "RESUMES", "HOLDS")}
-    return frozenset(found)
+        for state in {side_state.session.state for side_state in side.states}:
+            entries |= {(f"{table}_SENDS", state, message.__name__) for message in getattr(states, f"{table}_SENDS").get(state, {})}
+            entries |= {(other_table, state, "") for other_table in ("GIVES_UP", "RESUMES", "HOLDS")}
+    return frozenset(entries)
 
 
-def noticed(mutation: Mutation, trials: Iterable[Trial] = TRIALS) -> str:
+def find_violation(mutation: Mutation, trials: Iterable[Trial] = TRIALS) -> str:
     """Where and by which property; empty when by none."""
     with altered(mutation):
         for trial in trials:
-            if found := trial.falls():
-                return f"{found} ({trial.name})"
+            if violated := trial.violated_property():
+                return f"{violated} ({trial.name})"
     return ""
 
 
 def judge(mutation: Mutation, trials: Sequence[Trial] = TRIALS) -> Verdict:
-    explanation = EXPLANATIONS.get((mutation.table, mutation.state, mutation.message, mutation.how), "")
-    return Verdict(mutation=mutation, caught_by=noticed(mutation, trials), explanation=explanation, met=bool(trials))
+    explanation = EXPLANATIONS.get((mutation.table, mutation.state, mutation.message, mutation.change), "")
+    return Verdict(mutation=mutation, caught_by=find_violation(mutation, trials), explanation=explanation, is_exercised=bool(trials))
 
 
-def try_all(mutations: Sequence[Mutation], processes: int) -> Iterator[Verdict]:
+def judge_all(mutations: Sequence[Mutation], processes: int) -> Iterator[Verdict]:
     """The verdicts, in order, as they come in. Each is tried where the tables as they are use its entry."""
     with multiprocessing.get_context("spawn").Pool(processes) as pool:
-        uses = list(zip(TRIALS, pool.map(used, TRIALS, chunksize=1), strict=True))
-        wanted = [(one, [trial for trial, entries in uses if (one.table, one.state, one.message) in entries]) for one in mutations]
-        yield from pool.imap(_judged, wanted)
+        trial_entries = list(zip(TRIALS, pool.map(used_entries, TRIALS, chunksize=1), strict=True))
+        jobs = [
+            (mutation, [trial for trial, entries in trial_entries if (mutation.table, mutation.state, mutation.message) in entries])
+            for mutation in mutations
+        ]
+        yield from pool.imap(_judge_job, jobs)
 
 
-def _judged(wanted: tuple[Mutation, list[Trial]]) -> Verdict:
-    return judge(*wanted)
+def _judge_job(job: tuple[Mutation, list[Trial]]) -> Verdict:
+    return judge(*job)

@@ -15,10 +15,10 @@ from verification.model_check.explore import Tick
 from verification.model_check.properties import Outcome, Property
 from verification.model_check.quotient import Quotient
 
-Both = tuple[int, int]
+ClassPair = tuple[int, int]
 """The classes of the two, the smaller first: which of the two is which makes no difference."""
 
-TOGETHER = (
+JOINT_RULES = (
     ("cancel", "cancel"), ("fail", "fail"), ("end", "end"), ("overdue", "overdue"), ("accomplish+", "accomplish+"),
     ("accomplish+", "accomplish-"), ("accomplish-", "accomplish+"),
 )  # fmt: skip
@@ -26,11 +26,11 @@ TOGETHER = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class PairFalls:
+class PairViolation:
     """A property of two participants that does not hold, and the number of the state in which that shows."""
 
     property: Property
-    why: str
+    reason: str
     state: int
 
 
@@ -39,108 +39,116 @@ class PairSpace:
     """All states of the two that can be reached."""
 
     quotient: Quotient
-    states: list[Both] = field(default_factory=list)
-    came_from: array[int] = field(default_factory=lambda: array("i"))
-    falls: dict[Property, PairFalls] = field(default_factory=dict)
+    states: list[ClassPair] = field(default_factory=list)
+    parents: array[int] = field(default_factory=lambda: array("i"))
+    violations: dict[Property, PairViolation] = field(default_factory=dict)
     outcomes: set[tuple[Outcome, Outcome]] = field(default_factory=set)
 
-    def way(self, state: int) -> list[Both]:
+    def path_to(self, state: int) -> list[ClassPair]:
         """The states from the first to this one."""
         numbers = [state]
         while numbers[-1] != 0:
-            numbers.append(self.came_from[numbers[-1]])
+            numbers.append(self.parents[numbers[-1]])
         return [self.states[number] for number in reversed(numbers)]
 
 
-def explore_pair(quotient: Quotient, *, hasty: bool = False, tick: Tick | None = None) -> PairSpace:
+def explore_pair(quotient: Quotient, *, stop_at_first: bool = False, tick: Tick | None = None) -> PairSpace:
     """Every state of the two, breadth first."""
     space = PairSpace(quotient=quotient)
-    shows = quotient.shows
-    numbers: dict[Both, int] = {(0, 0): 0}
+    observations = quotient.observations
+    numbers: dict[ClassPair, int] = {(0, 0): 0}
     space.states.append((0, 0))
-    space.came_from.append(0)
+    space.parents.append(0)
     begins, fairly = array("i"), array("i")
-    for at, both in enumerate(space.states):
-        one, other = both
-        if shows[one].moving and shows[other].moving and Property.HANDS not in space.falls:
-            space.falls[Property.HANDS] = PairFalls(property=Property.HANDS, why="both devices work on the same step", state=at)
-            if hasty:
+    for state_number, pair in enumerate(space.states):
+        class_a, class_b = pair
+        if observations[class_a].moving and observations[class_b].moving and Property.MUTUAL_EXCLUSION not in space.violations:
+            space.violations[Property.MUTUAL_EXCLUSION] = PairViolation(
+                property=Property.MUTUAL_EXCLUSION, reason="both devices work on the same step", state=state_number
+            )
+            if stop_at_first:
                 return space
         begins.append(len(fairly))
-        for fair, after in successors(quotient, both):
-            number = numbers.get(after)
+        for fair, target in successors(quotient, pair):
+            number = numbers.get(target)
             if number is None:
-                number = numbers[after] = len(space.states)
-                space.states.append(after)
-                space.came_from.append(at)
+                number = numbers[target] = len(space.states)
+                space.states.append(target)
+                space.parents.append(state_number)
             if fair:
                 fairly.append(number)
-        if tick is not None and at % 4096 == 0:
+        if tick is not None and state_number % 4096 == 0:
             tick(len(space.states))
     begins.append(len(fairly))
-    home = [at for at, (one, other) in enumerate(space.states) if shows[one].outcome is not None and shows[other].outcome is not None]
-    if (stuck := _first_without(home, begins, fairly)) is not None:
-        space.falls[Property.HOME] = PairFalls(property=Property.HOME, why="no fair moves lead from here to the end", state=stuck)
-    for at in home:
-        mine, its = (shows[block].outcome for block in space.states[at])
-        assert mine is not None
-        assert its is not None
-        space.outcomes |= {(mine, its), (its, mine)}
+    home = [
+        state_number
+        for state_number, (class_a, class_b) in enumerate(space.states)
+        if observations[class_a].outcome is not None and observations[class_b].outcome is not None
+    ]
+    if (stuck := _find_stuck_state(home, begins, fairly)) is not None:
+        space.violations[Property.HOME] = PairViolation(
+            property=Property.HOME, reason="no fair moves lead from here to the end", state=stuck
+        )
+    for state_number in home:
+        outcome_a, outcome_b = (observations[block].outcome for block in space.states[state_number])
+        assert outcome_a is not None
+        assert outcome_b is not None
+        space.outcomes |= {(outcome_a, outcome_b), (outcome_b, outcome_a)}
     return space
 
 
-def successors(quotient: Quotient, both: Both) -> Iterator[tuple[int, Both]]:
+def successors(quotient: Quotient, pair: ClassPair) -> Iterator[tuple[int, ClassPair]]:
     """What either does, and what the transaction does to both."""
-    one, other = both
-    yield from _alone(quotient, one, other)
-    if one != other:
-        yield from _alone(quotient, other, one)
-    mine, its = _joint(quotient, one), _joint(quotient, other)
-    for first, second in TOGETHER:
-        for fair, after in mine.get(first, ()):
-            for its_fair, its_after in its.get(second, ()):
-                yield min(fair, its_fair), (after, its_after) if after <= its_after else (its_after, after)
+    class_a, class_b = pair
+    yield from _single_successors(quotient, class_a, class_b)
+    if class_a != class_b:
+        yield from _single_successors(quotient, class_b, class_a)
+    joint_a, joint_b = _joint(quotient, class_a), _joint(quotient, class_b)
+    for first, second in JOINT_RULES:
+        for fair, target_a in joint_a.get(first, ()):
+            for fair_b, target_b in joint_b.get(second, ()):
+                yield min(fair, fair_b), (target_a, target_b) if target_a <= target_b else (target_b, target_a)
 
 
-def _alone(quotient: Quotient, one: int, other: int) -> Iterator[tuple[int, Both]]:
-    held = quotient.shows[other].holds
-    for (joint, fair, _), after in quotient.moves[one]:
+def _single_successors(quotient: Quotient, mover: int, partner: int) -> Iterator[tuple[int, ClassPair]]:
+    held = quotient.observations[partner].holds_step
+    for (joint, fair, _), target in quotient.transitions[mover]:
         if joint == "" or (joint == "claim" and not held):
-            yield fair, (after, other) if after <= other else (other, after)
+            yield fair, (target, partner) if target <= partner else (partner, target)
 
 
-def _joint(quotient: Quotient, one: int) -> dict[str, list[tuple[int, int]]]:
-    if quotient.shows[one].phase not in (Phase.OPEN, Phase.STOPPING):
+def _joint(quotient: Quotient, mover: int) -> dict[str, list[tuple[int, int]]]:
+    if quotient.observations[mover].phase not in (Phase.OPEN, Phase.STOPPING):
         return {}
-    found: dict[str, list[tuple[int, int]]] = {}
-    for (joint, fair, _), after in quotient.moves[one]:
+    targets: dict[str, list[tuple[int, int]]] = {}
+    for (joint, fair, _), target in quotient.transitions[mover]:
         if joint not in ("", "claim"):
-            found.setdefault(joint, []).append((fair, after))
-    return found
+            targets.setdefault(joint, []).append((fair, target))
+    return targets
 
 
-def _first_without(goal: list[int], begins: array[int], fairly: array[int]) -> int | None:
+def _find_stuck_state(goal: list[int], begins: array[int], fairly: array[int]) -> int | None:
     """The first state from which no fair moves lead to the goal."""
-    many = len(begins) - 1
-    counts = array("i", bytes(4 * (many + 1)))
+    state_count = len(begins) - 1
+    counts = array("i", bytes(4 * (state_count + 1)))
     for target in fairly:
         counts[target + 1] += 1
-    for at in range(many):
-        counts[at + 1] += counts[at]
-    before, filled = array("i", bytes(4 * len(fairly))), array("i", counts)
-    for at in range(many):
-        for move in range(begins[at], begins[at + 1]):
-            target = fairly[move]
-            before[filled[target]] = at
+    for state_number in range(state_count):
+        counts[state_number + 1] += counts[state_number]
+    predecessors, filled = array("i", bytes(4 * len(fairly))), array("i", counts)
+    for state_number in range(state_count):
+        for transition in range(begins[state_number], begins[state_number + 1]):
+            target = fairly[transition]
+            predecessors[filled[target]] = state_number
             filled[target] += 1
-    good, waiting = bytearray(many), list(goal)
-    for at in waiting:
-        good[at] = 1
+    good, waiting = bytearray(state_count), list(goal)
+    for state_number in waiting:
+        good[state_number] = 1
     while waiting:
-        at = waiting.pop()
-        for move in range(counts[at], counts[at + 1]):
-            if not good[before[move]]:
-                good[before[move]] = 1
-                waiting.append(before[move])
+        state_number = waiting.pop()
+        for transition in range(counts[state_number], counts[state_number + 1]):
+            if not good[predecessors[transition]]:
+                good[predecessors[transition]] = 1
+                waiting.append(predecessors[transition])
     stuck = good.find(0)
     return stuck if stuck >= 0 else None

@@ -13,10 +13,10 @@ from somrs.protocol.frp import states
 from somrs.protocol.frp.session import ParticipantBody, ParticipantSession
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.frp import State
-from verification.model_check.sides import PARTICIPANT, SM, TM, TRANSACTION, Fair, Side, Step, forget_fleeting, is_late, key, trial
+from verification.model_check.sides import PARTICIPANT, SM, TM, TRANSACTION, Action, Fair, Side, forget_fleeting, is_late, key, try_action
 
 # Bodies say nothing here: what they carry changes no state.
-PARTICIPANT_SAYS: dict[type[object], ParticipantBody] = {
+PARTICIPANT_BODIES: dict[type[object], ParticipantBody] = {
     frp.Terms: frp.Terms(effect="E", price=1.0, duration=1.0),
     frp.Refuse: frp.Refuse(reason="r"),
     frp.Progress: frp.Progress(fraction=0.5),
@@ -29,7 +29,7 @@ PARTICIPANT_SAYS: dict[type[object], ParticipantBody] = {
 
 
 # What a Service Manager says in each state (`service_manager.participant`): a table that does not let it is wrong.
-MUST_SAY: dict[State, tuple[type[object], ...]] = {
+REQUIRED_MESSAGES: dict[State, tuple[type[object], ...]] = {
     State.ARRANGING: (frp.Terms, frp.Refuse),
     State.OFFERED: (frp.Refuse,),
     State.COMMITTED: (frp.Failed,),
@@ -43,12 +43,12 @@ UNBEGUN: dict[State, type[object]] = {State.OFFERED: frp.Refuse, State.COMMITTED
 """What it answers to an Execute that came too late; to a Compensate, Stranded."""
 
 
-class Deed(Enum):
+class WorkState(Enum):
     """What a participant has really done to the world."""
 
-    NOTHING = "nothing"
-    BEGUN = "begun"
-    DONE = "done"
+    NOT_STARTED = "nothing"
+    STARTED = "begun"
+    COMPLETED = "done"
     HALF = "half-done"
     UNDONE = "undone"
     STRANDED = "not undone"
@@ -63,7 +63,7 @@ class Participant:
     """The device is at work, or not yet at rest."""
     verdict: type[object] | None = None
     halted: bool = False
-    deed: Deed = Deed.NOTHING
+    work_state: WorkState = WorkState.NOT_STARTED
     committed: bool = False
     """Its terms were accepted, as it knows."""
     forgot: bool = False
@@ -76,113 +76,134 @@ class Participants(Side[Participant]):
     def first(self) -> int:
         return self._add(Participant(session=_fresh_participant()))
 
-    def _add(self, one: Participant) -> int:
-        known = key(one.session, self.futures.moves_participant)
-        return self._number((known, one.moving, one.verdict, one.halted, one.deed, one.committed, one.forgot), one)
+    def _add(self, participant: Participant) -> int:
+        session_key = key(participant.session, self.futures.moves_participant)
+        return self._number(
+            (
+                session_key,
+                participant.moving,
+                participant.verdict,
+                participant.halted,
+                participant.work_state,
+                participant.committed,
+                participant.forgot,
+            ),
+            participant,
+        )
 
-    def _receive(self, at: int, token: int, what: str) -> Step:
-        one, session = self.states[at], self.states[at].session.copy()
-        message = self.hears.messages[token]
+    def _receive(self, state_number: int, token: int, description: str) -> Action:
+        participant, session = self.states[state_number], self.states[state_number].session.copy()
+        message = self.inbox.messages[token]
         late = is_late(message)
         if late and isinstance(message.body, frp.Execute) and session.state in UNBEGUN:
-            says = self._refused(session, UNBEGUN[session.state])
-            return Step(what, self._add(replace(one, session=session)), says)
-        self.says.ready(session, states.PARTICIPANT[session.state][type(message.body)].answer)
-        heard = session.receive(message)
+            tokens = self._refused(session, UNBEGUN[session.state])
+            return Action(description, self._add(replace(participant, session=session)), tokens)
+        self.outbox.prepare(session, states.PARTICIPANT[session.state][type(message.body)].answer)
+        result = session.receive(message)
         forget_fleeting(session)
-        says, wrong = self._spoken(session, heard.answers)
-        after = replace(
-            one, session=session, committed=one.committed or (heard.moved and isinstance(message.body, frp.Accept | frp.Execute))
+        tokens, wrong = self._number_messages(session, result.answers)
+        participant_after = replace(
+            participant,
+            session=session,
+            committed=participant.committed or (result.moved and isinstance(message.body, frp.Accept | frp.Execute)),
         )
-        if heard.state_before is State.ENDED and heard.state is not State.ENDED:
-            wrong = f"a participant that is over becomes {heard.state}"
-        elif late and heard.moved and heard.state is State.COMPENSATING:
-            says = (*says, *self._refused(session, frp.Stranded))
-        elif heard.moved and heard.state in (State.EXECUTING, State.COMPENSATING) and heard.state_before is not heard.state:
-            began = heard.state is State.EXECUTING
-            after = replace(after, moving=True, halted=False, verdict=None, deed=Deed.BEGUN if began else one.deed)
-        elif heard.moved and heard.state is State.ENDED:
-            after = replace(after, verdict=None, halted=False)
-        return Step(what, self._add(after), says, wrong=wrong)
+        if result.state_before is State.ENDED and result.state is not State.ENDED:
+            wrong = f"a participant that is over becomes {result.state}"
+        elif late and result.moved and result.state is State.COMPENSATING:
+            tokens = (*tokens, *self._refused(session, frp.Stranded))
+        elif result.moved and result.state in (State.EXECUTING, State.COMPENSATING) and result.state_before is not result.state:
+            is_start = result.state is State.EXECUTING
+            participant_after = replace(
+                participant_after, moving=True, halted=False, verdict=None, deed=WorkState.STARTED if is_start else participant.work_state
+            )
+        elif result.moved and result.state is State.ENDED:
+            participant_after = replace(participant_after, verdict=None, halted=False)
+        return Action(description, self._add(participant_after), tokens, wrong=wrong)
 
     def _refused(self, session: ParticipantSession, kind: type[object]) -> tuple[int, ...]:
         """As `ServiceManager` answers an order that came too late: nothing moves."""
-        self.says.ready(session, kind)
-        return (self.says.number(session.send(PARTICIPANT_SAYS[kind]), session.number),)
+        self.outbox.prepare(session, kind)
+        return (self.outbox.number(session.send(PARTICIPANT_BODIES[kind]), session.number),)
 
-    def _all_moves(self, at: int) -> Iterator[Step]:
+    def _all_actions(self, state_number: int) -> Iterator[Action]:
         """With what its device and its timers do to it."""
-        one = self.states[at]
-        state = one.session.state
-        for kind in dict.fromkeys((*states.PARTICIPANT_SENDS.get(state, {}), *MUST_SAY.get(state, ()))):
-            if (not one.halted and (one.moving or state not in states.WORKING)) or kind is frp.Progress:
-                yield self._say(at, kind)
-        if one.halted and one.verdict is not None:
-            yield self._say(at, one.verdict)
-        if one.moving and state not in states.WORKING:
-            yield Step("comes to rest", self._add(replace(one, moving=False, deed=_interrupted(one))), fair=Fair.YES)
-        if one.moving and state in (State.EXECUTING, State.COMPENSATING):
-            yield Step("is cut off, and halts", self._add(_halted(one)))
+        participant = self.states[state_number]
+        state = participant.session.state
+        for kind in dict.fromkeys((*states.PARTICIPANT_SENDS.get(state, {}), *REQUIRED_MESSAGES.get(state, ()))):
+            if (not participant.halted and (participant.moving or state not in states.WORKING)) or kind is frp.Progress:
+                yield self._send(state_number, kind)
+        if participant.halted and participant.verdict is not None:
+            yield self._send(state_number, participant.verdict)
+        if participant.moving and state not in states.WORKING:
+            yield Action("comes to rest", self._add(replace(participant, moving=False, deed=_interrupted(participant))), fair=Fair.YES)
+        if participant.moving and state in (State.EXECUTING, State.COMPENSATING):
+            yield Action("is cut off, and halts", self._add(_halted(participant)))
 
-    def _say(self, at: int, kind: type[object]) -> Step:
-        what = f"says {kind.__name__}"
-        return trial(lambda: self._spoken_up(at, kind, what), what, at)
+    def _send(self, state_number: int, kind: type[object]) -> Action:
+        description = f"says {kind.__name__}"
+        return try_action(lambda: self._perform_send(state_number, kind, description), description, state_number)
 
-    def _spoken_up(self, at: int, kind: type[object], what: str) -> Step:
-        one, session = self.states[at], self.states[at].session.copy()
-        self.says.ready(session, kind)
-        message = session.send(PARTICIPANT_SAYS[kind])
+    def _perform_send(self, state_number: int, kind: type[object], description: str) -> Action:
+        participant, session = self.states[state_number], self.states[state_number].session.copy()
+        self.outbox.prepare(session, kind)
+        message = session.send(PARTICIPANT_BODIES[kind])
         forget_fleeting(session)
-        after = replace(one, session=session)
+        participant_after = replace(participant, session=session)
         wrong = ""
-        if kind in (frp.Completed, frp.Compensated) and not one.moving:
+        if kind in (frp.Completed, frp.Compensated) and not participant.moving:
             wrong = f"says {kind.__name__}, and its device was stopped before that was true"
         if kind is not frp.Progress:
-            after = replace(after, moving=False, verdict=None, halted=False, deed=_deed(one, kind))
+            participant_after = replace(
+                participant_after, moving=False, verdict=None, halted=False, deed=_reported_work_state(participant, kind)
+            )
         # That an offer lapses, or a device breaks before it began, is left to chance, but where nobody is left to wait for.
-        fair, timer = Fair.YES, one.session.state in (State.OFFERED, State.COMMITTED)
+        fair, timer = Fair.YES, participant.session.state in (State.OFFERED, State.COMMITTED)
         if timer:
             fair = Fair.NO
-        elif one.session.state is State.EXECUTING and one.moving and kind is not frp.Progress:
+        elif participant.session.state is State.EXECUTING and participant.moving and kind is not frp.Progress:
             fair = Fair.ENDING
-        return Step(what, self._add(after), (self.says.number(message, session.number),), fair, "timer" if timer else "", wrong)
+        return Action(
+            description, self._add(participant_after), (self.outbox.number(message, session.number),), fair, "timer" if timer else "", wrong
+        )
 
-    def restarted(self, at: int) -> tuple[int, tuple[int, ...]]:
+    def restarted(self, state_number: int) -> tuple[int, tuple[int, ...]]:
         """The state after a restart, and what is said again. The device is halted, and what was under way is reported so."""
-        one = self.states[at]
-        again = tuple(self.says.number(message, 1) for message in one.session.last_report())
-        if one.session.state in states.WORKING:
-            one = _halted(one)
-        elif one.moving:
-            one = replace(one, moving=False, deed=_interrupted(one))
-        return self._add(one), again
+        participant = self.states[state_number]
+        tokens = tuple(self.outbox.number(message, 1) for message in participant.session.last_report())
+        if participant.session.state in states.WORKING:
+            participant = _halted(participant)
+        elif participant.moving:
+            participant = replace(participant, moving=False, deed=_interrupted(participant))
+        return self._add(participant), tokens
 
-    def without_memory(self, at: int) -> int:
+    def without_memory(self, state_number: int) -> int:
         """The state after its disk was lost."""
-        one = self.states[at]
-        return self._add(Participant(session=_fresh_participant(), deed=_interrupted(one), forgot=True))
+        participant = self.states[state_number]
+        return self._add(Participant(session=_fresh_participant(), work_state=_interrupted(participant), forgot=True))
 
 
 def _fresh_participant() -> ParticipantSession:
     return ParticipantSession(transaction=TRANSACTION, participant=PARTICIPANT, me=SM, peer=TM)
 
 
-def _halted(one: Participant) -> Participant:
-    return replace(one, moving=False, halted=True, verdict=states.RESUMES.get(one.session.state), deed=_interrupted(one))
+def _halted(participant: Participant) -> Participant:
+    return replace(
+        participant, moving=False, halted=True, verdict=states.RESUMES.get(participant.session.state), deed=_interrupted(participant)
+    )
 
 
-def _interrupted(one: Participant) -> Deed:
-    if one.session.state is State.COMPENSATING and one.moving:
-        return Deed.STRANDED
-    return Deed.HALF if one.deed is Deed.BEGUN else one.deed
+def _interrupted(participant: Participant) -> WorkState:
+    if participant.session.state is State.COMPENSATING and participant.moving:
+        return WorkState.STRANDED
+    return WorkState.HALF if participant.work_state is WorkState.STARTED else participant.work_state
 
 
-def _deed(one: Participant, kind: type[object]) -> Deed:
+def _reported_work_state(participant: Participant, kind: type[object]) -> WorkState:
     """What is so when it reports this."""
     if kind is frp.Completed:
-        return Deed.DONE
+        return WorkState.COMPLETED
     if kind is frp.Compensated:
-        return Deed.UNDONE
+        return WorkState.UNDONE
     if kind is frp.Stranded:
-        return Deed.STRANDED
-    return _interrupted(one)
+        return WorkState.STRANDED
+    return _interrupted(participant)

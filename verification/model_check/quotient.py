@@ -12,16 +12,16 @@ from typing import NamedTuple
 
 from somrs.protocol.frp import states
 from verification.model_check.coordinator import Phase
-from verification.model_check.explore import Space
+from verification.model_check.explore import StateSpace
 from verification.model_check.properties import Outcome, at_home, outcome
-from verification.model_check.system import Kind
+from verification.model_check.system import TransitionKind
 
 
-class Shows(NamedTuple):
+class Observation(NamedTuple):
     """What is seen of a state from outside. `outcome` is set when its participant is at home."""
 
     phase: Phase
-    holds: bool
+    holds_step: bool
     """The step is this participant's, for the coordinator."""
     moving: bool
     outcome: Outcome | None
@@ -31,40 +31,44 @@ class Shows(NamedTuple):
 class Quotient:
     """Classes are numbered; class 0 is that of the first state."""
 
-    space: Space
-    of: list[int]
+    space: StateSpace
+    classes: list[int]
     """The class of each state."""
-    shows: list[Shows]
-    moves: list[tuple[tuple[Kind, int], ...]]
+    observations: list[Observation]
+    transitions: list[tuple[tuple[TransitionKind, int], ...]]
 
 
-def quotient(space: Space) -> Quotient:
+def quotient(space: StateSpace) -> Quotient:
     """The coarsest one, by splitting classes until all members of each have the same moves."""
-    shown = [_shows(space, at) for at in range(len(space.states))]
+    state_observations = [_observe(space, state_number) for state_number in range(len(space.states))]
     numbers: dict[object, int] = {}
-    of = [numbers.setdefault(one, len(numbers)) for one in shown]
-    labels, targets, begins, many = space.labels, space.targets, space.begins, len(space.kinds)
+    classes = [numbers.setdefault(observation, len(numbers)) for observation in state_observations]
+    labels, targets, begins, kind_count = space.labels, space.targets, space.begins, len(space.kinds)
     count = 0
     while count != len(numbers):
         count = len(numbers)
         numbers = {}
         refined = []
-        for at in range(len(of)):
-            first, last = begins[at], begins[at + 1]
-            leads = frozenset([of[target] * many + label for target, label in zip(targets[first:last], labels[first:last], strict=True)])
-            refined.append(numbers.setdefault((of[at], leads), len(numbers)))
-        of = refined
-    shows: list[Shows | None] = [None] * count
-    moves: list[tuple[tuple[Kind, int], ...]] = [()] * count
-    for at, block in enumerate(of):
-        if shows[block] is None:
-            shows[block] = shown[at]
-            moves[block] = tuple({(space.kinds[labels[move]], of[targets[move]]) for move in space.moves(at)})
-    return Quotient(space, of, [one for one in shows if one is not None], moves)
+        for state_number in range(len(classes)):
+            first, end = begins[state_number], begins[state_number + 1]
+            leads = frozenset(
+                [classes[target] * kind_count + label for target, label in zip(targets[first:end], labels[first:end], strict=True)]
+            )
+            refined.append(numbers.setdefault((classes[state_number], leads), len(numbers)))
+        classes = refined
+    observations: list[Observation | None] = [None] * count
+    transitions: list[tuple[tuple[TransitionKind, int], ...]] = [()] * count
+    for state_number, block in enumerate(classes):
+        if observations[block] is None:
+            observations[block] = state_observations[state_number]
+            transitions[block] = tuple(
+                {(space.kinds[labels[transition]], classes[targets[transition]]) for transition in space.transitions(state_number)}
+            )
+    return Quotient(space, classes, [observation for observation in observations if observation is not None], transitions)
 
 
-def _shows(space: Space, at: int) -> Shows:
-    coordinator, participant = space.link.coordinator(space.states[at]), space.link.participant(space.states[at])
-    holds = coordinator.phase is not Phase.LOST and coordinator.session.state in states.HOLDING_STATES
+def _observe(space: StateSpace, state_number: int) -> Observation:
+    coordinator, participant = space.link.coordinator(space.states[state_number]), space.link.participant(space.states[state_number])
+    holds_step = coordinator.phase is not Phase.LOST and coordinator.session.state in states.HOLDING_STATES
     ended = outcome(coordinator, participant) if at_home(coordinator, participant) else None
-    return Shows(coordinator.phase, holds, participant.moving, ended)
+    return Observation(coordinator.phase, holds_step, participant.moving, ended)

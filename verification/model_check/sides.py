@@ -39,19 +39,19 @@ class Fair(IntEnum):
     YES = 2
 
 
-class Step(NamedTuple):
+class Action(NamedTuple):
     """Something that a side does or hears. `joint` names the rule of the transaction that it is subject to, if it is."""
 
-    what: str
-    after: int
-    says: tuple[int, ...] = ()
+    description: str
+    target: int
+    tokens: tuple[int, ...] = ()
     fair: Fair = Fair.NO
     joint: str = ""
     wrong: str = ""
     """Why this must never happen."""
 
 
-class Post:
+class MessageTable:
     """The messages of one direction by number. The same message, sent again, has the same number."""
 
     def __init__(self) -> None:
@@ -68,11 +68,11 @@ class Post:
         self._count.setdefault(message.header.message_id, count)
         return self._numbers[key]
 
-    def ready(self, session: CoordinatorSession | ParticipantSession, kind: type[object] | None) -> None:
+    def prepare(self, session: CoordinatorSession | ParticipantSession, kind: type[object] | None) -> None:
         """Have the session count the messages of each type apart. Messages of one type are told apart as before, and
         what was said before it does not make it another message."""
-        before = session.sent_messages.get(kind.__name__) if kind is not None else None
-        session.number = self._count.get(before.id, 0) if before is not None else 0
+        record = session.sent_messages.get(kind.__name__) if kind is not None else None
+        session.number = self._count.get(record.id, 0) if record is not None else 0
 
     def lapsed(self, token: int) -> int:
         """The same message, too late to begin with; itself when it is no order, or is too late already."""
@@ -82,15 +82,15 @@ class Post:
         late = structs.replace(message, body=structs.replace(message.body, begin_by=LAPSED))
         return self.number(late, self._count[message.header.message_id])
 
-    def ready_again(self, session: CoordinatorSession, kind: type[object]) -> None:
+    def prepare_repeat(self, session: CoordinatorSession, kind: type[object]) -> None:
         """As `ready`, to say the same again under the same number: to whoever hears it, both mean the same."""
-        self.ready(session, kind)
+        self.prepare(session, kind)
         session.number -= 1
 
     def name(self, token: int) -> str:
         return type(self.messages[token].body).__name__
 
-    def of(self, kinds: frozenset[type[object]]) -> int:
+    def mask_of(self, kinds: frozenset[type[object]]) -> int:
         """The set of those of these types."""
         return sum(1 << token for token, message in enumerate(self.messages) if type(message.body) in kinds)
 
@@ -115,9 +115,9 @@ def is_late(message: Message) -> bool:
 
 
 def key(session: CoordinatorSession | ParticipantSession, matters: Callable[[State, str], bool]) -> object:
-    said = sorted((name, one.id, one.state if name == "Query" else "") for name, one in session.sent_messages.items())
-    heard = sorted((name, one.id) for name, one in session.received_messages.items() if matters(session.state, name))
-    return session.state, tuple(said), tuple(heard)
+    sent_keys = sorted((name, record.id, record.state if name == "Query" else "") for name, record in session.sent_messages.items())
+    received_keys = sorted((name, record.id) for name, record in session.received_messages.items() if matters(session.state, name))
+    return session.state, tuple(sent_keys), tuple(received_keys)
 
 
 S = TypeVar("S")
@@ -127,14 +127,14 @@ S = TypeVar("S")
 class Side(ABC, Generic[S]):
     """The states of one side by number, and what comes of each once it was worked out."""
 
-    hears: Post
-    says: Post
+    inbox: MessageTable
+    outbox: MessageTable
     futures: Futures
     states: list[S] = field(default_factory=list)
     _numbers: dict[object, int] = field(default_factory=dict)
-    heard: dict[tuple[int, int], Step] = field(default_factory=dict)
+    reactions: dict[tuple[int, int], Action] = field(default_factory=dict)
     """What came of each message in each state in which it arrived."""
-    _moves: dict[int, tuple[Step, ...]] = field(default_factory=dict)
+    _actions: dict[int, tuple[Action, ...]] = field(default_factory=dict)
 
     def _number(self, key: object, state: S) -> int:
         if key not in self._numbers:
@@ -142,40 +142,44 @@ class Side(ABC, Generic[S]):
             self.states.append(state)
         return self._numbers[key]
 
-    def receive(self, at: int, token: int) -> Step:
+    def receive(self, state_number: int, token: int) -> Action:
         """What comes of hearing it."""
-        if (at, token) not in self.heard:
-            what = f"hears {'late ' if is_late(self.hears.messages[token]) else ''}{self.hears.name(token)}"
-            self.heard[at, token] = trial(lambda: self._receive(at, token, what), what, at)
-        return self.heard[at, token]
+        if (state_number, token) not in self.reactions:
+            description = f"hears {'late ' if is_late(self.inbox.messages[token]) else ''}{self.inbox.name(token)}"
+            self.reactions[state_number, token] = try_action(
+                lambda: self._receive(state_number, token, description), description, state_number
+            )
+        return self.reactions[state_number, token]
 
-    def moves(self, at: int) -> tuple[Step, ...]:
+    def actions(self, state_number: int) -> tuple[Action, ...]:
         """What it may do of its own accord."""
-        if at not in self._moves:
-            self._moves[at] = tuple(self._all_moves(at))
-        return self._moves[at]
+        if state_number not in self._actions:
+            self._actions[state_number] = tuple(self._all_actions(state_number))
+        return self._actions[state_number]
 
     @abstractmethod
-    def _receive(self, at: int, token: int, what: str) -> Step: ...
+    def _receive(self, state_number: int, token: int, description: str) -> Action: ...
 
     @abstractmethod
-    def _all_moves(self, at: int) -> Iterator[Step]: ...
+    def _all_actions(self, state_number: int) -> Iterator[Action]: ...
 
-    def _spoken(self, session: CoordinatorSession | ParticipantSession, messages: tuple[Message, ...]) -> tuple[tuple[int, ...], str]:
+    def _number_messages(
+        self, session: CoordinatorSession | ParticipantSession, messages: tuple[Message, ...]
+    ) -> tuple[tuple[int, ...], str]:
         """The messages' numbers, and what is wrong with them."""
-        numbers = tuple(self.says.number(message, session.number) for message in messages)
+        numbers = tuple(self.outbox.number(message, session.number) for message in messages)
         fault = next((message.body.text for message in messages if isinstance(message.body, frp.Fault)), "")
         return numbers, f"a message does not fit: {fault}" if fault else ""
 
 
-def trial(step: Callable[[], Step], what: str, at: int) -> Step:
+def try_action(action: Callable[[], Action], description: str, state_number: int) -> Action:
     """A step as the session takes it. One that it cannot take is what a wrong table comes to."""
     try:
-        return step()
+        return action()
     except (UsageError, KeyError, AssertionError) as error:
-        return Step(what, at, wrong=f"{what}: {error}")
+        return Action(description, state_number, wrong=f"{description}: {error}")
 
 
 def forget_fleeting(session: ParticipantSession | CoordinatorSession) -> None:
     """Signs of life are all the same; that keeps the states finite."""
-    session.sent_messages = {name: one for name, one in session.sent_messages.items() if name not in FLEETING or name == "Query"}
+    session.sent_messages = {name: record for name, record in session.sent_messages.items() if name not in FLEETING or name == "Query"}

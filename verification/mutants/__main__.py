@@ -27,59 +27,59 @@ from verification.mutants.mutations import Mutant, all_mutants
 from verification.mutants.record import Record
 from verification.mutants.running import Runner
 from verification.mutants.tree import Tree
-from verification.mutants.trial import FLOOR, Result, tried
+from verification.mutants.trial import FLOOR, Result, try_mutant
 
 CORE = ("entish", "ontology", "protocol", "planner", "kernel", "repository", "registry", "service_manager", "task_manager")
-ENOUGH = 0.9
+MIN_CAUGHT_SHARE = 0.9
 SAMPLE = 300
-NEEDS = {"src/somrs/planner/search/numeric.py": "pytyr"}
+OPTIONAL_PACKAGES = {"src/somrs/planner/search/numeric.py": "pytyr"}
 """What is tested only where a package is installed that need not be."""
 COLUMNS = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
 
 
-def testable(every: list[Mutant]) -> list[Mutant]:
+def testable(mutants: list[Mutant]) -> list[Mutant]:
     """Without those of modules that cannot be tested here, which is said."""
-    missing = {file: package for file, package in NEEDS.items() if importlib.util.find_spec(package) is None}
+    missing = {file: package for file, package in OPTIONAL_PACKAGES.items() if importlib.util.find_spec(package) is None}
     for file, package in missing.items():
         print(f"NOT TESTED: the mutants of {file}, because {package} is not installed")
-    return [mutant for mutant in every if mutant.file not in missing]
+    return [mutant for mutant in mutants if mutant.file not in missing]
 
 
-def drawn(every: list[Mutant], size: int, seed: int) -> list[Mutant]:
+def draw_sample(mutants: list[Mutant], size: int, seed: int) -> list[Mutant]:
     """A sample, in any order, so that what is seen of it on the way is one, too."""
-    return random.Random(seed).sample(every, min(size, len(every)))
+    return random.Random(seed).sample(mutants, min(size, len(mutants)))
 
 
-def asked_for(every: list[Mutant], names: str) -> list[Mutant]:
+def select_mutants(mutants: list[Mutant], names: str) -> list[Mutant]:
     """Those of a folder, of a file, of a line of it, or a single one; several are parted by commas."""
-    found: list[Mutant] = []
+    selected: list[Mutant] = []
     for name in names.split(","):
-        these = [mutant for mutant in every if f"{mutant.name}:".startswith((f"{name}:", f"{name.rstrip('/')}/"))]
-        if not these:
+        matching = [mutant for mutant in mutants if f"{mutant.name}:".startswith((f"{name}:", f"{name.rstrip('/')}/"))]
+        if not matching:
             raise SomrsError(f"there is no mutant {name}")
-        found += these
-    return found
+        selected += matching
+    return selected
 
 
-class Tried:
+class ResultStore:
     """What became of mutants, kept line by line: a sample that was stopped is gone on with, as long as code and tests stay as they are."""
 
-    def __init__(self, place: Path, of: str) -> None:
-        self._place, self._of = place, of
+    def __init__(self, place: Path, version: str) -> None:
+        self._place, self._version = place, version
         lines = place.read_text(encoding="utf-8").splitlines(keepends=True) if place.exists() else []
         whole = [line for line in lines if line.endswith("\n")]  # who is killed may leave a part of one
         if whole != lines:
             place.write_text("".join(whole), encoding="utf-8")
         rows = [json.loads(line) for line in whole]
-        self._rows = {row["name"]: row for row in rows if row["of"] == of}
+        self._rows = {row["name"]: row for row in rows if row["of"] == version}
 
-    def before(self, mutant: Mutant) -> Result | None:
+    def earlier_result(self, mutant: Mutant) -> Result | None:
         row = self._rows.get(mutant.name)
         return Result(mutant, row["diff"], row["tests"], row["caught by"]) if row is not None else None
 
-    def keep(self, result: Result) -> None:
-        with self._place.open("a", encoding="utf-8") as kept:
-            print(json.dumps({**_row(result), "of": self._of}, ensure_ascii=False), file=kept, flush=True)
+    def save(self, result: Result) -> None:
+        with self._place.open("a", encoding="utf-8") as file:
+            print(json.dumps({**_row(result), "of": self._version}, ensure_ascii=False), file=file, flush=True)
 
 
 def _row(result: Result) -> dict[str, object]:
@@ -87,35 +87,37 @@ def _row(result: Result) -> dict[str, object]:
 
 
 def play(
-    mutants: list[Mutant], trees: list[Tree], out: Path, console: Console, floor: float, within: float, *, anew: bool = False
+    mutants: list[Mutant], trees: list[Tree], out_folder: Path, console: Console, floor: float, time_budget: float, *, anew: bool = False
 ) -> list[Result]:
     """What became of each, also line by line in a file. `anew`: also of those that were tried before."""
-    record = Record(trees[0].root, out)
+    record = Record(trees[0].root, out_folder)
     if stale := record.stale:
         with Progress(TextColumn("{task.description}"), MofNCompleteColumn(), TimeElapsedColumn(), console=console) as bar:
-            shown = bar.add_task(f"seeing which lines the tests of {len(stale)} files reach", total=None)
-            record.renew(trees[0], lambda: bar.advance(shown))
-    kept = Tried(out / "tried.jsonl", f"{record.version} {floor} {within}")
-    results = [result for mutant in mutants if not anew and (result := kept.before(mutant)) is not None]
+            progress_task = bar.add_task(f"seeing which lines the tests of {len(stale)} files reach", total=None)
+            record.renew(trees[0], lambda: bar.advance(progress_task))
+    result_store = ResultStore(out_folder / "tried.jsonl", f"{record.version} {floor} {time_budget}")
+    results = [result for mutant in mutants if not anew and (result := result_store.earlier_result(mutant)) is not None]
     if results:
         console.print(f"{len(results)} of them were tried before, with code and tests as they are")
-    known = {result.mutant.name for result in results}
-    left = deque(mutant for mutant in mutants if mutant.name not in known)
+    known_names = {result.mutant.name for result in results}
+    remaining = deque(mutant for mutant in mutants if mutant.name not in known_names)
     with Progress(*COLUMNS, console=console) as bar, ThreadPoolExecutor(len(trees)) as workers:
-        shown = bar.add_task("mutants", total=len(mutants), completed=len(results))
+        progress_task = bar.add_task("mutants", total=len(mutants), completed=len(results))
 
         def work(tree: Tree) -> None:
             with Runner(tree, record.modules) as runner:
-                while left:
-                    result = tried(left.popleft(), record, tree, runner, tree.root.with_suffix(".log"), floor, within)
+                while remaining:
+                    result = try_mutant(remaining.popleft(), record, tree, runner, tree.root.with_suffix(".log"), floor, time_budget)
                     results.append(result)
-                    kept.keep(result)
-                    bar.update(shown, advance=1, description=f"{sum(one.caught for one in results)} of {len(results)} caught")
+                    result_store.save(result)
+                    bar.update(progress_task, advance=1, description=f"{sum(item.caught for item in results)} of {len(results)} caught")
 
-        for done in [workers.submit(work, tree) for tree in trees]:
-            done.result()
+        for future in [workers.submit(work, tree) for tree in trees]:
+            future.result()
     results.sort(key=lambda result: (result.mutant.file, result.mutant.start))
-    (out / "results.jsonl").write_text("".join(json.dumps(_row(one), ensure_ascii=False) + "\n" for one in results), encoding="utf-8")
+    (out_folder / "results.jsonl").write_text(
+        "".join(json.dumps(_row(item), ensure_ascii=False) + "\n" for item in results), encoding="utf-8"
+    )
     return results
 
 
@@ -144,16 +146,16 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=Path("out/mutants"))
     arguments = parser.parse_args()
     console = Console()
-    out = arguments.out.resolve()
+    out_folder = arguments.out.resolve()
     seed = random.randrange(10_000) if arguments.seed is None else arguments.seed
     try:
-        trees = [Tree(out / "trees" / f"{number}") for number in range(arguments.jobs)]
-        every = testable(all_mutants(trees[0].root, CORE))
-        named = asked_for(every, arguments.only) if arguments.only else every
-        all_of_them = arguments.only and not arguments.sample
-        mutants = named if all_of_them else drawn(named, arguments.sample or SAMPLE, seed)
-        print(f"{len(mutants)} of {len(every)} mutants" + ("" if all_of_them else f", SEED={seed}"))
-        results = play(mutants, trees[: len(mutants)], out, console, arguments.floor, arguments.within, anew=bool(arguments.only))
+        trees = [Tree(out_folder / "trees" / f"{number}") for number in range(arguments.jobs)]
+        candidates = testable(all_mutants(trees[0].root, CORE))
+        named = select_mutants(candidates, arguments.only) if arguments.only else candidates
+        is_complete = arguments.only and not arguments.sample
+        mutants = named if is_complete else draw_sample(named, arguments.sample or SAMPLE, seed)
+        print(f"{len(mutants)} of {len(candidates)} mutants" + ("" if is_complete else f", SEED={seed}"))
+        results = play(mutants, trees[: len(mutants)], out_folder, console, arguments.floor, arguments.within, anew=bool(arguments.only))
     except SomrsError as error:
         print(error, file=sys.stderr)
         return 2
@@ -166,7 +168,7 @@ def main() -> int:
                 print(f"{result.mutant.name} is caught by {result.caught_by}")
     caught = len(results) - len(survivors)
     print(f"{caught} caught, {len(survivors)} survived")
-    return 0 if caught >= ENOUGH * len(results) else 1
+    return 0 if caught >= MIN_CAUGHT_SHARE * len(results) else 1
 
 
 if __name__ == "__main__":

@@ -88,7 +88,7 @@ class Mutant:
     """What is replaced: bytes of the file."""
     text: str
     """What comes in its place."""
-    within: tuple[int, int] | None
+    line_range: tuple[int, int] | None
     """The lines of which one is run just before it matters; None for what is run when the module is imported."""
 
     @property
@@ -101,8 +101,8 @@ class Mutant:
 
     def diff(self, source: bytes) -> str:
         """The lines that it changes, before and after."""
-        before, after = source.decode().splitlines(), self.applied(source).decode().splitlines()
-        lines = list(difflib.unified_diff(before, after, lineterm="", n=0))[3:]
+        lines_before, lines_after = source.decode().splitlines(), self.applied(source).decode().splitlines()
+        lines = list(difflib.unified_diff(lines_before, lines_after, lineterm="", n=0))[3:]
         return "\n".join(line[0] + " " + line[1:].strip() for line in lines)
 
 
@@ -110,16 +110,16 @@ def mutants(file: str, source: bytes) -> list[Mutant]:
     """All of a file, from its top to its bottom."""
     finder = _Finder(source)
     finder.visit(ast.parse(source))
-    found: list[Mutant] = []
-    seen: set[tuple[int, int, str]] = set()
+    mutant_list: list[Mutant] = []
+    changes: set[tuple[int, int, str]] = set()
     numbers: dict[int, int] = {}
-    for start, end, text, within in sorted(finder.found, key=lambda one: one[:3]):
-        if (start, end, text) not in seen:
-            seen.add((start, end, text))
+    for start, end, text, line_range in sorted(finder.changes, key=lambda change: change[:3]):
+        if (start, end, text) not in changes:
+            changes.add((start, end, text))
             line = source.count(b"\n", 0, start) + 1
             numbers[line] = numbers.get(line, 0) + 1
-            found.append(Mutant(file, line, numbers[line], start, end, text, within))
-    return found
+            mutant_list.append(Mutant(file, line, numbers[line], start, end, text, line_range))
+    return mutant_list
 
 
 def all_mutants(root: Path, packages: tuple[str, ...]) -> list[Mutant]:
@@ -133,11 +133,11 @@ class _Finder(ast.NodeVisitor):
 
     def __init__(self, source: bytes) -> None:
         self.source = source
-        self.found: list[tuple[int, int, str, tuple[int, int] | None]] = []
+        self.changes: list[tuple[int, int, str, tuple[int, int] | None]] = []
         self._starts = [0]
         for line in source.splitlines(keepends=True):
             self._starts.append(self._starts[-1] + len(line))
-        self._within: tuple[int, int] | None = None
+        self._line_range: tuple[int, int] | None = None
         self._functions: list[str] = []
         self._settings = False
         """Whether this is the value of a name of the module or of a class."""
@@ -152,47 +152,47 @@ class _Finder(ast.NodeVisitor):
         assert node.end_col_offset is not None
         return self._starts[node.end_lineno - 1] + node.end_col_offset
 
-    def _put(self, start: int, end: int, text: str) -> None:
-        self.found.append((start, end, text, self._within))
+    def _add_change(self, start: int, end: int, text: str) -> None:
+        self.changes.append((start, end, text, self._line_range))
 
-    def _between(self, left: ast.expr, right: ast.expr, written: str, text: str) -> None:
+    def _replace_operator(self, left_operand: ast.expr, right_operand: ast.expr, written: str, text: str) -> None:
         """Change the operator that stands between two expressions."""
-        start, end = self._end(left), self._start(right)
+        start, end = self._end(left_operand), self._start(right_operand)
         gap = COMMENT.sub(lambda comment: b" " * len(comment[0]), self.source[start:end])
         if operator := re.search(written.encode(), gap):
-            self._put(start + operator.start(), start + operator.end(), text)
+            self._add_change(start + operator.start(), start + operator.end(), text)
 
     def _turned(self, test: ast.expr) -> None:
         """The condition is the other way round, where no change within it comes to the same."""
-        same = (
+        is_covered = (
             isinstance(test, ast.Constant)
             or (isinstance(test, ast.UnaryOp) and isinstance(test.op, ast.Not))
             or (isinstance(test, ast.Compare) and len(test.ops) == 1 and isinstance(test.ops[0], TURNED))
         )
-        if not same:
+        if not is_covered:
             start, end = self._start(test), self._end(test)
-            self._put(start, end, f"not ({self.source[start:end].decode()})")
+            self._add_change(start, end, f"not ({self.source[start:end].decode()})")
 
     # Statements
 
     def visit(self, node: ast.AST) -> None:
         if isinstance(node, ast.stmt) and self._functions:
-            self._within = _lines(node)
+            self._line_range = _lines(node)
         super().visit(node)
 
-    def _left_out(self, node: ast.stmt, text: str = "pass") -> None:
-        self._put(self._start(node), self._end(node), text)
+    def _remove(self, node: ast.stmt, text: str = "pass") -> None:
+        self._add_change(self._start(node), self._end(node), text)
 
     def visit_Expr(self, node: ast.Expr) -> None:
         match node.value:
             case ast.Constant():  # a docstring, or `...`
                 return
             case ast.Yield() | ast.YieldFrom():
-                self._left_out(node, "yield from ()")  # the function stays a generator
-            case ast.Call(func) if _called(func).startswith("log."):
+                self._remove(node, "yield from ()")  # the function stays a generator
+            case ast.Call(func) if _dotted_name(func).startswith("log."):
                 return
             case ast.Call() | ast.Await():
-                self._left_out(node)
+                self._remove(node)
         self.generic_visit(node)
 
     def visit_Assign(self, node: ast.Assign) -> None:
@@ -200,7 +200,7 @@ class _Finder(ast.NodeVisitor):
         if "__all__" in names or "__slots__" in names:
             return
         if not names and self._lasting(node.targets):
-            self._left_out(node)
+            self._remove(node)
         self._value(node.value, settings=bool(names))
 
     def visit_AnnAssign(self, node: ast.AnnAssign) -> None:
@@ -208,15 +208,15 @@ class _Finder(ast.NodeVisitor):
             self._value(node.value, settings=isinstance(node.target, ast.Name))
 
     def _value(self, value: ast.expr, *, settings: bool) -> None:
-        before, self._settings = self._settings, settings and not self._functions and isinstance(value, NUMBERS)
+        settings_before, self._settings = self._settings, settings and not self._functions and isinstance(value, NUMBERS)
         self.visit(value)
-        self._settings = before
+        self._settings = settings_before
 
     def visit_AugAssign(self, node: ast.AugAssign) -> None:
-        self._left_out(node)
+        self._remove(node)
         if type(node.op) in ARITHMETIC and not isinstance(node.value, LITERALS[1:]):
             written, text = ARITHMETIC[type(node.op)]
-            self._between(node.target, node.value, re.escape(written + "="), text + "=")
+            self._replace_operator(node.target, node.value, re.escape(written + "="), text + "=")
         self.visit(node.value)
 
     def _lasting(self, targets: list[ast.expr]) -> bool:
@@ -225,31 +225,31 @@ class _Finder(ast.NodeVisitor):
         return lasting and bool(self._functions) and self._functions[-1] != "__init__"
 
     def visit_Delete(self, node: ast.Delete) -> None:
-        self._left_out(node)
+        self._remove(node)
         self.generic_visit(node)
 
     def visit_Raise(self, node: ast.Raise) -> None:
         if "NotImplementedError" not in ast.dump(node):
-            self._left_out(node)
+            self._remove(node)
 
     def visit_Assert(self, node: ast.Assert) -> None:
         """For type checkers, and for readers."""
 
     def visit_Return(self, node: ast.Return) -> None:
         if node.value is None:
-            self._left_out(node)
+            self._remove(node)
         elif not isinstance(node.value, ast.Constant) or isinstance(node.value.value, str):
-            self._put(self._start(node.value), self._end(node.value), "None")
+            self._add_change(self._start(node.value), self._end(node.value), "None")
         self.generic_visit(node)
 
     def visit_Break(self, node: ast.Break) -> None:
-        self._left_out(node, "continue")
+        self._remove(node, "continue")
 
     def visit_Continue(self, node: ast.Continue) -> None:
-        self._left_out(node, "break")
+        self._remove(node, "break")
 
     def visit_If(self, node: ast.If) -> None:
-        if _called(node.test) == "TYPE_CHECKING":
+        if _dotted_name(node.test) == "TYPE_CHECKING":
             return
         self._turned(node.test)
         self.generic_visit(node)
@@ -259,7 +259,7 @@ class _Finder(ast.NodeVisitor):
         self.generic_visit(node)
 
     def visit_match_case(self, node: ast.match_case) -> None:
-        self._within = (node.pattern.lineno, max(node.pattern.lineno, node.body[0].lineno - 1)) if self._functions else None
+        self._line_range = (node.pattern.lineno, max(node.pattern.lineno, node.body[0].lineno - 1)) if self._functions else None
         if node.guard is not None:
             self._turned(node.guard)
         self.generic_visit(node)
@@ -269,8 +269,8 @@ class _Finder(ast.NodeVisitor):
     def visit_FunctionDef(self, node: ast.FunctionDef) -> None:
         if node.name == "__repr__":
             return
-        before = self._within
-        self._within = (node.body[0].lineno, node.body[-1].end_lineno or node.body[-1].lineno)
+        line_range_before = self._line_range
+        self._line_range = (node.body[0].lineno, node.body[-1].end_lineno or node.body[-1].lineno)
         for default in (*node.args.defaults, *node.args.kw_defaults):
             if default is not None:
                 self.visit(default)
@@ -280,14 +280,14 @@ class _Finder(ast.NodeVisitor):
             self.visit(statement)
         self._settings = settings
         self._functions.pop()
-        self._within = before
+        self._line_range = line_range_before
 
     def visit_AsyncFunctionDef(self, node: ast.AsyncFunctionDef) -> None:
         self.visit_FunctionDef(node)  # type: ignore[arg-type]  # has the same parts
 
     def visit_ClassDef(self, node: ast.ClassDef) -> None:
-        functions, within = self._functions, self._within
-        self._functions, self._within = [], None
+        functions, line_range = self._functions, self._line_range
+        self._functions, self._line_range = [], None
         for keyword in node.keywords:
             if keyword.arg not in KEPT_CLASS:
                 self.visit(keyword.value)
@@ -295,7 +295,7 @@ class _Finder(ast.NodeVisitor):
         for statement in node.body:
             if not (enumeration and isinstance(statement, ast.Assign)):
                 self.visit(statement)
-        self._functions, self._within = functions, within
+        self._functions, self._line_range = functions, line_range
 
     def visit_Lambda(self, node: ast.Lambda) -> None:
         self.visit(node.body)
@@ -303,28 +303,28 @@ class _Finder(ast.NodeVisitor):
     # Expressions
 
     def visit_Compare(self, node: ast.Compare) -> None:
-        for left, operator, right in zip([node.left, *node.comparators], node.ops, node.comparators, strict=False):
-            self._between(left, right, *COMPARISONS[type(operator)])
+        for left_operand, operator, right_operand in zip([node.left, *node.comparators], node.ops, node.comparators, strict=False):
+            self._replace_operator(left_operand, right_operand, *COMPARISONS[type(operator)])
         self.generic_visit(node)
 
     def visit_BoolOp(self, node: ast.BoolOp) -> None:
         written, text = ("and", "or") if isinstance(node.op, ast.And) else ("or", "and")
-        for left, right in zip(node.values, node.values[1:], strict=False):
-            self._between(left, right, written, text)
+        for left_operand, right_operand in zip(node.values, node.values[1:], strict=False):
+            self._replace_operator(left_operand, right_operand, written, text)
         self.generic_visit(node)
 
     def visit_BinOp(self, node: ast.BinOp) -> None:
         types = isinstance(node.op, ast.BitOr) and _is_type(node.left) and _is_type(node.right)
         if type(node.op) in ARITHMETIC and not types and not _literal(node.left) and not _literal(node.right):
             written, text = ARITHMETIC[type(node.op)]
-            self._between(node.left, node.right, re.escape(written), text)
+            self._replace_operator(node.left, node.right, re.escape(written), text)
         self.generic_visit(node)
 
     def visit_UnaryOp(self, node: ast.UnaryOp) -> None:
         if isinstance(node.op, ast.Not | ast.USub) and not self._settings:
             written = SIGN.match(self.source, self._start(node))
             assert written is not None, "it begins with its operator"
-            self._put(*written.span(), "")
+            self._add_change(*written.span(), "")
         self.generic_visit(node)
 
     def visit_IfExp(self, node: ast.IfExp) -> None:
@@ -337,13 +337,13 @@ class _Finder(ast.NodeVisitor):
         self.generic_visit(node)
 
     def visit_Call(self, node: ast.Call) -> None:
-        called = _called(node.func)
-        if called in SWAPPED:
-            self._put(self._start(node.func), self._end(node.func), SWAPPED[called])
+        function_name = _dotted_name(node.func)
+        if function_name in SWAPPED:
+            self._add_change(self._start(node.func), self._end(node.func), SWAPPED[function_name])
         self.visit(node.func)
-        for argument in node.args[1:] if called in FOR_TYPES else node.args:
+        for argument in node.args[1:] if function_name in FOR_TYPES else node.args:
             self.visit(argument)
-        for keyword in node.keywords if called != "zip" else ():
+        for keyword in node.keywords if function_name != "zip" else ():
             self.visit(keyword.value)
 
     def visit_Subscript(self, node: ast.Subscript) -> None:
@@ -364,20 +364,20 @@ class _Finder(ast.NodeVisitor):
                 text = '"changed"' if value != "changed" else '""'
             case _:
                 return
-        self._put(self._start(node), self._end(node), text)
+        self._add_change(self._start(node), self._end(node), text)
 
 
 def _lines(node: ast.stmt) -> tuple[int, int]:
     """Those of a statement without the statements in it."""
-    last = node.end_lineno or node.lineno
+    last_line = node.end_lineno or node.lineno
     inner = [child for child in ast.iter_child_nodes(node) if isinstance(child, ast.stmt | ast.match_case | ast.excepthandler)]
     if inner:
         first = min(child.pattern.lineno if isinstance(child, ast.match_case) else child.lineno for child in inner)
-        last = max(node.lineno, min(last, first - 1))
-    return node.lineno, last
+        last_line = max(node.lineno, min(last_line, first - 1))
+    return node.lineno, last_line
 
 
-def _called(function: ast.expr) -> str:
+def _dotted_name(function: ast.expr) -> str:
     return ast.unparse(function) if isinstance(function, ast.Name | ast.Attribute) else ""
 
 
@@ -388,8 +388,8 @@ def _is_type(node: ast.expr) -> bool:
             return (name[:1].isupper() and (len(name) == 1 or not name.isupper())) or name in PLAIN
         case ast.Subscript(value):
             return _is_type(value) or (isinstance(value, ast.Name) and value.id in GENERIC)
-        case ast.BinOp(left, ast.BitOr(), right):
-            return _is_type(left) and _is_type(right)
+        case ast.BinOp(left_operand, ast.BitOr(), right_operand):
+            return _is_type(left_operand) and _is_type(right_operand)
         case ast.Constant(value):
             return value is None
     return False

@@ -11,7 +11,7 @@ from coverage import CoverageData
 
 from somrs.errors import SomrsError
 from verification.mutants.mutations import Mutant
-from verification.mutants.runner import Wanted
+from verification.mutants.runner import RunRequest
 from verification.mutants.running import Runner
 from verification.mutants.tree import Tree, digest
 
@@ -48,31 +48,31 @@ class Record:
     @property
     def stale(self) -> tuple[str, ...]:
         """Files of tests that were never recorded as they are."""
-        return tuple(name for name, now in self._test_files().items() if self._files.get(name, NEVER).digest != now)
+        return tuple(name for name, now in self._test_files().items() if self._files.get(name, UNRECORDED).digest != now)
 
-    def renew(self, tree: Tree, each: Callable[[], None]) -> None:
+    def renew(self, tree: Tree, on_test: Callable[[], None]) -> None:
         """Record what is stale."""
         stale, now = self.stale, self._test_files()
-        found = {name: Recorded(now[name], {}) for name in stale}
+        recorded = {name: Recorded(now[name], {}) for name in stale}
         failed: list[str] = []
         log = self._folder / "log"
         with Runner(tree, None) as runner:
-            for event in runner.play(Wanted(files=stale, record=str(self._lines), log=str(log))):
+            for event in runner.play(RunRequest(files=stale, record=str(self._lines), log=str(log))):
                 if event.modules:
                     self.modules.write_text("\n".join(event.modules))
                 elif event.outcome == "failed":
                     failed.append(event.test)
                 elif event.test:
                     if event.outcome == "passed":
-                        found[event.test.partition("::")[0]].tests[event.test] = event.seconds
-                    each()
+                        recorded[event.test.partition("::")[0]].tests[event.test] = event.seconds
+                    on_test()
                 elif event.status != 0:
                     raise SomrsError(f"without any change tests fail, as {log} tells: {', '.join(failed) or 'all'}")
-        self._files = {name: one for name, one in self._files.items() if name in now} | found
+        self._files = {name: entry for name, entry in self._files.items() if name in now} | recorded
         (self._folder / "tests.json").write_bytes(msgspec.json.encode(self._files))
         self._read()
 
-    def chosen(self, mutant: Mutant) -> dict[str, float]:
+    def tests_reaching(self, mutant: Mutant) -> dict[str, float]:
         """The tests that run what is changed, the fastest first, with the seconds that each takes.
 
         Of programs that a test starts it is only known which functions they call.
@@ -81,14 +81,14 @@ class Record:
         those that import it, or reach one of the modules that do. A function may be called both ways: its own tests come first.
         """
         reaching: dict[str, float] = {}
-        if mutant.within is not None:
-            lines = range(mutant.within[0], mutant.within[1] + 1)
+        if mutant.line_range is not None:
+            lines = range(mutant.line_range[0], mutant.line_range[1] + 1)
             reaching = self._fastest_first(self._reaching(mutant.file, lines))
             if self._at_import[mutant.file].isdisjoint(lines):
                 return reaching
-        own = self._fastest_first(self._reaching(mutant.file))
-        others = {test for file in self._importers.get(mutant.file, ()) for test in (*self._tests_in(file), *self._reaching(file))}
-        return reaching | own | self._fastest_first(others - {*own})
+        module_tests = self._fastest_first(self._reaching(mutant.file))
+        importer_tests = {test for file in self._importers.get(mutant.file, ()) for test in (*self._tests_in(file), *self._reaching(file))}
+        return reaching | module_tests | self._fastest_first(importer_tests - {*module_tests})
 
     def count(self) -> int:
         return len(self._seconds)
@@ -108,12 +108,12 @@ class Record:
             self._measured.setdefault(f"src/somrs/{name.rpartition('/src/somrs/')[2]}", []).append(name)
         self._reached: dict[str, dict[int, set[str]]] = {}
         self._at_import: dict[str, set[int]] = {}
-        self._called: dict[str, set[tuple[str, int, int]]] = {}
+        self._calls: dict[str, set[tuple[str, int, int]]] = {}
         calls = self._lines.with_suffix(".calls")
         for line in calls.read_text(encoding="utf-8").splitlines() if calls.exists() else ():
-            test, file, first, last = line.split("\t")
+            test, file, first, last_line = line.split("\t")
             if test in self._seconds:
-                self._called.setdefault(f"src/{file}", set()).add((test, int(first), int(last)))
+                self._calls.setdefault(f"src/{file}", set()).add((test, int(first), int(last_line)))
 
     def _test_files(self) -> dict[str, str]:
         files = sorted(file for folder in TESTED_BY for file in (self._root / folder).rglob("test_*.py"))
@@ -129,8 +129,8 @@ class Record:
                     if "" in tests:
                         at_import.add(line)
             self._reached[file] = reached
-        own = set().union(*(tests for line, tests in self._reached[file].items() if lines is None or line in lines))
-        return own | {test for test, first, last in self._called.get(file, ()) if lines is None or first <= lines[0] <= last}
+        reaching = set().union(*(tests for line, tests in self._reached[file].items() if lines is None or line in lines))
+        return reaching | {test for test, first, last_line in self._calls.get(file, ()) if lines is None or first <= lines[0] <= last_line}
 
     def _tests_in(self, file: str) -> Iterable[str]:
         return self._files[file].tests if file in self._files else ()
@@ -139,7 +139,7 @@ class Record:
         return {test: self._seconds[test] for test in sorted(tests, key=lambda test: (self._seconds[test], test))}
 
 
-NEVER = Recorded("", {})
+UNRECORDED = Recorded("", {})
 
 
 def _python(folder: Path) -> list[Path]:
@@ -150,15 +150,15 @@ def _importers(root: Path) -> dict[str, set[str]]:
     """By the file of a module, those of the modules and tests that import it, also by way of its package."""
     files = {file.relative_to(root).as_posix() for file in _python(root / "src" / "somrs")}
     tests = {file.relative_to(root).as_posix() for folder in TESTED_BY for file in _python(root / folder)}
-    found: dict[str, set[str]] = {}
+    importers_of: dict[str, set[str]] = {}
     for file in files | tests:
         for node in ast.walk(ast.parse((root / file).read_bytes())):
             if isinstance(node, ast.ImportFrom) and node.module:
                 base = "src/" + node.module.replace(".", "/")
                 for name in (f"{base}.py", f"{base}/__init__.py", *(f"{base}/{alias.name}.py" for alias in node.names)):
                     if name in files:
-                        found.setdefault(name, set()).add(file)
-    for name, importers in found.items():
-        for package in [one for one in importers if one.endswith("/__init__.py") and one != name]:
-            importers |= found.get(package, set())
-    return found
+                        importers_of.setdefault(name, set()).add(file)
+    for name, importers in importers_of.items():
+        for package in [importer for importer in importers if importer.endswith("/__init__.py") and importer != name]:
+            importers |= importers_of.get(package, set())
+    return importers_of

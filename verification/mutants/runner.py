@@ -31,12 +31,12 @@ if TYPE_CHECKING:
 MEMORY = 4 << 30
 """Bytes that a process may have: a mutant that collects things without an end is to fail, and not to take the machine along."""
 
-OWN = ("somrs", "tests", "verification", "conftest", "benchmarks", "scripts", "examples", "contestants")
+OWN_PACKAGES = ("somrs", "tests", "verification", "conftest", "benchmarks", "scripts", "examples", "contestants")
 """What is never loaded beforehand."""
 
 
 @dataclass(frozen=True)
-class Wanted:
+class RunRequest:
     """Tests to be run, in this order, up to the first that fails. `limits` has the seconds of work after which each is given up."""
 
     limits: dict[str, float] = field(default_factory=dict)
@@ -62,32 +62,32 @@ class Event:
     """When recorded: what can be loaded beforehand."""
 
 
-def tell(event: Event, to: int) -> None:
-    os.write(to, json.dumps(asdict(event)).encode() + b"\n")
+def write_event(event: Event, output: int) -> None:
+    os.write(output, json.dumps(asdict(event)).encode() + b"\n")
 
 
-class Chosen:
+class SelectedTests:
     """Runs the tests that are wanted, in their order, each up to its limit, and tells what became of them."""
 
-    def __init__(self, wanted: Wanted, to: int) -> None:
-        self._wanted = wanted
-        self._to = to
+    def __init__(self, request: RunRequest, output: int) -> None:
+        self._request = request
+        self._output = output
         self._outcome = "passed"
 
     @pytest.hookimpl(wrapper=True)
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> Iterator[None]:
         yield
-        if self._wanted.limits:
-            places = {test: place for place, test in enumerate(self._wanted.limits)}
+        if self._request.limits:
+            places = {test: place for place, test in enumerate(self._request.limits)}
             items[:] = sorted((item for item in items if item.nodeid in places), key=lambda item: places[item.nodeid])
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
-        if self._wanted.limits:
-            _limit(self._wanted.limits[item.nodeid])
-        self._outcome, began = "passed", time.perf_counter()
+        if self._request.limits:
+            _limit(self._request.limits[item.nodeid])
+        self._outcome, started_at = "passed", time.perf_counter()
         result = yield
-        tell(Event(test=item.nodeid, outcome=self._outcome, seconds=time.perf_counter() - began), self._to)
+        write_event(Event(test=item.nodeid, outcome=self._outcome, seconds=time.perf_counter() - started_at), self._output)
         return result
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
@@ -110,7 +110,7 @@ class Lines:
         return result
 
 
-GIVEN_UP = (signal.SIGPROF, signal.SIGALRM)
+TIME_LIMIT_SIGNALS = (signal.SIGPROF, signal.SIGALRM)
 """End a process at once, whatever it does."""
 
 WAITING = 10.0
@@ -130,65 +130,65 @@ def _limit(seconds: float) -> None:
 PYTEST = ["-q", "-p", "no:cacheprovider", "--tb=short"]
 
 
-def _run(wanted: Wanted, to: int) -> int:
+def _run(request: RunRequest, output: int) -> int:
     """In the forked process."""
-    if wanted.record:
-        return _record(wanted, to)
-    for ends in GIVEN_UP:
+    if request.record:
+        return _record(request, output)
+    for ends in TIME_LIMIT_SIGNALS:
         signal.signal(ends, signal.SIG_DFL)
-    _limit(wanted.collect)
+    _limit(request.collect)
     resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
-    paths = list(dict.fromkeys(test.partition("::")[0] for test in wanted.limits))
-    return pytest.main([*PYTEST, "-x", *paths], plugins=[Chosen(wanted, to)])
+    paths = list(dict.fromkeys(test.partition("::")[0] for test in request.limits))
+    return pytest.main([*PYTEST, "-x", *paths], plugins=[SelectedTests(request, output)])
 
 
-def _record(wanted: Wanted, to: int) -> int:
+def _record(request: RunRequest, output: int) -> int:
     from coverage import Coverage
 
     # What a program runs that a test starts is noted by itself.
-    os.environ["MUTANTS_CALLS"] = str(Path(wanted.record).with_suffix(".calls"))
+    os.environ["MUTANTS_CALLS"] = str(Path(request.record).with_suffix(".calls"))
     os.environ["PYTHONPATH"] += os.pathsep + str(Path(__file__).parent / "inside")
-    coverage = Coverage(data_file=wanted.record, source_pkgs=["somrs"], config_file=False)
+    coverage = Coverage(data_file=request.record, source_pkgs=["somrs"], config_file=False)
     coverage.load()
     coverage.start()
-    status = pytest.main([*PYTEST, *wanted.files], plugins=[Lines(coverage), Chosen(wanted, to)])
+    status = pytest.main([*PYTEST, *request.files], plugins=[Lines(coverage), SelectedTests(request, output)])
     coverage.stop()
     coverage.save()
-    loaded = sorted(name for name in sys.modules if name.partition(".")[0] not in OWN and not name.startswith("_"))
-    tell(Event(test="modules", outcome="modules", modules=tuple(loaded)), to)
+    loaded = sorted(name for name in sys.modules if name.partition(".")[0] not in OWN_PACKAGES and not name.startswith("_"))
+    write_event(Event(test="modules", outcome="modules", modules=tuple(loaded)), output)
     return status
 
 
-def play(wanted: Wanted, to: int) -> None:
+def play(request: RunRequest, output: int) -> None:
     """Run the tests in a process of its own, and leave none that they started."""
     process = os.fork()
     if not process:
         status = 3
         try:
-            log = os.open(wanted.log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
+            log = os.open(request.log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
             os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
             os.dup2(log, 1)
             os.dup2(log, 2)
-            status = _run(wanted, to)
+            status = _run(request, output)
             sys.stdout.flush()
         finally:
             os._exit(status)
     _, ended = os.waitpid(process, 0)
     leftovers.end({})
-    tell(Event(status=os.waitstatus_to_exitcode(ended)), to)
+    write_event(Event(status=os.waitstatus_to_exitcode(ended)), output)
 
 
 def main() -> None:
     leftovers.adopt_orphans()
-    to = os.dup(1)
-    os.set_inheritable(to, False)
+    output = os.dup(1)
+    os.set_inheritable(output, False)
     os.dup2(2, 1)
     for name in Path(sys.argv[1]).read_text().split() if len(sys.argv) > 1 else ():
         with contextlib.suppress(Exception):
             importlib.import_module(name)
     for line in sys.stdin:
         read = json.loads(line)
-        play(Wanted(**{**read, "files": tuple(read["files"])}), to)
+        play(RunRequest(**{**read, "files": tuple(read["files"])}), output)
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from verification.mutants.runner import Event, Wanted
+from verification.mutants.runner import Event, RunRequest
 from verification.mutants.tree import Tree
 
 
@@ -32,11 +32,11 @@ class Runner:
         self._process.stdin.close()
         self._process.wait()
 
-    def play(self, wanted: Wanted) -> Iterator[Event]:
+    def play(self, request: RunRequest) -> Iterator[Event]:
         """What happens, up to the end of all of it."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
-        print(json.dumps(asdict(wanted)), file=self._process.stdin, flush=True)
+        print(json.dumps(asdict(request)), file=self._process.stdin, flush=True)
         for line in self._process.stdout:
             event = Event(**json.loads(line))
             yield event

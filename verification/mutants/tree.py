@@ -16,19 +16,19 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 
-BESIDE = "shared"
+SHARED_FOLDER = "shared"
 """What lies beside the project, and tests use where it is."""
 
 COMPILED = "__pycache__"
-LATER = 100_000
+TIME_SHIFT = 100_000
 """Seconds by which a changed file is newer: Python takes a compiled file for that of a source of the same size and second."""
 
 
 def files(root: Path = ROOT) -> list[str]:
     """Those of the project, also such as are not committed yet."""
     command = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
-    said = subprocess.run(command, cwd=root, capture_output=True, check=True).stdout.decode()
-    return sorted({name for name in said.split("\0") if name and (root / name).is_file()})
+    output = subprocess.run(command, cwd=root, capture_output=True, check=True).stdout.decode()
+    return sorted({name for name in output.split("\0") if name and (root / name).is_file()})
 
 
 class Tree:
@@ -36,17 +36,17 @@ class Tree:
 
     def __init__(self, root: Path, project: Path = ROOT) -> None:
         self.root = root
-        wanted = {root / name: project / name for name in files(project)}
+        originals = {root / name: project / name for name in files(project)}
         for place in [*root.rglob("*")] if root.exists() else ():
-            if place.is_file() and place not in wanted and place.parent.name != COMPILED:
+            if place.is_file() and place not in originals and place.parent.name != COMPILED:
                 place.unlink()
-        for place, original in wanted.items():
-            if not place.exists() or _seen(place) != _seen(original):
+        for place, original in originals.items():
+            if not place.exists() or _file_stamp(place) != _file_stamp(original):
                 place.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copy2(original, place)
-        shared = root.parent / BESIDE
-        if (project.parent / BESIDE).is_dir() and not shared.exists():
-            shared.symlink_to(project.parent / BESIDE)
+        shared = root.parent / SHARED_FOLDER
+        if (project.parent / SHARED_FOLDER).is_dir() and not shared.exists():
+            shared.symlink_to(project.parent / SHARED_FOLDER)
 
     @property
     def environment(self) -> dict[str, str]:
@@ -62,7 +62,7 @@ class Tree:
         _forget_compiled(place)
         try:
             place.write_bytes(source)
-            os.utime(place, (stat.st_atime, stat.st_mtime + LATER))
+            os.utime(place, (stat.st_atime, stat.st_mtime + TIME_SHIFT))
             yield
         finally:
             place.write_bytes(original)
@@ -70,7 +70,7 @@ class Tree:
             _forget_compiled(place)
 
 
-def _seen(place: Path) -> tuple[int, int]:
+def _file_stamp(place: Path) -> tuple[int, int]:
     return place.stat().st_size, place.stat().st_mtime_ns
 
 
@@ -82,7 +82,7 @@ def _forget_compiled(place: Path) -> None:
 
 def digest(paths: list[Path]) -> str:
     """Says whether anything in these files is another than it was."""
-    found = hashlib.sha256()
+    hasher = hashlib.sha256()
     for path in paths:
-        found.update(f"{path.name} {path.stat().st_size}\n".encode() + path.read_bytes())
-    return found.hexdigest()[:16]
+        hasher.update(f"{path.name} {path.stat().st_size}\n".encode() + path.read_bytes())
+    return hasher.hexdigest()[:16]

@@ -10,7 +10,7 @@ from pathlib import Path
 from somrs.errors import SomrsError
 from verification.mutants.mutations import Mutant
 from verification.mutants.record import Record
-from verification.mutants.runner import GIVEN_UP, Wanted
+from verification.mutants.runner import TIME_LIMIT_SIGNALS, RunRequest
 from verification.mutants.running import Runner
 from verification.mutants.tree import Tree
 
@@ -39,35 +39,37 @@ class Result:
         return bool(self.caught_by)
 
 
-def tried(mutant: Mutant, record: Record, tree: Tree, runner: Runner, log: Path, floor: float = FLOOR, within: float = math.inf) -> Result:
+def try_mutant(
+    mutant: Mutant, record: Record, tree: Tree, runner: Runner, log: Path, floor: float = FLOOR, time_budget: float = math.inf
+) -> Result:
     """Run its tests up to the first that fails; not those after as many as take `within` seconds."""
     source = (tree.root / mutant.file).read_bytes()
-    reached = record.chosen(mutant)
-    chosen = {test: reached[test] for test, all in zip(reached, accumulate(reached.values()), strict=True) if all <= within}
+    reached = record.tests_reaching(mutant)
+    chosen = {test: reached[test] for test, total in zip(reached, accumulate(reached.values()), strict=True) if total <= time_budget}
     caught_by = ""
-    left = iter(chosen.items())
+    remaining = iter(chosen.items())
     with tree.changed(mutant.file, mutant.applied(source)):
         for size in (*FIRST, len(chosen)):
-            tests = dict(islice(left, size))
+            tests = dict(islice(remaining, size))
             if tests and not caught_by:
-                caught_by = _caught(tests, runner, log, floor)
+                caught_by = _catching_test(tests, runner, log, floor)
     return Result(mutant, mutant.diff(source), len(chosen), caught_by)
 
 
-def _caught(tests: dict[str, float], runner: Runner, log: Path, floor: float) -> str:
+def _catching_test(tests: dict[str, float], runner: Runner, log: Path, floor: float) -> str:
     """Which of the tests fails, or how they end otherwise."""
     limits = {test: floor + TIMES * seconds for test, seconds in tests.items()}
-    left = iter(tests)
+    remaining = iter(tests)
     failed = ""
-    for event in runner.play(Wanted(limits=limits, log=str(log), collect=TIMES * FLOOR)):
+    for event in runner.play(RunRequest(limits=limits, log=str(log), collect=TIMES * FLOOR)):
         if event.test:
-            next(left, None)
+            next(remaining, None)
             if event.outcome == "failed":
                 failed = event.test
         elif event.status in COULD_NOT_RUN:
             raise SomrsError(f"the tests could not be run, as {log} tells")
-        elif -event.status in GIVEN_UP:
-            return f"{next(left, 'every test')}, whose end is never reached"
+        elif -event.status in TIME_LIMIT_SIGNALS:
+            return f"{next(remaining, 'every test')}, whose end is never reached"
         elif event.status:
             return failed or "the import of the tests"
     return ""

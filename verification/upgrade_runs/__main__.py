@@ -22,35 +22,35 @@ from somrs import __version__
 from somrs.cli.importing import problem_of
 from somrs.errors import SomrsError
 from somrs.ontology.files.site import dump_site
-from verification.upgrade_runs.release import ROOT, built, named
+from verification.upgrade_runs.release import ROOT, build_release, release_name
 from verification.upgrade_runs.run import Result, run
 
-AT_ONCE = 2
+PARALLEL_SYSTEMS = 2
 """Systems side by side."""
 
 
-async def play(seeds: list[int], out: Path, console: Console) -> list[Result]:
+async def play(seeds: list[int], out_folder: Path, console: Console) -> list[Result]:
     """The results of all seeds."""
-    release = built(ROOT / "out" / "releases")
-    shutil.rmtree(out, ignore_errors=True)
-    out.mkdir(parents=True)
-    site = out / "parcels.yaml"
+    release = build_release(ROOT / "out" / "releases")
+    shutil.rmtree(out_folder, ignore_errors=True)
+    out_folder.mkdir(parents=True)
+    site = out_folder / "parcels.yaml"
     imported = problem_of([ROOT / "examples" / "parcels" / f"{name}.pddl" for name in ("domain", "problem")])
     site.write_text(dump_site(imported.ontology, imported.map, imported.name), encoding="utf-8")
-    left, results = deque(seeds), list[Result]()
+    remaining, results = deque(seeds), list[Result]()
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console) as bar:
-        shown = bar.add_task(f"upgrades from {named()[0]} to {__version__}", total=len(seeds))
+        progress_task = bar.add_task(f"upgrades from {release_name()[0]} to {__version__}", total=len(seeds))
 
         async def work() -> None:
-            while left:
-                result = await run(left.popleft(), release, site, out)
+            while remaining:
+                result = await run(remaining.popleft(), release, site, out_folder)
                 results.append(result)
                 if not result.problem:
-                    shutil.rmtree(out / f"{result.seed}", ignore_errors=True)
-                bar.advance(shown)
+                    shutil.rmtree(out_folder / f"{result.seed}", ignore_errors=True)
+                bar.advance(progress_task)
 
-        await asyncio.gather(*(work() for _ in range(min(AT_ONCE, len(seeds)))))
+        await asyncio.gather(*(work() for _ in range(min(PARALLEL_SYSTEMS, len(seeds)))))
     return sorted(results, key=lambda result: result.seed)
 
 
@@ -59,8 +59,8 @@ def summary(results: list[Result]) -> Table:
     for name in ("seed", "killed after", "tasks under way", "came to"):
         table.add_column(name)
     for result in results:
-        came_to = result.problem or ", ".join(sorted(set(result.ended.values())))
-        table.add_row(f"{result.seed}", f"{result.killed_at:.1f} s", f"{result.amid}", came_to)
+        outcome = result.problem or ", ".join(sorted(set(result.ended.values())))
+        table.add_row(f"{result.seed}", f"{result.killed_at:.1f} s", f"{result.task_count}", outcome)
     return table
 
 
@@ -80,7 +80,7 @@ def main() -> int:
         return 2
     console.print(summary(results))
     failed = [result for result in results if result.problem]
-    print(f"{sum(result.amid for result in results)} tasks were under way")
+    print(f"{sum(result.task_count for result in results)} tasks were under way")
     print(f"{len(results) - len(failed)} passed, {len(failed)} failed")
     return 1 if failed else 0
 

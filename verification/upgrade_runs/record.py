@@ -23,62 +23,62 @@ from somrs.client.client import Addresses, Client
 from somrs.ontology.files.site import dump_site
 from somrs.protocol.messages.clients import Phase, Submit
 from somrs.protocol.messages.frp import State
-from verification.upgrade_runs.release import ROOT, built, named
+from verification.upgrade_runs.release import ROOT, build_release, release_name
 from verification.upgrade_runs.run import Tree
 
-FIRST, UNDONE, LATER = "letter lies harbour", "letter lies market", "crate lies mill"
+FIRST_GOAL, UNDONE_GOAL, LATER_GOAL = "letter lies harbour", "letter lies market", "crate lies mill"
 
 
 async def record(folder: Path) -> None:
     """Run the release, have it do what is worth keeping, and kill it."""
-    with tempfile.TemporaryDirectory() as made:
-        data, site = Path(made) / "data", Path(made) / "parcels.yaml"
+    with tempfile.TemporaryDirectory() as temporary:
+        data, site = Path(temporary) / "data", Path(temporary) / "parcels.yaml"
         imported = problem_of([ROOT / "examples" / "parcels" / f"{name}.pddl" for name in ("domain", "problem")])
         site.write_text(dump_site(imported.ontology, imported.map, imported.name), encoding="utf-8")
-        system = Tree(built(ROOT / "out" / "releases"), site, data, Path(made) / "log")
+        system = Tree(build_release(ROOT / "out" / "releases"), site, data, Path(temporary) / "log")
         await system.start()
         try:
-            wanted = await _tasks(data)
+            open_tasks = await _tasks(data)
             await system.kill()
             _pack(data, folder)
             await system.write_snapshots()
             _pack(data, folder / "snapshots")
         finally:
             await system.end()
-    (folder / "open.json").write_text(json.dumps(wanted, indent=1) + "\n", encoding="utf-8")
+    (folder / "open.json").write_text(json.dumps(open_tasks, indent=1) + "\n", encoding="utf-8")
 
 
 async def _tasks(data: Path) -> dict[str, str]:
     """State tasks until one is over, one is being undone and another is planned; the latter two, by id."""
     async with Client(Addresses.read(data)) as client:
-        over = await client.submit(Submit(effect=FIRST))
-        while (await client.read_task(over)).view.phase is not Phase.ENDED:
+        finished_task = await client.submit(Submit(effect=FIRST_GOAL))
+        while (await client.read_task(finished_task)).view.phase is not Phase.ENDED:
             await asyncio.sleep(0.05)
-        undone = await client.submit(Submit(effect=UNDONE))
-        while not any(work.state is State.COMPLETED for work in (await client.read_task(undone)).view.work):
+        undone_task = await client.submit(Submit(effect=UNDONE_GOAL))
+        while not any(work.state is State.COMPLETED for work in (await client.read_task(undone_task)).view.work):
             await asyncio.sleep(0.02)
-        later = await client.submit(Submit(effect=LATER))
-        await client.cancel(undone, "it is not wanted any more")
-        while (await client.read_task(undone)).view.phase is not Phase.COMPENSATING:
+        later_task = await client.submit(Submit(effect=LATER_GOAL))
+        await client.cancel(undone_task, "it is not wanted any more")
+        while (await client.read_task(undone_task)).view.phase is not Phase.COMPENSATING:
             await asyncio.sleep(0.02)
-        return {undone: UNDONE, later: LATER}
+        return {undone_task: UNDONE_GOAL, later_task: LATER_GOAL}
 
 
 def _pack(data: Path, folder: Path) -> None:
     """All databases of the data folder."""
     for file in sorted(data.rglob("*.sqlite")):
-        to = folder / file.relative_to(data)
-        to.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory() as made, contextlib.closing(sqlite3.connect(file)) as db:
-            whole = Path(made) / file.name
+        target = folder / file.relative_to(data)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory() as temporary, contextlib.closing(sqlite3.connect(file)) as db:
+            whole = Path(temporary) / file.name
             db.execute("VACUUM INTO ?", (str(whole),))
-            to.with_suffix(".sqlite.gz").write_bytes(gzip.compress(whole.read_bytes(), mtime=0))
+            target.with_suffix(".sqlite.gz").write_bytes(gzip.compress(whole.read_bytes(), mtime=0))
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--out", type=Path, default=ROOT / "tests" / "data" / "journals")
-    folder = parser.parse_args().out / named()[0]
+    folder = parser.parse_args().out / release_name()[0]
     asyncio.run(record(folder))
     print(f"{folder}: {', '.join(sorted(str(file.relative_to(folder)) for file in folder.rglob('*') if file.is_file()))}")
 

@@ -10,30 +10,30 @@ from pathlib import Path
 from somrs.errors import UsageError
 
 ROOT = Path(__file__).parents[2]
-NAMED = Path(__file__).with_name("release")
+RELEASE_FILE = Path(__file__).with_name("release")
 """Two words: the version of the last release, and its commit. Tags may not travel with a clone; commits do."""
 
 PARTS = ("src", "verification", "examples")
 
 
-def named() -> tuple[str, str]:
+def release_name() -> tuple[str, str]:
     """The version and the commit of the last release."""
-    version, commit = NAMED.read_text(encoding="ascii").split()
+    version, commit = RELEASE_FILE.read_text(encoding="ascii").split()
     return version, commit
 
 
-def built(folder: Path) -> Path:
+def build_release(folder: Path) -> Path:
     """The release's tree below the folder; made when it is not there. Raises UsageError where the commit is not known."""
-    version, commit = named()
+    version, commit = release_name()
     tree = folder / f"{version}-{commit[:10]}"
     if (tree / ".complete").exists():
         return tree
-    done = subprocess.run(["git", "-C", str(ROOT), "archive", "--format=zip", commit, *PARTS], capture_output=True, check=False)
-    if done.returncode:
-        why = done.stderr.decode(errors="replace").strip()
-        raise UsageError(f"release {version} cannot be built from its commit {commit}: {why}; a clone with its history is needed")
+    completed = subprocess.run(["git", "-C", str(ROOT), "archive", "--format=zip", commit, *PARTS], capture_output=True, check=False)
+    if completed.returncode:
+        reason = completed.stderr.decode(errors="replace").strip()
+        raise UsageError(f"release {version} cannot be built from its commit {commit}: {reason}; a clone with its history is needed")
     tree.mkdir(parents=True, exist_ok=True)
-    with zipfile.ZipFile(io.BytesIO(done.stdout)) as archive:
+    with zipfile.ZipFile(io.BytesIO(completed.stdout)) as archive:
         archive.extractall(tree)
     (tree / ".complete").touch()
     return tree

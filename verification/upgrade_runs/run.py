@@ -40,7 +40,7 @@ class Result:
 
     seed: int
     killed_at: float
-    amid: int = 0
+    task_count: int = 0
     problem: str = ""
     ended: dict[str, str] = field(default_factory=dict)
 
@@ -71,8 +71,8 @@ class Tree:
                 start_new_session=True,
             )
         assert self._process.stdout is not None
-        said = await asyncio.wait_for(self._process.stdout.readline(), UP_TIME)
-        if not said.startswith(b"up:"):
+        first_line = await asyncio.wait_for(self._process.stdout.readline(), UP_TIME)
+        if not first_line.startswith(b"up:"):
             await self._process.wait()
             raise UsageError(self._log.read_text(errors="replace").strip()[-2000:] or "it ended at once")
 
@@ -81,9 +81,9 @@ class Tree:
         program = await asyncio.create_subprocess_exec(
             sys.executable, str(SNAPSHOT), str(self._data), env=self._environment, stderr=asyncio.subprocess.PIPE
         )
-        _, said = await program.communicate()
+        _, errors = await program.communicate()
         if program.returncode:
-            raise UsageError(f"no snapshots were written: {said.decode(errors='replace')[-2000:]}")
+            raise UsageError(f"no snapshots were written: {errors.decode(errors='replace')[-2000:]}")
 
     @property
     def _environment(self) -> dict[str, str]:
@@ -112,15 +112,15 @@ class Tree:
 
 def processes(data: Path) -> list[tuple[int, list[bytes]]]:
     """The processes of the systems of a data folder, each with its command line."""
-    found = []
+    matches = []
     for entry in Path("/proc").iterdir():
         try:
             words = (entry / "cmdline").read_bytes().split(b"\0") if entry.name.isdigit() else []
         except OSError:  # it has just ended
             continue
         if str(data).encode() in words and int(entry.name) != os.getpid():
-            found.append((int(entry.name), words))
-    return found
+            matches.append((int(entry.name), words))
+    return matches
 
 
 async def run(seed: int, release: Path, site: Path, folder: Path) -> Result:
@@ -133,12 +133,12 @@ async def run(seed: int, release: Path, site: Path, folder: Path) -> Result:
     try:
         await old.start()
         world = Addresses.read(data).world
-        result.amid = len(await _stated(chance, data, result.killed_at))
+        result.task_count = len(await _state_tasks(chance, data, result.killed_at))
         await old.kill()
         if seed % 2:
             await old.write_snapshots()
         await new.start(world)
-        await _goes_on(data, result)
+        await _finish_tasks(data, result)
     except (UsageError, RemoteError, TimeoutError) as error:
         result.problem = str(error) or f"{type(error).__name__}: it did not come so far"
     finally:
@@ -147,20 +147,20 @@ async def run(seed: int, release: Path, site: Path, folder: Path) -> Result:
     return result
 
 
-async def _stated(chance: random.Random, data: Path, seconds: float) -> list[TaskRow]:
+async def _state_tasks(chance: random.Random, data: Path, seconds: float) -> list[TaskRow]:
     """State tasks, at random moments, for so long. Those that are not over then."""
     moments = sorted([0.0, *(chance.uniform(max(0.0, seconds - UNDER_WAY), seconds) for _ in range(chance.randint(1, 3)))])
     async with Client(Addresses.read(data)) as client:
         passed = 0.0
-        for at in moments:
-            await asyncio.sleep(at - passed)
-            passed = at
+        for moment in moments:
+            await asyncio.sleep(moment - passed)
+            passed = moment
             await client.submit(Submit(effect=chance.choice(GOALS)))
         await asyncio.sleep(seconds - passed)
         return [row for row in await client.rows() if row.phase is not Phase.ENDED]
 
 
-async def _goes_on(data: Path, result: Result) -> None:
+async def _finish_tasks(data: Path, result: Result) -> None:
     """Wait until every task is over, and look how it ended."""
     async with Client(Addresses.read(data)) as client, asyncio.timeout(END_TIME):
         rows = await client.rows()

@@ -39,14 +39,14 @@ def journals_of(data: Path) -> list[Journal]:
     return [Journal(path, schema, setting_of(path)) for path, schema in files.items()]
 
 
-def nobody(address: str) -> Stateful:
+def refuse_empty_journal(address: str) -> Stateful:
     """There is a component in each."""
     raise AssertionError(f"the journal of {address} is empty")
 
 
 def main(data: Path) -> None:
     for journal in journals_of(data):
-        journaled, _ = journal.begin(journal.address, nobody)
+        journaled, _ = journal.begin(journal.address, refuse_empty_journal)
         journal.snapshot(journaled)
         journal.close()
 

@@ -16,18 +16,18 @@ OPTIMIZED = 1
 def note_calls(place: str, test: str) -> None:
     src = str(Path(__file__).parents[3] / "src") + os.sep
     noted: set[CodeType] = set()
-    to = os.open(place, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+    output = os.open(place, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
 
-    def called(frame: FrameType, event: str, _: object) -> None:
+    def record_call(frame: FrameType, event: str, _: object) -> None:
         code = frame.f_code
         if event == "call" and code not in noted:
             noted.add(code)
             if code.co_flags & OPTIMIZED and code.co_filename.startswith(src):
-                last = max(line for _, _, line in code.co_lines() if line is not None)
-                os.write(to, f"{test}\t{code.co_filename.removeprefix(src)}\t{code.co_firstlineno}\t{last}\n".encode())
+                last_line = max(line for _, _, line in code.co_lines() if line is not None)
+                os.write(output, f"{test}\t{code.co_filename.removeprefix(src)}\t{code.co_firstlineno}\t{last_line}\n".encode())
 
-    threading.setprofile(called)
-    sys.setprofile(called)
+    threading.setprofile(record_call)
+    sys.setprofile(record_call)
 
 
 if "MUTANTS_CALLS" in os.environ and "MUTANTS_TEST" in os.environ:
