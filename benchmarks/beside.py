@@ -22,21 +22,21 @@ def side_by_side(title: str, ways: Mapping[str, Callable[[], object]], rounds: i
             times[name].append(_seconds(way, repeats[name]))
     first = statistics.median(times[next(iter(ways))])
     print(f"\n{title:48} {'median':>10} {'best':>10} {'ratio':>8}")
-    for name, found in times.items():
-        median = statistics.median(found)
-        print(f"  {name:46} {shown(median):>10} {shown(min(found)):>10} {median / first:8.2f}")
+    for name, durations in times.items():
+        median = statistics.median(durations)
+        print(f"  {name:46} {format_time(median):>10} {format_time(min(durations)):>10} {median / first:8.2f}")
 
 
-def shown(seconds: float) -> str:
+def format_time(seconds: float) -> str:
     """The time in a unit that suits it."""
-    scale, unit = next((one for one in UNITS if seconds >= one[0]), UNITS[-1])
+    scale, unit = next((entry for entry in UNITS if seconds >= entry[0]), UNITS[-1])
     return f"{seconds / scale:.3g} {unit}"
 
 
 def _repeats(way: Callable[[], object]) -> int:
     """How often to do it in a round; doing it once before also warms it up."""
-    once = _seconds(way, 1)
-    return max(1, round(ROUND_TIME / max(min(once, _seconds(way, 1)), 1e-7)))
+    first_time = _seconds(way, 1)
+    return max(1, round(ROUND_TIME / max(min(first_time, _seconds(way, 1)), 1e-7)))
 
 
 def _seconds(way: Callable[[], object], repeats: int) -> float:

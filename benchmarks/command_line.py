@@ -23,9 +23,9 @@ def main() -> None:
             subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
             times[name].append(time.perf_counter() - start)
     floor = statistics.median(times["python, doing nothing"])
-    for name, found in times.items():
-        median = statistics.median(found)
-        print(f"{name:36} median {median * 1000:6.0f} ms, worst {max(found) * 1000:6.0f} ms, {median / floor:4.1f} times bare Python")
+    for name, durations in times.items():
+        median = statistics.median(durations)
+        print(f"{name:36} median {median * 1000:6.0f} ms, worst {max(durations) * 1000:6.0f} ms, {median / floor:4.1f} times bare Python")
 
 
 if __name__ == "__main__":

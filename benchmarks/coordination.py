@@ -20,12 +20,12 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import msgspec
-from contestants.contest import AT_ONCE, BIDDERS, MESSAGES, Contestant, Measured, Ready, Round, take_part
+from contestants.contest import BIDDERS, MAX_CONVERSATIONS, MESSAGES, Contestant, Measured, Ready, Round, take_part
 from msgspec import Struct
 
 from somrs.deployment.programs import run_program
 
-WARM_UP = Round(seconds=1.0, at_once=AT_ONCE)
+WARM_UP = Round(seconds=1.0, concurrency=MAX_CONVERSATIONS)
 START_TIME = 60.0
 """Seconds that a contestant has to be ready."""
 
@@ -42,7 +42,7 @@ class Entry(Struct, frozen=True, kw_only=True):
     module: str
     kind: str
     title: str
-    needs: tuple[str, ...] = ()
+    packages: tuple[str, ...] = ()
     apart: bool = False
     """It does something else than the others, and stands below them."""
 
@@ -52,9 +52,9 @@ ENTRIES: dict[str, Entry] = {
     "here": Entry(module="somrs_here", kind="Here", title="SO-MRS in one process"),
     "wire": Entry(module="somrs_wire", kind="OverHttp", title="SO-MRS, SOAP over HTTP"),
     "soap": Entry(module="soap_exchange", kind="Exchange", title="SOAP over HTTP: one exchange", apart=True),
-    "spade": Entry(module="spade_agents", kind="Spade", title="SPADE over its XMPP server", needs=("spade",)),
-    "dbos": Entry(module="dbos_workflows", kind="Steps", title="DBOS on SQLite: steps", needs=("dbos",)),
-    "dbos-messages": Entry(module="dbos_workflows", kind="Messages", title="DBOS on SQLite: send and recv", needs=("dbos",)),
+    "spade": Entry(module="spade_agents", kind="Spade", title="SPADE over its XMPP server", packages=("spade",)),
+    "dbos": Entry(module="dbos_workflows", kind="Steps", title="DBOS on SQLite: steps", packages=("dbos",)),
+    "dbos-messages": Entry(module="dbos_workflows", kind="Messages", title="DBOS on SQLite: send and recv", packages=("dbos",)),
 }
 
 
@@ -96,17 +96,17 @@ class Child:
             )
 
     def ready(self) -> None:
-        msgspec.json.decode(self._heard(START_TIME), type=Ready)
+        msgspec.json.decode(self._read_line(START_TIME), type=Ready)
 
     def measure(self, round: Round) -> tuple[Measured, float | None]:
         """What it measured, and the processor's seconds that it took."""
-        before = cpu_seconds(self._process.pid)
+        cpu_before = cpu_seconds(self._process.pid)
         assert self._process.stdin is not None
         self._process.stdin.write(msgspec.json.encode(round) + b"\n")
         self._process.stdin.flush()
-        measured = msgspec.json.decode(self._heard(round.seconds + STALL_TIME), type=Measured)
-        after = cpu_seconds(self._process.pid)
-        return measured, after - before if before is not None and after is not None else None
+        measured = msgspec.json.decode(self._read_line(round.seconds + STALL_TIME), type=Measured)
+        cpu_after = cpu_seconds(self._process.pid)
+        return measured, cpu_after - cpu_before if cpu_before is not None and cpu_after is not None else None
 
     def end(self) -> None:
         assert self._process.stdin is not None
@@ -117,7 +117,7 @@ class Child:
             self._process.kill()
             self._process.wait()
 
-    def _heard(self, seconds: float) -> bytes:
+    def _read_line(self, seconds: float) -> bytes:
         assert self._process.stdout is not None
         late = threading.Timer(seconds, self._process.kill)
         late.start()
@@ -127,8 +127,8 @@ class Child:
                     return line
         finally:
             late.cancel()
-        said = self.log.read_text(errors="replace").strip()[-2000:] or "nothing"
-        raise Failed(f"{ENTRIES[self.name].title}: it ended, or was ended after {seconds:g} s without a word; its log says:\n{said}")
+        log_text = self.log.read_text(errors="replace").strip()[-2000:] or "nothing"
+        raise Failed(f"{ENTRIES[self.name].title}: it ended, or was ended after {seconds:g} s without a word; its log says:\n{log_text}")
 
 
 def cpu_seconds(root: int) -> float | None:
@@ -158,7 +158,7 @@ def _ancestors(pid: int, parents: dict[int, int]) -> Iterator[int]:
 
 def compete(names: Sequence[str], rounds: int, seconds: float) -> dict[int, dict[str, Figures]]:
     """Measure them in turns: in each round every contestant gets the same time, alone and in a crowd."""
-    results: dict[int, dict[str, Figures]] = {at_once: {name: Figures() for name in names} for at_once in (1, AT_ONCE)}
+    results: dict[int, dict[str, Figures]] = {concurrency: {name: Figures() for name in names} for concurrency in (1, MAX_CONVERSATIONS)}
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="coordination-")))
         children = {name: stack.enter_context(_running(name, folder / name)) for name in names}
@@ -167,8 +167,8 @@ def compete(names: Sequence[str], rounds: int, seconds: float) -> dict[int, dict
             child.measure(WARM_UP)
         for _ in range(rounds):
             for name, child in children.items():
-                for at_once, figures in results.items():
-                    figures[name].add(*child.measure(Round(seconds=seconds, at_once=at_once)))
+                for concurrency, figures in results.items():
+                    figures[name].add(*child.measure(Round(seconds=seconds, concurrency=concurrency)))
     return results
 
 
@@ -181,21 +181,21 @@ def _running(name: str, data: Path) -> Iterator[Child]:
         child.end()
 
 
-def table(at_once: int, figures: dict[str, Figures]) -> None:
+def table(concurrency: int, figures: dict[str, Figures]) -> None:
     first = next(iter(figures.values()))
     figures = {name: figures[name] for name in sorted(figures, key=lambda name: ENTRIES[name].apart)}
-    print(f"\n{_conversations(at_once):40} {'per second':>11} {'p50':>9} {'p99':>9} {'CPU each':>10} {'ratio':>8}")
-    for name, one in figures.items():
-        latencies = sorted(one.latencies)
-        cpu = f"{one.cpu / len(latencies) * 1000:.3g} ms" if one.cpu is not None else "-"
+    print(f"\n{_conversations(concurrency):40} {'per second':>11} {'p50':>9} {'p99':>9} {'CPU each':>10} {'ratio':>8}")
+    for name, entry_figures in figures.items():
+        latencies = sorted(entry_figures.latencies)
+        cpu = f"{entry_figures.cpu / len(latencies) * 1000:.3g} ms" if entry_figures.cpu is not None else "-"
         print(
-            f"  {ENTRIES[name].title:38} {one.rate:11.1f} {_ms(latencies, 0.5):>9} {_ms(latencies, 0.99):>9} {cpu:>10}"
-            f" {one.rate / first.rate:8.3f}"
+            f"  {ENTRIES[name].title:38} {entry_figures.rate:11.1f} {_ms(latencies, 0.5):>9} {_ms(latencies, 0.99):>9} {cpu:>10}"
+            f" {entry_figures.rate / first.rate:8.3f}"
         )
 
 
-def _conversations(at_once: int) -> str:
-    return "one conversation at a time" if at_once == 1 else f"{at_once} conversations at a time"
+def _conversations(concurrency: int) -> str:
+    return "one conversation at a time" if concurrency == 1 else f"{concurrency} conversations at a time"
 
 
 def _ms(latencies: list[float], part: float) -> str:
@@ -203,12 +203,12 @@ def _ms(latencies: list[float], part: float) -> str:
 
 
 def present(entry: Entry) -> bool:
-    return all(find_spec(package) is not None for package in entry.needs)
+    return all(find_spec(package) is not None for package in entry.packages)
 
 
 def contestant(entry: Entry) -> Callable[[], Contestant]:
-    make: Callable[[], Contestant] = getattr(import_module(f"contestants.{entry.module}"), entry.kind)
-    return make
+    create: Callable[[], Contestant] = getattr(import_module(f"contestants.{entry.module}"), entry.kind)
+    return create
 
 
 def main() -> None:
@@ -226,11 +226,11 @@ def main() -> None:
         parser.error(f"there is no contestant {', '.join(unknown)}; there are {', '.join(ENTRIES)}")
     if arguments.rounds < 1 or not 0 < arguments.seconds <= 600:
         parser.error("--rounds is 1 or more, and --seconds more than 0 and at most 600")
-    wanted = arguments.names or [*ENTRIES]
-    for name in wanted:
+    selected = arguments.names or [*ENTRIES]
+    for name in selected:
         if not present(ENTRIES[name]):
             print(f"{ENTRIES[name].title}: left out, because it is not installed; pip install -e '.[rivals]' brings it")
-    taking_part = [name for name in wanted if present(ENTRIES[name])]
+    taking_part = [name for name in selected if present(ENTRIES[name])]
     print(
         f"One coordinator, {BIDDERS} bidders, {MESSAGES} messages a conversation; {arguments.rounds} rounds of {arguments.seconds:g} s each"
     )
@@ -240,8 +240,8 @@ def main() -> None:
         results = compete(taking_part, arguments.rounds, arguments.seconds)
     except Failed as error:
         sys.exit(str(error))
-    for at_once, figures in results.items():
-        table(at_once, figures)
+    for concurrency, figures in results.items():
+        table(concurrency, figures)
 
 
 if __name__ == "__main__":

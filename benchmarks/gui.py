@@ -85,9 +85,9 @@ class Processes:
         self._stack.close()
         self._reservation.close()
 
-    def start(self, program: str, port: int, *more: str) -> int:
+    def start(self, program: str, port: int, *options: str) -> int:
         """Start a program, and return its process when it is ready."""
-        line = [sys.executable, "-m", "somrs.cli.main", "run", program, "--data", str(self.folder), "--port", str(port), *more]
+        line = [sys.executable, "-m", "somrs.cli.main", "run", program, "--data", str(self.folder), "--port", str(port), *options]
         process = subprocess.Popen(line, stdout=subprocess.PIPE, env=self._reservation.environment)
         self._stack.callback(process.wait)
         self._stack.callback(process.terminate)
@@ -99,11 +99,11 @@ class Processes:
     def spent(self) -> float:
         """Seconds of CPU that the two servers have used."""
         fields = [Path(f"/proc/{process}/stat").read_text().rpartition(") ")[2].split() for process in self.servers]
-        return sum(int(own[11]) + int(own[12]) for own in fields) / os.sysconf("SC_CLK_TCK")
+        return sum(int(columns[11]) + int(columns[12]) for columns in fields) / os.sysconf("SC_CLK_TCK")
 
 
 @dataclass(slots=True)
-class Seen:
+class ViewerTraffic:
     """What one who looks was sent."""
 
     ticks: float = 0
@@ -111,50 +111,52 @@ class Seen:
     bytes: float = 0
 
 
-async def look(url: str, seen: Seen) -> None:
+async def watch_poses(url: str, traffic: ViewerTraffic) -> None:
     async with aiohttp.ClientSession() as session, session.ws_connect(f"{url}/api/poses", compress=15) as socket:
         async for message in socket:
             if message.type is aiohttp.WSMsgType.BINARY:
-                seen.ticks += 1
-                seen.moved += HEADER.unpack_from(message.data)[3]
-                seen.bytes += len(message.data)
+                traffic.ticks += 1
+                traffic.moved += HEADER.unpack_from(message.data)[3]
+                traffic.bytes += len(message.data)
 
 
 @contextmanager
-def looking(url: str, viewers: int) -> Iterator[list[Seen]]:
-    seen = [Seen() for _ in range(viewers)]
-    tasks = [asyncio.create_task(look(url, one)) for one in seen]
-    yield seen
+def simulate_viewers(url: str, viewers: int) -> Iterator[list[ViewerTraffic]]:
+    traffic = [ViewerTraffic() for _ in range(viewers)]
+    tasks = [asyncio.create_task(watch_poses(url, viewer_traffic)) for viewer_traffic in traffic]
+    yield traffic
     for task in tasks:
         task.cancel()
 
 
-async def measured(processes: Processes, title: str) -> None:
+async def measure_viewers(processes: Processes, title: str) -> None:
     """Print what each number of viewers costs the two servers."""
     assert processes.addresses.gui is not None
     shares: dict[int, list[float]] = {viewers: [] for viewers in (0, *VIEWERS)}
-    received: dict[int, list[Seen]] = {viewers: [] for viewers in VIEWERS}
+    received: dict[int, list[ViewerTraffic]] = {viewers: [] for viewers in VIEWERS}
     for _ in range(ROUNDS):
-        for viewers, found in shares.items():
-            with looking(processes.addresses.gui, viewers) as seen:
+        for viewers, viewer_shares in shares.items():
+            with simulate_viewers(processes.addresses.gui, viewers) as traffic:
                 await asyncio.sleep(WARM_UP)
-                before, began = processes.spent(), time.monotonic()
-                start = [(one.ticks, one.moved, one.bytes) for one in seen]
+                cpu_before, started_at = processes.spent(), time.monotonic()
+                start = [(viewer_traffic.ticks, viewer_traffic.moved, viewer_traffic.bytes) for viewer_traffic in traffic]
                 await asyncio.sleep(ROUND_TIME)
-                took = time.monotonic() - began
-                found.append((processes.spent() - before) / took)
-                for one, (ticks, moved, size) in zip(seen, start, strict=True):
-                    received[viewers].append(Seen((one.ticks - ticks), (one.moved - moved), (one.bytes - size)))
+                elapsed = time.monotonic() - started_at
+                viewer_shares.append((processes.spent() - cpu_before) / elapsed)
+                for viewer_traffic, (ticks, moved, size) in zip(traffic, start, strict=True):
+                    received[viewers].append(
+                        ViewerTraffic((viewer_traffic.ticks - ticks), (viewer_traffic.moved - moved), (viewer_traffic.bytes - size))
+                    )
     print(f"\n{title:44} {'of a core':>10} {'each more':>10} {'ticks/s':>8} {'moved':>6} {'kB/s':>6}")
     before_share, before_viewers = 0.0, 0
-    for viewers, found in shares.items():
-        share = sum(found) / len(found)
-        more = f"{(share - before_share) / (viewers - before_viewers):10.2%}" if viewers else f"{'':10}"
-        sent = received.get(viewers, [])
-        ticks = sum(one.ticks for one in sent) / max(1, len(sent)) / ROUND_TIME
-        moved = sum(one.moved for one in sent) / max(1, sum(one.ticks for one in sent))
-        size = sum(one.bytes for one in sent) / max(1, len(sent)) / ROUND_TIME / 1000
-        print(f"  {f'{viewers} who look':42} {share:10.2%} {more} {ticks:8.1f} {moved:6.1f} {size:6.1f}", flush=True)
+    for viewers, viewer_shares in shares.items():
+        share = sum(viewer_shares) / len(viewer_shares)
+        increase = f"{(share - before_share) / (viewers - before_viewers):10.2%}" if viewers else f"{'':10}"
+        totals = received.get(viewers, [])
+        ticks = sum(viewer_traffic.ticks for viewer_traffic in totals) / max(1, len(totals)) / ROUND_TIME
+        moved = sum(viewer_traffic.moved for viewer_traffic in totals) / max(1, sum(viewer_traffic.ticks for viewer_traffic in totals))
+        size = sum(viewer_traffic.bytes for viewer_traffic in totals) / max(1, len(totals)) / ROUND_TIME / 1000
+        print(f"  {f'{viewers} who look':42} {share:10.2%} {increase} {ticks:8.1f} {moved:6.1f} {size:6.1f}", flush=True)
         before_share, before_viewers = share, viewers
 
 
@@ -172,13 +174,13 @@ async def drive(address: str, robot: int) -> None:
                     await link.drive_to(px, py)
 
 
-async def real() -> None:
+async def measure_real() -> None:
     with tempfile.TemporaryDirectory() as folder, Processes(Path(folder)) as processes:
         processes.start("simulator", processes.ports[5], "--speed", "1")
         address = processes.addresses.simulator
         assert address is not None
         driving = [asyncio.create_task(drive(address, robot)) for robot in range(ROBOTS)]
-        await measured(processes, "the real simulator, at real time")
+        await measure_viewers(processes, "the real simulator, at real time")
         for task in driving:
             task.cancel()
         await asyncio.wait(driving)
@@ -192,9 +194,9 @@ async def player() -> AsyncIterator[str]:
         writer.write(encode_line(Welcome(time=0.0)))
         with contextlib.suppress(asyncio.IncompleteReadError, ConnectionError, asyncio.CancelledError):  # the last, at the end of all
             await reader.readuntil(b"\n")
-            while not isinstance(asked := read_by_server(await reader.readuntil(b"\n")), Ask) or not isinstance(asked.question, Follow):
+            while not isinstance(request := read_by_server(await reader.readuntil(b"\n")), Ask) or not isinstance(request.question, Follow):
                 pass
-            writer.write(encode_line(Answer(id=asked.id)))
+            writer.write(encode_line(Answer(id=request.id)))
             await play(writer)
         writer.close()
 
@@ -207,7 +209,7 @@ async def player() -> AsyncIterator[str]:
 async def play(writer: asyncio.StreamWriter) -> None:
     movers = tuple(Mover(name=f"Robot{i}", numbers=9) for i in range(ROBOTS))
     robots = {mover.name: RobotStatus(activity="DriveTo") for mover in movers}
-    everyone, began, tick = tuple(range(ROBOTS)), time.monotonic(), 0
+    robot_indices, started_at, tick = tuple(range(ROBOTS)), time.monotonic(), 0
     while True:
         clock = time.monotonic()
         values = []
@@ -217,24 +219,24 @@ async def play(writer: asyncio.StreamWriter) -> None:
             pose = (x + math.cos(turn), y + math.sin(turn), 0.0, turn % math.tau - math.pi)
             arm = (math.sin(turn), 0.57 + 0.2 * random.random(), 0.3, 0.0, 0.05)
             values += [round(value, 4) for value in (*pose, *arm)]
-        line = Poses(time=clock, clock=clock, movers=movers if not tick else None, moved=everyone, values=tuple(values), robots=robots)
+        line = Poses(time=clock, clock=clock, movers=movers if not tick else None, moved=robot_indices, values=tuple(values), robots=robots)
         writer.write(encode_line(line))
         await writer.drain()
         tick += 1
         robots = {}
-        await asyncio.sleep(max(0.0, began + tick / RATE - time.monotonic()))
+        await asyncio.sleep(max(0.0, started_at + tick / RATE - time.monotonic()))
 
 
-async def played() -> None:
+async def measure_played() -> None:
     async with player() as address:
         with tempfile.TemporaryDirectory() as folder, Processes(Path(folder), address) as processes:
-            await measured(processes, "played: every robot moved in every tick")
+            await measure_viewers(processes, "played: every robot moved in every tick")
 
 
 def main() -> None:
     print(f"The servers' CPU for poses of {ROBOTS} robots at {RATE:.0f} Hz; {ROUNDS} rounds of {ROUND_TIME:.0f} s each")
-    asyncio.run(played())
-    asyncio.run(real())
+    asyncio.run(measure_played())
+    asyncio.run(measure_real())
     pages.main()
 
 

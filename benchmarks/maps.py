@@ -36,11 +36,11 @@ def hall() -> Map:
     ]
     facts = [Fact("isPartOf", ("Storey1", "Building1")), Fact("isPartOf", ("Floor1", "Storey1"))]
     for n in range(TABLES):
-        at: dict[str, Value] = {"PositionX": float(n), "PositionY": 0.5, "PositionZ": 0.0}
+        position: dict[str, Value] = {"PositionX": float(n), "PositionY": 0.5, "PositionZ": 0.0}
         color = "Blue" if n % 100 else "Red"
         objects += [
-            Object(name=f"Table{n}", type="Table", values={**at, **SHAPE}),
-            Object(name=f"Jar{n}", type="Jar", values={**at, "PositionZ": 0.75, "Color": color}),
+            Object(name=f"Table{n}", type="Table", values={**position, **SHAPE}),
+            Object(name=f"Jar{n}", type="Jar", values={**position, "PositionZ": 0.75, "Color": color}),
         ]
         facts.append(Fact("isOn", (f"Jar{n}", f"Table{n}")))
     return Map(objects, facts)
@@ -59,7 +59,7 @@ def check(map: Map, ontology: Ontology) -> None:
     assert violations(map, ontology) == []
     ways = {
         "a look at each value and fact": lambda: (
-            sum(value is not None for one in map.objects.values() for value in one.values.values()) + sum(1 for _ in map.facts())
+            sum(value is not None for item in map.objects.values() for value in item.values.values()) + sum(1 for _ in map.facts())
         ),
         "violations: does the map obey its types": lambda: violations(map, ontology),
     }
@@ -68,20 +68,20 @@ def check(map: Map, ontology: Ontology) -> None:
 
 def ask(map: Map, ontology: Ontology) -> None:
     def plain_red() -> list[str]:
-        return [name for name, one in map.objects.items() if one.values.get("Color") == "Red"]
+        return [name for name, item in map.objects.items() if item.values.get("Color") == "Red"]
 
-    def asked(text: str) -> int:
+    def count_matches(text: str) -> int:
         return len(list(bindings(parse(text), map, ontology)))
 
     red = len(plain_red())
-    assert asked("?j: Jar.Color = Red AND ?j isOn ?t") == red
+    assert count_matches("?j: Jar.Color = Red AND ?j isOn ?t") == red
     ways = {
         "a loop over all objects: which are red": plain_red,
-        "Jar7 isOn ?t": lambda: asked("Jar7 isOn ?t"),
-        "?j: Jar.Color = Red AND ?j isOn ?t": lambda: asked("?j: Jar.Color = Red AND ?j isOn ?t"),
-        "?j: Jar isOn ?t (all)": lambda: asked("?j: Jar isOn ?t"),
-        "?j: Jar.PositionX < 2000 cm (pint)": lambda: asked("?j: Jar.PositionX < 2000 cm"),
-        "distance(?j: Jar, Table7) < 150 cm (pint)": lambda: asked("distance(?j: Jar, Table7) < 150 cm"),
+        "Jar7 isOn ?t": lambda: count_matches("Jar7 isOn ?t"),
+        "?j: Jar.Color = Red AND ?j isOn ?t": lambda: count_matches("?j: Jar.Color = Red AND ?j isOn ?t"),
+        "?j: Jar isOn ?t (all)": lambda: count_matches("?j: Jar isOn ?t"),
+        "?j: Jar.PositionX < 2000 cm (pint)": lambda: count_matches("?j: Jar.PositionX < 2000 cm"),
+        "distance(?j: Jar, Table7) < 150 cm (pint)": lambda: count_matches("distance(?j: Jar, Table7) < 150 cm"),
     }
     side_by_side("asking", ways)
 
@@ -100,13 +100,13 @@ def convert() -> None:
 
 def change(map: Map, ontology: Ontology) -> None:
     moved = UpdateMap(situation="Jar7 isOn Table9 AND Jar7.PositionX = 9.1")
-    many = UpdateMap(situation=" AND ".join(f"Jar{n}.PositionX = {n}.1" for n in range(100)))
+    bulk_update = UpdateMap(situation=" AND ".join(f"Jar{n}.PositionX = {n}.1" for n in range(100)))
     assert not update_outcome(map, ontology, moved).broken
-    assert not update_outcome(map, ontology, many).broken
+    assert not update_outcome(map, ontology, bulk_update).broken
     ways = {
         "a copy of the dict of objects": lambda: dict(map.objects),
         "one jar moved": lambda: update_outcome(map, ontology, moved),
-        "a hundred values set": lambda: update_outcome(map, ontology, many),
+        "a hundred values set": lambda: update_outcome(map, ontology, bulk_update),
     }
     side_by_side("changing, as the Repository does", ways)
 

@@ -93,12 +93,12 @@ def row(table: Table, name: str, times: list[float]) -> None:
     table.add_row(name, f"{first:.0f}", f"{statistics.median(rest or times):.0f}", f"{max(times):.0f}")
 
 
-def opened(page: Page, url: str, usable: str) -> float:
+def open_page(page: Page, url: str, usable: str) -> float:
     """Milliseconds from asking for the page until what is named can be seen."""
-    began = time.perf_counter()
+    started_at = time.perf_counter()
     page.goto(url, wait_until="commit")
     page.locator(usable).first.wait_for(state="visible", timeout=120_000)
-    return (time.perf_counter() - began) * 1000
+    return (time.perf_counter() - started_at) * 1000
 
 
 def ask(url: str, path: str, body: object = None) -> Any:
@@ -124,7 +124,7 @@ def scenario(browser: Browser, folder: Path, table: Table) -> None:
             ("history", "/history", "text=Export"),
         ):
             page = pages(browser)  # the first time with an empty cache
-            row(table, name, [opened(page, url + path, usable) for _ in range(ROUNDS)])
+            row(table, name, [open_page(page, url + path, usable) for _ in range(ROUNDS)])
             page.context.close()
 
 
@@ -140,10 +140,10 @@ def hall_map() -> Map:
     facts = [Fact("isPartOf", ("Storey1", "Building1")), Fact("isPartOf", ("Floor1", "Storey1"))]
     shape: dict[str, Value] = {"Shape.Form": "Box", "Shape.Width": 1.2, "Shape.Depth": 0.7, "Shape.Height": 0.75}
     for n in range(SIDE * SIDE):
-        at: dict[str, Value] = {"PositionX": 3.0 * (n % SIDE + 1), "PositionY": 3.0 * (n // SIDE + 1), "PositionZ": 0.0}
+        position: dict[str, Value] = {"PositionX": 3.0 * (n % SIDE + 1), "PositionY": 3.0 * (n // SIDE + 1), "PositionZ": 0.0}
         objects += [
-            Object(name=f"Table{n}", type="Table", values={**at, **shape}),
-            Object(name=f"Jar{n}", type="Jar", values={**at, "PositionZ": 0.75, "Color": "Red"}),
+            Object(name=f"Table{n}", type="Table", values={**position, **shape}),
+            Object(name=f"Jar{n}", type="Jar", values={**position, "PositionZ": 0.75, "Color": "Red"}),
         ]
         facts.append(Fact("isOn", (f"Jar{n}", f"Table{n}")))
     return Map(objects, facts)
@@ -154,32 +154,32 @@ def hall(browser: Browser, folder: Path, table: Table) -> None:
     file.write_text(dump_map(hall_map(), upper()), encoding="utf-8")
     with Running([file], folder / "data") as addresses:
         url = addresses.gui or ""
-        page, other = pages(browser), pages(browser)
-        row(table, "map of 5,000 objects", [opened(page, f"{url}/map", "[data-name=Table0]") for _ in range(ROUNDS)])
-        opened(other, f"{url}/map", "[data-name=Table0]")
-        row(table, "  a change of one object, seen by another who looks", [changed(url, other, n) for n in range(ROUNDS)])
-        opened(page, f"{url}/map", "[data-name=Table0]")
-        row(table, "  a step of the wheel, drawn", [zoomed(page) for _ in range(ROUNDS)])
-        row(table, "new task, 5,000 objects", [opened(page, f"{url}/define", "[data-name=Table0]") for _ in range(ROUNDS)])
-        row(table, "ontology, 5,000 objects", [opened(page, f"{url}/ontology", "[role=treeitem]") for _ in range(ROUNDS)])
+        page, other_page = pages(browser), pages(browser)
+        row(table, "map of 5,000 objects", [open_page(page, f"{url}/map", "[data-name=Table0]") for _ in range(ROUNDS)])
+        open_page(other_page, f"{url}/map", "[data-name=Table0]")
+        row(table, "  a change of one object, seen by another who looks", [change_object(url, other_page, n) for n in range(ROUNDS)])
+        open_page(page, f"{url}/map", "[data-name=Table0]")
+        row(table, "  a step of the wheel, drawn", [zoom_page(page) for _ in range(ROUNDS)])
+        row(table, "new task, 5,000 objects", [open_page(page, f"{url}/define", "[data-name=Table0]") for _ in range(ROUNDS)])
+        row(table, "ontology, 5,000 objects", [open_page(page, f"{url}/ontology", "[role=treeitem]") for _ in range(ROUNDS)])
 
 
-def changed(url: str, other: Page, n: int) -> float:
-    began = time.perf_counter()
+def change_object(url: str, other_page: Page, n: int) -> float:
+    started_at = time.perf_counter()
     cup = {"name": f"Cup{n}", "type": "Cup", "values": {"PositionX": 3.4, "PositionY": 3.0, "PositionZ": 0.75}}
-    on = {"type": "FactAdded", "fact": {"relation": "isOn", "arguments": [f"Cup{n}", "Table0"]}}
-    ask(url, "/map/changes", {"changes": [{"type": "ObjectAdded", "object": cup}, on], "author": "benchmark"})
-    other.locator(f"[data-name=Cup{n}]").first.wait_for(state="attached", timeout=60_000)
-    return (time.perf_counter() - began) * 1000
+    placement = {"type": "FactAdded", "fact": {"relation": "isOn", "arguments": [f"Cup{n}", "Table0"]}}
+    ask(url, "/map/changes", {"changes": [{"type": "ObjectAdded", "object": cup}, placement], "author": "benchmark"})
+    other_page.locator(f"[data-name=Cup{n}]").first.wait_for(state="attached", timeout=60_000)
+    return (time.perf_counter() - started_at) * 1000
 
 
-def zoomed(page: Page) -> float:
+def zoom_page(page: Page) -> float:
     """Until the frame after it has been drawn."""
     page.mouse.move(400, 400)
-    began = time.perf_counter()
+    started_at = time.perf_counter()
     page.mouse.wheel(0, -120)
     page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
-    return (time.perf_counter() - began) * 1000
+    return (time.perf_counter() - started_at) * 1000
 
 
 def parcels() -> str:
@@ -200,14 +200,14 @@ def long_task(browser: Browser, folder: Path, table: Table) -> None:
         import_site([DOMAIN, problem], site)
     with Running([site], folder / "data") as addresses:
         url = addresses.gui or ""
-        wish = " AND ".join(f"p{n} lies harbour" for n in range(PARCELS))
-        task = ask(url, "/tasks", {"effect": wish})["task"]
-        until = time.monotonic() + TASK_TIME
-        while (seen := ask(url, f"/tasks/{task}"))["view"]["outcome"] is None and time.monotonic() < until:
+        goal = " AND ".join(f"p{n} lies harbour" for n in range(PARCELS))
+        task = ask(url, "/tasks", {"effect": goal})["task"]
+        deadline = time.monotonic() + TASK_TIME
+        while (answer := ask(url, f"/tasks/{task}"))["view"]["outcome"] is None and time.monotonic() < deadline:
             time.sleep(0.5)
         page = pages(browser)
-        name = f"a task with {seen['messages']} messages and {len(seen['view']['steps'])} steps"
-        row(table, name, [opened(page, f"{url}/tasks/{task}", ".somrs-msg") for _ in range(ROUNDS)])
+        name = f"a task with {answer['messages']} messages and {len(answer['view']['steps'])} steps"
+        row(table, name, [open_page(page, f"{url}/tasks/{task}", ".somrs-msg") for _ in range(ROUNDS)])
 
 
 if __name__ == "__main__":

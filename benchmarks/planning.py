@@ -16,7 +16,7 @@ import time
 from collections.abc import Callable, Iterator
 from functools import partial
 
-from beside import shown
+from beside import format_time
 from contestants import unified
 from msgspec.structs import replace
 
@@ -38,8 +38,8 @@ PATIENCE = 60.0
 MEGABYTE = 1024
 """In the kilobytes that Linux counts memory in."""
 
-ONE = "Jar7 isOn Shelf9"
-FIVE = "Jar7.Clean = TRUE AND Jar7 isOn Shelf9 AND Jar8.Clean = TRUE"
+ONE_STEP_GOAL = "Jar7 isOn Shelf9"
+FIVE_STEP_GOAL = "Jar7.Clean = TRUE AND Jar7 isOn Shelf9 AND Jar8.Clean = TRUE"
 
 TRANSFER = ServiceType(
     name="TransferObject",
@@ -80,7 +80,11 @@ def corridor(length: int) -> Map:
     """Rooms in a row, all doors shut, a robot in the first room."""
     rooms = [Object(name=f"Room{n}", type="Room") for n in range(length)]
     doors = [Object(name=f"Door{n}", type="Door", values={"Open": False}) for n in range(length - 1)]
-    ways = [Fact("leads", (f"Door{n}", f"Room{a}", f"Room{b}")) for n in range(length - 1) for a, b in ((n, n + 1), (n + 1, n))]
+    ways = [
+        Fact("leads", (f"Door{n}", f"Room{room}", f"Room{next_room}"))
+        for n in range(length - 1)
+        for room, next_room in ((n, n + 1), (n + 1, n))
+    ]
     return Map([*rooms, *doors, Object(name="Robot1", type="MobileRobot")], [Fact("isInside", ("Robot1", "Room0")), *ways])
 
 
@@ -102,29 +106,31 @@ def problems() -> Iterator[tuple[str, Problem]]:
         yield f"through {length} rooms", problem(corridor(length), f"Robot1 isInside Room{length - 1}", DRIVE, OPEN)
 
 
-def measured(contestant: str, size: int, task: str) -> dict[str, float] | None:
+def measure(contestant: str, size: int, task: str) -> dict[str, float] | None:
     """Seconds to the first plan and to the same task a moment later, on a map on which a jar was moved meanwhile; megabytes.
     None when there was no plan in time."""
-    asked = problem(store(size), ONE if task == "one" else FIVE, TRANSFER, WASH)
+    current_problem = problem(store(size), ONE_STEP_GOAL if task == "one" else FIVE_STEP_GOAL, TRANSFER, WASH)
     gc.set_threshold(YOUNG_OBJECTS)  # as the programs do that plan
-    before = _memory()
-    found: list[int | None] = []
+    memory_before = _memory()
+    plan_lengths: list[int | None] = []
     if contestant == "unified-planning":
         goal = (
-            unified.stated(asked, (), {"Jar7": "Shelf9"}) if task == "one" else unified.stated(asked, ("Jar7", "Jar8"), {"Jar7": "Shelf9"})
+            unified.unified_task(current_problem, (), {"Jar7": "Shelf9"})
+            if task == "one"
+            else unified.unified_task(current_problem, ("Jar7", "Jar8"), {"Jar7": "Shelf9"})
         )
-        first = _seconds(lambda: found.append(unified.steps(goal, PATIENCE)))
-        if found == [None]:
+        first = _seconds(lambda: plan_lengths.append(unified.steps(goal, PATIENCE)))
+        if plan_lengths == [None]:
             return None
-        return {"first": first, "again": first, "memory": _memory() - before}
-    first = _seconds(lambda: plan(asked))
-    again = []
+        return {"first": first, "again": first, "memory": _memory() - memory_before}
+    first = _seconds(lambda: plan(current_problem))
+    repeat_times = []
     for number in range(20, 20 + 5):
-        taken, put = Fact("isOn", (f"Jar{number}", f"Shelf{number}")), Fact("isOn", (f"Jar{number}", "Shelf1"))
-        moved = asked.map.changed([FactRemoved(taken), FactAdded(put)])
-        asked = replace(asked, map=moved)
-        again.append(_seconds(partial(plan, asked)))
-    return {"first": first, "again": statistics.median(again), "memory": _memory() - before}
+        old_fact, new_fact = Fact("isOn", (f"Jar{number}", f"Shelf{number}")), Fact("isOn", (f"Jar{number}", "Shelf1"))
+        moved = current_problem.map.changed([FactRemoved(old_fact), FactAdded(new_fact)])
+        current_problem = replace(current_problem, map=moved)
+        repeat_times.append(_seconds(partial(plan, current_problem)))
+    return {"first": first, "again": statistics.median(repeat_times), "memory": _memory() - memory_before}
 
 
 def _seconds(work: Callable[[], object]) -> float:
@@ -135,19 +141,19 @@ def _seconds(work: Callable[[], object]) -> float:
 
 def _memory() -> float:
     """The most that this process and those that it started had at a time, in megabytes."""
-    kilobytes = max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    kilobytes = max(resource.getrusage(owner).ru_maxrss for owner in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     return kilobytes / MEGABYTE
 
 
-def in_a_process(contestant: str, size: int, task: str) -> dict[str, float] | None:
+def measure_in_process(contestant: str, size: int, task: str) -> dict[str, float] | None:
     """The measurement in a process of its own; None when it took too long, or too much."""
     command = [sys.executable, __file__, contestant, str(size), task]
     try:
-        done = subprocess.run(command, stdout=subprocess.PIPE, text=True, timeout=2 * PATIENCE, check=True)
+        completed = subprocess.run(command, stdout=subprocess.PIPE, text=True, timeout=2 * PATIENCE, check=True)
     except subprocess.TimeoutExpired:
         return None
-    found: dict[str, float] | None = json.loads(done.stdout.splitlines()[-1])
-    return found
+    result: dict[str, float] | None = json.loads(completed.stdout.splitlines()[-1])
+    return result
 
 
 def by_size() -> None:
@@ -155,15 +161,15 @@ def by_size() -> None:
     rivals = importlib.util.find_spec("unified_planning") is not None and driver() is not None
     contestants = ["somrs", *(["unified-planning"] if rivals else [])]
     print(f"{'':26} {'objects':>8} {'first plan':>12} {'the next':>12} {'memory':>10}")
-    for task, said in (("one", "one step"), ("five", "five steps")):
+    for task, label in (("one", "one step"), ("five", "five steps")):
         for contestant in contestants:
             for size in SIZES:
-                found = in_a_process(contestant, size, task)
-                if found is None:
-                    print(f"{said + ', ' + contestant:28} {size:6} {'none within ' + format(PATIENCE, '.0f') + ' s':>25}", flush=True)
+                result = measure_in_process(contestant, size, task)
+                if result is None:
+                    print(f"{label + ', ' + contestant:28} {size:6} {'none within ' + format(PATIENCE, '.0f') + ' s':>25}", flush=True)
                     break
-                times = f"{shown(found['first']):>12} {shown(found['again']):>12}"
-                print(f"{said + ', ' + contestant:28} {size:6} {times} {found['memory']:7.0f} MB", flush=True)
+                times = f"{format_time(result['first']):>12} {format_time(result['again']):>12}"
+                print(f"{label + ', ' + contestant:28} {size:6} {times} {result['memory']:7.0f} MB", flush=True)
     if not rivals:
         print("without unified-planning and Fast Downward, which pip install -e '.[planner,rivals]' brings")
 
@@ -177,20 +183,20 @@ def main() -> None:
 def by_length() -> None:
     first = 0.0
     print(f"{'':55} {'found':>10} {'median':>12} {'ratio':>8}")
-    for name, asked in problems():
+    for name, current_problem in problems():
         times: list[float] = []
         for _ in range(RUNS):
             started = time.perf_counter()
-            found = plan_in_process(asked)
+            result = plan_in_process(current_problem)
             times.append(time.perf_counter() - started)
         seconds = statistics.median(times)
         first = first or seconds
-        outcome = "no plan" if isinstance(found, NoPlan) else f"{len(found.steps)} steps"
+        outcome = "no plan" if isinstance(result, NoPlan) else f"{len(result.steps)} steps"
         print(f"{name:55} {outcome:>10} {seconds * 1000:9.1f} ms {seconds / first:8.1f}")
 
 
 if __name__ == "__main__":
     if len(sys.argv) > 1:
-        print(json.dumps(measured(sys.argv[1], int(sys.argv[2]), sys.argv[3])))
+        print(json.dumps(measure(sys.argv[1], int(sys.argv[2]), sys.argv[3])))
     else:
         main()

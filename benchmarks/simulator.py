@@ -49,28 +49,28 @@ def work(simulation: Simulation, jobs: Jobs) -> None:
     """Step until the robots have done their jobs."""
     open_jobs = {robot: list(commands) for robot, commands in jobs.items()}
 
-    def go_on(robot: str, end: CommandDone | CommandGivenUp | None = None) -> None:
+    def run_next(robot: str, end: CommandDone | CommandGivenUp | None = None) -> None:
         if isinstance(end, CommandGivenUp):
             raise SystemExit(f"{robot} gave up: {end.description}")
         if open_jobs[robot]:
-            simulation.command(robot, open_jobs[robot].pop(0), lambda end: go_on(robot, end))
+            simulation.command(robot, open_jobs[robot].pop(0), lambda end: run_next(robot, end))
 
     for robot in jobs:
-        go_on(robot)
+        run_next(robot)
     while simulation.busy:
         simulation.step()
 
 
 def pace(title: str, map: Map, ontology: Ontology, jobs: Jobs) -> None:
     """Print how many seconds of simulated time pass in one on the wall."""
-    made, whole, bare = [], [], []
+    setup_times, whole, bare = [], [], []
     simulated = 0.0
     for _ in range(ROUNDS):
         started = time.perf_counter()
         simulation = Simulation(map, ontology)
-        made.append(time.perf_counter() - started)
+        setup_times.append(time.perf_counter() - started)
         work(simulation, jobs)
-        whole.append(time.perf_counter() - started - made[-1])
+        whole.append(time.perf_counter() - started - setup_times[-1])
         simulated = simulation.time
         scene = Scene(map, ontology)
         started = time.perf_counter()
@@ -78,7 +78,7 @@ def pace(title: str, map: Map, ontology: Ontology, jobs: Jobs) -> None:
         bare.append(time.perf_counter() - started)
     rates = [simulated / statistics.median(times) for times in (bare, whole)]
     print(
-        f"\n{title}: {len(map.objects)} objects, {simulated:.0f} s of simulated time; the world is made in {statistics.median(made):.2f} s"
+        f"\n{title}: {len(map.objects)} objects, {simulated:.0f} s of simulated time; the world is made in {statistics.median(setup_times):.2f} s"
     )
     print(f"  {'bare physics':46} {rates[0]:6.0f} times real time")
     print(f"  {'robots at work':46} {rates[1]:6.0f} times real time, {rates[0] / rates[1]:.2f} times the cost of the bare physics")
@@ -94,30 +94,30 @@ def scenario() -> tuple[Map, Ontology]:
 def rest(map: Map, ontology: Ontology) -> None:
     """Print what a simulator costs in which nothing moves."""
 
-    async def used() -> float:
+    async def measure_cpu() -> float:
         server = Server(Simulation(map, ontology), speed=None)
         await server.start()
         await asyncio.sleep(0.2)
-        before = time.process_time()
+        cpu_before = time.process_time()
         await asyncio.sleep(2)
-        spent = time.process_time() - before
+        spent = time.process_time() - cpu_before
         await server.stop()
         return spent / 2
 
-    print(f"  {'nothing moves':46} {asyncio.run(used()):6.1%} of a core")
+    print(f"  {'nothing moves':46} {asyncio.run(measure_cpu()):6.1%} of a core")
 
 
 def office_boxes() -> dict[str, tuple[str, Box, float]]:
     """45 x 25 m: a corridor in the middle, and twelve rooms with desks on either side; type, middle and size, height."""
-    found: dict[str, tuple[str, Box, float]] = {}
+    boxes: dict[str, tuple[str, Box, float]] = {}
     for row, (low, high) in enumerate(((0, 11), (14, 25))):
         for i in range(12):
             x, inner = 45 / 12 * i, high if row == 0 else low
-            found[f"Wall{row}{i}"] = ("Wall", (x, (low + high) / 2, 0.1, 11), 2.5)
-            found[f"Front{row}{i}"] = ("Wall", (x + 1.4, inner, 2.8, 0.1), 2.5)
+            boxes[f"Wall{row}{i}"] = ("Wall", (x, (low + high) / 2, 0.1, 11), 2.5)
+            boxes[f"Front{row}{i}"] = ("Wall", (x + 1.4, inner, 2.8, 0.1), 2.5)
             for j in range(5):
-                found[f"Desk{row}{i}{j}"] = ("Table", (x + 2, low + 1.5 + 2 * j, 1.6, 0.8), 0.7)
-    return found
+                boxes[f"Desk{row}{i}{j}"] = ("Table", (x + 2, low + 1.5 + 2 * j, 1.6, 0.8), 0.7)
+    return boxes
 
 
 def box(name: str, type: str, place: Box, height: float, z: float = 0.0) -> Object:
@@ -135,12 +135,12 @@ def grid_search(boxes: dict[str, tuple[str, Box, float]], cell: float = 0.1) -> 
     numbers = np.arange(free.size).reshape(free.shape)
     starts, ends, costs = [], [], []
     for dx, dy in ((1, 0), (0, 1), (1, 1), (1, -1)):
-        here = (slice(0, free.shape[0] - dx), slice(max(0, -dy), free.shape[1] - max(0, dy)))
-        there = (slice(dx, None), slice(max(0, dy), free.shape[1] - max(0, -dy)))
-        both = free[here] & free[there]
-        starts.append(numbers[here][both])
-        ends.append(numbers[there][both])
-        costs.append(np.full(both.sum(), cell * math.hypot(dx, dy)))
+        source_slice = (slice(0, free.shape[0] - dx), slice(max(0, -dy), free.shape[1] - max(0, dy)))
+        target_slice = (slice(dx, None), slice(max(0, dy), free.shape[1] - max(0, -dy)))
+        free_pairs = free[source_slice] & free[target_slice]
+        starts.append(numbers[source_slice][free_pairs])
+        ends.append(numbers[target_slice][free_pairs])
+        costs.append(np.full(free_pairs.sum(), cell * math.hypot(dx, dy)))
     edges = (np.concatenate(costs), (np.concatenate(starts), np.concatenate(ends)))
     graph = coo_array(edges, shape=(free.size, free.size)).tocsr()
 
@@ -153,14 +153,14 @@ def grid_search(boxes: dict[str, tuple[str, Box, float]], cell: float = 0.1) -> 
 
 def navigation() -> None:
     boxes = office_boxes()
-    objects = [box("Floor1", "Floor", (22.5, 12.5, 45, 25), 0.1, -0.1), *(box(name, *one) for name, one in boxes.items())]
+    objects = [box("Floor1", "Floor", (22.5, 12.5, 45, 25), 0.1, -0.1), *(box(name, *arguments) for name, arguments in boxes.items())]
     map, ontology = Map(objects), upper()
     search, navigator = grid_search(boxes), Navigator(map, ontology)
     start, goal = (1.0, 0.7), (44.5, 24.3)
     path = navigator.path(start, goal, RADIUS)
     assert path is not None
-    found, plain = length(path), search(start, goal)
-    print(f"\nan office of 45 x 25 m, {len(objects)} objects: a way of {found:.1f} m, by the cells of a grid {plain:.1f} m")
+    path_length, plain = length(path), search(start, goal)
+    print(f"\nan office of 45 x 25 m, {len(objects)} objects: a way of {path_length:.1f} m, by the cells of a grid {plain:.1f} m")
     ways: dict[str, Callable[[], object]] = {
         "scipy's Dijkstra over a ready grid of 10 cm": lambda: search(start, goal),
         "path: found, smoothed, with room kept": lambda: navigator.path(start, goal, RADIUS),

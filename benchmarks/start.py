@@ -67,9 +67,9 @@ async def started_singly() -> Cost:
     """All programs of a system, each a Python of its own, without what starts them."""
     with tempfile.TemporaryDirectory() as folder:
         system = System([SITE], Path(folder), windows=True, launcher=Singly())
-        began = time.perf_counter()
+        started_at = time.perf_counter()
         async with system:
-            wall = time.perf_counter() - began
+            wall = time.perf_counter() - started_at
             return cost(wall, [program.process.pid for program in system.programs.values()])
 
 
@@ -77,23 +77,23 @@ def started_by_command() -> Cost:
     """`somrs up`, and all that comes out of it."""
     with tempfile.TemporaryDirectory() as folder:
         line = [sys.executable, "-m", "somrs.cli.main", "up", str(SITE), "--data", folder]
-        began = time.perf_counter()
+        started_at = time.perf_counter()
         with subprocess.Popen(line, stdout=subprocess.PIPE, text=True) as program:
             assert program.stdout is not None
-            for said in program.stdout:
-                if "In the browser" in said:
+            for output_line in program.stdout:
+                if "In the browser" in output_line:
                     break
-            wall = time.perf_counter() - began
-            found = cost(wall, [program.pid, *below(program.pid)])
+            wall = time.perf_counter() - started_at
+            total = cost(wall, [program.pid, *descendants(program.pid)])
             program.send_signal(signal.SIGINT)
             program.stdout.read()
-        return found
+        return total
 
 
-def below(process: int) -> list[int]:
+def descendants(process: int) -> list[int]:
     """The processes that it has started, and those that they have."""
     children = [int(id) for id in Path(f"/proc/{process}/task/{process}/children").read_text().split()]
-    return [*children, *(one for child in children for one in below(child))]
+    return [*children, *(descendant for child in children for descendant in descendants(child))]
 
 
 def cost(wall: float, processes: Sequence[int]) -> Cost:
@@ -101,13 +101,15 @@ def cost(wall: float, processes: Sequence[int]) -> Cost:
 
 
 def main() -> None:
-    found: dict[str, list[Cost]] = {"somrs up, itself included": [], "each by itself": []}
+    results: dict[str, list[Cost]] = {"somrs up, itself included": [], "each by itself": []}
     for _ in range(ROUNDS):
-        found["somrs up, itself included"].append(started_by_command())
-        found["each by itself"].append(asyncio.run(started_singly()))
-    for name, costs in found.items():
-        wall, spent, own = (statistics.median(getattr(one, what) for one in costs) for what in ("wall", "cpu", "memory"))
-        print(f"{name:26} {wall:5.1f} s, {spent:5.1f} s of CPU, {own:5.0f} MB")
+        results["somrs up, itself included"].append(started_by_command())
+        results["each by itself"].append(asyncio.run(started_singly()))
+    for name, costs in results.items():
+        wall, spent, own_memory = (
+            statistics.median(getattr(sample, attribute) for sample in costs) for attribute in ("wall", "cpu", "memory")
+        )
+        print(f"{name:26} {wall:5.1f} s, {spent:5.1f} s of CPU, {own_memory:5.0f} MB")
 
 
 if __name__ == "__main__":

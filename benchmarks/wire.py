@@ -52,14 +52,14 @@ def compare(name: str, message: Message) -> None:
     document = soap.encode(message)
     assert soap.decode(document) == message
     tree = etree.fromstring(document)
-    both = msgspec.defstruct("Both", [("header", Header), ("body", type(message.body))])(header=message.header, body=message.body)
-    encoder, decoder = msgspec.json.Encoder(), msgspec.json.Decoder(type(both))
-    json = encoder.encode(both)
-    assert decoder.decode(json) == both
+    pair = msgspec.defstruct("Both", [("header", Header), ("body", type(message.body))])(header=message.header, body=message.body)
+    encoder, decoder = msgspec.json.Encoder(), msgspec.json.Decoder(type(pair))
+    json = encoder.encode(pair)
+    assert decoder.decode(json) == pair
     writing = {
         "lxml: the tree to bytes": lambda: etree.tostring(tree, encoding="utf-8", xml_declaration=True),
         "somrs.protocol.soap.soap.encode": lambda: soap.encode(message),
-        "msgspec.json of the same structs": lambda: encoder.encode(both),
+        "msgspec.json of the same structs": lambda: encoder.encode(pair),
     }
     reading = {
         "lxml: the bytes to a tree": lambda: etree.fromstring(document),
@@ -74,16 +74,16 @@ def compare(name: str, message: Message) -> None:
 def over_http(message: Message) -> None:
     """Print what it costs to hand over a message that is answered with 202, server and sender on one core."""
 
-    async def taken(message: Message) -> None:
+    async def accept(message: Message) -> None:
         return None
 
     with asyncio.Runner() as runner:
-        server, wire = Server("127.0.0.1", 0, {"/here": taken}), Wire()
+        server, wire = Server("127.0.0.1", 0, {"/here": accept}), Wire()
         runner.run(server.start())
-        there = Message(header=msgspec.structs.replace(message.header, recipient=f"{server.url}/here"), body=message.body)
+        request = Message(header=msgspec.structs.replace(message.header, recipient=f"{server.url}/here"), body=message.body)
         ways = {
-            "encode and decode": lambda: soap.decode(soap.encode(there)),
-            "Wire.post to a Server, on a kept connection": lambda: runner.run(wire.post(there)),
+            "encode and decode": lambda: soap.decode(soap.encode(request)),
+            "Wire.post to a Server, on a kept connection": lambda: runner.run(wire.post(request)),
         }
         side_by_side("handing over an Arrange", ways)
         runner.run(wire.close())

@@ -12,7 +12,7 @@ from typing import Protocol
 import msgspec
 
 BIDDERS = 10
-AT_ONCE = 16
+MAX_CONVERSATIONS = 16
 """The most conversations that are held at the same time."""
 
 MESSAGES = 3 * BIDDERS + 3
@@ -35,7 +35,7 @@ class Round(msgspec.Struct, frozen=True, kw_only=True):
     """What is to be measured: for so many seconds, so many conversations at a time."""
 
     seconds: float
-    at_once: int
+    concurrency: int
 
 
 class Measured(msgspec.Struct, frozen=True, kw_only=True):
@@ -54,8 +54,8 @@ class Ready(msgspec.Struct, frozen=True, kw_only=True):
 async def measure(contestant: Contestant, round: Round) -> Measured:
     """Hold conversations until the time is over; those that have begun by then are finished, and count."""
     latencies: list[float] = []
-    began = time.perf_counter()
-    end = began + round.seconds
+    started_at = time.perf_counter()
+    end = started_at + round.seconds
 
     async def hold(line: int) -> None:
         while (start := time.perf_counter()) < end:
@@ -63,23 +63,23 @@ async def measure(contestant: Contestant, round: Round) -> Measured:
             latencies.append(time.perf_counter() - start)
 
     async with asyncio.TaskGroup() as group:
-        for line in range(round.at_once):
+        for line in range(round.concurrency):
             group.create_task(hold(line))
-    return Measured(elapsed=time.perf_counter() - began, latencies=latencies)
+    return Measured(elapsed=time.perf_counter() - started_at, latencies=latencies)
 
 
-async def take_part(name: str, make: Callable[[], Contestant], data: Path) -> None:
+async def take_part(name: str, create: Callable[[], Contestant], data: Path) -> None:
     """Be measured as the lines on standard input say, until there are no more."""
-    contestant = make()
+    contestant = create()
     loop = asyncio.get_running_loop()
     try:
         await contestant.start(data)
-        say(Ready(name=name))
+        write_message(Ready(name=name))
         while line := await loop.run_in_executor(None, sys.stdin.readline):
-            say(await measure(contestant, msgspec.json.decode(line, type=Round)))
+            write_message(await measure(contestant, msgspec.json.decode(line, type=Round)))
     finally:
         await contestant.stop()
 
 
-def say(what: msgspec.Struct) -> None:
-    print(msgspec.json.encode(what).decode(), flush=True)
+def write_message(message: msgspec.Struct) -> None:
+    print(msgspec.json.encode(message).decode(), flush=True)

@@ -71,10 +71,10 @@ def ask(record: Record) -> Record | None:
 @DBOS.workflow()
 def contract(transaction: str) -> str:
     negotiation = Negotiation(speaker, transaction, NAMES)
-    said = negotiation.open()
-    while said:
-        answers = [ask(_record(note)) for note in said]
-        said = [note for answer in answers if answer is not None for note in negotiation.hear(Note(**answer))]
+    notes = negotiation.open()
+    while notes:
+        answers = [ask(_record(note)) for note in notes]
+        notes = [note for answer in answers if answer is not None for note in negotiation.receive(Note(**answer))]
     return "accomplished"
 
 
@@ -97,7 +97,7 @@ def _mailbox(name: str, transaction: str) -> str:
     return f"{transaction}/{name}"
 
 
-async def _tell(notes: list[Note]) -> None:
+async def _send_notes(notes: list[Note]) -> None:
     await DBOS.send_bulk_async([SendMessage(_mailbox(note.recipient, note.transaction), _record(note)) for note in notes])
 
 
@@ -116,10 +116,10 @@ async def bid(name: str) -> str:
 @DBOS.workflow()
 async def negotiate(transaction: str) -> str:
     negotiation = Negotiation(speaker, transaction, NAMES)
-    await _tell(negotiation.open())
-    while not negotiation.over:
-        if said := negotiation.hear(Note(**await DBOS.recv_async())):
-            await _tell(said)
+    await _send_notes(negotiation.open())
+    while not negotiation.is_finished:
+        if notes := negotiation.receive(Note(**await DBOS.recv_async())):
+            await _send_notes(notes)
     return "accomplished"
 
 

@@ -39,16 +39,16 @@ class Journal:
         ):
             db.execute(statement)
         while (first := self._waiting.get()) is not None:
-            batch, more = [first], True
-            while more:
+            batch, is_draining = [first], True
+            while is_draining:
                 try:
-                    one = self._waiting.get_nowait()
+                    waiting_entry = self._waiting.get_nowait()
                 except queue.Empty:
                     break
-                if one is None:
+                if waiting_entry is None:
                     self._waiting.put(None)
                     break
-                batch.append(one)
+                batch.append(waiting_entry)
             db.execute("BEGIN")
             db.executemany("INSERT INTO entries (entry) VALUES (?)", [(entry,) for entry, _ in batch])
             db.execute("COMMIT")

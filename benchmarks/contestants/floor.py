@@ -34,22 +34,22 @@ class Floor:
 
     async def converse(self, line: int) -> None:
         transaction = uuid.uuid4().urn
-        over: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        finished: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         negotiation = Negotiation(self._speaker, transaction, self._names)
-        self._open[transaction] = negotiation, over
+        self._open[transaction] = negotiation, finished
         for note in negotiation.open():
             self._send(note)
-        await over
+        await finished
 
     async def stop(self) -> None:
         self._journal.close()
 
     def _hear(self, note: Note) -> list[Note]:
-        negotiation, over = self._open[note.transaction]
-        answers = negotiation.hear(note)
-        if negotiation.over:
+        negotiation, finished = self._open[note.transaction]
+        answers = negotiation.receive(note)
+        if negotiation.is_finished:
             del self._open[note.transaction]
-            over.set_result(None)
+            finished.set_result(None)
         return answers
 
     def _send(self, note: Note) -> None:

@@ -35,10 +35,10 @@ class Programs:
         )
         self._running.append(process)
         assert process.stdout is not None
-        said = await asyncio.wait_for(process.stdout.readline(), START_TIME)
-        if not said:
+        first_line = await asyncio.wait_for(process.stdout.readline(), START_TIME)
+        if not first_line:
             raise RuntimeError(f"{module} {' '.join(arguments)} ended at once; see the log")
-        return said.decode().strip()
+        return first_line.decode().strip()
 
     async def end(self) -> None:
         for process in reversed(self._running):
@@ -52,7 +52,7 @@ class Programs:
                 await process.wait()
 
 
-async def until_told() -> None:
+async def wait_for_end() -> None:
     """Wait until whoever started it wants it to end, or is gone."""
     reader = asyncio.StreamReader()
     # Not in a thread: a process that is forked meanwhile could never close its copy of standard input.

@@ -8,7 +8,7 @@ import uuid
 from pathlib import Path
 
 from contestants.durable import Journal
-from contestants.programs import Programs, ready, until_told
+from contestants.programs import Programs, ready, wait_for_end
 from somrs.deployment.programs import run_program
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.envelope import Header, Message, reply
@@ -18,16 +18,16 @@ from somrs.runtime.wire import Wire
 
 HOST = "127.0.0.1"
 PATH = "/here"
-WISH = "Jar002 isOn Platform001"
+GOAL = "Jar002 isOn Platform001"
 ARRANGE = frp.Arrange(
     service_type="TransferObject",
     inputs={"Object": "Jar002", "Destination": "Platform001"},
-    effect=WISH,
+    effect=GOAL,
     precondition="Jar002 isOn Cupboard001",
     earliest_start=1767225600.0,
     reply_by=1767225610.0,
 )
-TERMS = frp.Terms(effect=WISH, price=4.0, duration=1.0, start_from=1767225600.0, valid_until=1767225720.0)
+TERMS = frp.Terms(effect=GOAL, price=4.0, duration=1.0, start_from=1767225600.0, valid_until=1767225720.0)
 
 
 class Exchange:
@@ -35,12 +35,12 @@ class Exchange:
 
     async def start(self, data: Path) -> None:
         self._programs, self._wire = Programs(data), Wire()
-        self._there = await self._programs.start("soap_exchange")
+        self._server_address = await self._programs.start("soap_exchange")
 
     async def converse(self, line: int) -> None:
         header = Header(
             sender="http://127.0.0.1:1/asks",
-            recipient=self._there,
+            recipient=self._server_address,
             message_id=uuid.uuid4().urn,
             transaction=uuid.uuid4().urn,
             participant="Robot1.TransferObject#s1",
@@ -64,7 +64,7 @@ async def _serve() -> None:
     server = Server(HOST, 0, {PATH: answer})
     await server.start()
     ready(f"{server.url}{PATH}")
-    await until_told()
+    await wait_for_end()
     await server.stop()
     journal.close()
 

@@ -22,7 +22,7 @@ from somrs.storage.repository_store import repository_journal
 from somrs.task_manager.manager import SCHEMA, TaskManager
 
 
-class Here:
+class InProcess:
     """One Host with Repository, Registry, Task Manager and ten Service Managers, whose devices share a file."""
 
     async def start(self, data: Path) -> None:
@@ -35,11 +35,13 @@ class Here:
             "/repository", lambda address: Repository(address, contents), self._map, carry_out=self._map.carry_out
         ).address
         registry = host.add("/registry", lambda address: Registry(address, loaded.ontology, repository)).address
-        self._kept = device_journal(data, "all")
+        self._device_journal = device_journal(data, "all")
         for name in CARRIERS:
             device = Carrier(name)
             manager = ServiceManager(device.profile(), repository=repository, registry=registry)
-            host.add_journaled(f"/devices/{name}", _given(manager), self._kept.for_component(name), carry_out=_work(device))
+            host.add_journaled(
+                f"/devices/{name}", _constant_factory(manager), self._device_journal.for_component(name), carry_out=_work(device)
+            )
         self._journal = Journal(data / "task-manager.sqlite", SCHEMA)
         task_manager = host.add_journaled(
             "/task-manager",
@@ -55,7 +57,7 @@ class Here:
 
     async def stop(self) -> None:
         await self._host.stop()
-        self._kept.close()
+        self._device_journal.close()
         self._journal.close()
         self._map.close()
 
@@ -65,7 +67,7 @@ async def _plan(task: object, report: Report) -> object:
     return one_step(task)
 
 
-def _given(manager: ServiceManager) -> Callable[[str], ServiceManager]:
+def _constant_factory(manager: ServiceManager) -> Callable[[str], ServiceManager]:
     return lambda address: manager
 
 

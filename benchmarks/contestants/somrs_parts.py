@@ -7,7 +7,7 @@ import uuid
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 
-from contestants.contest import AT_ONCE, BIDDERS
+from contestants.contest import BIDDERS, MAX_CONVERSATIONS
 from somrs.entish.formula import Name, Relation, Term, substitute
 from somrs.entish.parse import parse
 from somrs.ontology.files.loading import LoadedModel, load_text
@@ -23,15 +23,15 @@ from somrs.service_manager.sdk.device import Device, Situation, Task, service
 
 CARRIERS = tuple(f"Robot{number + 1}" for number in range(BIDDERS))
 PLACES = ("Cupboard001", "Platform001")
-ALL = 1_000_000
+EVENT_LIMIT = 1_000_000
 """More events than a task has: whoever has seen so many waits for its end."""
 
 
 def site() -> str:
     """A room with a jar for each conversation that is held at the same time, and the carriers."""
-    jars = "\n".join(f"  Jar{line}: {{type: Jar, at: [1, {line / 10}, 0.8]}}" for line in range(AT_ONCE))
+    jars = "\n".join(f"  Jar{line}: {{type: Jar, at: [1, {line / 10}, 0.8]}}" for line in range(MAX_CONVERSATIONS))
     robots = "\n".join(f"  {name}: {{type: PioneerP3DX, at: [{number / 2 + 2}, 3]}}" for number, name in enumerate(CARRIERS))
-    there = "\n".join(f"  - Jar{line} isOn {PLACES[0]}" for line in range(AT_ONCE))
+    facts = "\n".join(f"  - Jar{line} isOn {PLACES[0]}" for line in range(MAX_CONVERSATIONS))
     return f"""
 map: Test
 objects:
@@ -47,7 +47,7 @@ objects:
 {jars}
 {robots}
 facts:
-{there}
+{facts}
 """
 
 
@@ -61,7 +61,7 @@ class Carrier(Device):
     """Carries a jar in no time. Its price differs from one order to the next, so that each wins some."""
 
     type = "PioneerP3DX"
-    capacity = AT_ONCE
+    capacity = MAX_CONVERSATIONS
     lease = 600.0
 
     def __init__(self, name: str, simulator: str | None = None) -> None:
@@ -77,7 +77,7 @@ class Carrier(Device):
         return None
 
     @carry.stopping
-    async def put_down(self, task: Task) -> Situation:
+    async def stop_carrying(self, task: Task) -> Situation:
         return None
 
 
@@ -85,9 +85,9 @@ def one_step(problem: Problem) -> Plan:
     """The plan that a search would find: to carry the jar to where it is wanted."""
     assert isinstance(problem.goal, Relation), problem.goal
     jar, place = problem.goal.arguments
-    service_type = next(one.service_type for one in problem.services if one.service_type.name == "TransferObject")
+    service_type = next(available.service_type for available in problem.services if available.service_type.name == "TransferObject")
     inputs: dict[str, Term] = {"Object": jar, "Destination": place}
-    there = Name(_other(str(place)))
+    source = Name(_other_place(str(place)))
     assert service_type.precondition is not None, "the thing has to be somewhere"
     return Plan(
         steps=(
@@ -96,13 +96,13 @@ def one_step(problem: Problem) -> Plan:
                 service_type=service_type.name,
                 inputs=inputs,
                 effect=substitute(parse(service_type.effect), inputs),
-                precondition=substitute(parse(service_type.precondition), {**inputs, "Source": there}),
+                precondition=substitute(parse(service_type.precondition), {**inputs, "Source": source}),
             ),
         )
     )
 
 
-def _other(place: str) -> str:
+def _other_place(place: str) -> str:
     return PLACES[1 - PLACES.index(place)]
 
 
@@ -115,22 +115,22 @@ class Lines:
 
     def __init__(self, ask: Ask, task_manager: str) -> None:
         self._ask, self._task_manager = ask, task_manager
-        self._next = [1] * AT_ONCE
+        self._next_places = [1] * MAX_CONVERSATIONS
 
     async def converse(self, line: int) -> None:
-        place = PLACES[self._next[line]]
-        self._next[line] = 1 - self._next[line]
+        place = PLACES[self._next_places[line]]
+        self._next_places[line] = 1 - self._next_places[line]
         submitted = await self._answer(self._task_manager, Submit(effect=f"Jar{line} isOn {place}"))
         assert isinstance(submitted, Submitted), submitted
-        news = await self._answer(self._task_manager, WatchTask(task=submitted.task, after=ALL, wait=60.0))
+        news = await self._answer(self._task_manager, WatchTask(task=submitted.task, after=EVENT_LIMIT, wait=60.0))
         assert isinstance(news, TaskNews), news
         assert news.view.outcome is Outcome.ACCOMPLISHED, news.view
 
     async def until_offered(self, registry: str) -> None:
         """Return when all carriers have joined."""
         while True:
-            found = await self._answer(registry, Discover())
-            if isinstance(found, Discovered) and len(found.offers) == len(CARRIERS):
+            answer = await self._answer(registry, Discover())
+            if isinstance(answer, Discovered) and len(answer.offers) == len(CARRIERS):
                 return
             await asyncio.sleep(0.05)
 
@@ -145,6 +145,6 @@ def map_of(loaded: LoadedModel) -> Map:
 
 
 def folder(data: Path, name: str) -> Path:
-    made = data / name
-    made.mkdir(exist_ok=True)
-    return made
+    subfolder = data / name
+    subfolder.mkdir(exist_ok=True)
+    return subfolder

@@ -10,7 +10,7 @@ from collections.abc import Coroutine
 from pathlib import Path
 
 from contestants.contest import BIDDERS
-from contestants.programs import Programs, free_port, ready, until_told
+from contestants.programs import Programs, free_port, ready, wait_for_end
 from contestants.somrs_parts import CARRIERS, Carrier, Lines, folder, one_step, site
 from somrs.client.client import Addresses
 from somrs.deployment.device import DeviceRunner, device_journal
@@ -86,11 +86,11 @@ async def _task_manager(data: Path, port: int) -> None:
 
 async def _devices(data: Path, first: int) -> None:
     addresses = Addresses.read(data)
-    kept = device_journal(data, str(first))
+    journal = device_journal(data, str(first))
     host = Host(HOST)
     await host.start()
     runners = [
-        DeviceRunner(Carrier(name), addresses, data, host, journal=kept.for_component(name)) for name in CARRIERS[first : first + GROUP]
+        DeviceRunner(Carrier(name), addresses, data, host, journal=journal.for_component(name)) for name in CARRIERS[first : first + GROUP]
     ]
     for runner in runners:
         await runner.start()
@@ -99,7 +99,7 @@ async def _devices(data: Path, first: int) -> None:
     for runner in runners:
         await runner.stop()
     await host.stop()
-    kept.close()
+    journal.close()
 
 
 def _part(name: str, number: int) -> Coroutine[None, None, None]:
@@ -117,11 +117,11 @@ def _part(name: str, number: int) -> Coroutine[None, None, None]:
 
 async def _run(name: str, number: int) -> None:
     running = asyncio.create_task(_part(name, number))
-    told = asyncio.create_task(until_told())
-    await asyncio.wait((running, told), return_when=asyncio.FIRST_COMPLETED)
+    end_request = asyncio.create_task(wait_for_end())
+    await asyncio.wait((running, end_request), return_when=asyncio.FIRST_COMPLETED)
     if not running.done():
         os.kill(os.getpid(), signal.SIGTERM)
-    told.cancel()
+    end_request.cancel()
     await running
 
 

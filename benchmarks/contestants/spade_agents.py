@@ -21,7 +21,7 @@ import msgspec
 
 from contestants.contest import BIDDERS
 from contestants.durable import Journal
-from contestants.programs import Programs, free_port, ready, until_told
+from contestants.programs import Programs, free_port, ready, wait_for_end
 from contestants.talk import Bidder, Negotiation, Note, Speaker
 from somrs.deployment.programs import run_program
 
@@ -83,11 +83,11 @@ class Spade:
 
     async def converse(self, line: int) -> None:
         transaction = uuid.uuid4().urn
-        over: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        finished: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         negotiation = Negotiation(self._speaker, transaction, self._bidders)
-        self._open[transaction] = negotiation, over
+        self._open[transaction] = negotiation, finished
         await self._speak(negotiation.open())
-        await over
+        await finished
 
     async def stop(self) -> None:
         await self._agent.stop()  # type: ignore[attr-defined]  # SPADE has no types
@@ -95,11 +95,11 @@ class Spade:
         await self._programs.end()
 
     def _hear(self, note: Note) -> list[Note]:
-        negotiation, over = self._open[note.transaction]
-        answers = negotiation.hear(note)
-        if negotiation.over:
+        negotiation, finished = self._open[note.transaction]
+        answers = negotiation.receive(note)
+        if negotiation.is_finished:
             del self._open[note.transaction]
-            over.set_result(None)
+            finished.set_result(None)
         return answers
 
 
@@ -115,7 +115,7 @@ async def _bidders(port: int) -> None:
 
         agents.append(await _agent(f"robot-{number}", port, journal, hear))
     ready()
-    await until_told()
+    await wait_for_end()
     for agent, _ in agents:
         await agent.stop()  # type: ignore[attr-defined]  # SPADE has no types
     journal.close()
@@ -127,11 +127,11 @@ async def _server(port: int) -> None:
     from pyjabber.server_parameters import Parameters
 
     loguru.logger.remove()
-    found = find_spec("pyjabber")
-    assert found is not None, "it was imported above"
-    assert found.origin is not None, "it has a file"
+    spec = find_spec("pyjabber")
+    assert spec is not None, "it was imported above"
+    assert spec.origin is not None, "it has a file"
     certificates = Path("certificates").resolve()
-    shutil.copytree(Path(found.origin).parent / "network" / "certs", certificates)  # it writes its own beside those
+    shutil.copytree(Path(spec.origin).parent / "network" / "certs", certificates)  # it writes its own beside those
     server = Server(
         Parameters(
             host=DOMAIN,
@@ -147,7 +147,7 @@ async def _server(port: int) -> None:
     serving = asyncio.create_task(server.start())
     await server.ready.wait()
     ready()
-    await until_told()
+    await wait_for_end()
     serving.cancel()
     for child in multiprocessing.active_children():  # it hashes passwords in processes of its own
         child.kill()

@@ -23,19 +23,19 @@ class Note(Struct, frozen=True, kw_only=True):
     body: Body
 
 
-WISH = "Jar002 isOn Platform001"
+GOAL = "Jar002 isOn Platform001"
 BODIES: dict[str, Body] = {
     "Arrange": {
         "service_type": "TransferObject",
         "object": "Jar002",
         "destination": "Platform001",
-        "effect": WISH,
+        "effect": GOAL,
         "precondition": "Jar002 isOn Cupboard001",
         "earliest_start": 1767225600.0,
         "reply_by": 1767225610.0,
     },
     "Terms": {
-        "effect": WISH,
+        "effect": GOAL,
         "precondition": "Jar002 isOn Cupboard001",
         "price": 4.0,
         "currency": "EUR",
@@ -46,7 +46,7 @@ BODIES: dict[str, Body] = {
     "Accept": {"terms": "urn:uuid:6f1c9f0e-5a58-5b5e-9a36-50e4c0a0f5f1"},
     "Cancel": {"reason": "another service was chosen by price"},
     "Execute": {"object": "Jar002", "destination": "Platform001", "precondition": "Jar002 isOn Cupboard001"},
-    "Completed": {"situation": WISH},
+    "Completed": {"situation": GOAL},
     "End": {"outcome": "accomplished"},
 }
 """What each message says."""
@@ -58,15 +58,17 @@ class Speaker:
     def __init__(self, name: str) -> None:
         self.name = name
         self._life = uuid.uuid4().urn
-        self._said = count()
+        self._counter = count()
 
-    def say(self, kind: str, recipient: str, transaction: str, participant: str, to: Note | None = None, body: Body | None = None) -> Note:
+    def write_note(
+        self, kind: str, recipient: str, transaction: str, participant: str, request: Note | None = None, body: Body | None = None
+    ) -> Note:
         return Note(
             kind=kind,
             sender=self.name,
             recipient=recipient,
-            id=f"{self._life}-{next(self._said)}",
-            relates_to=to.id if to is not None else None,
+            id=f"{self._life}-{next(self._counter)}",
+            relates_to=request.id if request is not None else None,
             transaction=transaction,
             participant=participant,
             body=body or BODIES[kind],
@@ -91,8 +93,8 @@ class Bidder:
             case _:
                 return None
 
-    def _reply(self, kind: str, to: Note, body: Body | None = None) -> Note:
-        return self._speaker.say(kind, to.sender, to.transaction, to.participant, to, body)
+    def _reply(self, kind: str, request: Note, body: Body | None = None) -> Note:
+        return self._speaker.write_note(kind, request.sender, request.transaction, request.participant, request, body)
 
 
 class Negotiation:
@@ -101,26 +103,26 @@ class Negotiation:
     def __init__(self, speaker: Speaker, transaction: str, bidders: tuple[str, ...]) -> None:
         self._speaker, self._transaction, self._bidders = speaker, transaction, bidders
         self._terms: list[Note] = []
-        self.over = False
+        self.is_finished = False
 
     def open(self) -> list[Note]:
-        return [self._say("Arrange", bidder) for bidder in self._bidders]
+        return [self._write_note("Arrange", bidder) for bidder in self._bidders]
 
-    def hear(self, note: Note) -> list[Note]:
+    def receive(self, note: Note) -> list[Note]:
         match note.kind:
             case "Terms":
                 self._terms.append(note)
                 return self._award() if len(self._terms) == len(self._bidders) else []
             case "Completed":
-                self.over = True
-                return [self._say("End", note.sender, note)]
+                self.is_finished = True
+                return [self._write_note("End", note.sender, note)]
             case _:
                 return []
 
     def _award(self) -> list[Note]:
         best = min(self._terms, key=lambda terms: (terms.body["price"], terms.sender))
-        decided = [self._say("Accept" if terms is best else "Cancel", terms.sender, terms) for terms in self._terms]
-        return [*decided, self._say("Execute", best.sender, best)]
+        decided = [self._write_note("Accept" if terms is best else "Cancel", terms.sender, terms) for terms in self._terms]
+        return [*decided, self._write_note("Execute", best.sender, best)]
 
-    def _say(self, kind: str, bidder: str, to: Note | None = None) -> Note:
-        return self._speaker.say(kind, bidder, self._transaction, f"{bidder}.TransferObject#s1", to)
+    def _write_note(self, kind: str, bidder: str, request: Note | None = None) -> Note:
+        return self._speaker.write_note(kind, bidder, self._transaction, f"{bidder}.TransferObject#s1", request)

@@ -8,7 +8,7 @@ from typing import Any
 from somrs.planner.model.problem import Problem
 
 
-def stated(asked: Problem, washed: tuple[str, ...], places: dict[str, str]) -> Any:
+def unified_task(problem: Problem, washed: tuple[str, ...], places: dict[str, str]) -> Any:
     """The task of `asked`, a store, as unified-planning has it; the goal is that jars are washed and stand on places."""
     from unified_planning.shortcuts import BoolType, Equals, Fluent, InstantaneousAction, Not, Object, UserType
     from unified_planning.shortcuts import Problem as Task
@@ -16,30 +16,30 @@ def stated(asked: Problem, washed: tuple[str, ...], places: dict[str, str]) -> A
     place = UserType("Place")
     jar, shelf, washer = UserType("Jar", place), UserType("Shelf", place), UserType("Washer", place)
     kinds = {"Jar": jar, "Shelf": shelf, "Washer": washer}
-    on, clean = Fluent("is_on", BoolType(), thing=jar, place=place), Fluent("clean", BoolType(), jar=jar)
+    placed_on, clean = Fluent("is_on", BoolType(), thing=jar, place=place), Fluent("clean", BoolType(), jar=jar)
 
     transfer = InstantaneousAction("transfer", thing=jar, source=place, destination=place)
     thing, source, destination = transfer.parameters
-    transfer.add_precondition(on(thing, source))
+    transfer.add_precondition(placed_on(thing, source))
     transfer.add_precondition(Not(Equals(thing, destination)))
-    transfer.add_effect(on(thing, source), False)
-    transfer.add_effect(on(thing, destination), True)
+    transfer.add_effect(placed_on(thing, source), False)
+    transfer.add_effect(placed_on(thing, destination), True)
     wash = InstantaneousAction("wash", thing=jar, provider=washer)
-    wash.add_precondition(on(wash.parameters[0], wash.parameters[1]))
+    wash.add_precondition(placed_on(wash.parameters[0], wash.parameters[1]))
     wash.add_effect(clean(wash.parameters[0]), True)
 
     task = Task("store")
-    for fluent in (on, clean):
+    for fluent in (placed_on, clean):
         task.add_fluent(fluent, default_initial_value=False)
     task.add_actions([transfer, wash])
-    objects = {name: Object(name, kinds[object.type]) for name, object in asked.map.objects.items()}
+    objects = {name: Object(name, kinds[object.type]) for name, object in problem.map.objects.items()}
     task.add_objects(objects.values())
-    for fact in asked.map.facts("isOn"):
-        task.set_initial_value(on(objects[fact.arguments[0]], objects[fact.arguments[1]]), True)
+    for fact in problem.map.facts("isOn"):
+        task.set_initial_value(placed_on(objects[fact.arguments[0]], objects[fact.arguments[1]]), True)
     for name in washed:
         task.add_goal(clean(objects[name]))
-    for name, where in places.items():
-        task.add_goal(on(objects[name], objects[where]))
+    for name, place_name in places.items():
+        task.add_goal(placed_on(objects[name], objects[place_name]))
     return task
 
 
@@ -50,5 +50,5 @@ def steps(task: Any, seconds: float) -> int | None:
     get_environment().credits_stream = None
     with OneshotPlanner(name="fast-downward") as planner:
         planner.skip_checks = True
-        found = planner.solve(task, timeout=seconds).plan
-    return len(found.actions) if found is not None else None
+        plan = planner.solve(task, timeout=seconds).plan
+    return len(plan.actions) if plan is not None else None
