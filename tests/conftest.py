@@ -21,7 +21,7 @@ settings.load_profile("somrs")
 FOLDERS = ("browser", "system", "integration", "unit")
 """Tests of whole systems wait most: they begin first, and others fill the gaps."""
 
-TOGETHER = {
+WORKER_GROUPS = {
     "browser/test_api": "quiet pages",
     "browser/test_history": "quiet pages",
     "browser/test_owl": "quiet pages",
@@ -33,20 +33,20 @@ TOGETHER = {
 """Files, and folders of files, whose tests are all run by one worker, as they share what takes long to make; files of one name, too."""
 
 
-class Together(LoadScopeScheduling):  # type: ignore[misc]
+class GroupScheduling(LoadScopeScheduling):  # type: ignore[misc]
     """Gives single tests to whoever is free, and those that belong `TOGETHER` to one worker."""
 
     def _split_scope(self, nodeid: str) -> str:
         file = nodeid.partition("::")[0].removesuffix(".py")
-        for place, name in TOGETHER.items():
+        for place, name in WORKER_GROUPS.items():
             if f"{file}/".startswith(f"tests/{place}/"):
                 return name or file
         return nodeid
 
 
 @pytest.hookimpl(optionalhook=True)
-def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Together | None:
-    return Together(config, log) if config.getvalue("dist") == "loadscope" else None
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> GroupScheduling | None:
+    return GroupScheduling(config, log) if config.getvalue("dist") == "loadscope" else None
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -83,19 +83,19 @@ def pytest_collection_finish() -> None:
 
 
 @pytest.fixture(autouse=True)
-def _nothing_left() -> Iterator[None]:
+def _no_leftover_processes() -> Iterator[None]:
     """What a test started it ends, also when it fails; else it is ended here and the test is an error."""
-    before = leftovers.processes()
+    processes_before = leftovers.processes()
     yield
-    left = leftovers.end(before)
-    assert not left, "left running: " + "; ".join(left)
+    remaining = leftovers.end(processes_before)
+    assert not remaining, "left running: " + "; ".join(remaining)
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    left = leftovers.end({}) if hasattr(session.config, "workerinput") or not session.config.getoption("numprocesses", None) else []
-    for line in left:
+    remaining = leftovers.end({}) if hasattr(session.config, "workerinput") or not session.config.getoption("numprocesses", None) else []
+    for line in remaining:
         print(f"left running by a fixture, and killed: {line}")
-    if left:
+    if remaining:
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 

@@ -16,7 +16,7 @@ import pytest
 
 from somrs.client.client import Addresses
 from somrs.errors import UsageError
-from tests.conftest import TOGETHER
+from tests.conftest import WORKER_GROUPS
 from tests.support import warm
 from tests.support.paths import ROOT, SCENARIO_1
 
@@ -55,7 +55,7 @@ WORK_TIME = 300_000
 """Milliseconds for robots to carry something, with a failure on the way."""
 
 
-class Running:
+class RunningSystem:
     """A system that `somrs up` runs, with its windows."""
 
     def __init__(self, data: Path, site: Path = SCENARIO_1, speed: str = "4") -> None:
@@ -74,19 +74,19 @@ class Running:
         return self.addresses.gui
 
     def _addresses(self) -> Addresses:
-        until = time.monotonic() + UP_TIME
-        while time.monotonic() < until and not self._process.ended:
+        deadline = time.monotonic() + UP_TIME
+        while time.monotonic() < deadline and not self._process.ended:
             try:
-                found = Addresses.read(self.data)
+                addresses = Addresses.read(self.data)
             except UsageError:
                 pass
             else:
-                if found.gui is not None and "In the browser" in self.said():
-                    return found
+                if addresses.gui is not None and "In the browser" in self.log_text():
+                    return addresses
             time.sleep(0.1)
-        raise AssertionError(f"the system did not start: {self.said()}")
+        raise AssertionError(f"the system did not start: {self.log_text()}")
 
-    def said(self) -> str:
+    def log_text(self) -> str:
         """What its programs have written."""
         return self.log.read_text(encoding="utf-8", errors="replace")
 
@@ -94,19 +94,19 @@ class Running:
         """SIGKILL one of its programs, such as `gui`; it is started again by itself."""
         self._signal(program, signal.SIGKILL)
 
-    def _signal(self, program: str, what: int) -> None:
-        found = subprocess.run(["pgrep", "-f", f"run {program} .*--data {self.data}"], capture_output=True, text=True, check=True)
-        for id in found.stdout.split():
-            os.kill(int(id), what)
+    def _signal(self, program: str, signal_number: int) -> None:
+        processes = subprocess.run(["pgrep", "-f", f"run {program} .*--data {self.data}"], capture_output=True, text=True, check=True)
+        for id in processes.stdout.split():
+            os.kill(int(id), signal_number)
 
     def kill_and_await(self, *programs: str) -> None:
         """The same, until all are back."""
-        before = self.said()
+        log_before = self.log_text()
         for program in programs:
             self.kill(program)
-        until = time.monotonic() + UP_TIME
-        while not all(f"{program} is back" in self.said()[len(before) :] for program in programs):
-            assert time.monotonic() < until, f"not all came back: {self.said()[len(before) :]}"
+        deadline = time.monotonic() + UP_TIME
+        while not all(f"{program} is back" in self.log_text()[len(log_before) :] for program in programs):
+            assert time.monotonic() < deadline, f"not all came back: {self.log_text()[len(log_before) :]}"
             time.sleep(0.1)
 
     @contextmanager
@@ -119,7 +119,7 @@ class Running:
             self._signal(program, signal.SIGCONT)
 
     @contextmanager
-    def without(self, program: str) -> Iterator[None]:
+    def without_program(self, program: str) -> Iterator[None]:
         """One of its programs is killed, and not started again before the end."""
         self._process.send_signal(signal.SIGSTOP)
         try:
@@ -139,25 +139,25 @@ class Running:
 
 
 @contextmanager
-def running_in(folder: Path, speed: str = "4") -> Iterator[Running]:
-    running = Running(folder / "data", speed=speed)
+def running_in(folder: Path, speed: str = "4") -> Iterator[RunningSystem]:
+    running = RunningSystem(folder / "data", speed=speed)
     try:
         yield running
     finally:
         running.stop()
-    assert "Traceback" not in running.said(), f"a program of the system met a defect: see {running.log}"
+    assert "Traceback" not in running.log_text(), f"a program of the system met a defect: see {running.log}"
 
 
 @pytest.fixture(scope="session")
-def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningSystem]:
     with running_in(tmp_path_factory.mktemp("shared")) as running:
         yield running
 
 
 @pytest.fixture(scope="module")
-def system(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+def system(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningSystem]:
     """The paper's scenario, for all tests of one file, or of those that share it."""
-    if f"browser/{request.path.stem}" in TOGETHER:
+    if f"browser/{request.path.stem}" in WORKER_GROUPS:
         yield request.getfixturevalue("shared")
     else:
         with running_in(tmp_path_factory.mktemp("browser")) as running:
@@ -166,17 +166,17 @@ def system(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Browser]:
-    found = next(filter(Path.exists, CHROMIUM), None)
-    if found is None:
+    executable = next(filter(Path.exists, CHROMIUM), None)
+    if executable is None:
         pytest.skip("there is no Chromium; on Debian and Ubuntu: sudo apt-get install chromium")
     expect.set_options(timeout=1000 * PATIENCE)
     with sync_playwright() as started:
-        browser = started.chromium.launch(executable_path=str(found), args=[*FLAGS])
+        browser = started.chromium.launch(executable_path=str(executable), args=[*FLAGS])
         yield browser
         browser.close()
 
 
-class Outside(AssertionError):
+class ExternalRequest(AssertionError):
     """A page asked for something from another machine."""
 
 
@@ -197,7 +197,7 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestR
     if report.failed:
         item.stash[FAILED] = True
         for fixture in getattr(item, "funcargs", {}).values():
-            if isinstance(fixture, Running):
+            if isinstance(fixture, RunningSystem):
                 FAILURES.mkdir(parents=True, exist_ok=True)
                 shutil.copy(fixture.log, FAILURES / f"{item.name}.log")
     return report
@@ -211,7 +211,7 @@ def window(browser: Browser, profiles: list[BrowserContext], request: pytest.Fix
     pages: list[Page] = []
     errors: list[str] = []
 
-    def opened(url: str, size: str = "1280", *, dark: bool = False, may_reload: bool = False) -> Page:
+    def open_page(url: str, size: str = "1280", *, dark: bool = False, may_reload: bool = False) -> Page:
         if len(pages) == len(profiles):
             profiles.append(browser.new_context())
         page = profiles[len(pages)].new_page()
@@ -220,18 +220,18 @@ def window(browser: Browser, profiles: list[BrowserContext], request: pytest.Fix
         resize(page, size)
         page.emulate_media(color_scheme="dark" if dark else "light", reduced_motion="reduce")
 
-        def said(message: ConsoleMessage) -> None:
+        def check_console(message: ConsoleMessage) -> None:
             wrong = message.type == "error" and "ERR_CONNECTION" not in message.text
             if wrong or (message.text.startswith("reloading because") and not may_reload):
                 errors.append(message.text)
 
         page.on("pageerror", lambda error: errors.append(str(error)))
-        page.on("console", said)
-        page.on("request", lambda asked: None if _local(asked.url) else errors.append(f"asked for {asked.url}"))
+        page.on("console", check_console)
+        page.on("request", lambda sent_request: None if _local(sent_request.url) else errors.append(f"asked for {sent_request.url}"))
         page.goto(url)
         return page
 
-    yield opened
+    yield open_page
     for number, page in enumerate(pages, 1):
         if request.node.stash.get(FAILED, False):
             page.screenshot(path=FAILURES / f"{request.node.name}-{number}.png")
@@ -245,10 +245,10 @@ def _local(url: str) -> bool:
     return url.startswith(("http://127.0.0.1:", "ws://127.0.0.1:", "data:", "blob:", "about:"))
 
 
-def stands(drawn: Locator) -> None:
+def wait_until_still(drawn: Locator) -> None:
     """Wait until the page is laid out, to the last sign, and what is drawn stays where it is: for some pictures, however long each takes,
     and longer than Quasar waits before it makes room for the header."""
-    still = """async (drawn) => {
+    script = """async (drawn) => {
         await document.fonts.ready;
         for (let [same, since, before] = [0, 0, ""]; (same < 5 || performance.now() - since < 300) && drawn.isConnected; ) {
             await new Promise(requestAnimationFrame);
@@ -258,7 +258,7 @@ def stands(drawn: Locator) -> None:
         }
         return drawn.isConnected;
     }"""
-    while not drawn.evaluate(still):  # it was drawn anew
+    while not drawn.evaluate(script):  # it was drawn anew
         pass
 
 
@@ -281,7 +281,7 @@ def resize(page: Page, size: str) -> None:
     page.set_viewport_size({"width": width, "height": height})
 
 
-def shoot(page: Page, name: str) -> Path:
+def take_screenshot(page: Page, name: str) -> Path:
     """A screenshot of what is in view, in `out/screenshots`."""
     SCREENSHOTS.mkdir(parents=True, exist_ok=True)
     file = SCREENSHOTS / f"{name}.png"

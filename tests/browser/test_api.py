@@ -12,14 +12,14 @@ import msgspec
 import pytest
 from websockets.sync.client import connect
 
-from .conftest import PATIENCE, Running
+from .conftest import PATIENCE, RunningSystem
 
 
-def call(system: Running, method: str, path: str, body: object = None, **query: object) -> tuple[int, Any]:
+def call(system: RunningSystem, method: str, path: str, body: object = None, **query: object) -> tuple[int, Any]:
     """The HTTP status, and the JSON that was answered."""
-    asked = urllib.parse.urlencode({name: value for name, value in query.items() if value is not None})
+    query_string = urllib.parse.urlencode({name: value for name, value in query.items() if value is not None})
     content = body if isinstance(body, bytes) else json.dumps(body).encode() if body is not None else None
-    request = urllib.request.Request(f"{system.url}/api{path}{f'?{asked}' if asked else ''}", method=method, data=content)
+    request = urllib.request.Request(f"{system.url}/api{path}{f'?{query_string}' if query_string else ''}", method=method, data=content)
     try:
         with urllib.request.urlopen(request, timeout=PATIENCE) as answer:
             return answer.status, json.loads(answer.read() or b"null")
@@ -27,17 +27,17 @@ def call(system: Running, method: str, path: str, body: object = None, **query: 
         return error.code, json.loads(error.read())
 
 
-def described(system: Running) -> dict[str, Any]:
-    found: dict[str, Any] = call(system, "GET", "/openapi.json")[1]
-    return found
+def api_description(system: RunningSystem) -> dict[str, Any]:
+    description: dict[str, Any] = call(system, "GET", "/openapi.json")[1]
+    return description
 
 
-def test_wrong_bodies_and_parameters_are_answered_in_words(system: Running) -> None:
+def test_wrong_bodies_and_parameters_are_answered_in_words(system: RunningSystem) -> None:
     """Whatever the operation, nothing that is sent to it ends in an error of the server's own."""
-    tried = 0
-    for path, methods in described(system)["paths"].items():
+    request_count = 0
+    for path, methods in api_description(system)["paths"].items():
         for method, operation in methods.items():
-            if "requestBody" not in operation and not any(one["required"] for one in operation.get("parameters", ())):
+            if "requestBody" not in operation and not any(parameter["required"] for parameter in operation.get("parameters", ())):
                 continue
             place = path.replace("{", "").replace("}", "") if "requestBody" in operation else path.replace("{", "no-such-").replace("}", "")
             status, answer = call(system, method.upper(), place, b'{"no": [' if "requestBody" in operation else None)
@@ -45,29 +45,29 @@ def test_wrong_bodies_and_parameters_are_answered_in_words(system: Running) -> N
             if "requestBody" in operation and operation["requestBody"]["required"]:
                 assert status == 400, f"{method} {place} took what is no JSON"
                 assert answer["problem"]
-            tried += 1
-    assert tried > 3
+            request_count += 1
+    assert request_count > 3
 
 
-def test_a_wrong_formula_is_told_with_what_was_meant(system: Running) -> None:
+def test_a_wrong_formula_is_told_with_what_was_meant(system: RunningSystem) -> None:
     status, answer = call(system, "GET", "/map/query", formula="Jar002 isO ?Where")
     assert status in (400, 409)
     assert "did you mean isOn?" in answer["problem"] + answer["hint"]
 
 
-def test_what_is_missing_is_named(system: Running) -> None:
+def test_what_is_missing_is_named(system: RunningSystem) -> None:
     status, answer = call(system, "GET", "/map/query")
     assert status == 400
     assert "formula is missing" in answer["problem"]
 
 
-def test_a_parameter_that_is_none_is_not_passed_over(system: Running) -> None:
+def test_a_parameter_that_is_none_is_not_passed_over(system: RunningSystem) -> None:
     status, answer = call(system, "GET", "/map/query", formula="Jar002 isOn ?Where", limits=3)
     assert status == 400
     assert "did you mean limit?" in answer["problem"]
 
 
-def test_a_change_of_the_map_is_news_to_whoever_follows_it(system: Running) -> None:
+def test_a_change_of_the_map_is_news_to_whoever_follows_it(system: RunningSystem) -> None:
     with connect(system.url.replace("http", "ws") + "/api/live") as socket:
         socket.send(json.dumps({"follow": ["map"]}))
         status, _ = call(system, "POST", "/map/changes", {"situation": 'Table002.Label = "By the window"', "author": "test"})
@@ -79,9 +79,9 @@ def test_a_change_of_the_map_is_news_to_whoever_follows_it(system: Running) -> N
     assert news["topic"] == "map"
 
 
-@pytest.mark.parametrize("said", ["", "{}", '{"follow": "map"}', "[1"])
-def test_whoever_follows_nothing_is_told_how(system: Running, said: str) -> None:
+@pytest.mark.parametrize("message", ["", "{}", '{"follow": "map"}', "[1"])
+def test_whoever_follows_nothing_is_told_how(system: RunningSystem, message: str) -> None:
     with connect(system.url.replace("http", "ws") + "/api/live") as socket:
-        socket.send(said)
+        socket.send(message)
         with pytest.raises(Exception, match="follow"):
             socket.recv(timeout=PATIENCE)

@@ -11,24 +11,24 @@ from urllib.parse import quote
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from .conftest import Running, every_look, fits, shoot, stands
+from .conftest import RunningSystem, every_look, fits, take_screenshot, wait_until_still
 
 
-def asked(system: Running, method: str, path: str, body: object | None = None) -> Any:
+def call_api(system: RunningSystem, method: str, path: str, body: object | None = None) -> Any:
     request = urllib.request.Request(f"{system.url}/api{path}", method=method, data=None if body is None else json.dumps(body).encode())
     with urllib.request.urlopen(request) as answer:
         return json.load(answer)
 
 
-def changed(system: Running, *changes: dict[str, Any]) -> None:
-    asked(system, "POST", "/map/changes", {"changes": [*changes], "author": "a test"})
+def change_map(system: RunningSystem, *changes: dict[str, Any]) -> None:
+    call_api(system, "POST", "/map/changes", {"changes": [*changes], "author": "a test"})
 
 
 @pytest.fixture
-def opened(system: Running, window: Callable[..., Page]) -> Callable[..., Page]:
+def open_page(system: RunningSystem, window: Callable[..., Page]) -> Callable[..., Page]:
     def open_(size: str = "1280", *, effect: str = "", dark: bool = False, may_reload: bool = False) -> Page:
-        asked = f"?effect={quote(effect)}" if effect else ""
-        page = window(f"{system.url}/define{asked}", size, dark=dark, may_reload=may_reload)
+        query = f"?effect={quote(effect)}" if effect else ""
+        page = window(f"{system.url}/define{query}", size, dark=dark, may_reload=may_reload)
         page.locator("[data-name=Jar003]").first.wait_for(state="attached")
         return page
 
@@ -48,7 +48,7 @@ def write(page: Page, text: str) -> None:
 def middle(page: Page, name: str) -> tuple[float, float]:
     """Where a thing is on the plan, once it stays there: a page that is being made shifts."""
     drawn = page.locator(f".somrs-define-plan [data-name={name}]").first
-    stands(drawn)
+    wait_until_still(drawn)
     box = drawn.bounding_box()
     assert box is not None
     return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
@@ -57,8 +57,8 @@ def middle(page: Page, name: str) -> tuple[float, float]:
 # The formula
 
 
-def test_a_formula_is_written_with_what_is_offered(opened: Callable[..., Page]) -> None:
-    page = opened()
+def test_a_formula_is_written_with_what_is_offered(open_page: Callable[..., Page]) -> None:
+    page = open_page()
     field(page).focus()
     page.keyboard.type("jar", delay=30)
     offered = page.get_by_role("listbox", name="What can come here")
@@ -71,7 +71,7 @@ def test_a_formula_is_written_with_what_is_offered(opened: Callable[..., Page]) 
     page.keyboard.press("Tab")
     page.keyboard.type("plat", delay=30)
     expect(offered.get_by_role("option")).to_have_count(1)
-    shoot(page, "define-completion-1280-light")
+    take_screenshot(page, "define-completion-1280-light")
     expect(field(page)).to_have_attribute("aria-invalid", "false")  # a word that is being completed is not wrong yet
     page.keyboard.press("Enter")
     expect(field(page)).to_have_value("Jar003 isOn Platform001 ")
@@ -81,17 +81,17 @@ def test_a_formula_is_written_with_what_is_offered(opened: Callable[..., Page]) 
     expect(page.get_by_role("combobox", name="Of which")).to_have_value("Platform001")
 
 
-def test_what_is_wrong_is_underlined_and_can_be_mended(opened: Callable[..., Page]) -> None:
-    page = opened()
+def test_what_is_wrong_is_underlined_and_can_be_mended(open_page: Callable[..., Page]) -> None:
+    page = open_page()
     field(page).fill("Jar003 isOm Platform001\nAND Jar9 isOn Table001 AND")
     page.keyboard.press("Escape")
     wrong = page.locator(".somrs-fe-wrong")
     expect(wrong).to_have_text(["isOm", "Jar9", "\u00a0"])
-    said = page.locator(".somrs-fe-said").first
-    expect(said).to_contain_text("there is no relation isOm; did you mean isOn?")
-    expect(said).to_contain_text("there is no object Jar9 on the map")
+    message = page.locator(".somrs-fe-said").first
+    expect(message).to_contain_text("there is no relation isOm; did you mean isOn?")
+    expect(message).to_contain_text("there is no object Jar9 on the map")
     expect(field(page)).to_have_attribute("aria-invalid", "true")
-    shoot(page, "define-mistakes-1280-light")
+    take_screenshot(page, "define-mistakes-1280-light")
     page.get_by_role("button", name="Write isOn instead").click()
     expect(field(page)).to_have_value("Jar003 isOn Platform001\nAND Jar9 isOn Table001 AND")
     expect(wrong).to_have_text(["Jar9", "\u00a0"])
@@ -100,16 +100,16 @@ def test_what_is_wrong_is_underlined_and_can_be_mended(opened: Callable[..., Pag
     expect(field(page)).to_have_value("Jar003 isOm Platform001\nAND Jar9 isOn Table001 AND")
 
 
-def test_a_thing_that_goes_while_one_writes_is_missed_at_once(system: Running, opened: Callable[..., Page]) -> None:
-    page = opened()
+def test_a_thing_that_goes_while_one_writes_is_missed_at_once(system: RunningSystem, open_page: Callable[..., Page]) -> None:
+    page = open_page()
     cup = {"name": "Cup77", "type": "Cup", "values": {"PositionX": 4.0, "PositionY": 2.2, "PositionZ": 0.74}}
-    changed(
+    change_map(
         system,
         {"type": "ObjectAdded", "object": cup},
         {"type": "FactAdded", "fact": {"relation": "isPartOf", "arguments": ["Cup77", "Building001"]}},
     )
     write(page, "Cup77 isOn Platform001")
-    changed(system, {"type": "ObjectRemoved", "name": "Cup77"})
+    change_map(system, {"type": "ObjectRemoved", "name": "Cup77"})
     expect(page.locator(".somrs-fe-wrong")).to_have_text(["Cup77"])
     expect(page.locator(".somrs-fe-said").first).to_contain_text("there is no object Cup77 on the map")
     page.get_by_role("button", name="Start").click()
@@ -129,8 +129,8 @@ def choose(page: Page, label: str, typed: str, number: int = 0) -> None:
     page.keyboard.press("Enter")
 
 
-def test_lines_and_the_formula_stay_in_step(opened: Callable[..., Page]) -> None:
-    page = opened()
+def test_lines_and_the_formula_stay_in_step(open_page: Callable[..., Page]) -> None:
+    page = open_page()
     choose(page, "Thing", "Jar003")
     choose(page, "Of which", "Platform001")
     expect(field(page)).to_have_value("Jar003 isOn Platform001")
@@ -144,7 +144,7 @@ def test_lines_and_the_formula_stay_in_step(opened: Callable[..., Page]) -> None
     choose(page, "How it compares", ">=", 1)
     page.get_by_role("textbox", name="Value").fill("20")
     expect(field(page)).to_have_value("Jar003 isOn Platform001\nAND Door001.Open = TRUE\nAND Robot1.Charge >= 20 %")
-    shoot(page, "define-lines-1280-light")
+    take_screenshot(page, "define-lines-1280-light")
     # And the other way round.
     field(page).fill("NOT Jar002 isHeldBy Robot2")
     page.keyboard.press("Escape")
@@ -160,24 +160,24 @@ def test_lines_and_the_formula_stay_in_step(opened: Callable[..., Page]) -> None
 # On the plan
 
 
-def test_a_thing_is_dragged_to_where_it_is_to_be_and_gets_there(system: Running, opened: Callable[..., Page]) -> None:
-    page = opened()
+def test_a_thing_is_dragged_to_where_it_is_to_be_and_gets_there(system: RunningSystem, open_page: Callable[..., Page]) -> None:
+    page = open_page()
     jar, platform = middle(page, "Jar003"), middle(page, "Platform001")
     page.mouse.move(*jar)
     page.mouse.down()
     page.mouse.move(*platform, steps=8)
-    shoot(page, "define-drag-1280-light")
+    take_screenshot(page, "define-drag-1280-light")
     page.mouse.up()
     expect(field(page)).to_have_value("Jar003 isOn Platform001")
     page.get_by_role("button", name="Start").click()
     page.wait_for_url("**/tasks/*")
     expect(page.get_by_text("Accomplished").first).to_be_visible()
-    rows = asked(system, "GET", f"/map/query?formula={quote('Jar003 isOn Platform001')}")["rows"]
+    rows = call_api(system, "GET", f"/map/query?formula={quote('Jar003 isOn Platform001')}")["rows"]
     assert len(rows) == 1
 
 
-def test_pointing_at_a_thing_and_then_at_a_place_says_the_same(opened: Callable[..., Page]) -> None:
-    page = opened("820")
+def test_pointing_at_a_thing_and_then_at_a_place_says_the_same(open_page: Callable[..., Page]) -> None:
+    page = open_page("820")
     page.mouse.click(*middle(page, "Carton001"))
     expect(page.get_by_role("combobox", name="Thing")).to_have_value("Carton001")
     page.mouse.click(*middle(page, "Shelf001"))
@@ -187,8 +187,8 @@ def test_pointing_at_a_thing_and_then_at_a_place_says_the_same(opened: Callable[
 # Beforehand
 
 
-def test_a_preview_says_what_would_be_done_and_what_it_costs(opened: Callable[..., Page]) -> None:
-    page = opened()
+def test_a_preview_says_what_would_be_done_and_what_it_costs(open_page: Callable[..., Page]) -> None:
+    page = open_page()
     write(page, "Carton001 isOn Shelf001")
     page.get_by_role("textbox", name="As a formula").press("Control+Enter")
     plan = page.get_by_role("group", name="What would be done")
@@ -208,29 +208,29 @@ def test_a_preview_says_what_would_be_done_and_what_it_costs(opened: Callable[..
     assert page.url.endswith("/define"), "nothing was started"
 
 
-def test_an_impossible_wish_says_why(opened: Callable[..., Page]) -> None:
-    page = opened()
+def test_an_impossible_wish_says_why(open_page: Callable[..., Page]) -> None:
+    page = open_page()
     write(page, "Door001.Open = FALSE")
     page.get_by_role("button", name="Preview").click()
     refused = page.get_by_role("alert")
     expect(refused).to_contain_text("There is no way to do this now")
     expect(refused).to_contain_text("Door001.Open = FALSE does not hold on the map, and no service type brings it about")
     expect(refused).to_contain_text("?Object isOn ?Destination")
-    shoot(page, "define-impossible-1280-light")
+    take_screenshot(page, "define-impossible-1280-light")
 
 
 # Again
 
 
-def test_a_template_is_kept_and_used(opened: Callable[..., Page]) -> None:
-    page = opened()
+def test_a_template_is_kept_and_used(open_page: Callable[..., Page]) -> None:
+    page = open_page()
     write(page, "Carton001 isOn Shelf001")
     page.get_by_role("button", name="Templates").click()
     page.get_by_text("Keep this task as a template").click()
     page.get_by_role("textbox", name="Name").fill("To the store")
     page.get_by_role("checkbox", name="Carton001").click()
     choose(page, "What may stand for Carton001", "Graspable")
-    shoot(page, "define-template-1280-light")
+    take_screenshot(page, "define-template-1280-light")
     page.get_by_role("button", name="Keep", exact=True).click()
     expect(page.get_by_text("To the store is kept among the templates.")).to_be_visible()
     page.get_by_role("button", name="Clear").click()
@@ -248,8 +248,8 @@ def test_a_template_is_kept_and_used(opened: Callable[..., Page]) -> None:
     expect(page.get_by_text("There are none yet.")).to_be_visible()
 
 
-def test_an_order_is_given_and_rests_and_goes(opened: Callable[..., Page]) -> None:
-    page = opened()
+def test_an_order_is_given_and_rests_and_goes(open_page: Callable[..., Page]) -> None:
+    page = open_page()
     write(page, "Carton001 isOn Table002")
     choose(page, "When", "Every so often")
     page.get_by_role("textbox", name="Minutes").fill("0")
@@ -271,14 +271,14 @@ def test_an_order_is_given_and_rests_and_goes(opened: Callable[..., Page]) -> No
     expect(order).to_be_hidden()
 
 
-def test_a_link_opens_the_page_with_a_wish(opened: Callable[..., Page]) -> None:
-    page = opened(effect="Carton001 isOn Shelf001")
+def test_a_link_opens_the_page_with_a_wish(open_page: Callable[..., Page]) -> None:
+    page = open_page(effect="Carton001 isOn Shelf001")
     expect(field(page)).to_have_value("Carton001 isOn Shelf001")
     expect(page.get_by_role("combobox", name="Of which")).to_have_value("Shelf001")
 
 
-def test_what_was_typed_outlives_the_server(system: Running, opened: Callable[..., Page]) -> None:
-    page = opened(may_reload=True)
+def test_what_was_typed_outlives_the_server(system: RunningSystem, open_page: Callable[..., Page]) -> None:
+    page = open_page(may_reload=True)
     write(page, "Carton001 isOn Shelf001")
     page.get_by_role("textbox", name="Deadline").fill("15")
     page.get_by_role("button", name="High").click()
@@ -293,13 +293,13 @@ def test_what_was_typed_outlives_the_server(system: Running, opened: Callable[..
     expect(page.get_by_text("cheapest, high priority, within 15 min")).to_be_visible()
 
 
-def test_it_looks_as_it_should(opened: Callable[..., Page]) -> None:
-    page = opened(effect="Carton001 isOn Shelf001")
+def test_it_looks_as_it_should(open_page: Callable[..., Page]) -> None:
+    page = open_page(effect="Carton001 isOn Shelf001")
     page.get_by_role("button", name="Preview").click()
     expect(page.locator(".somrs-define-graph svg")).to_be_visible()
     for look in every_look(page):
         page.get_by_role("button", name="Show all").click()
         page.evaluate("scrollTo(0, 0)")
         page.wait_for_timeout(400)
-        shoot(page, f"define-{look}")
+        take_screenshot(page, f"define-{look}")
         assert fits(page)

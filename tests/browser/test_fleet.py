@@ -22,37 +22,37 @@ from somrs.ontology.services import ServiceType
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.directory import Offer, Publish, Published, Retract, Retracted
 
-from .conftest import PATIENCE, WORK_TIME, Running, every_look, fits, shoot
+from .conftest import PATIENCE, WORK_TIME, RunningSystem, every_look, fits, take_screenshot
 
-Open = Callable[..., Page]
+OpenPage = Callable[..., Page]
 
 
 def device(page: Page, name: str) -> Locator:
     return page.get_by_role("article", name=name)
 
 
-def fleet(system: Running) -> dict[str, dict[str, Any]]:
+def fleet(system: RunningSystem) -> dict[str, dict[str, Any]]:
     """The devices by name, as the API has them."""
     with urllib.request.urlopen(f"{system.url}/api/fleet") as answer:
-        return {one["name"]: one for one in json.load(answer)["devices"]}
+        return {entry["name"]: entry for entry in json.load(answer)["devices"]}
 
 
-def state_task(system: Running, effect: str) -> str:
-    asked = urllib.request.Request(f"{system.url}/api/tasks", data=json.dumps({"effect": effect}).encode(), method="POST")
-    with urllib.request.urlopen(asked) as answer:
+def state_task(system: RunningSystem, effect: str) -> str:
+    request = urllib.request.Request(f"{system.url}/api/tasks", data=json.dumps({"effect": effect}).encode(), method="POST")
+    with urllib.request.urlopen(request) as answer:
         return str(json.load(answer)["task"])
 
 
-def ask(system: Running, body: Body, expected: type[Any]) -> None:
-    async def asking() -> None:
+def ask_registry(system: RunningSystem, body: Body, expected: type[Any]) -> None:
+    async def send_request() -> None:
         async with Client(system.addresses) as client:
             await client.ask(system.addresses.registry, body, expected)
 
-    with ThreadPoolExecutor(1) as beside:  # Playwright's own event loop runs in this thread
-        beside.submit(asyncio.run, asking()).result()
+    with ThreadPoolExecutor(1) as executor:  # Playwright's own event loop runs in this thread
+        executor.submit(asyncio.run, send_request()).result()
 
 
-def test_every_device_is_there_with_what_it_offers(system: Running, window: Open) -> None:
+def test_every_device_is_there_with_what_it_offers(system: RunningSystem, window: OpenPage) -> None:
     page = window(f"{system.url}/fleet")
     for name, price in (("Robot1", "10 EUR"), ("Robot2", "25 EUR")):
         card = device(page, name)
@@ -63,108 +63,108 @@ def test_every_device_is_there_with_what_it_offers(system: Running, window: Open
     expect(page.get_by_role("status").first).to_contain_text("2 on offer")
     for look in every_look(page):
         assert fits(page)
-        shoot(page, f"fleet-{look}")
+        take_screenshot(page, f"fleet-{look}")
 
 
-def test_the_command_line_shows_the_same(system: Running) -> None:
+def test_the_command_line_shows_the_same(system: RunningSystem) -> None:
     line = [sys.executable, "-m", "somrs.cli.main", "fleet", "--data", str(system.data)]
-    said = subprocess.run(line, capture_output=True, text=True, check=True, env={**os.environ, "COLUMNS": "120"}).stdout
+    output = subprocess.run(line, capture_output=True, text=True, check=True, env={**os.environ, "COLUMNS": "120"}).stdout
     for words in ("Robot1", "Robot2", "ready", "battery 100 %", "TransferObject, 25 EUR"):
-        assert words in said
-    found = json.loads(subprocess.run([*line, "--json"], capture_output=True, text=True, check=True).stdout)
-    assert [one["name"] for one in found["devices"]] == sorted(fleet(system))
+        assert words in output
+    listing = json.loads(subprocess.run([*line, "--json"], capture_output=True, text=True, check=True).stdout)
+    assert [entry["name"] for entry in listing["devices"]] == sorted(fleet(system))
 
 
-def test_a_robot_at_work_shows_its_step_and_then_what_it_has_done(system: Running, window: Open) -> None:
+def test_a_robot_at_work_shows_its_step_and_then_what_it_has_done(system: RunningSystem, window: OpenPage) -> None:
     """Whatever the other tests had it do: one more is done."""
-    before = {name: one["services"][0]["tally"]["completed"] for name, one in fleet(system).items()}
+    completed_before = {name: entry["services"][0]["tally"]["completed"] for name, entry in fleet(system).items()}
     page = window(f"{system.url}/fleet")
     expect(device(page, "Robot1")).to_be_visible()
     task = state_task(system, "Jar003 isOn Table001")
     busy = page.get_by_role("article").filter(has_text="Jar003 isOn Table001").filter(has=page.get_by_text("Busy", exact=True))
     link = busy.get_by_role("link", name=re.compile("TransferObject: Jar003 and Table001"))
     # All at one moment, as it does not last.
-    name, where = link.evaluate("(link) => [link.closest('[aria-label]').ariaLabel, link.href]", timeout=WORK_TIME)
-    assert where.endswith(f"/tasks/{task}")
-    shoot(page, "fleet-at-work")
-    done = before[name] + 1
-    expect(device(page, name).get_by_role("listitem")).to_contain_text(f"{done} of ", timeout=WORK_TIME)
-    if done < 5:
+    name, task_url = link.evaluate("(link) => [link.closest('[aria-label]').ariaLabel, link.href]", timeout=WORK_TIME)
+    assert task_url.endswith(f"/tasks/{task}")
+    take_screenshot(page, "fleet-at-work")
+    completed_count = completed_before[name] + 1
+    expect(device(page, name).get_by_role("listitem")).to_contain_text(f"{completed_count} of ", timeout=WORK_TIME)
+    if completed_count < 5:
         expect(device(page, name).get_by_role("listitem")).not_to_contain_text("%")
     expect(device(page, name).get_by_text("Busy", exact=True)).to_have_count(0)
     assert fleet(system)[name]["load"] > 0
 
 
-def test_a_fault_is_made_and_mended_by_keyboard_and_both_windows_see_it(system: Running, window: Open) -> None:
-    one, other = window(f"{system.url}/fleet"), window(f"{system.url}/fleet", "820", dark=True)
-    expect(device(other, "Robot2")).to_be_visible()
-    menu = one.get_by_role("button", name="Faults of Robot2")
+def test_a_fault_is_made_and_mended_by_keyboard_and_both_windows_see_it(system: RunningSystem, window: OpenPage) -> None:
+    first_page, second_page = window(f"{system.url}/fleet"), window(f"{system.url}/fleet", "820", dark=True)
+    expect(device(second_page, "Robot2")).to_be_visible()
+    menu = first_page.get_by_role("button", name="Faults of Robot2")
     menu.focus()
-    one.keyboard.press("Enter")
-    item = one.get_by_role("listitem").or_(one.get_by_role("menuitem")).filter(has_text="Jam the gripper")
+    first_page.keyboard.press("Enter")
+    item = first_page.get_by_role("listitem").or_(first_page.get_by_role("menuitem")).filter(has_text="Jam the gripper")
     expect(item).to_be_visible()
-    shoot(one, "fleet-faults")
+    take_screenshot(first_page, "fleet-faults")
     item.focus()
-    one.keyboard.press("Enter")
-    for page in (one, other):
+    first_page.keyboard.press("Enter")
+    for page in (first_page, second_page):
         expect(device(page, "Robot2").get_by_text("Gripper stuck")).to_be_visible()
         expect(device(page, "Robot2").get_by_text("Not working", exact=True)).to_be_visible()
         expect(page.get_by_role("status").first).to_contain_text("1 not working")
     assert fleet(system)["Robot2"]["simulated"]["faults"] == ["gripper"]
     menu.click()
-    one.get_by_text("Free the gripper").click()
-    for page in (one, other):
+    first_page.get_by_text("Free the gripper").click()
+    for page in (first_page, second_page):
         expect(device(page, "Robot2").get_by_text("Gripper stuck")).to_have_count(0)
         expect(device(page, "Robot2").get_by_text("Ready", exact=True)).to_be_visible()
     assert fleet(system)["Robot2"]["simulated"]["faults"] == []
 
 
-def test_who_joins_is_shown_at_once_and_who_leaves_is_not_dropped_in_silence(system: Running, window: Open) -> None:
+def test_who_joins_is_shown_at_once_and_who_leaves_is_not_dropped_in_silence(system: RunningSystem, window: OpenPage) -> None:
     page = window(f"{system.url}/fleet")
     expect(device(page, "Robot1")).to_be_visible()
     kind = ServiceType(name="Whistle", effect="?Provider isAt ?Place")
     offer = Offer(
         service="Visitor.Whistle", provider="Visitor", provider_type="MobileRobot", address="http://127.0.0.1:9", service_type=kind
     )
-    ask(system, Publish(provider="Visitor", offers=(offer,), lease=60.0), Published)
+    ask_registry(system, Publish(provider="Visitor", offers=(offer,), lease=60.0), Published)
     expect(device(page, "Visitor").get_by_text("Ready")).to_be_visible()
     expect(device(page, "Visitor")).to_contain_text("nothing done yet")
     log = page.get_by_role("log")
     expect(log).to_contain_text("Visitor joined")
-    ask(system, Retract(provider="Visitor"), Retracted)
+    ask_registry(system, Retract(provider="Visitor"), Retracted)
     expect(device(page, "Visitor").get_by_text("Gone")).to_be_visible()
     expect(device(page, "Visitor")).to_contain_text("It withdrew its services at")
     expect(log).to_contain_text("Visitor withdrew its services")
     expect(page.get_by_role("status").first).to_contain_text("1 gone lately")
-    shoot(page, "fleet-gone")
+    take_screenshot(page, "fleet-gone")
 
 
-def test_a_question_is_answered_where_it_is_shown(system: Running, window: Open) -> None:
+def test_a_question_is_answered_where_it_is_shown(system: RunningSystem, window: OpenPage) -> None:
     """The person's program is the test: it refuses the first answer, and takes the second."""
     page = window(f"{system.url}/fleet")
     expect(page.get_by_text("Nobody is asked anything.")).to_be_visible()
     questions = Questions(system.data)
     number = questions.ask("Person001", "Jar002", "Where is Jar002 now?", 60.0)
-    asked = page.get_by_role("region", name=f"Question {number}")
-    expect(asked).to_contain_text("Where is Jar002 now?")
-    expect(asked).to_contain_text("s left")
-    shoot(page, "fleet-question")
-    asked.get_by_label("What is so").fill("Jar002 isOn Tabel001")
-    asked.get_by_role("button", name="Answer").click()
+    question_region = page.get_by_role("region", name=f"Question {number}")
+    expect(question_region).to_contain_text("Where is Jar002 now?")
+    expect(question_region).to_contain_text("s left")
+    take_screenshot(page, "fleet-question")
+    question_region.get_by_label("What is so").fill("Jar002 isOn Tabel001")
+    question_region.get_by_role("button", name="Answer").click()
     _judge(page, questions, number, "Jar002 isOn Tabel001", problem="there is no Tabel001; did you mean Table001?")
     expect(page.get_by_text("did you mean Table001?")).to_be_visible()
-    expect(asked.get_by_label("What is so")).to_have_value("Jar002 isOn Tabel001")
-    asked.get_by_label("What is so").fill("Jar002 isOn Table001")
-    asked.get_by_label("What is so").press("Enter")
+    expect(question_region.get_by_label("What is so")).to_have_value("Jar002 isOn Tabel001")
+    question_region.get_by_label("What is so").fill("Jar002 isOn Table001")
+    question_region.get_by_label("What is so").press("Enter")
     _judge(page, questions, number, "Jar002 isOn Table001")
-    expect(asked).to_have_count(0)
+    expect(question_region).to_have_count(0)
     questions.close()
 
 
 def _judge(page: Page, questions: Questions, number: int, expected: str, problem: str = "") -> None:
-    until = time.monotonic() + PATIENCE
+    deadline = time.monotonic() + PATIENCE
     while (question := questions.read(number)) is None or question.answer is None:
-        assert time.monotonic() < until, "no answer came"
+        assert time.monotonic() < deadline, "no answer came"
         page.wait_for_timeout(50)
     assert question.answer == expected
     if problem:

@@ -8,25 +8,25 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Page, expect
 
-from .conftest import WORK_TIME, Running, shoot
+from .conftest import WORK_TIME, RunningSystem, take_screenshot
 from .test_define import field, middle
 from .test_ontology import heading, new_type, row, save
-from .test_scene import show, where
-from .test_tasks import breaks_down, holds, jar_at_home, over, panel, until
+from .test_scene import open_scene, scene_position
+from .test_tasks import breaks_down, formula_holds, is_ended, jar_at_home, panel, wait_for_task
 
-Open = Callable[..., Page]
+OpenPage = Callable[..., Page]
 __all__ = ["jar_at_home"]
 
 
-def test_a_new_type_a_thing_of_it_and_a_task_with_it(system: Running, window: Open) -> None:
+def test_a_new_type_a_thing_of_it_and_a_task_with_it(system: RunningSystem, window: OpenPage) -> None:
     page = window(f"{system.url}/ontology")
     new_type(page, "Jar", "Vase")
     save(page)
     expect(heading(page, "Vase")).to_be_visible()
 
     page.goto(f"{system.url}/map")
-    other = window(f"{system.url}/map")
-    other.locator("[data-name=Table002]").first.wait_for(state="attached")
+    other_page = window(f"{system.url}/map")
+    other_page.locator("[data-name=Table002]").first.wait_for(state="attached")
     page.get_by_role("tab", name="Add").click()
     page.get_by_role("searchbox", name="Find a type").fill("Vase")
     row(page, "Vase").click()
@@ -39,18 +39,18 @@ def test_a_new_type_a_thing_of_it_and_a_task_with_it(system: Running, window: Op
     dialog.get_by_role("button", name="Add").click()
     expect(dialog).to_be_hidden()
     expect(page.locator("[data-name=Vase001]").first).to_be_attached()
-    expect(other.locator("[data-name=Vase001]").first).to_be_attached()
-    assert holds(system, "Vase001 isOn Table002")
+    expect(other_page.locator("[data-name=Vase001]").first).to_be_attached()
+    assert formula_holds(system, "Vase001 isOn Table002")
 
     page.goto(f"{system.url}/define?effect=Vase001%20isOn%20Platform001")
     page.get_by_role("button", name="Start").click()
     page.wait_for_url("**/tasks/*")
     expect(page.get_by_text("Accomplished").first).to_be_visible(timeout=WORK_TIME)
-    assert holds(system, "Vase001 isOn Platform001")
+    assert formula_holds(system, "Vase001 isOn Platform001")
 
 
 @pytest.mark.usefixtures("jar_at_home")
-def test_a_wish_that_is_dragged_comes_true_though_a_robot_breaks(system: Running, window: Open) -> None:
+def test_a_wish_that_is_dragged_comes_true_though_a_robot_breaks(system: RunningSystem, window: OpenPage) -> None:
     page = window(f"{system.url}/define")
     drawn = page.locator(".somrs-define-plan [data-name=Jar002]").first
     drawn.wait_for(state="attached")
@@ -65,18 +65,18 @@ def test_a_wish_that_is_dragged_comes_true_though_a_robot_breaks(system: Running
     page.get_by_role("button", name="Start").click()
     page.wait_for_url("**/tasks/*")
     task = page.url.rpartition("/")[2]
-    told = panel(page, "Story")
-    expect(told).to_contain_text("Rung 1: replace", timeout=WORK_TIME)
-    shoot(page, "task-recovering-1280-light")
-    assert until(system, task, over)["view"]["outcome"] == "accomplished"
+    story = panel(page, "Story")
+    expect(story).to_contain_text("Rung 1: replace", timeout=WORK_TIME)
+    take_screenshot(page, "task-recovering-1280-light")
+    assert wait_for_task(system, task, is_ended)["view"]["outcome"] == "accomplished"
     expect(page.get_by_text("Accomplished").first).to_be_visible()
 
-    show(system, page)
+    open_scene(system, page)
     page.wait_for_function(
         """() => {
             const at = somrsScene.where('Jar002');
             return at && Math.hypot(at.x - 8.2, at.y - 2.5) < 0.5 && Math.abs(at.z - 0.3) < 0.05;
         }"""
     )
-    assert where(page, "Jar002")["z"] == pytest.approx(0.3, abs=0.05)
-    shoot(page, "map-3d-delivered-1280-light")
+    assert scene_position(page, "Jar002")["z"] == pytest.approx(0.3, abs=0.05)
+    take_screenshot(page, "map-3d-delivered-1280-light")

@@ -17,10 +17,10 @@ from playwright.sync_api import Locator, Page, expect
 
 from tests.support.paths import SHARED
 
-from .conftest import PATIENCE, Running, every_look, fits, shoot, stands
+from .conftest import PATIENCE, RunningSystem, every_look, fits, take_screenshot, wait_until_still
 
 OFFICE = SHARED / "sites" / "office.building.yaml"
-Window = Callable[..., Page]
+OpenWindow = Callable[..., Page]
 
 FLOOR = {
     "PositionX": 6.0,
@@ -42,41 +42,41 @@ UPSTAIRS = [
 """A storey above the other, with a chair."""
 
 
-def api(system: Running, path: str, body: Any = None) -> Any:
+def api(system: RunningSystem, path: str, body: Any = None) -> Any:
     data = json.dumps(body).encode() if body is not None else None
-    asked = urllib.request.Request(f"{system.url}/api{path}", data, {"Content-Type": "application/json"})
-    with urllib.request.urlopen(asked) as answer:
+    request = urllib.request.Request(f"{system.url}/api{path}", data, {"Content-Type": "application/json"})
+    with urllib.request.urlopen(request) as answer:
         return json.load(answer)
 
 
-class Seen:
+class MapState:
     """The map as the API has it."""
 
-    def __init__(self, system: Running) -> None:
-        found = api(system, "/map")
-        self.version: int = found["version"]
-        self.objects: dict[str, dict[str, Any]] = {one["name"]: one["values"] for one in found["objects"]}
-        self.facts = {(fact["relation"], *fact["arguments"]) for fact in found["facts"]}
+    def __init__(self, system: RunningSystem) -> None:
+        content = api(system, "/map")
+        self.version: int = content["version"]
+        self.objects: dict[str, dict[str, Any]] = {entry["name"]: entry["values"] for entry in content["objects"]}
+        self.facts = {(fact["relation"], *fact["arguments"]) for fact in content["facts"]}
 
     def position(self, name: str) -> tuple[float, float]:
         return self.objects[name]["PositionX"], self.objects[name]["PositionY"]
 
 
 @pytest.fixture
-def kept(system: Running) -> Iterator[Running]:
+def restored_system(system: RunningSystem) -> Iterator[RunningSystem]:
     """The system, with the map brought back to what it was."""
-    before = Seen(system).version
+    version_before = MapState(system).version
     yield system
-    for event in api(system, f"/map/events?after={before}&limit=100")["events"][::-1]:
+    for event in api(system, f"/map/events?after={version_before}&limit=100")["events"][::-1]:
         if event["author"] != "nobody":
             api(system, f"/map/undo/{event['version']}?author=nobody", {})
 
 
-def opened(window: Window, system: Running, query: str = "", size: str = "1280", *, dark: bool = False) -> Page:
+def open_map(window: OpenWindow, system: RunningSystem, query: str = "", size: str = "1280", *, dark: bool = False) -> Page:
     page = window(f"{system.url}/map{query}", size, dark=dark)
     body(page, "Floor001").wait_for(state="attached")
     page.get_by_text(re.compile(r"^\d+ objects$")).wait_for()  # what the server said last
-    stands(body(page, "Floor001"))
+    wait_until_still(body(page, "Floor001"))
     return page
 
 
@@ -88,15 +88,15 @@ def body(page: Page, name: str) -> Locator:
     return page.locator(f"[data-name={name}] .fp-body").first
 
 
-def spot(page: Page, name: str) -> tuple[float, float]:
+def screen_position(page: Page, name: str) -> tuple[float, float]:
     """Where on the screen the middle of an object is."""
     box = body(page, name).bounding_box()
     assert box is not None
     return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
 
-def near(page: Page, name: str, at: tuple[float, float], within: float = 4) -> bool:
-    return math.dist(spot(page, name), at) <= within
+def is_close_to(page: Page, name: str, position: tuple[float, float], tolerance: float = 4) -> bool:
+    return math.dist(screen_position(page, name), position) <= tolerance
 
 
 def drag(page: Page, start: tuple[float, float], end: tuple[float, float]) -> None:
@@ -107,19 +107,19 @@ def drag(page: Page, start: tuple[float, float], end: tuple[float, float]) -> No
     page.mouse.up()
 
 
-def until(page: Page, wanted: Callable[[], object], what: str) -> None:
+def wait_until(page: Page, condition: Callable[[], object], description: str) -> None:
     """Wait for something that the page or the system is to come to."""
     end = time.monotonic() + PATIENCE
     while time.monotonic() < end:
-        if wanted():
+        if condition():
             return
         page.wait_for_timeout(50)
-    told = page.locator(".q-notification, [role=alert]").all_inner_texts()
-    raise AssertionError(f"it did not come to this: {what}; the page says {told}")
+    messages = page.locator(".q-notification, [role=alert]").all_inner_texts()
+    raise AssertionError(f"it did not come to this: {description}; the page says {messages}")
 
 
 def choose(page: Page, name: str) -> None:
-    page.mouse.click(*spot(page, name))
+    page.mouse.click(*screen_position(page, name))
     expect(page.get_by_role("heading", name=name, exact=True)).to_be_visible()
 
 
@@ -139,42 +139,44 @@ BURST = """() => {
 """Keys that are pressed quickly one after the other, also on a busy machine."""
 
 
-def test_the_map_fits_every_window(system: Running, window: Window) -> None:
-    page = opened(window, system, "?object=Robot1")
+def test_the_map_fits_every_window(system: RunningSystem, window: OpenWindow) -> None:
+    page = open_map(window, system, "?object=Robot1")
     page.get_by_role("button", name="Legend").click()
     expect(page.get_by_role("region", name="Legend")).to_contain_text("Door, closed")
     for look in every_look(page):
-        stands(body(page, "Floor001"))
-        shoot(page, f"map-{look}")
+        wait_until_still(body(page, "Floor001"))
+        take_screenshot(page, f"map-{look}")
         assert fits(page)
 
 
-def test_a_jar_that_is_dragged_elsewhere_is_there_in_every_window(kept: Running, window: Window) -> None:
-    page, other = opened(window, kept), opened(window, kept)
-    start, table = spot(page, "Jar003"), spot(page, "Table001")
+def test_a_jar_that_is_dragged_elsewhere_is_there_in_every_window(restored_system: RunningSystem, window: OpenWindow) -> None:
+    page, other_page = open_map(window, restored_system), open_map(window, restored_system)
+    start, table = screen_position(page, "Jar003"), screen_position(page, "Table001")
     drag(page, start, table)
-    until(page, lambda: ("isOn", "Jar003", "Table001") in Seen(kept).facts, "the jar is on the table")
-    seen = Seen(kept)
-    assert ("isOn", "Jar003", "Cupboard001") not in seen.facts
-    assert seen.position("Jar003") == pytest.approx(seen.position("Table001"), abs=0.1)
-    assert seen.objects["Jar003"]["PositionZ"] == pytest.approx(0.74)
-    until(other, lambda: near(other, "Jar003", spot(other, "Table001"), 8), "the other window shows it there")
+    wait_until(page, lambda: ("isOn", "Jar003", "Table001") in MapState(restored_system).facts, "the jar is on the table")
+    map_state = MapState(restored_system)
+    assert ("isOn", "Jar003", "Cupboard001") not in map_state.facts
+    assert map_state.position("Jar003") == pytest.approx(map_state.position("Table001"), abs=0.1)
+    assert map_state.objects["Jar003"]["PositionZ"] == pytest.approx(0.74)
+    wait_until(
+        other_page, lambda: is_close_to(other_page, "Jar003", screen_position(other_page, "Table001"), 8), "the other window shows it there"
+    )
     page.keyboard.press("Control+z")
-    until(other, lambda: near(other, "Jar003", start), "undone, the jar is back in the other window")
-    assert ("isOn", "Jar003", "Cupboard001") in Seen(kept).facts
+    wait_until(other_page, lambda: is_close_to(other_page, "Jar003", start), "undone, the jar is back in the other window")
+    assert ("isOn", "Jar003", "Cupboard001") in MapState(restored_system).facts
 
 
-def test_what_stands_on_furniture_goes_along(kept: Running, window: Window) -> None:
-    page = opened(window, kept)
-    before = Seen(kept)
-    (x, y), scale = spot(page, "Table002"), _scale(page)
+def test_what_stands_on_furniture_goes_along(restored_system: RunningSystem, window: OpenWindow) -> None:
+    page = open_map(window, restored_system)
+    map_before = MapState(restored_system)
+    (x, y), scale = screen_position(page, "Table002"), _scale(page)
     drag(page, (x - 20, y - 10), (x - 20 + scale, y - 10))
-    until(page, lambda: Seen(kept).position("Table002") != before.position("Table002"), "the table moved")
-    after = Seen(kept)
-    shift = [after.position(name)[0] - before.position(name)[0] for name in ("Table002", "Carton001")]
+    wait_until(page, lambda: MapState(restored_system).position("Table002") != map_before.position("Table002"), "the table moved")
+    map_after = MapState(restored_system)
+    shift = [map_after.position(name)[0] - map_before.position(name)[0] for name in ("Table002", "Carton001")]
     assert shift[0] == pytest.approx(1, abs=0.06)
     assert shift[1] == pytest.approx(shift[0], abs=1e-6)
-    assert ("isOn", "Carton001", "Table002") in after.facts
+    assert ("isOn", "Carton001", "Table002") in map_after.facts
 
 
 def _scale(page: Page) -> float:
@@ -184,67 +186,67 @@ def _scale(page: Page) -> float:
     return box["width"] / 12.1
 
 
-def test_an_object_is_turned_by_its_handle(kept: Running, window: Window) -> None:
-    page = opened(window, kept)
+def test_an_object_is_turned_by_its_handle(restored_system: RunningSystem, window: OpenWindow) -> None:
+    page = open_map(window, restored_system)
     choose(page, "Table001")
     handle = page.locator("[data-handle=turn]").bounding_box()
     assert handle is not None
-    x, y = spot(page, "Table001")
+    x, y = screen_position(page, "Table001")
     drag(page, (handle["x"] + handle["width"] / 2, handle["y"] + handle["height"] / 2), (x, y - 80))
-    until(page, lambda: "RotationZ" in Seen(kept).objects["Table001"], "the table is turned")
-    assert Seen(kept).objects["Table001"]["RotationZ"] == pytest.approx(math.pi / 2, abs=1e-3)
+    wait_until(page, lambda: "RotationZ" in MapState(restored_system).objects["Table001"], "the table is turned")
+    assert MapState(restored_system).objects["Table001"]["RotationZ"] == pytest.approx(math.pi / 2, abs=1e-3)
     expect(field(page, "RotationZ")).to_have_value("90")
 
 
-def test_the_keyboard_alone_chooses_moves_and_turns(kept: Running, window: Window) -> None:
-    page = opened(window, kept)
-    before = Seen(kept)
+def test_the_keyboard_alone_chooses_moves_and_turns(restored_system: RunningSystem, window: OpenWindow) -> None:
+    page = open_map(window, restored_system)
+    map_before = MapState(restored_system)
     plan(page).focus()
-    said = page.locator(".somrs-plan").get_by_role("status").first
+    status_line = page.locator(".somrs-plan").get_by_role("status").first
     for _ in range(40):
-        last = said.text_content() or ""
+        last_text = status_line.text_content() or ""
         page.keyboard.press("PageDown")
-        expect(said).not_to_have_text(last)
-        if "Platform001, Platform" in (said.text_content() or ""):
+        expect(status_line).not_to_have_text(last_text)
+        if "Platform001, Platform" in (status_line.text_content() or ""):
             break
     expect(page.get_by_role("heading", name="Platform001", exact=True)).to_be_visible()
     page.evaluate(BURST)
-    until(page, lambda: "RotationZ" in Seen(kept).objects["Platform001"], "the platform is moved")
-    after = Seen(kept)
-    (x, y), (x2, y2) = before.position("Platform001"), after.position("Platform001")
+    wait_until(page, lambda: "RotationZ" in MapState(restored_system).objects["Platform001"], "the platform is moved")
+    map_after = MapState(restored_system)
+    (x, y), (x2, y2) = map_before.position("Platform001"), map_after.position("Platform001")
     assert [x2 - x, y2 - y] == pytest.approx([0.2, 0.09])
-    assert after.objects["Platform001"]["RotationZ"] == pytest.approx(math.pi / 12, abs=1e-4)
-    assert after.version == before.version + 1, "one burst of keys is one change"
+    assert map_after.objects["Platform001"]["RotationZ"] == pytest.approx(math.pi / 12, abs=1e-4)
+    assert map_after.version == map_before.version + 1, "one burst of keys is one change"
     page.keyboard.press("Control+z")
-    until(page, lambda: Seen(kept).position("Platform001") == (x, y), "it is back")
+    wait_until(page, lambda: MapState(restored_system).position("Platform001") == (x, y), "it is back")
 
 
-def test_an_object_is_added_where_one_clicks_and_removed_and_brought_back(kept: Running, window: Window) -> None:
-    page = opened(window, kept)
+def test_an_object_is_added_where_one_clicks_and_removed_and_brought_back(restored_system: RunningSystem, window: OpenWindow) -> None:
+    page = open_map(window, restored_system)
     tab(page, "Add")
     page.get_by_placeholder("Find a type").fill("Jar")
     page.get_by_role("treeitem", name="Jar").click()
     expect(page.get_by_text("Click where it is to stand")).to_be_visible()
-    x, y = spot(page, "Table001")
+    x, y = screen_position(page, "Table001")
     page.mouse.click(x + 20, y + 10)
     expect(page.get_by_role("textbox", name="Name", exact=True)).to_have_value("Jar004")
     page.get_by_role("button", name="Add", exact=True).click()
-    until(page, lambda: ("isOn", "Jar004", "Table001") in Seen(kept).facts, "the jar is on the table")
+    wait_until(page, lambda: ("isOn", "Jar004", "Table001") in MapState(restored_system).facts, "the jar is on the table")
     expect(page.get_by_role("heading", name="Jar004", exact=True)).to_be_visible()
 
     plan(page).focus()
     page.keyboard.press("Delete")
     page.get_by_role("button", name="Remove", exact=True).click()
-    until(page, lambda: "Jar004" not in Seen(kept).objects, "the jar is removed")
+    wait_until(page, lambda: "Jar004" not in MapState(restored_system).objects, "the jar is removed")
     expect(body(page, "Jar004")).to_have_count(0)
     plan(page).focus()
     page.keyboard.press("Control+z")
-    until(page, lambda: ("isOn", "Jar004", "Table001") in Seen(kept).facts, "the jar is back, on the table")
+    wait_until(page, lambda: ("isOn", "Jar004", "Table001") in MapState(restored_system).facts, "the jar is back, on the table")
     expect(body(page, "Jar004")).to_have_count(1)
 
 
-def test_an_object_is_added_by_keys_alone(kept: Running, window: Window) -> None:
-    page = opened(window, kept)
+def test_an_object_is_added_by_keys_alone(restored_system: RunningSystem, window: OpenWindow) -> None:
+    page = open_map(window, restored_system)
     tab(page, "Add")
     page.get_by_placeholder("Find a type").fill("Plant")
     page.get_by_role("treeitem", name="Plant").focus()
@@ -255,14 +257,14 @@ def test_an_object_is_added_by_keys_alone(kept: Running, window: Window) -> None
         page.keyboard.press(key)
     expect(page.get_by_role("textbox", name="Name", exact=True)).to_be_focused()
     page.keyboard.press("Enter")
-    until(page, lambda: "Plant001" in Seen(kept).objects, "the plant is there")
+    wait_until(page, lambda: "Plant001" in MapState(restored_system).objects, "the plant is there")
     expect(body(page, "Plant001")).to_have_count(1)
 
 
-def test_a_storey_that_is_added_can_be_chosen(kept: Running, window: Window) -> None:
-    page = opened(window, kept)
+def test_a_storey_that_is_added_can_be_chosen(restored_system: RunningSystem, window: OpenWindow) -> None:
+    page = open_map(window, restored_system)
     expect(page.get_by_role("combobox", name="Storey")).to_have_count(0)
-    api(kept, "/map/changes", {"changes": UPSTAIRS, "author": "Anna"})
+    api(restored_system, "/map/changes", {"changes": UPSTAIRS, "author": "Anna"})
     page.get_by_role("combobox", name="Storey").select_option("Storey002")
     expect(body(page, "Chair009")).to_have_count(1)
     expect(body(page, "Chair001")).to_have_count(0)
@@ -271,18 +273,18 @@ def test_a_storey_that_is_added_can_be_chosen(kept: Running, window: Window) -> 
     expect(body(page, "Chair001")).to_have_count(1)
 
 
-def test_the_address_keeps_the_view_and_the_storey(kept: Running, window: Window) -> None:
-    api(kept, "/map/changes", {"changes": UPSTAIRS, "author": "Anna"})
-    page = opened(window, kept)
+def test_the_address_keeps_the_view_and_the_storey(restored_system: RunningSystem, window: OpenWindow) -> None:
+    api(restored_system, "/map/changes", {"changes": UPSTAIRS, "author": "Anna"})
+    page = open_map(window, restored_system)
     page.get_by_role("combobox", name="Storey").select_option("Storey002")
-    page.mouse.click(*spot(page, "Chair009"))
-    expect(page).to_have_url(f"{kept.url}/map?storey=Storey002&object=Chair009")
+    page.mouse.click(*screen_position(page, "Chair009"))
+    expect(page).to_have_url(f"{restored_system.url}/map?storey=Storey002&object=Chair009")
     page.reload()
     expect(body(page, "Chair009")).to_have_count(1)
     expect(page.get_by_role("heading", name="Chair009", exact=True)).to_be_visible()
     page.set_viewport_size({"width": 640, "height": 480})  # quickly drawn, even without a graphics card
     page.get_by_role("button", name="3D", exact=True).click()
-    expect(page).to_have_url(f"{kept.url}/map?view=3d&storey=Storey002&object=Chair009")
+    expect(page).to_have_url(f"{restored_system.url}/map?view=3d&storey=Storey002&object=Chair009")
     storey = page.locator(".somrs-scene").get_by_role("combobox", name="Storey")
     expect(storey.locator("option:checked")).to_have_text("Storey002")
     page.reload()
@@ -290,34 +292,40 @@ def test_the_address_keeps_the_view_and_the_storey(kept: Running, window: Window
     expect(plan(page)).to_be_hidden()
     expect(storey.locator("option:checked")).to_have_text("Storey002")
     storey.select_option("All storeys")
-    expect(page).to_have_url(f"{kept.url}/map?view=3d&storey=all&object=Chair009")
+    expect(page).to_have_url(f"{restored_system.url}/map?view=3d&storey=all&object=Chair009")
     page.reload()
     expect(storey.locator("option:checked")).to_have_text("All storeys")
     page.get_by_role("button", name="Plan", exact=True).click()
-    until(page, lambda: _inside(page, "Chair009") or _inside(page, "Chair001"), "the plan is drawn in full, though it was hidden at first")
+    wait_until(
+        page,
+        lambda: _is_in_view(page, "Chair009") or _is_in_view(page, "Chair001"),
+        "the plan is drawn in full, though it was hidden at first",
+    )
 
 
-def test_the_plan_is_fitted_again_to_another_window_unless_somebody_zoomed(system: Running, window: Window) -> None:
-    page = opened(window, system)
+def test_the_plan_is_fitted_again_to_another_window_unless_somebody_zoomed(system: RunningSystem, window: OpenWindow) -> None:
+    page = open_map(window, system)
     wide = _scale(page)
     page.set_viewport_size({"width": 820, "height": 700})
-    until(page, lambda: _scale(page) < 0.9 * wide and _inside(page, "Floor001"), "the plan is smaller, and whole")
+    wait_until(page, lambda: _scale(page) < 0.9 * wide and _is_in_view(page, "Floor001"), "the plan is smaller, and whole")
     page.set_viewport_size({"width": 1280, "height": 800})
-    until(page, lambda: abs(_scale(page) / wide - 1) < 0.01, "the plan is as large as before")
+    wait_until(page, lambda: abs(_scale(page) / wide - 1) < 0.01, "the plan is as large as before")
     page.get_by_role("button", name="Zoom in").click()
-    until(page, lambda: _scale(page) > 1.2 * wide, "the plan is zoomed")
+    wait_until(page, lambda: _scale(page) > 1.2 * wide, "the plan is zoomed")
     zoomed = _scale(page)
     page.set_viewport_size({"width": 1000, "height": 800})
     page.wait_for_timeout(500)
     assert _scale(page) == pytest.approx(zoomed), "whoever zoomed looks at something"
 
 
-def _inside(page: Page, name: str) -> bool:
+def _is_in_view(page: Page, name: str) -> bool:
     """Whether an object is in view as a whole, at this moment."""
-    found = [one.evaluate_all("all => all.map((one) => one.getBoundingClientRect().toJSON())") for one in (body(page, name), plan(page))]
-    if not all(found):
+    boxes = [
+        locator.evaluate_all("all => all.map((one) => one.getBoundingClientRect().toJSON())") for locator in (body(page, name), plan(page))
+    ]
+    if not all(boxes):
         return False
-    (box,), (pad,) = found
+    (box,), (pad,) = boxes
     return bool(
         box["width"] > 0
         and box["left"] >= pad["left"]
@@ -327,80 +335,80 @@ def _inside(page: Page, name: str) -> bool:
     )
 
 
-def test_what_would_break_a_rule_cannot_be_removed(kept: Running, window: Window) -> None:
-    page = opened(window, kept, "?object=Floor001")
+def test_what_would_break_a_rule_cannot_be_removed(restored_system: RunningSystem, window: OpenWindow) -> None:
+    page = open_map(window, restored_system, "?object=Floor001")
     page.get_by_role("button", name="Remove it").click()
-    asked = page.get_by_role("alertdialog", name="Remove Floor001?")
-    expect(asked).to_contain_text("exactly 1 of type Floor")
-    expect(asked.get_by_role("button", name="Remove", exact=True)).to_have_count(0)
-    asked.get_by_role("button", name="Keep it").click()
-    assert "Floor001" in Seen(kept).objects
+    dialog = page.get_by_role("alertdialog", name="Remove Floor001?")
+    expect(dialog).to_contain_text("exactly 1 of type Floor")
+    expect(dialog.get_by_role("button", name="Remove", exact=True)).to_have_count(0)
+    dialog.get_by_role("button", name="Keep it").click()
+    assert "Floor001" in MapState(restored_system).objects
 
 
-def test_attributes_are_checked_where_they_are_written(kept: Running, window: Window) -> None:
-    page = opened(window, kept, "?object=Jar003")
+def test_attributes_are_checked_where_they_are_written(restored_system: RunningSystem, window: OpenWindow) -> None:
+    page = open_map(window, restored_system, "?object=Jar003")
     weight = field(page, "Weight")
     expect(weight).to_have_attribute("placeholder", "0.3")
     weight.fill("7")
     weight.press("Enter")
     expect(page.get_by_text("A gripper holds up to 5 kg")).to_be_visible()
-    assert "Weight" not in Seen(kept).objects["Jar003"]
+    assert "Weight" not in MapState(restored_system).objects["Jar003"]
     weight.fill("12 m")
     weight.press("Enter")
     expect(page.get_by_text("cannot be expressed in it")).to_be_visible()
     weight.fill("450 g")
     page.get_by_role("button", name="Save").click()
-    until(page, lambda: Seen(kept).objects["Jar003"].get("Weight") == 0.45, "the weight is saved")
+    wait_until(page, lambda: MapState(restored_system).objects["Jar003"].get("Weight") == 0.45, "the weight is saved")
     expect(weight).to_have_value("0.45")
     expect(page.get_by_role("button", name="Save")).to_be_hidden()
 
 
-def test_two_people_who_write_the_same_attribute_lose_nothing(kept: Running, window: Window) -> None:
-    page = opened(window, kept, "?object=Table001")
+def test_two_people_who_write_the_same_attribute_lose_nothing(restored_system: RunningSystem, window: OpenWindow) -> None:
+    page = open_map(window, restored_system, "?object=Table001")
     label = field(page, "Label")
     label.fill("Mine")
     texture = field(page, "Texture")
     texture.fill("Smooth")
     change = [{"type": "ValueSet", "object": "Table001", "path": "Label", "value": "Theirs"}]
-    api(kept, "/map/changes", {"changes": change, "author": "Anna"})
+    api(restored_system, "/map/changes", {"changes": change, "author": "Anna"})
     news = page.get_by_role("alert").filter(has_text="Meanwhile Anna set Label to Theirs; you wrote Mine")
     expect(news).to_be_visible()
     expect(label).to_have_value("Mine")
     page.get_by_role("button", name="Save").click()
-    assert Seen(kept).objects["Table001"]["Label"] == "Theirs"
+    assert MapState(restored_system).objects["Table001"]["Label"] == "Theirs"
     news.get_by_role("button", name="Keep mine").click()
     page.get_by_role("button", name="Save").click()
-    until(page, lambda: Seen(kept).objects["Table001"]["Label"] == "Mine", "the decision is saved")
-    assert Seen(kept).objects["Table001"]["Texture"] == "Smooth"
+    wait_until(page, lambda: MapState(restored_system).objects["Table001"]["Label"] == "Mine", "the decision is saved")
+    assert MapState(restored_system).objects["Table001"]["Texture"] == "Smooth"
 
 
-def test_a_drag_that_was_overtaken_goes_back(kept: Running, window: Window) -> None:
-    page = opened(window, kept)
-    start = spot(page, "Chair003")
+def test_a_drag_that_was_overtaken_goes_back(restored_system: RunningSystem, window: OpenWindow) -> None:
+    page = open_map(window, restored_system)
+    start = screen_position(page, "Chair003")
     page.mouse.move(*start)
     page.mouse.down()
     page.mouse.move(start[0] + 40, start[1] - 40, steps=3)
     change = [{"type": "ValueSet", "object": "Chair003", "path": "Label", "value": "The blue one"}]
-    api(kept, "/map/changes", {"changes": change, "author": "Anna"})
+    api(restored_system, "/map/changes", {"changes": change, "author": "Anna"})
     page.wait_for_timeout(500)
     page.mouse.move(start[0] + 120, start[1] - 60, steps=3)
     page.mouse.up()
     expect(page.get_by_text("Somebody else changed Chair003 while you moved")).to_be_visible()
-    until(page, lambda: near(page, "Chair003", start), "the chair is back where it was")
-    assert Seen(kept).position("Chair003") == (4, 3.1)
+    wait_until(page, lambda: is_close_to(page, "Chair003", start), "the chair is back where it was")
+    assert MapState(restored_system).position("Chair003") == (4, 3.1)
 
 
-def test_an_object_that_others_remove_says_so_to_whoever_has_it_open(kept: Running, window: Window) -> None:
-    page = opened(window, kept, "?object=Chair002")
+def test_an_object_that_others_remove_says_so_to_whoever_has_it_open(restored_system: RunningSystem, window: OpenWindow) -> None:
+    page = open_map(window, restored_system, "?object=Chair002")
     field(page, "Label").fill("My seat")
-    api(kept, "/map/changes", {"changes": [{"type": "ObjectRemoved", "name": "Chair002"}], "author": "Anna"})
+    api(restored_system, "/map/changes", {"changes": [{"type": "ObjectRemoved", "name": "Chair002"}], "author": "Anna"})
     expect(page.get_by_text("Chair002 is not on the map any more: Anna removed or renamed it.")).to_be_visible()
     expect(field(page, "Label")).to_have_value("My seat")
     expect(body(page, "Chair002")).to_have_count(0)
 
 
-def test_what_a_formula_finds_is_ringed_and_listed(system: Running, window: Window) -> None:
-    page = opened(window, system)
+def test_what_a_formula_finds_is_ringed_and_listed(system: RunningSystem, window: OpenWindow) -> None:
+    page = open_map(window, system)
     tab(page, "Find")
     formula = page.get_by_label("For which objects")
     formula.fill("?Thing isOn Cupboard001")
@@ -409,52 +417,54 @@ def test_what_a_formula_finds_is_ringed_and_listed(system: Running, window: Wind
     expect(page.get_by_role("cell", name="Jar003")).to_be_visible()
     expect(page.locator("[data-label=Jar002]")).to_contain_text("Jar002 ?Thing")
     expect(page.locator(".fp-ring")).to_have_count(2)
-    shoot(page, "map-find")
+    take_screenshot(page, "map-find")
     formula.fill("?Thing isOnn Cupboard001")
     expect(page.get_by_text("isOnn").last).to_be_visible()
     expect(page.get_by_text("did you mean isOn").first).to_be_visible()
 
 
-def test_the_history_shows_the_map_as_it_was(kept: Running, window: Window) -> None:
-    page = opened(window, kept)
-    start, platform = spot(page, "Jar003"), spot(page, "Platform001")
+def test_the_history_shows_the_map_as_it_was(restored_system: RunningSystem, window: OpenWindow) -> None:
+    page = open_map(window, restored_system)
+    start, platform = screen_position(page, "Jar003"), screen_position(page, "Platform001")
     drag(page, start, platform)
-    until(page, lambda: ("isOn", "Jar003", "Platform001") in Seen(kept).facts, "the jar is on the platform")
-    until(page, lambda: near(page, "Jar003", platform, 8), "and is drawn there")
+    wait_until(page, lambda: ("isOn", "Jar003", "Platform001") in MapState(restored_system).facts, "the jar is on the platform")
+    wait_until(page, lambda: is_close_to(page, "Jar003", platform, 8), "and is drawn there")
     page.get_by_role("button", name="One version back").click()
-    until(page, lambda: near(page, "Jar003", start), "the jar is back where it was then")
+    wait_until(page, lambda: is_close_to(page, "Jar003", start), "the jar is back where it was then")
     expect(page.get_by_role("button", name="Back to now")).to_be_visible()
     details = page.get_by_role("complementary", name="Details")
     expect(details.get_by_text("Jar003 isOn Cupboard001")).to_be_visible()
     expect(details.get_by_role("button", name="Save")).to_have_count(0)
-    shoot(page, "map-past")
+    take_screenshot(page, "map-past")
     page.get_by_role("button", name="Back to now").click()
-    until(page, lambda: near(page, "Jar003", platform, 8), "the jar is where it is now")
+    wait_until(page, lambda: is_close_to(page, "Jar003", platform, 8), "the jar is where it is now")
     tab(page, "Changes")
-    happened = page.get_by_role("list", name="What happened to the map").get_by_role("listitem").first
-    expect(happened).to_contain_text("Jar003 moved to")
-    expect(happened).to_contain_text("put on Platform001")
+    entry = page.get_by_role("list", name="What happened to the map").get_by_role("listitem").first
+    expect(entry).to_contain_text("Jar003 moved to")
+    expect(entry).to_contain_text("put on Platform001")
 
 
-def test_a_map_of_the_past_is_drawn_with_the_types_of_then(kept: Running, window: Window) -> None:
+def test_a_map_of_the_past_is_drawn_with_the_types_of_then(restored_system: RunningSystem, window: OpenWindow) -> None:
     shape = {"Shape.Form": "Box", "Shape.Width": 1.0, "Shape.Depth": 1.0, "Shape.Height": 1.0}
-    api(kept, "/ontology/changes", {"definitions": {"types": [{"name": "Crate", "parent": "Obstacle"}]}, "author": "Anna"})
+    api(restored_system, "/ontology/changes", {"definitions": {"types": [{"name": "Crate", "parent": "Obstacle"}]}, "author": "Anna"})
     crate = {"name": "Crate001", "type": "Crate", "values": {"PositionX": 8.0, "PositionY": 1.2, "PositionZ": 0.0, **shape}}
-    then = api(kept, "/map/changes", {"changes": [{"type": "ObjectAdded", "object": crate}], "author": "Anna"})["version"]
-    api(kept, "/map/changes", {"changes": [{"type": "ObjectRemoved", "name": "Crate001"}], "author": "Anna"})
-    api(kept, "/ontology/changes", {"removed": [{"section": "types", "name": "Crate"}], "author": "Anna"})
-    page = opened(window, kept)
+    crate_version = api(restored_system, "/map/changes", {"changes": [{"type": "ObjectAdded", "object": crate}], "author": "Anna"})[
+        "version"
+    ]
+    api(restored_system, "/map/changes", {"changes": [{"type": "ObjectRemoved", "name": "Crate001"}], "author": "Anna"})
+    api(restored_system, "/ontology/changes", {"removed": [{"section": "types", "name": "Crate"}], "author": "Anna"})
+    page = open_map(window, restored_system)
     expect(page.locator("[data-name=Crate001]")).to_have_count(0)
-    for _ in range(Seen(kept).version - then):
+    for _ in range(MapState(restored_system).version - crate_version):
         page.get_by_role("button", name="One version back").click()
     expect(page.locator("[data-name=Crate001].fp-obstacle")).to_have_count(1)
-    assert "Crate001" in {one["name"] for one in api(kept, f"/scene?version={then}")["bodies"]}
+    assert "Crate001" in {scene_body["name"] for scene_body in api(restored_system, f"/scene?version={crate_version}")["bodies"]}
     page.get_by_role("button", name="Back to now").click()
     expect(page.locator("[data-name=Crate001]")).to_have_count(0)
 
 
-def test_relations_are_drawn_listed_and_added(kept: Running, window: Window) -> None:
-    page = opened(window, kept, "?object=Chair001")
+def test_relations_are_drawn_listed_and_added(restored_system: RunningSystem, window: OpenWindow) -> None:
+    page = open_map(window, restored_system, "?object=Chair001")
     page.get_by_role("button", name="Links").click()
     page.get_by_role("checkbox", name="isOn").click()
     page.keyboard.press("Escape")
@@ -463,25 +473,25 @@ def test_relations_are_drawn_listed_and_added(kept: Running, window: Window) -> 
     relation = page.get_by_role("combobox", name="Relation")
     relation.fill("isAdj")
     page.get_by_role("option", name="this isAdjacentTo Object").click()
-    other = page.get_by_role("combobox", name="Object", exact=True)
-    other.press_sequentially("Table001", delay=40)
+    object_field = page.get_by_role("combobox", name="Object", exact=True)
+    object_field.press_sequentially("Table001", delay=40)
     page.get_by_role("option", name="Table001").first.click()
     page.get_by_role("button", name="Add", exact=True).click()
-    until(page, lambda: ("isAdjacentTo", "Chair001", "Table001") in Seen(kept).facts, "the relation is on the map")
+    wait_until(page, lambda: ("isAdjacentTo", "Chair001", "Table001") in MapState(restored_system).facts, "the relation is on the map")
     page.get_by_role("button", name="Take away: Chair001 isAdjacentTo Table001").click()
-    until(page, lambda: ("isAdjacentTo", "Chair001", "Table001") not in Seen(kept).facts, "it is taken away again")
+    wait_until(page, lambda: ("isAdjacentTo", "Chair001", "Table001") not in MapState(restored_system).facts, "it is taken away again")
 
 
-def test_an_object_of_which_nothing_is_known_is_marked(kept: Running, window: Window) -> None:
-    page = opened(window, kept)
+def test_an_object_of_which_nothing_is_known_is_marked(restored_system: RunningSystem, window: OpenWindow) -> None:
+    page = open_map(window, restored_system)
     change = [{"type": "ValueSet", "object": "Carton001", "path": "Unknown", "value": True}]
-    api(kept, "/map/changes", {"changes": change, "author": "Anna"})
+    api(restored_system, "/map/changes", {"changes": change, "author": "Anna"})
     expect(page.locator("[data-name=Carton001].fp-unknown")).to_have_count(1)
     expect(page.locator(".fp-question")).to_have_text("?")
 
 
-def test_the_plan_and_the_scene_show_the_same_choice(system: Running, window: Window) -> None:
-    page = opened(window, system, "?object=Robot1")
+def test_the_plan_and_the_scene_show_the_same_choice(system: RunningSystem, window: OpenWindow) -> None:
+    page = open_map(window, system, "?object=Robot1")
     page.get_by_role("button", name="3D", exact=True).click()
     expect(page.locator(".somrs-map-stage canvas").first).to_be_visible()
     expect(plan(page)).to_be_hidden()
@@ -491,30 +501,30 @@ def test_the_plan_and_the_scene_show_the_same_choice(system: Running, window: Wi
 
 
 @pytest.fixture(scope="module")
-def office(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+def office(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningSystem]:
     """A real building, as Open-RMF has it."""
     if not OFFICE.exists():
         pytest.skip(f"there is no {OFFICE}")
     folder = tmp_path_factory.mktemp("office")
     site = folder / "office.yaml"
     subprocess.run([sys.executable, "-m", "somrs.cli.main", "import", str(OFFICE), "--out", str(site)], check=True, capture_output=True)
-    running = Running(folder / "data", site)
+    running = RunningSystem(folder / "data", site)
     yield running
     running.stop()
 
 
-def test_a_real_building_is_drawn_to_scale(office: Running, window: Window) -> None:
+def test_a_real_building_is_drawn_to_scale(office: RunningSystem, window: OpenWindow) -> None:
     page = window(f"{office.url}/map", "1920")
     body(page, "ConfTable001").wait_for(state="attached")
-    stands(body(page, "ConfTable001"))
-    shoot(page, "map-office")
-    seen = Seen(office)
-    a, b = seen.position("coe"), seen.position("pantry")
-    scale = math.dist(spot(page, "coe"), spot(page, "pantry")) / math.dist(a, b)
-    for one, other in (("lounge", "supplies"), ("patrol_B", "patrol_C"), ("Coke001", "tinyRobot1")):
-        assert math.dist(spot(page, one), spot(page, other)) == pytest.approx(
-            scale * math.dist(seen.position(one), seen.position(other)), rel=0.02
+    wait_until_still(body(page, "ConfTable001"))
+    take_screenshot(page, "map-office")
+    map_state = MapState(office)
+    coe_position, pantry_position = map_state.position("coe"), map_state.position("pantry")
+    scale = math.dist(screen_position(page, "coe"), screen_position(page, "pantry")) / math.dist(coe_position, pantry_position)
+    for name, other_name in (("lounge", "supplies"), ("patrol_B", "patrol_C"), ("Coke001", "tinyRobot1")):
+        assert math.dist(screen_position(page, name), screen_position(page, other_name)) == pytest.approx(
+            scale * math.dist(map_state.position(name), map_state.position(other_name)), rel=0.02
         )
-    assert {name for name in seen.objects if "PositionX" in seen.objects[name]} == set(
+    assert {name for name in map_state.objects if "PositionX" in map_state.objects[name]} == set(
         page.eval_on_selector_all("[data-name]", "(all) => all.map((one) => one.dataset.name)")
     )

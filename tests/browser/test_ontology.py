@@ -14,9 +14,9 @@ from typing import Any
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from .conftest import WIDTHS, Running, every_look, fits, shoot
+from .conftest import WIDTHS, RunningSystem, every_look, fits, take_screenshot
 
-Open = Callable[..., Page]
+OpenPage = Callable[..., Page]
 
 
 def row(page: Page, name: str) -> Locator:
@@ -28,13 +28,13 @@ def heading(page: Page, text: str) -> Locator:
     return page.get_by_role("article").get_by_role("heading", name=text, exact=True)
 
 
-def look_at(page: Page, name: str) -> None:
+def open_definition(page: Page, name: str) -> None:
     """Choose a definition in the tree."""
     row(page, name).click()
     expect(heading(page, name)).to_be_visible()
 
 
-def opened(page: Page, field: Locator) -> None:
+def open_list(page: Page, field: Locator) -> None:
     """Have the list of a field open."""
     field.click()
     page.get_by_role("option").first.wait_for()
@@ -42,14 +42,14 @@ def opened(page: Page, field: Locator) -> None:
 
 def pick(page: Page, field: Locator, value: str) -> None:
     """Choose in a short list."""
-    opened(page, field)
+    open_list(page, field)
     page.get_by_role("option", name=value).click()
 
 
-def choose(page: Page, where: Locator, label: str, value: str) -> None:
+def choose(page: Page, container: Locator, label: str, value: str) -> None:
     """Choose in a list by typing, as people do."""
-    field = where.get_by_role("combobox", name=label)
-    opened(page, field)
+    field = container.get_by_role("combobox", name=label)
+    open_list(page, field)
     field.fill(value)
     page.get_by_role("option", name=value, exact=True).click()
     expect(page.get_by_role("option")).to_have_count(0)
@@ -57,7 +57,7 @@ def choose(page: Page, where: Locator, label: str, value: str) -> None:
 
 def new_type(page: Page, parent: str, name: str) -> None:
     """Begin a type below another, with its name written."""
-    look_at(page, parent)
+    open_definition(page, parent)
     page.get_by_role("button", name="New below").click()
     expect(heading(page, "New type")).to_be_visible()
     page.get_by_role("textbox", name="Name").fill(name)
@@ -67,16 +67,16 @@ def save(page: Page) -> None:
     page.get_by_role("button", name="Save", exact=True).click()
 
 
-def undo(page: Page, said: str = "") -> None:
+def undo(page: Page, text: str = "") -> None:
     """Undo the last change, of which the dialog says this."""
     page.get_by_role("button", name="Undo", exact=True).click()
     dialog = page.get_by_role("dialog", name="Undo")
-    expect(dialog).to_contain_text(said)
+    expect(dialog).to_contain_text(text)
     dialog.get_by_role("button", name="Undo").click()
     expect(dialog).to_be_hidden()
 
 
-def test_a_type_is_built_renamed_moved_and_all_of_it_undone(system: Running, window: Open) -> None:
+def test_a_type_is_built_renamed_moved_and_all_of_it_undone(system: RunningSystem, window: OpenPage) -> None:
     page = window(f"{system.url}/ontology")
     new_type(page, "Graspable", "Vase")
     form = page.get_by_role("form", name="Definition")
@@ -101,7 +101,7 @@ def test_a_type_is_built_renamed_moved_and_all_of_it_undone(system: Running, win
             pick(page, default.get_by_role("combobox", name="Value"), value)
         else:
             default.get_by_role("textbox", name="Value").fill(value)
-    shoot(page, "ontology-form-1280-light")
+    take_screenshot(page, "ontology-form-1280-light")
     save(page)
     expect(heading(page, "Vase")).to_be_visible()
     expect(page.get_by_role("row", name=re.compile("^Height"))).to_contain_text("0.3 m")
@@ -125,14 +125,14 @@ def test_a_type_is_built_renamed_moved_and_all_of_it_undone(system: Running, win
         undo(page, text)
     expect(row(page, "Vase")).to_have_count(0)
     page.get_by_role("button", name="History").first.click()
-    past = page.get_by_role("dialog", name="History of the ontology")
+    history_dialog = page.get_by_role("dialog", name="History of the ontology")
     for index in range(4):
-        expect(past.get_by_role("listitem").filter(has_text="version").nth(index)).to_contain_text("undid version")
-    expect(past.get_by_text("Amphora").first).to_be_visible()
-    shoot(page, "ontology-history-1280-light")
+        expect(history_dialog.get_by_role("listitem").filter(has_text="version").nth(index)).to_contain_text("undid version")
+    expect(history_dialog.get_by_text("Amphora").first).to_be_visible()
+    take_screenshot(page, "ontology-history-1280-light")
 
 
-def test_what_is_wrong_in_a_form_is_said_where_it_is_and_nothing_is_lost(system: Running, window: Open) -> None:
+def test_what_is_wrong_in_a_form_is_said_where_it_is_and_nothing_is_lost(system: RunningSystem, window: OpenPage) -> None:
     page = window(f"{system.url}/ontology?type=Graspable")
     new_type(page, "Graspable", "Bowl")
     form = page.get_by_role("form", name="Definition")
@@ -153,7 +153,7 @@ def test_what_is_wrong_in_a_form_is_said_where_it_is_and_nothing_is_lost(system:
     save(page)
     expect(default.get_by_text("at least 0")).to_be_visible()
     expect(rule.get_by_role("alert")).to_contain_text("^")
-    shoot(page, "ontology-mistakes-1280-light")
+    take_screenshot(page, "ontology-mistakes-1280-light")
     page.get_by_role("textbox", name="Name").fill("two words")
     default.get_by_role("textbox", name="Value").fill("300 g")
     formula.fill("?Self.Weight < 2 kg AND ?Self.Color = Red")
@@ -164,7 +164,7 @@ def test_what_is_wrong_in_a_form_is_said_where_it_is_and_nothing_is_lost(system:
     expect(page.get_by_text("Jar is the name of another type")).to_be_visible()
     page.get_by_role("textbox", name="Name").fill("Bowl")
     # Another definition is looked at in between.
-    look_at(page, "Cup")
+    open_definition(page, "Cup")
     page.get_by_role("button", name="new type Bowl").click()
     expect(formula).to_have_value("?Self.Weight < 2 kg AND ?Self.Color = Red")
     expect(default.get_by_role("textbox", name="Value")).to_have_value("300 g")
@@ -176,7 +176,7 @@ def test_what_is_wrong_in_a_form_is_said_where_it_is_and_nothing_is_lost(system:
     expect(row(page, "Bowl")).to_have_count(0)
 
 
-def test_what_is_in_use_is_not_removed_and_the_reasons_are_told(system: Running, window: Open) -> None:
+def test_what_is_in_use_is_not_removed_and_the_reasons_are_told(system: RunningSystem, window: OpenPage) -> None:
     page = window(f"{system.url}/ontology?type=Chair")
     page.get_by_role("article").get_by_role("button", name="Remove").click()
     dialog = page.get_by_role("dialog", name="Remove the type Chair")
@@ -184,7 +184,7 @@ def test_what_is_in_use_is_not_removed_and_the_reasons_are_told(system: Running,
     for chair in ("Chair001", "Chair002", "Chair003"):
         expect(dialog.get_by_role("row", name=chair)).to_contain_text("Chair")
     expect(dialog.get_by_role("button", name="Remove")).to_have_count(0)
-    shoot(page, "ontology-refused-1280-light")
+    take_screenshot(page, "ontology-refused-1280-light")
     dialog.get_by_role("button", name="Go back").click()
     expect(row(page, "Chair")).to_be_visible()
     # What SO-MRS itself relies on cannot even be tried.
@@ -210,7 +210,7 @@ def test_what_is_in_use_is_not_removed_and_the_reasons_are_told(system: Running,
 
 
 @pytest.fixture
-def with_users(system: Running) -> Iterator[str]:
+def with_users(system: RunningSystem) -> Iterator[str]:
     """A task that runs, an order and a template, all of which speak of platforms; the id of the task."""
     task = str(call(system, "POST", "/tasks", {"effect": "Jar002 isOn ?Place: Platform"})["task"])
     blanks = [{"name": "Thing", "type": "Jar"}, {"name": "Where", "type": "Platform"}]
@@ -224,13 +224,13 @@ def with_users(system: Running) -> Iterator[str]:
     call(system, "POST", f"/tasks/{task}/cancel")
 
 
-def call(system: Running, method: str, path: str, body: object = None) -> Any:
+def call(system: RunningSystem, method: str, path: str, body: object = None) -> Any:
     data = json.dumps(body).encode() if body is not None else None
     with urllib.request.urlopen(urllib.request.Request(f"{system.url}/api{path}", data, method=method)) as answer:
         return json.loads(answer.read() or b"null")
 
 
-def test_renaming_tells_who_goes_on_using_the_old_word(system: Running, with_users: str, window: Open) -> None:
+def test_renaming_tells_who_goes_on_using_the_old_word(system: RunningSystem, with_users: str, window: OpenPage) -> None:
     page = window(f"{system.url}/ontology?type=Platform")
     page.get_by_role("article").get_by_role("button", name="Rename").click()
     page.get_by_role("textbox", name="New name").fill("Stand")
@@ -238,12 +238,12 @@ def test_renaming_tells_who_goes_on_using_the_old_word(system: Running, with_use
     dialog = page.get_by_role("dialog", name="Rename")
     expect(dialog).to_contain_text("Tasks, orders and templates use words that would be gone")
     task = with_users.rpartition(":")[2][:8]
-    for what, which in (("running task", task), ("standing order", "Every morning"), ("template", "Bring it")):
-        line = dialog.get_by_role("row").filter(has=page.get_by_role("cell", name=what, exact=True), has_text=which)
+    for user_kind, user_name in (("running task", task), ("standing order", "Every morning"), ("template", "Bring it")):
+        line = dialog.get_by_role("row").filter(has=page.get_by_role("cell", name=user_kind, exact=True), has_text=user_name)
         expect(line).to_contain_text("it uses type Platform, which would be called Stand")
     for size in ("1280", "820"):
         page.set_viewport_size({"width": WIDTHS[size][0], "height": WIDTHS[size][1]})
-        shoot(page, f"ontology-affected-{size}-light")
+        take_screenshot(page, f"ontology-affected-{size}-light")
         box = dialog.get_by_role("table").first.bounding_box()
         assert box is not None
         assert box["x"] >= 0
@@ -253,7 +253,7 @@ def test_renaming_tells_who_goes_on_using_the_old_word(system: Running, with_use
     expect(row(page, "Platform")).to_be_visible()
 
 
-def test_two_people_write_the_same_type(system: Running, window: Open) -> None:
+def test_two_people_write_the_same_type(system: RunningSystem, window: OpenPage) -> None:
     first = window(f"{system.url}/ontology?type=Cup")
     second = window(f"{system.url}/ontology?type=Cup")
     for page in (first, second):
@@ -269,7 +269,7 @@ def test_two_people_write_the_same_type(system: Running, window: Open) -> None:
     banner = second.get_by_text("Somebody else changed this meanwhile.")
     expect(banner).to_be_visible()
     expect(second.get_by_role("article")).to_contain_text("Defaults: Weight: 0.3 → 0.25")
-    shoot(second, "ontology-two-people-1280-light")
+    take_screenshot(second, "ontology-two-people-1280-light")
     save(second)
     expect(second.get_by_role("article")).to_contain_text("Somebody else changed this meanwhile.")
     expect(second.get_by_role("textbox", name="What it means")).to_have_value("One drinks from it")
@@ -287,22 +287,22 @@ def test_two_people_write_the_same_type(system: Running, window: Open) -> None:
     expect(second.get_by_role("article")).not_to_contain_text("One drinks from it")
 
 
-def test_a_type_is_dragged_below_another_and_another_window_sees_it(system: Running, window: Open) -> None:
+def test_a_type_is_dragged_below_another_and_another_window_sees_it(system: RunningSystem, window: OpenPage) -> None:
     page = window(f"{system.url}/ontology?type=Bottle")
-    other = window(f"{system.url}/ontology?type=Bottle")
-    expect(heading(other, "Bottle")).to_be_visible()
+    other_page = window(f"{system.url}/ontology?type=Bottle")
+    expect(heading(other_page, "Bottle")).to_be_visible()
     row(page, "Bottle").drag_to(row(page, "Can"))
     dialog = page.get_by_role("dialog", name="Move Bottle below Can")
     expect(dialog).to_contain_text("Graspable")
     dialog.get_by_role("button", name="Move").click()
-    for one in (page, other):
-        expect(one.get_by_role("navigation", name="Ancestors")).to_contain_text("Can")
-        expect(row(one, "Bottle")).to_have_attribute("aria-level", "5")
+    for shown_page in (page, other_page):
+        expect(shown_page.get_by_role("navigation", name="Ancestors")).to_contain_text("Can")
+        expect(row(shown_page, "Bottle")).to_have_attribute("aria-level", "5")
     undo(page)
-    expect(row(other, "Bottle")).to_have_attribute("aria-level", "4")
+    expect(row(other_page, "Bottle")).to_have_attribute("aria-level", "4")
 
 
-def test_what_is_typed_outlives_the_server(system: Running, window: Open) -> None:
+def test_what_is_typed_outlives_the_server(system: RunningSystem, window: OpenPage) -> None:
     page = window(f"{system.url}/ontology?type=Plant", may_reload=True)
     page.get_by_role("button", name="Edit").click()
     meaning = page.get_by_role("textbox", name="What it means")
@@ -310,7 +310,7 @@ def test_what_is_typed_outlives_the_server(system: Running, window: Open) -> Non
     page.get_by_role("button", name="Add default").click()
     choose(page, page.get_by_role("group", name="default 1"), "Attribute", "Weight")
     page.get_by_role("group", name="default 1").get_by_role("textbox", name="Value").fill("2")
-    with system.without("gui"):
+    with system.without_program("gui"):
         meaning.fill("Grows in a pot")
         expect(page.get_by_text("Connection lost")).to_be_visible()
     expect(page.get_by_text("Connection lost")).to_be_hidden()
@@ -334,7 +334,7 @@ types:
 """
 
 
-def test_a_file_is_taken_over_after_its_mistakes_are_mended(system: Running, window: Open) -> None:
+def test_a_file_is_taken_over_after_its_mistakes_are_mended(system: RunningSystem, window: OpenPage) -> None:
     page = window(f"{system.url}/ontology")
     page.get_by_role("button", name="Import").click()
     dialog = page.get_by_role("dialog", name="Import definitions")
@@ -345,13 +345,13 @@ def test_a_file_is_taken_over_after_its_mistakes_are_mended(system: Running, win
     expect(problem).to_contain_text("Materiel")
     expect(problem).to_contain_text("did you mean Material?")
     expect(dialog.get_by_role("button", name="Take over")).to_be_hidden()
-    shoot(page, "ontology-import-1280-light")
-    right = WRONG.replace("Materiel", "Material")
-    files.set_input_files({"name": "kitchen.yaml", "mimeType": "application/yaml", "buffer": right.encode()})
+    take_screenshot(page, "ontology-import-1280-light")
+    corrected_text = WRONG.replace("Materiel", "Material")
+    files.set_input_files({"name": "kitchen.yaml", "mimeType": "application/yaml", "buffer": corrected_text.encode()})
     expect(dialog).to_contain_text("2 definitions change")
     dialog.get_by_role("button", name="Take over").click()
     expect(dialog).to_be_hidden()
-    look_at(page, "Mug")
+    open_definition(page, "Mug")
     expect(page.get_by_role("row", name=re.compile("^Material"))).to_contain_text("one of Clay, Glass")
     page.get_by_role("button", name="Export").click()
     with page.expect_download() as download:
@@ -364,7 +364,7 @@ def test_a_file_is_taken_over_after_its_mistakes_are_mended(system: Running, win
     expect(page.get_by_role("article")).to_contain_text("There is no type of this name")
 
 
-def test_the_tree_is_walked_and_found_in_by_keys(system: Running, window: Open) -> None:
+def test_the_tree_is_walked_and_found_in_by_keys(system: RunningSystem, window: OpenPage) -> None:
     page = window(f"{system.url}/ontology?type=Jar")
     expect(heading(page, "Jar")).to_be_visible()
     assert page.evaluate("document.querySelectorAll('.somrs-tree-row[tabindex=\"0\"]').length") == 1, "one row takes the focus"
@@ -403,30 +403,30 @@ SHEETS = {
 }
 
 
-def test_every_kind_of_definition_is_read(system: Running, window: Open) -> None:
+def test_every_kind_of_definition_is_read(system: RunningSystem, window: OpenPage) -> None:
     page = window(f"{system.url}/ontology")
-    for asked, name in SHEETS.items():
-        page.goto(f"{system.url}/ontology?{asked}")
+    for query, name in SHEETS.items():
+        page.goto(f"{system.url}/ontology?{query}")
         expect(heading(page, name)).to_be_visible()
         expect(page.locator(".somrs-tree-picked")).to_contain_text(name)
     expect(page.get_by_role("article")).to_contain_text("?Object isOn ?Destination")
-    shoot(page, "ontology-service-1280-light")
+    take_screenshot(page, "ontology-service-1280-light")
 
 
-def test_sheet_and_form_fit_every_window(system: Running, window: Open) -> None:
+def test_sheet_and_form_fit_every_window(system: RunningSystem, window: OpenPage) -> None:
     page = window(f"{system.url}/ontology?type=Jar")
     expect(heading(page, "Jar")).to_be_visible()
     for look in every_look(page):
         assert fits(page), "the sheet is wider than the window"
-        shoot(page, f"ontology-jar-{look}")
+        take_screenshot(page, f"ontology-jar-{look}")
     page.get_by_role("button", name="Edit").click()
     expect(heading(page, "Edit Jar")).to_be_visible()
     for look in every_look(page):
         assert fits(page), "the form is wider than the window"
-        shoot(page, f"ontology-edit-{look}")
+        take_screenshot(page, f"ontology-edit-{look}")
 
 
-def test_attributes_relations_functions_and_services_are_written(system: Running, window: Open) -> None:
+def test_attributes_relations_functions_and_services_are_written(system: RunningSystem, window: OpenPage) -> None:
     page = window(f"{system.url}/ontology")
     form = page.get_by_role("form", name="Definition")
 
@@ -474,7 +474,7 @@ def test_attributes_relations_functions_and_services_are_written(system: Running
 
     # Renaming goes everywhere; removing what is spoken of is refused.
     page.get_by_role("tab", name="Relations").click()
-    look_at(page, "waters")
+    open_definition(page, "waters")
     page.get_by_role("article").get_by_role("button", name="Remove").click()
     expect(page.get_by_role("dialog").get_by_role("row", name="WaterPlant")).to_contain_text("there is no relation waters")
     page.get_by_role("dialog").get_by_role("button", name="Go back").click()
@@ -483,7 +483,7 @@ def test_attributes_relations_functions_and_services_are_written(system: Running
     save(page)
     dialog = page.get_by_role("dialog", name="Save sprinkles: what comes of it")
     expect(dialog).to_contain_text("?Provider sprinkles ?Plant")
-    shoot(page, "ontology-consequences-1280-light")
+    take_screenshot(page, "ontology-consequences-1280-light")
     dialog.get_by_role("button", name="Save").click()
     expect(heading(page, "sprinkles")).to_be_visible()
     page.get_by_role("link", name="WaterPlant").click()
@@ -493,7 +493,7 @@ def test_attributes_relations_functions_and_services_are_written(system: Running
     expect(row(page, "WaterPlant")).to_have_count(0)
 
 
-def test_who_is_quicker_than_the_server_goes_on_typing_where_they_are(system: Running, window: Open) -> None:
+def test_who_is_quicker_than_the_server_goes_on_typing_where_they_are(system: RunningSystem, window: OpenPage) -> None:
     page = window(f"{system.url}/ontology")
     page.get_by_role("tab", name="Functions").click()
     page.get_by_role("button", name="New function").click()

@@ -13,34 +13,34 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page, expect
 
-from .conftest import PATIENCE, WORK_TIME, Running, running_in, shoot
+from .conftest import PATIENCE, WORK_TIME, RunningSystem, running_in, take_screenshot
 
-Window = Callable[..., Page]
+OpenWindow = Callable[..., Page]
 SMALL = "640"
 """Quickly drawn, even without a graphics card."""
 
 
 @pytest.fixture(scope="module")
-def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningSystem]:
     """Robots that take their time, so that a busy machine, too, draws them often enough on their way."""
     with running_in(tmp_path_factory.mktemp("scene"), speed="3") as running:
         yield running
 
 
-def opened(system: Running, window: Window, size: str = "1280", *, dark: bool = False) -> Page:
+def open_page(system: RunningSystem, window: OpenWindow, size: str = "1280", *, dark: bool = False) -> Page:
     """A page that shows the building in three dimensions."""
     page = window("about:blank", size, dark=dark)
-    show(system, page)
+    open_scene(system, page)
     return page
 
 
-def show(system: Running, page: Page) -> None:
+def open_scene(system: RunningSystem, page: Page) -> None:
     page.goto(f"{system.url}/map")
     page.get_by_role("button", name="3D", exact=True).click()
     page.wait_for_function("window.somrsScene?.drawn() && somrsScene.names().length > 20 && somrsScene.frames() > 0")
 
 
-def at_rest(page: Page) -> None:
+def wait_until_at_rest(page: Page) -> None:
     """Wait until it draws no more, and in full quality."""
     page.wait_for_function(
         """() => {
@@ -51,7 +51,7 @@ def at_rest(page: Page) -> None:
     )
 
 
-def asked(system: Running, method: str, path: str, body: object = None) -> Any:
+def call_api(system: RunningSystem, method: str, path: str, body: object = None) -> Any:
     request = urllib.request.Request(f"{system.url}/api{path}", method=method)
     if body is not None:
         request.data = json.dumps(body).encode()
@@ -59,16 +59,16 @@ def asked(system: Running, method: str, path: str, body: object = None) -> Any:
         return json.loads(answer.read() or b"null")
 
 
-def done(system: Running, wish: str) -> str:
+def submit_task(system: RunningSystem, goal: str) -> str:
     """Submit a task. Its id."""
-    return str(asked(system, "POST", "/tasks", {"effect": wish, "author": "Ada"})["task"])
+    return str(call_api(system, "POST", "/tasks", {"effect": goal, "author": "Ada"})["task"])
 
 
-def over(system: Running, task: str) -> None:
+def await_success(system: RunningSystem, task: str) -> None:
     """Wait for the task's good end."""
-    until = time.monotonic() + WORK_TIME / 1000
-    while time.monotonic() < until:
-        outcome = asked(system, "GET", f"/tasks/{task}")["view"]["outcome"]
+    deadline = time.monotonic() + WORK_TIME / 1000
+    while time.monotonic() < deadline:
+        outcome = call_api(system, "GET", f"/tasks/{task}")["view"]["outcome"]
         if outcome is not None:
             assert outcome == "accomplished"
             return
@@ -76,16 +76,16 @@ def over(system: Running, task: str) -> None:
     raise AssertionError(f"{task} does not end")
 
 
-def where(page: Page, name: str) -> dict[str, float]:
+def scene_position(page: Page, name: str) -> dict[str, float]:
     return dict(page.evaluate("name => somrsScene.where(name)", name))
 
 
-def facts(system: Running) -> list[list[str]]:
-    return [[fact["relation"], *fact["arguments"]] for fact in asked(system, "GET", "/map")["facts"]]
+def facts(system: RunningSystem) -> list[list[str]]:
+    return [[fact["relation"], *fact["arguments"]] for fact in call_api(system, "GET", "/map")["facts"]]
 
 
-def apart(one: dict[str, float], two: dict[str, float]) -> float:
-    return math.dist((one["x"], one["y"]), (two["x"], two["y"]))
+def ground_distance(first: dict[str, float], second: dict[str, float]) -> float:
+    return math.dist((first["x"], first["y"]), (second["x"], second["y"]))
 
 
 TRACE = """() => {
@@ -99,34 +99,36 @@ TRACE = """() => {
 }"""
 
 
-def test_a_jar_is_seen_on_its_way_to_the_platform_by_all_who_look(system: Running, window: Window) -> None:
+def test_a_jar_is_seen_on_its_way_to_the_platform_by_all_who_look(system: RunningSystem, window: OpenWindow) -> None:
     if ["isOn", "Jar002", "Platform001"] in facts(system):
-        over(system, done(system, "Jar002 isOn Cupboard001"))
-    pages = [opened(system, window, SMALL), opened(system, window, SMALL)]
-    start = where(pages[0], "Jar002")
-    assert where(pages[1], "Jar002") == pytest.approx(start, abs=0.005)
+        await_success(system, submit_task(system, "Jar002 isOn Cupboard001"))
+    pages = [open_page(system, window, SMALL), open_page(system, window, SMALL)]
+    start = scene_position(pages[0], "Jar002")
+    assert scene_position(pages[1], "Jar002") == pytest.approx(start, abs=0.005)
     for page in pages:
         page.evaluate(TRACE)
-    over(system, done(system, "Jar002 isOn Platform001"))
+    await_success(system, submit_task(system, "Jar002 isOn Platform001"))
     for page in pages:
         page.wait_for_function("Math.hypot(somrsScene.where('Jar002').x - 8.2, somrsScene.where('Jar002').y - 2.5) < 0.5")
         expect(page.get_by_role("application")).to_have_attribute("aria-label", re.compile("2 robots"))
-        at_rest(page)
-        jar = where(page, "Jar002")
+        wait_until_at_rest(page)
+        jar = scene_position(page, "Jar002")
         assert jar["z"] == pytest.approx(0.3, abs=0.02), "it stands on the platform, which is 0.3 m high"
         trace = page.evaluate("window.trace")
-        way = [one for one in trace if apart(one["jar"], start) > 0.7 and apart(one["jar"], jar) > 0.7]
+        way = [frame for frame in trace if ground_distance(frame["jar"], start) > 0.7 and ground_distance(frame["jar"], jar) > 0.7]
         assert way, "the jar is seen on its way"
-        assert all(min(apart(one["jar"], one[robot]) for robot in ("one", "two")) < 0.4 for one in way), "as a robot carries it"
-        places = {tuple(one[robot][axis] for robot in ("one", "two") for axis in "xy") for one in trace}
+        assert all(min(ground_distance(frame["jar"], frame[robot]) for robot in ("one", "two")) < 0.4 for frame in way), (
+            "as a robot carries it"
+        )
+        places = {tuple(frame[robot][axis] for robot in ("one", "two") for axis in "xy") for frame in trace}
         assert len(places) > 10, "the robot is seen on its way"
-    assert where(pages[0], "Jar002") == pytest.approx(where(pages[1], "Jar002"), abs=0.005), "both see the same"
+    assert scene_position(pages[0], "Jar002") == pytest.approx(scene_position(pages[1], "Jar002"), abs=0.005), "both see the same"
     pages[0].set_viewport_size({"width": 1280, "height": 800})
-    at_rest(pages[0])
-    shoot(pages[0], "scene-jar-1280-light")
+    wait_until_at_rest(pages[0])
+    take_screenshot(pages[0], "scene-jar-1280-light")
 
 
-EVEN = """async ([late]) => {
+MOTION_SCRIPT = """async ([late]) => {
     const { Motion } = await import("somrs-scene");
     const motion = new Motion();
     motion.set([{ name: "Robot1", numbers: 4 }]);
@@ -154,71 +156,71 @@ EVEN = """async ([late]) => {
 }"""
 
 
-def test_robots_are_drawn_in_even_motion_between_poses(system: Running, window: Window) -> None:
-    page = opened(system, window, SMALL)
+def test_robots_are_drawn_in_even_motion_between_poses(system: RunningSystem, window: OpenWindow) -> None:
+    page = open_page(system, window, SMALL)
     for late in (0.0, 0.08):
-        drawn = page.evaluate(EVEN, [late])
+        drawn = page.evaluate(MOTION_SCRIPT, [late])
         assert drawn["last"][0] == pytest.approx(3)
         assert not drawn["active"], "and when it stands, nothing is drawn"
-        begun = drawn["steps"][30:-10]  # once it knows how late poses come
-        assert all(0 <= step <= 2.1 / 60 for step, _ in begun), "it neither jumps nor goes back"
-        assert sum(step > 0.3 / 60 for step, _ in begun) > 0.8 * len(begun), "nor stands between two poses"
-        assert max(turn for _, turn in begun) < 0.05, "it turns the short way"
+        steady_steps = drawn["steps"][30:-10]  # once it knows how late poses come
+        assert all(0 <= step <= 2.1 / 60 for step, _ in steady_steps), "it neither jumps nor goes back"
+        assert sum(step > 0.3 / 60 for step, _ in steady_steps) > 0.8 * len(steady_steps), "nor stands between two poses"
+        assert max(turn for _, turn in steady_steps) < 0.05, "it turns the short way"
 
 
-def test_it_draws_only_when_something_changed(system: Running, window: Window) -> None:
-    page = opened(system, window, SMALL)
-    at_rest(page)
+def test_it_draws_only_when_something_changed(system: RunningSystem, window: OpenWindow) -> None:
+    page = open_page(system, window, SMALL)
+    wait_until_at_rest(page)
     frames = page.evaluate("somrsScene.frames()")
     page.wait_for_timeout(2000)
     assert page.evaluate("somrsScene.frames()") == frames
 
 
-def at(page: Page, name: str) -> tuple[float, float]:
-    found = page.evaluate("name => somrsScene.at(name)", name)
-    return found["x"], found["y"]
+def screen_point(page: Page, name: str) -> tuple[float, float]:
+    point = page.evaluate("name => somrsScene.at(name)", name)
+    return point["x"], point["y"]
 
 
-def test_the_camera_is_moved_by_keys_and_buttons(system: Running, window: Window) -> None:
-    page = opened(system, window)
-    at_rest(page)
+def test_the_camera_is_moved_by_keys_and_buttons(system: RunningSystem, window: OpenWindow) -> None:
+    page = open_page(system, window)
+    wait_until_at_rest(page)
     view = page.get_by_role("application")
     middle = (view.bounding_box() or {"width": 0})["width"] / 2
-    before = at(page, "Cupboard001"), at(page, "Shelf001")
+    points_before = screen_point(page, "Cupboard001"), screen_point(page, "Shelf001")
     page.get_by_role("application").focus()
 
     def span() -> float:
-        return math.dist(at(page, "Cupboard001"), at(page, "Shelf001"))
+        return math.dist(screen_point(page, "Cupboard001"), screen_point(page, "Shelf001"))
 
     page.keyboard.press("ArrowLeft")
-    assert at(page, "Cupboard001") != before[0]
+    assert screen_point(page, "Cupboard001") != points_before[0]
     page.keyboard.press("ArrowRight")
-    assert at(page, "Cupboard001") == pytest.approx(before[0], abs=1)
-    near = span()
+    assert screen_point(page, "Cupboard001") == pytest.approx(points_before[0], abs=1)
+    start_span = span()
     page.keyboard.press("+")
-    assert span() > 1.1 * near
+    assert span() > 1.1 * start_span
     page.keyboard.press("-")
-    assert span() == pytest.approx(near, rel=0.01)
+    assert span() == pytest.approx(start_span, rel=0.01)
     page.keyboard.press("Shift+ArrowRight")
-    assert at(page, "Shelf001")[0] < before[1][0] - 10
+    assert screen_point(page, "Shelf001")[0] < points_before[1][0] - 10
     page.keyboard.press("f")
     page.wait_for_function(
-        "([x, y]) => Math.hypot(somrsScene.at('Shelf001').x - x, somrsScene.at('Shelf001').y - y) < 2", arg=list(before[1])
+        "([x, y]) => Math.hypot(somrsScene.at('Shelf001').x - x, somrsScene.at('Shelf001').y - y) < 2", arg=list(points_before[1])
     )
     page.get_by_role("button", name="From above").click()
-    at_rest(page)
-    cupboard, shelf = at(page, "Cupboard001"), at(page, "Shelf001")
+    wait_until_at_rest(page)
+    cupboard, shelf = screen_point(page, "Cupboard001"), screen_point(page, "Shelf001")
     assert cupboard[1] == pytest.approx(shelf[1], abs=12), "from above, what stands at the same y is at the same height"
     page.get_by_label("Follow").select_option("Robot1")
     page.wait_for_function("middle => Math.abs(somrsScene.at('Robot1').x - middle) < 3", arg=middle)
 
 
-def test_things_are_chosen_by_clicking_and_found_by_their_names(system: Running, window: Window) -> None:
-    page = opened(system, window)
-    at_rest(page)
+def test_things_are_chosen_by_clicking_and_found_by_their_names(system: RunningSystem, window: OpenWindow) -> None:
+    page = open_page(system, window)
+    wait_until_at_rest(page)
     box = page.get_by_role("application").bounding_box()
     assert box is not None
-    x, y = at(page, "Platform001")
+    x, y = screen_point(page, "Platform001")
     page.mouse.click(box["x"] + x, box["y"] + y)
     card = page.locator(".somrs-scene-card")
     expect(card).to_contain_text("Platform001")
@@ -236,16 +238,16 @@ def test_things_are_chosen_by_clicking_and_found_by_their_names(system: Running,
     expect(card).to_contain_text("in Store")
 
 
-def test_a_broken_robot_is_labelled_as_such(system: Running, window: Window) -> None:
-    page = opened(system, window, SMALL)
+def test_a_broken_robot_is_labelled_as_such(system: RunningSystem, window: OpenWindow) -> None:
+    page = open_page(system, window, SMALL)
     label = page.locator(".somrs-scene-label-robot", has_text="Robot2")
     expect(label).to_be_visible()
-    asked(system, "POST", "/fleet/Robot2/faults/gripper")
+    call_api(system, "POST", "/fleet/Robot2/faults/gripper")
     try:
         expect(label).to_contain_text("gripper stuck")
         expect(page.get_by_role("application")).to_have_attribute("aria-label", re.compile("Robot2: .*gripper stuck"))
     finally:
-        asked(system, "POST", "/fleet/Robot2/faults/gripper?repair=true")
+        call_api(system, "POST", "/fleet/Robot2/faults/gripper?repair=true")
     expect(label).to_have_text("Robot2")
 
 
@@ -259,31 +261,31 @@ window.WebSocket = class extends Real {
 };"""
 
 
-def test_what_is_added_and_removed_is_seen_also_when_connections_are_lost(system: Running, window: Window) -> None:
+def test_what_is_added_and_removed_is_seen_also_when_connections_are_lost(system: RunningSystem, window: OpenWindow) -> None:
     page = window("about:blank", SMALL)
     page.add_init_script(SOCKETS)
-    show(system, page)
+    open_scene(system, page)
     values = {"PositionX": 9.0, "PositionY": 5.0, "PositionZ": 0.0, "Shape.Form": "Box", "Shape.Width": 0.6, "Shape.Depth": 0.6}
     table = {"name": "Table009", "type": "Table", "values": {**values, "Shape.Height": 0.7}}
-    asked(system, "POST", "/map/changes", {"changes": [{"type": "ObjectAdded", "object": table}], "author": "Ada"})
+    call_api(system, "POST", "/map/changes", {"changes": [{"type": "ObjectAdded", "object": table}], "author": "Ada"})
     page.wait_for_function("somrsScene.where('Table009')?.x === 9")
     move = {"type": "ValueSet", "object": "Table009", "path": "PositionX", "value": 9.5}
-    asked(system, "POST", "/map/changes", {"changes": [move], "author": "Ada"})
+    call_api(system, "POST", "/map/changes", {"changes": [move], "author": "Ada"})
     page.wait_for_function("somrsScene.where('Table009').x === 9.5")
     page.evaluate("sockets.filter((one) => one.url.includes('/api/')).forEach((one) => one.close())")
-    asked(system, "POST", "/map/changes", {"changes": [{"type": "ObjectRemoved", "name": "Table009"}], "author": "Ada"})
+    call_api(system, "POST", "/map/changes", {"changes": [{"type": "ObjectRemoved", "name": "Table009"}], "author": "Ada"})
     page.wait_for_function("somrsScene.where('Table009') === null")
-    asked(system, "POST", "/fleet/Robot1/faults/gripper")
+    call_api(system, "POST", "/fleet/Robot1/faults/gripper")
     label = page.locator(".somrs-scene-label-robot", has_text="Robot1")
     try:
         expect(label).to_contain_text("gripper stuck")
     finally:
-        asked(system, "POST", "/fleet/Robot1/faults/gripper?repair=true")
+        call_api(system, "POST", "/fleet/Robot1/faults/gripper?repair=true")
     expect(label).to_have_text("Robot1")
     expect(page.get_by_text("is being made again")).to_have_count(0)
 
 
-def test_without_webgl_it_is_told_in_words(system: Running, window: Window) -> None:
+def test_without_webgl_it_is_told_in_words(system: RunningSystem, window: OpenWindow) -> None:
     page = window("about:blank")
     page.add_init_script(
         """const real = HTMLCanvasElement.prototype.getContext;
@@ -299,25 +301,25 @@ def test_without_webgl_it_is_told_in_words(system: Running, window: Window) -> N
 
 
 @pytest.mark.parametrize(("size", "dark"), [("1280", False), ("1920", True), ("820", False)])
-def test_it_looks_good(system: Running, window: Window, size: str, dark: bool) -> None:
-    page = opened(system, window, size, dark=dark)
-    at_rest(page)
+def test_it_looks_good(system: RunningSystem, window: OpenWindow, size: str, dark: bool) -> None:
+    page = open_page(system, window, size, dark=dark)
+    wait_until_at_rest(page)
     view = page.get_by_role("application").bounding_box()
     assert view is not None
     for name in ("WallWest", "StoreWallEast", "WallNorth", "StoreWallSouth", "Robot1", "Jar003"):
-        x, y = at(page, name)
+        x, y = screen_point(page, name)
         assert 0 < x < view["width"], f"{name} is in the picture"
         assert 0 < y < view["height"], f"{name} is in the picture"
-    boxes = [box for one in page.locator(".somrs-scene-label").all() if one.is_visible() and (box := one.bounding_box())]
+    boxes = [box for label in page.locator(".somrs-scene-label").all() if label.is_visible() and (box := label.bounding_box())]
     assert len(boxes) >= 8
-    for i, a in enumerate(boxes):
-        for b in boxes[i + 1 :]:
-            beside = a["x"] + a["width"] <= b["x"] or b["x"] + b["width"] <= a["x"]
-            above = a["y"] + a["height"] <= b["y"] or b["y"] + b["height"] <= a["y"]
-            assert beside or above, "no name lies upon another"
-    shoot(page, f"scene-{size}-{'dark' if dark else 'light'}")
+    for i, first_box in enumerate(boxes):
+        for second_box in boxes[i + 1 :]:
+            apart_in_x = first_box["x"] + first_box["width"] <= second_box["x"] or second_box["x"] + second_box["width"] <= first_box["x"]
+            apart_in_y = first_box["y"] + first_box["height"] <= second_box["y"] or second_box["y"] + second_box["height"] <= first_box["y"]
+            assert apart_in_x or apart_in_y, "no name lies upon another"
+    take_screenshot(page, f"scene-{size}-{'dark' if dark else 'light'}")
     if size == "1280":
         page.get_by_label("Follow").select_option("Robot1")
         page.get_by_role("button", name="Zoom in").click()
-        at_rest(page)
-        shoot(page, "scene-follow-1280-light")
+        wait_until_at_rest(page)
+        take_screenshot(page, "scene-follow-1280-light")

@@ -10,19 +10,19 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Page, expect
 
-from .conftest import WIDTHS, Running, every_look, fits, resize, shoot
+from .conftest import WIDTHS, RunningSystem, every_look, fits, resize, take_screenshot
 
 PLACES = ["Map", "Ontology", "New task", "Tasks", "Fleet", "History"]
 
 
-def test_every_page_is_one_click_away_and_fits_every_window(system: Running, window: Callable[..., Page]) -> None:
+def test_every_page_is_one_click_away_and_fits_every_window(system: RunningSystem, window: Callable[..., Page]) -> None:
     page = window(system.url)
     with urllib.request.urlopen(f"{system.url}/api/map") as answer:
         version = json.load(answer)["version"]
-    for said in (f"version {version}", "No task is under way.", "Robot2", "simulator"):
-        expect(page.get_by_text(said).first).to_be_visible()
+    for text in (f"version {version}", "No task is under way.", "Robot2", "simulator"):
+        expect(page.get_by_text(text).first).to_be_visible()
     for look in every_look(page):
-        shoot(page, f"start-{look}")
+        take_screenshot(page, f"start-{look}")
     for place in PLACES:
         page.get_by_role("navigation").get_by_role("link", name=place).click()
         page.wait_for_url("**/" + {"New task": "define"}.get(place, place.lower()))
@@ -32,13 +32,13 @@ def test_every_page_is_one_click_away_and_fits_every_window(system: Running, win
             assert fits(page), f"{place} is wider than the window"
 
 
-def test_the_api_describes_itself(system: Running, window: Callable[..., Page]) -> None:
+def test_the_api_describes_itself(system: RunningSystem, window: Callable[..., Page]) -> None:
     page = window(f"{system.url}/api/")
     page.get_by_text("/map/query").first.wait_for()
     with urllib.request.urlopen(f"{system.url}/api/openapi.json") as answer:
         described = json.load(answer)
     assert described["openapi"].startswith("3.1")
-    assert all(one["summary"] for path in described["paths"].values() for one in path.values())
+    assert all(operation["summary"] for path in described["paths"].values() for operation in path.values())
 
 
 WATCH_PLACES = """
@@ -74,7 +74,7 @@ requestAnimationFrame(look);
     ids=["start", "map", "ontology", "define", "tasks", "fleet", "history"],
 )
 def test_what_can_be_pressed_stays_where_it_is_while_the_page_is_read(
-    system: Running, window: Callable[..., Page], path: str, read: re.Pattern[str]
+    system: RunningSystem, window: Callable[..., Page], path: str, read: re.Pattern[str]
 ) -> None:
     """Who presses early would press something else."""
     page = window("about:blank")

@@ -18,54 +18,54 @@ from somrs.devices.simulator.link.commands import Fault
 from somrs.devices.simulator.link.link import OperatorLink
 from tests.support.paths import SCENARIO_1
 
-from .conftest import WIDTHS, WORK_TIME, Running, every_look, fits, shoot
+from .conftest import WIDTHS, WORK_TIME, RunningSystem, every_look, fits, take_screenshot
 
-Open = Callable[..., Page]
+OpenPage = Callable[..., Page]
 
 
-def call(system: Running, path: str, body: object = None, *, post: bool = False) -> Any:
+def call(system: RunningSystem, path: str, body: object = None, *, post: bool = False) -> Any:
     content = json.dumps(body).encode() if body is not None else b"" if post else None
     request = urllib.request.Request(f"{system.url}/api{path}", data=content, method="POST" if post else "GET")
     with urllib.request.urlopen(request) as answer:
         return json.load(answer)
 
 
-def stated(system: Running, effect: str, **more: object) -> str:
-    return str(call(system, "/tasks", {"effect": effect, **more}, post=True)["task"])
+def submit_task(system: RunningSystem, effect: str, **options: object) -> str:
+    return str(call(system, "/tasks", {"effect": effect, **options}, post=True)["task"])
 
 
-def until(system: Running, task: str, is_so: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+def wait_for_task(system: RunningSystem, task: str, condition: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
     """The task, once it is so."""
     end = time.monotonic() + WORK_TIME / 1000
-    while not is_so(seen := call(system, f"/tasks/{task}")):
-        assert time.monotonic() < end, f"it did not come to that: {[event['text'] for event in seen['events']]}"
+    while not condition(task_state := call(system, f"/tasks/{task}")):
+        assert time.monotonic() < end, f"it did not come to that: {[event['text'] for event in task_state['events']]}"
         time.sleep(0.1)
-    return dict(seen)
+    return dict(task_state)
 
 
-def over(seen: dict[str, Any]) -> bool:
-    return seen["view"]["outcome"] is not None
+def is_ended(task_state: dict[str, Any]) -> bool:
+    return task_state["view"]["outcome"] is not None
 
 
-def carries(seen: dict[str, Any]) -> bool:
-    notes = (event["event"]["note"] for event in seen["events"] if event["event"]["type"] == "ProgressNoted")
+def carries(task_state: dict[str, Any]) -> bool:
+    notes = (event["event"]["note"] for event in task_state["events"] if event["event"]["type"] == "ProgressNoted")
     return any("carries" in note for note in notes)
 
 
-def holds(system: Running, formula: str) -> bool:
+def formula_holds(system: RunningSystem, formula: str) -> bool:
     return bool(call(system, f"/map/query?formula={urllib.request.quote(formula)}")["rows"])  # type: ignore[attr-defined]
 
 
-def breaks_down(system: Running, robot: str, carried: float, fault: Fault = Fault.DRIVE) -> None:
+def breaks_down(system: RunningSystem, robot: str, carried: float, fault: Fault = Fault.DRIVE) -> None:
     """Have the robot break down once it has carried something so far (metres): then it does so on its way, however busy the machine is."""
 
-    async def tell() -> None:
+    async def schedule_fault() -> None:
         host, _, port = (system.addresses.simulator or "").rpartition(":")
         async with OperatorLink(host, int(port)) as operator:
             await operator.schedule(robot, fault, carried=carried)
 
-    with ThreadPoolExecutor(1) as beside:  # Playwright's own event loop runs in this thread
-        beside.submit(asyncio.run, tell()).result()
+    with ThreadPoolExecutor(1) as executor:  # Playwright's own event loop runs in this thread
+        executor.submit(asyncio.run, schedule_fault()).result()
 
 
 def panel(page: Page, title: str) -> Locator:
@@ -76,26 +76,26 @@ def message(page: Page, type: str) -> Locator:
     return panel(page, "Messages").locator(".somrs-msg").filter(has_text=type)
 
 
-def flat(page: Page) -> None:
+def show_floor_plan(page: Page) -> None:
     """Show the floor plan, which is drawn in a moment, instead of the scene; that is remembered."""
     page.get_by_role("button", name="Floor plan").click()
 
 
 @pytest.fixture
-def jar_at_home(system: Running) -> Iterator[None]:
+def jar_at_home(system: RunningSystem) -> Iterator[None]:
     """Afterwards robots are whole, and the jar is where it was."""
     yield
     call(system, "/fleet/Robot1/faults/drive?repair=true", post=True)
-    if not holds(system, "Jar002 isOn Cupboard001"):
-        until(system, stated(system, "Jar002 isOn Cupboard001"), over)
-        assert holds(system, "Jar002 isOn Cupboard001")
+    if not formula_holds(system, "Jar002 isOn Cupboard001"):
+        wait_for_task(system, submit_task(system, "Jar002 isOn Cupboard001"), is_ended)
+        assert formula_holds(system, "Jar002 isOn Cupboard001")
 
 
 @pytest.mark.usefixtures("jar_at_home")
-def test_a_task_is_watched_as_its_robot_fails_and_another_takes_over(system: Running, window: Open, tmp_path: Path) -> None:
+def test_a_task_is_watched_as_its_robot_fails_and_another_takes_over(system: RunningSystem, window: OpenPage, tmp_path: Path) -> None:
     breaks_down(system, "Robot1", carried=1.5)
     listed = window(f"{system.url}/tasks")
-    task = stated(system, "Jar002 isOn Platform001", deadline=600, priority=3)
+    task = submit_task(system, "Jar002 isOn Platform001", deadline=600, priority=3)
     row = listed.get_by_role("row").filter(has=listed.locator(f'a[href$="{task.rpartition(":")[2]}"]'))
     expect(row).to_contain_text("of 1 step")
     page = window(f"{system.url}/tasks")
@@ -103,14 +103,14 @@ def test_a_task_is_watched_as_its_robot_fails_and_another_takes_over(system: Run
     page.keyboard.press("Enter")
     expect(page.get_by_role("heading", name="Jar002 isOn Platform001")).to_be_visible()
     expect(panel(page, "Plan").get_by_role("button", name="step1: TransferObject, Jar002, Platform001")).to_be_visible()
-    shoot(page, "task-under-way-1280-light")
+    take_screenshot(page, "task-under-way-1280-light")
 
-    told = panel(page, "Story")
-    expect(told).to_contain_text("Failure 1: Robot1.TransferObject", timeout=WORK_TIME)
-    expect(told).to_contain_text("the drive of Robot1 is dead")
-    expect(told).to_contain_text("It left: Jar002")
-    expect(told).to_contain_text("Rung 1: replace")
-    expect(told).to_contain_text("Robot2.TransferObject did it: Jar002 isOn Platform001", timeout=WORK_TIME)
+    story = panel(page, "Story")
+    expect(story).to_contain_text("Failure 1: Robot1.TransferObject", timeout=WORK_TIME)
+    expect(story).to_contain_text("the drive of Robot1 is dead")
+    expect(story).to_contain_text("It left: Jar002")
+    expect(story).to_contain_text("Rung 1: replace")
+    expect(story).to_contain_text("Robot2.TransferObject did it: Jar002 isOn Platform001", timeout=WORK_TIME)
     expect(message(page, "Failed")).to_have_count(1)
     expect(message(page, "Arrange")).to_have_count(3)
     expect(page.locator("header").filter(has_text="Jar002 isOn Platform001")).to_contain_text("Accomplished")
@@ -120,7 +120,7 @@ def test_a_task_is_watched_as_its_robot_fails_and_another_takes_over(system: Run
     terms = panel(page, "Terms")
     for words in ("10 EUR", "25 EUR", "Chosen, failed", "Chosen, done", "another service was chosen by price"):
         expect(terms).to_contain_text(words)
-    assert [one["state"] for one in call(system, f"/tasks/{task}")["contracts"]] == ["Failed", "Ended", "Completed"]
+    assert [contract["state"] for contract in call(system, f"/tasks/{task}")["contracts"]] == ["Failed", "Ended", "Completed"]
     _read_a_message(page)
     _export(page, tmp_path)
     _every_size(page, "task")
@@ -143,20 +143,20 @@ def _read_a_message(page: Page) -> None:
     expect(body).to_contain_text("Jar002.PositionX")
     page.keyboard.press("Escape")
     expect(body).to_have_count(0)
-    shown = message(page, "Progress").count()
+    message_count = message(page, "Progress").count()
     chart.get_by_label("Every sign of life").check()
-    assert message(page, "Progress").count() > shown
+    assert message(page, "Progress").count() > message_count
 
 
 def _export(page: Page, folder: Path) -> None:
-    for way, begins, holds in (("SVG", "<svg", "Robot2.TransferObject"), ("JSON", "{", '"explanation"')):
+    for way, begins, content in (("SVG", "<svg", "Robot2.TransferObject"), ("JSON", "{", '"explanation"')):
         page.get_by_role("button", name="Export").click()
         with page.expect_download() as download:
             page.get_by_role("link", name=way).click()
         download.value.save_as(folder / way)
         text = (folder / way).read_text()
         assert text.startswith(begins)
-        assert holds in text
+        assert content in text
         page.keyboard.press("Escape")
 
 
@@ -165,48 +165,48 @@ def _every_size(page: Page, name: str) -> None:
         page.evaluate("window.scrollTo(0, 0)")
         page.wait_for_timeout(400)
         assert fits(page), f"wider than {look}"
-        shoot(page, f"{name}-{look}")
+        take_screenshot(page, f"{name}-{look}")
 
 
 @pytest.mark.usefixtures("jar_at_home")
-def test_a_task_is_cancelled_and_undone(system: Running, window: Open) -> None:
-    page = window(f"{system.url}/tasks/{stated(system, 'Shelf001 isOn Platform001')}")
-    flat(page)
-    wish = "Jar003 isOn Shelf001 AND Carton001 isOn Shelf001"
-    task = stated(system, wish)  # by the cheaper robot, one after the other: time enough to change one's mind
+def test_a_task_is_cancelled_and_undone(system: RunningSystem, window: OpenPage) -> None:
+    page = window(f"{system.url}/tasks/{submit_task(system, 'Shelf001 isOn Platform001')}")
+    show_floor_plan(page)
+    goal = "Jar003 isOn Shelf001 AND Carton001 isOn Shelf001"
+    task = submit_task(system, goal)  # by the cheaper robot, one after the other: time enough to change one's mind
     page.goto(f"{system.url}/tasks/{task}")
     expect(page.get_by_role("button", name="Floor plan")).to_have_attribute("aria-pressed", "true")  # what was chosen stays
-    first = until(system, task, lambda seen: bool(seen["view"]["work"]))["view"]["work"][0]
+    first = wait_for_task(system, task, lambda task_state: bool(task_state["view"]["work"]))["view"]["work"][0]
     page.get_by_role("button", name="Cancel this task").click()
-    asked = page.get_by_role("dialog")
-    expect(asked).to_contain_text("Robot1.TransferObject is stopped (step")
-    expect(asked).to_contain_text(f"is undone: again {first['before']}.")
-    asked.get_by_label("Reason").fill("the shelf is full")
-    shoot(page, "task-cancel-1280-light")
-    until(system, task, carries)
-    asked.get_by_role("button", name="Cancel the task").click()
-    told = panel(page, "Story")
-    expect(told).to_contain_text("Undoing what was done", timeout=WORK_TIME)
-    expect(page.locator("header").filter(has_text=wish)).to_contain_text("Cancelled", timeout=WORK_TIME)
+    dialog = page.get_by_role("dialog")
+    expect(dialog).to_contain_text("Robot1.TransferObject is stopped (step")
+    expect(dialog).to_contain_text(f"is undone: again {first['before']}.")
+    dialog.get_by_label("Reason").fill("the shelf is full")
+    take_screenshot(page, "task-cancel-1280-light")
+    wait_for_task(system, task, carries)
+    dialog.get_by_role("button", name="Cancel the task").click()
+    story = panel(page, "Story")
+    expect(story).to_contain_text("Undoing what was done", timeout=WORK_TIME)
+    expect(page.locator("header").filter(has_text=goal)).to_contain_text("Cancelled", timeout=WORK_TIME)
     expect(page.get_by_role("status").filter(has_text="The shelf is full")).to_be_visible()
     expect(panel(page, "Plan").get_by_role("button", name="undone").first).to_be_visible()
     expect(page.get_by_role("button", name="Cancel this task")).to_be_hidden()
-    assert holds(system, "Jar003 isOn Cupboard001 AND Carton001 isOn Table002")
+    assert formula_holds(system, "Jar003 isOn Cupboard001 AND Carton001 isOn Table002")
 
 
-def test_what_cannot_be_done_says_why_not(system: Running, window: Open) -> None:
-    task = stated(system, "Shelf001 isOn Platform001")
+def test_what_cannot_be_done_says_why_not(system: RunningSystem, window: OpenPage) -> None:
+    task = submit_task(system, "Shelf001 isOn Platform001")
     page = window(f"{system.url}/tasks/{task.rpartition(':')[2][:8]}", dark=True)
     expect(page.get_by_role("status").filter(has_text="No plan")).to_contain_text("no service type brings it about")
     expect(panel(page, "Terms")).to_contain_text("Nobody was asked")
-    shoot(page, "task-impossible-1280-dark")
+    take_screenshot(page, "task-impossible-1280-dark")
     page.goto(f"{system.url}/tasks/12345678")
     expect(page.get_by_role("status")).to_contain_text("there is no task 12345678")
 
 
-def test_the_list_is_found_in_and_folded_panels_stay_so(system: Running, window: Open) -> None:
-    task = stated(system, "Shelf001 isOn Table002")
-    until(system, task, over)
+def test_the_list_is_found_in_and_folded_panels_stay_so(system: RunningSystem, window: OpenPage) -> None:
+    task = submit_task(system, "Shelf001 isOn Table002")
+    wait_for_task(system, task, is_ended)
     page = window(f"{system.url}/tasks", "1920")
     page.get_by_role("button", name="Failed").click()
     page.get_by_label("Find").fill("shelf001 table002")
@@ -219,7 +219,7 @@ def test_the_list_is_found_in_and_folded_panels_stay_so(system: Running, window:
     expect(page.get_by_role("link", name="Shelf001 isOn Table002").first).to_be_visible()
     _every_size(page, "tasks")
     page.goto(f"{system.url}/tasks/{task}")
-    flat(page)
+    show_floor_plan(page)
     end = time.monotonic() + WORK_TIME / 1000
     while panel(page, "Plan").get_attribute("open") is not None:
         assert time.monotonic() < end, "what is folded is there unfolded again"
@@ -231,13 +231,13 @@ def test_the_list_is_found_in_and_folded_panels_stay_so(system: Running, window:
 
 
 @pytest.mark.usefixtures("jar_at_home")
-def test_the_page_comes_back_when_parts_of_the_system_are_started_again(system: Running, browser: Browser) -> None:
-    task = stated(system, "Jar002 isOn Table001")
+def test_the_page_comes_back_when_parts_of_the_system_are_started_again(system: RunningSystem, browser: Browser) -> None:
+    task = submit_task(system, "Jar002 isOn Table001")
     context = browser.new_context()  # whose console may tell of what did not answer for a while
     page = context.new_page()
     page.goto(f"{system.url}/tasks/{task}")
-    flat(page)
-    until(system, task, carries)
+    show_floor_plan(page)
+    wait_for_task(system, task, carries)
     with system.paused("simulator"):
         system.kill_and_await("task-manager", "gui")
     story = panel(page, "Story")
@@ -248,41 +248,41 @@ def test_the_page_comes_back_when_parts_of_the_system_are_started_again(system: 
 
 
 @pytest.fixture
-def with_anna(tmp_path: Path) -> Iterator[Running]:
+def with_anna(tmp_path: Path) -> Iterator[RunningSystem]:
     """The scenario with somebody who can be asked where things are."""
     robots = "  Robot2:"
-    before, _, behind = SCENARIO_1.read_text(encoding="utf-8").partition(robots)
+    site_head, _, site_tail = SCENARIO_1.read_text(encoding="utf-8").partition(robots)
     site = tmp_path / "site.yaml"
-    site.write_text(f"{before}  Anna: {{type: Person, at: [5.5, 1, 0]}}\n{robots}{behind}", encoding="utf-8")
-    running = Running(tmp_path / "data", site)
+    site.write_text(f"{site_head}  Anna: {{type: Person, at: [5.5, 1, 0]}}\n{robots}{site_tail}", encoding="utf-8")
+    running = RunningSystem(tmp_path / "data", site)
     yield running
     running.stop()
 
 
-def test_a_question_of_a_task_is_answered_on_its_page(with_anna: Running, window: Open) -> None:
+def test_a_question_of_a_task_is_answered_on_its_page(with_anna: RunningSystem, window: OpenPage) -> None:
     page = window(f"{with_anna.url}/tasks")
     expect(page.get_by_role("region", name="Question")).to_have_count(0)
     breaks_down(with_anna, "Robot1", carried=1.0, fault=Fault.SILENT)
-    task = stated(with_anna, "Jar002 isOn Platform001")
+    task = submit_task(with_anna, "Jar002 isOn Platform001")
     page.goto(f"{with_anna.url}/tasks/{task}")
-    flat(page)
-    asked = page.get_by_role("region", name="Question 1")
-    expect(asked).to_contain_text("Anna is asked", timeout=WORK_TIME)
-    expect(asked).to_contain_text("Where is Jar002")
+    show_floor_plan(page)
+    question = page.get_by_role("region", name="Question 1")
+    expect(question).to_contain_text("Anna is asked", timeout=WORK_TIME)
+    expect(question).to_contain_text("Where is Jar002")
     for size in ("1280", "820"):
         page.set_viewport_size({"width": WIDTHS[size][0], "height": WIDTHS[size][1]})
         page.wait_for_timeout(300)
-        shoot(page, f"task-question-{size}")
+        take_screenshot(page, f"task-question-{size}")
         assert fits(page)
-    answer = asked.get_by_label("What is so")
+    answer = question.get_by_label("What is so")
     answer.fill("Jar002 isOn Platfrom001")
     answer.press("Enter")
     expect(page.get_by_text("did you mean Platform001")).to_be_visible()
     expect(answer).to_have_value("Jar002 isOn Platfrom001")
     answer.fill("Jar002 isOn Platform001")  # Anna took it there herself
-    asked.get_by_role("button", name="Answer").click()
-    expect(asked).to_have_count(0)
+    question.get_by_role("button", name="Answer").click()
+    expect(question).to_have_count(0)
     expect(page.get_by_text("Thank you: the answer was taken.")).to_be_visible()
     expect(page.locator("header").filter(has_text="Jar002 isOn Platform001")).to_contain_text("Accomplished", timeout=WORK_TIME)
     expect(panel(page, "Story")).to_contain_text("Anna")
-    assert holds(with_anna, "Jar002 isOn Platform001")
+    assert formula_holds(with_anna, "Jar002 isOn Platform001")

@@ -32,152 +32,152 @@ from tests.support.small_system import Porter, SmallSystem, running
 VAT = ObjectType(name="Vat", parent="Support", attributes=("Label",))
 
 
-def desk(tmp_path: Path, use: Callable[[LiveApi], Awaitable[None]], *porters: Porter) -> None:
+def run_with_api(tmp_path: Path, use: Callable[[LiveApi], Awaitable[None]], *porters: Porter) -> None:
     async def run() -> None:
-        async with running(tmp_path / "data", *porters) as (_, desk):
-            await use(desk)
+        async with running(tmp_path / "data", *porters) as (_, api):
+            await use(api)
 
     asyncio.run(run())
 
 
-async def known(desk: LiveApi, version: int) -> None:
+async def wait_for_version(api: LiveApi, version: int) -> None:
     """Wait until the desk heard of the version."""
     async with asyncio.timeout(120):
-        while desk.context.version < version:
+        while api.context.version < version:
             await asyncio.sleep(0.01)
 
 
 def test_a_type_is_made_considered_renamed_and_undone(tmp_path: Path) -> None:
-    async def use(desk: LiveApi) -> None:
-        made = await desk.ontology.change(Define(definitions=Definitions(types=(VAT,)), author="Anna"))
-        await known(desk, made.version)
-        seen = await desk.ontology.read()
-        assert "Vat" in [type.name for type in seen.definitions.types]
-        assert DefinitionKey(section=Section.TYPES, name="Device") in seen.required_words
-        assert DefinitionKey(section=Section.TYPES, name="Vat") not in seen.required_words
+    async def use(api: LiveApi) -> None:
+        creation = await api.ontology.change(Define(definitions=Definitions(types=(VAT,)), author="Anna"))
+        await wait_for_version(api, creation.version)
+        ontology_state = await api.ontology.read()
+        assert "Vat" in [type.name for type in ontology_state.definitions.types]
+        assert DefinitionKey(section=Section.TYPES, name="Device") in ontology_state.required_words
+        assert DefinitionKey(section=Section.TYPES, name="Vat") not in ontology_state.required_words
         rename = Define(renamed=(Renaming(section=Section.TYPES, name="Vat", to="Tub"),), author="Ben")
-        consequences = await desk.ontology.consider(rename)
-        assert (consequences.broken, consequences.version) == ((), made.version)
+        consequences = await api.ontology.consider(rename)
+        assert (consequences.broken, consequences.version) == ((), creation.version)
         assert consequences.revision is not None
         assert [type.name for type in consequences.revision.after.types] == ["Tub"]
-        renamed = await desk.ontology.change(rename)
-        found = await desk.ontology.history()
-        assert [(event.version, event.author) for event in found.events] == [(2, "Ben"), (1, "Anna")]
-        undone = await desk.ontology.undo(renamed.version, author="Cleo")
-        await known(desk, undone.version)
-        assert desk.context.ontology.types["Vat"] == VAT
-        assert [type.name for type in (await desk.ontology.read(renamed.version)).definitions.types][-1] == "Tub"
-        assert (await desk.ontology.consider_undo(made.version)).broken == ()
+        renamed = await api.ontology.change(rename)
+        history = await api.ontology.history()
+        assert [(event.version, event.author) for event in history.events] == [(2, "Ben"), (1, "Anna")]
+        undone = await api.ontology.undo(renamed.version, author="Cleo")
+        await wait_for_version(api, undone.version)
+        assert api.context.ontology.types["Vat"] == VAT
+        assert [type.name for type in (await api.ontology.read(renamed.version)).definitions.types][-1] == "Tub"
+        assert (await api.ontology.consider_undo(creation.version)).broken == ()
 
-    desk(tmp_path, use)
+    run_with_api(tmp_path, use)
 
 
 def test_consequences_name_the_services_on_offer_that_could_not_be_planned_with(tmp_path: Path) -> None:
-    async def use(desk: LiveApi) -> None:
+    async def use(api: LiveApi) -> None:
         async with asyncio.timeout(120):
-            while not (await desk.fleet.services()).offers:
+            while not (await api.fleet.services()).offers:
                 await asyncio.sleep(0.05)
-        is_on = desk.context.ontology.relations["isOn"]
-        narrow = Definitions(relations=(structs.replace(is_on, joins=("Device", "Object")),))
-        consequences = await desk.ontology.consider(Define(definitions=narrow))
+        support_relation = api.context.ontology.relations["isOn"]
+        narrow = Definitions(relations=(structs.replace(support_relation, joins=("Device", "Object")),))
+        consequences = await api.ontology.consider(Define(definitions=narrow))
         assert [offer.service for offer in consequences.offers] == ["Robot1.TransferObject"]
         assert "a Device is meant" in consequences.offers[0].problem
-        harmless = await desk.ontology.consider(Define(definitions=Definitions(types=(VAT,))))
+        harmless = await api.ontology.consider(Define(definitions=Definitions(types=(VAT,))))
         assert harmless.offers == ()
 
-    desk(tmp_path, use, Porter("Robot1"))
+    run_with_api(tmp_path, use, Porter("Robot1"))
 
 
 def test_consequences_name_the_tasks_orders_and_templates_whose_words_would_be_gone(tmp_path: Path) -> None:
-    bring = TemplateSaved(
+    bring_template = TemplateSaved(
         task=Submit(effect="{Thing} isOn {Where}"), blanks=(Blank(name="Thing", type="Jar"), Blank(name="Where", type="Platform"))
     )
     daily = Daily(at="08:00")
 
-    async def use(desk: LiveApi) -> None:
-        task = (await desk.tasks.submit(Submit(effect="Jar002 isOn ?Place: Platform"))).task
-        await desk.tasks.submit(Submit(effect="Tin001 isOn Cupboard002"))
-        await desk.orders.save_template("Bring", bring)
-        await desk.orders.save_template("Tidy", TemplateSaved(task=Submit(effect="Jar001 isOn Cupboard001")))
+    async def use(api: LiveApi) -> None:
+        task = (await api.tasks.submit(Submit(effect="Jar002 isOn ?Place: Platform"))).task
+        await api.tasks.submit(Submit(effect="Tin001 isOn Cupboard002"))
+        await api.orders.save_template("Bring", bring_template)
+        await api.orders.save_template("Tidy", TemplateSaved(task=Submit(effect="Jar001 isOn Cupboard001")))
         values = {"Thing": "Jar001", "Where": "Platform001"}
-        filled = await desk.orders.add_order(OrderSaved(name="Morning", when=daily, template="Bring", values=values))
-        whole = await desk.orders.add_order(OrderSaved(name="Evening", when=daily, task=Submit(effect="Jar001 isOn ?P: Platform")))
-        await desk.orders.add_order(OrderSaved(name="Night", when=daily, template="Tidy"))
+        filled = await api.orders.add_order(OrderSaved(name="Morning", when=daily, template="Bring", values=values))
+        whole = await api.orders.add_order(OrderSaved(name="Evening", when=daily, task=Submit(effect="Jar001 isOn ?P: Platform")))
+        await api.orders.add_order(OrderSaved(name="Night", when=daily, template="Tidy"))
         platform = DefinitionKey(section=Section.TYPES, name="Platform")
         rename = Define(renamed=(Renaming(section=Section.TYPES, name="Platform", to="Stand"),))
-        found = (await desk.ontology.consider(rename)).affected
+        affected = (await api.ontology.consider(rename)).affected
         users = {
             (WordUserKind.TASK, task),
             (WordUserKind.ORDER, filled.id),
             (WordUserKind.ORDER, whole.id),
             (WordUserKind.TEMPLATE, "Bring"),
         }
-        assert {(one.user_kind, one.id) for one in found} == users
-        assert {(one.word, one.new_name) for one in found} == {(platform, "Stand")}
-        removal = (await desk.ontology.consider(Define(removed=(platform,)))).affected
-        assert {(one.user_kind, one.id, one.new_name) for one in removal} == {(*user, "") for user in users}
-        done = await desk.ontology.change(rename)
-        await known(desk, done.version)
+        assert {(entry.user_kind, entry.id) for entry in affected} == users
+        assert {(entry.word, entry.new_name) for entry in affected} == {(platform, "Stand")}
+        removal = (await api.ontology.consider(Define(removed=(platform,)))).affected
+        assert {(entry.user_kind, entry.id, entry.new_name) for entry in removal} == {(*user, "") for user in users}
+        result = await api.ontology.change(rename)
+        await wait_for_version(api, result.version)
         with pytest.raises(InputError, match="Platform"):
-            await desk.orders.save_order(whole.id, OrderSaved(name="Evening", when=daily, task=whole.task))
+            await api.orders.save_order(whole.id, OrderSaved(name="Evening", when=daily, task=whole.task))
         renewed = Submit(effect="Jar001 isOn ?P: Stand")
-        await desk.orders.save_order(whole.id, OrderSaved(name="Evening", when=daily, task=renewed))
-        back = (await desk.ontology.consider_undo(done.version)).affected
-        assert [(one.name, str(one.word), one.new_name) for one in back] == [("Evening", "type Stand", "Platform")]
-        assert (await desk.ontology.consider(Define(definitions=Definitions(types=(VAT,))))).affected == ()
+        await api.orders.save_order(whole.id, OrderSaved(name="Evening", when=daily, task=renewed))
+        affected_by_undo = (await api.ontology.consider_undo(result.version)).affected
+        assert [(entry.name, str(entry.word), entry.new_name) for entry in affected_by_undo] == [("Evening", "type Stand", "Platform")]
+        assert (await api.ontology.consider(Define(definitions=Definitions(types=(VAT,))))).affected == ()
 
-    desk(tmp_path, use, Porter("Robot1", seconds=60), Porter("Robot2", seconds=60))
+    run_with_api(tmp_path, use, Porter("Robot1", seconds=60), Porter("Robot2", seconds=60))
 
 
 def test_a_dry_run_on_the_command_line_names_them_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    async def use(system: SmallSystem, desk: LiveApi) -> None:
-        await desk.orders.save_template("Bring", TemplateSaved(task=Submit(effect="Jar001 isOn ?P: Platform")))
-        structs.replace(system.addresses, api=desk.client.url).write(system.data)
+    async def use(system: SmallSystem, api: LiveApi) -> None:
+        await api.orders.save_template("Bring", TemplateSaved(task=Submit(effect="Jar001 isOn ?P: Platform")))
+        structs.replace(system.addresses, api=api.client.url).write(system.data)
         change = Define(renamed=(Renaming(section=Section.TYPES, name="Platform", to="Stand"),))
         assert await alter(change, system.data, dry=True, json=False) == 0
-        told = capsys.readouterr().out
-        assert "template Bring: it uses type Platform, which would be called Stand" in told
-        assert "tasks, orders and templates keep the words that they have" in told
-        with Reservation("127.0.0.1", 1) as nobody:
-            structs.replace(system.addresses, api=f"http://127.0.0.1:{nobody.ports[0]}/api").write(system.data)
+        output = capsys.readouterr().out
+        assert "template Bring: it uses type Platform, which would be called Stand" in output
+        assert "tasks, orders and templates keep the words that they have" in output
+        with Reservation("127.0.0.1", 1) as reservation:
+            structs.replace(system.addresses, api=f"http://127.0.0.1:{reservation.ports[0]}/api").write(system.data)
             assert await alter(change, system.data, dry=True, json=False) == 0
         assert "without the tasks, orders and templates" in capsys.readouterr().err
 
     async def run() -> None:
-        async with running(tmp_path / "data") as (system, desk):
-            await use(system, desk)
+        async with running(tmp_path / "data") as (system, api):
+            await use(system, api)
 
     asyncio.run(run())
 
 
 def test_what_is_refused_says_each_problem_where_it_is(tmp_path: Path) -> None:
-    async def use(desk: LiveApi) -> None:
+    async def use(api: LiveApi) -> None:
         with pytest.raises(Refused) as refused:
-            await desk.ontology.change(Define(removed=(DefinitionKey(section=Section.TYPES, name="Jar"),)))
-        told = error_report(refused.value)
-        assert {(rule.section, rule.subject) for rule in told.broken} >= {("objects", "Jar001"), ("objects", "Jar002")}
-        assert "Jar001" in told.problem
+            await api.ontology.change(Define(removed=(DefinitionKey(section=Section.TYPES, name="Jar"),)))
+        refusal = error_report(refused.value)
+        assert {(rule.section, rule.subject) for rule in refusal.broken} >= {("objects", "Jar001"), ("objects", "Jar002")}
+        assert "Jar001" in refusal.problem
         with pytest.raises(Refused) as refused:
-            await desk.map.change(UpdateMap(changes=(ValueSet("Jar001", "Weight", 99.0),)))
+            await api.map.change(UpdateMap(changes=(ValueSet("Jar001", "Weight", 99.0),)))
         assert [(rule.subject, rule.path) for rule in refused.value.broken] == [("Jar001", "Weight")]
 
-    desk(tmp_path, use)
+    run_with_api(tmp_path, use)
 
 
 def test_who_gave_no_name_is_told_short_and_recorded_whole(tmp_path: Path) -> None:
-    async def use(desk: LiveApi) -> None:
-        made = await desk.ontology.change(Define(definitions=Definitions(types=(VAT,))))
-        (event,) = (await desk.ontology.history()).events
+    async def use(api: LiveApi) -> None:
+        creation = await api.ontology.change(Define(definitions=Definitions(types=(VAT,))))
+        (event,) = (await api.ontology.history()).events
         assert event.author == client_name()
-        await known(desk, made.version)
+        await wait_for_version(api, creation.version)
         late = Define(removed=(DefinitionKey(section=Section.TYPES, name="Vat"),), author="Ben", expected_version=0)
         with pytest.raises(Refused) as refused:
-            await desk.ontology.change(late)
-        told = error_report(refused.value).problem
-        assert f"{person_name(client_name())} changed it in version 1" in told
-        assert "urn:" not in told
+            await api.ontology.change(late)
+        problem = error_report(refused.value).problem
+        assert f"{person_name(client_name())} changed it in version 1" in problem
+        assert "urn:" not in problem
 
-    desk(tmp_path, use)
+    run_with_api(tmp_path, use)
 
 
 FILE = """
@@ -191,126 +191,126 @@ types:
 
 
 def test_a_file_is_taken_over_and_its_consequences_shown_before(tmp_path: Path) -> None:
-    async def use(desk: LiveApi) -> None:
-        dry = await desk.ontology.import_yaml(ImportOntology(text=FILE), dry=True)
+    async def use(api: LiveApi) -> None:
+        dry = await api.ontology.import_yaml(ImportOntology(text=FILE), dry=True)
         assert dry.version is None
         assert dry.consequences.revision is not None
         assert [type.name for type in dry.consequences.revision.before.types] == ["Can", "Cup"]
         assert [type.name for type in dry.consequences.revision.after.types] == ["Can", "Vat"]
-        assert desk.context.version == 0
-        done = await desk.ontology.import_yaml(ImportOntology(text=FILE, author="Anna"))
-        assert done.version == 1
-        await known(desk, 1)
-        assert "Cup" not in desk.context.ontology.types
-        assert desk.context.ontology.types["Can"].defaults["Shape.Height"] == 0.2
-        assert (await desk.ontology.history()).events[0].author == "Anna"
+        assert api.context.version == 0
+        result = await api.ontology.import_yaml(ImportOntology(text=FILE, author="Anna"))
+        assert result.version == 1
+        await wait_for_version(api, 1)
+        assert "Cup" not in api.context.ontology.types
+        assert api.context.ontology.types["Can"].defaults["Shape.Height"] == 0.2
+        assert (await api.ontology.history()).events[0].author == "Anna"
 
-    desk(tmp_path, use)
+    run_with_api(tmp_path, use)
 
 
 def test_mistakes_in_a_file_have_their_lines(tmp_path: Path) -> None:
-    async def use(desk: LiveApi) -> None:
+    async def use(api: LiveApi) -> None:
         text = "types:\n  Vat: {parent: Suport}\n  Tub: {parent: Vat, colour: 3}\nwithout: [types Device]\n"
         with pytest.raises(ModelError) as wrong:
-            await desk.ontology.import_yaml(ImportOntology(text=text, file="vats.yaml"))
-        mistakes = {(one.file, one.line, one.subject) for one in error_report(wrong.value).mistakes}
+            await api.ontology.import_yaml(ImportOntology(text=text, file="vats.yaml"))
+        mistakes = {(mistake.file, mistake.line, mistake.subject) for mistake in error_report(wrong.value).mistakes}
         assert mistakes >= {("vats.yaml", 2, "Vat"), ("vats.yaml", 3, "Tub"), ("vats.yaml", 4, "Device")}
 
-    desk(tmp_path, use)
+    run_with_api(tmp_path, use)
 
 
 def test_what_is_exported_is_read_back(tmp_path: Path) -> None:
-    async def use(desk: LiveApi) -> None:
-        near = RelationType(name="isNear", joins=("Object", "Object"), symmetric=True)
-        await desk.ontology.change(
+    async def use(api: LiveApi) -> None:
+        near_relation = RelationType(name="isNear", joins=("Object", "Object"), symmetric=True)
+        await api.ontology.change(
             Define(
-                definitions=Definitions(types=(VAT, structs.replace(upper().types["Jar"], doc="Ours")), relations=(near,)),
+                definitions=Definitions(types=(VAT, structs.replace(upper().types["Jar"], doc="Ours")), relations=(near_relation,)),
                 removed=(DefinitionKey(section=Section.TYPES, name="Cup"),),
                 renamed=(Renaming(section=Section.TYPES, name="Bottle", to="Flask"),),
             )
         )
-        await known(desk, 1)
-        ontology = desk.context.ontology
+        await wait_for_version(api, 1)
+        ontology = api.context.ontology
         for whole in (False, True):
-            document = await desk.ontology.export_yaml(whole=whole)
+            document = await api.ontology.export_yaml(whole=whole)
             read = load_text(document.content.decode()).ontology
-            assert {type(one): one for one in read} == {type(one): one for one in ontology} or set(map(str, read)) == set(
-                map(str, ontology)
-            )
+            assert {type(definition): definition for definition in read} == {
+                type(definition): definition for definition in ontology
+            } or set(map(str, read)) == set(map(str, ontology))
         site = tmp_path / "site.yaml"
-        site.write_bytes((await desk.map.export()).content)
-        again = load([site])
-        assert set(map(str, again.ontology)) == set(map(str, ontology))
-        assert again.map == desk.context.map
+        site.write_bytes((await api.map.export()).content)
+        reloaded_site = load([site])
+        assert set(map(str, reloaded_site.ontology)) == set(map(str, ontology))
+        assert reloaded_site.map == api.context.map
 
-    desk(tmp_path, use)
+    run_with_api(tmp_path, use)
 
 
 def test_the_map_is_changed_renamed_undone_and_looked_back_on(tmp_path: Path) -> None:
-    async def use(desk: LiveApi) -> None:
-        first = await desk.map.read()
-        considered = await desk.map.consider(UpdateMap(changes=(ValueSet("Jar001", "Weight", 99.0),)))
+    async def use(api: LiveApi) -> None:
+        first = await api.map.read()
+        considered = await api.map.consider(UpdateMap(changes=(ValueSet("Jar001", "Weight", 99.0),)))
         assert [(rule.subject, rule.path) for rule in considered.broken] == [("Jar001", "Weight")]
-        await desk.map.change(UpdateMap(situation="Jar001 isOn Platform001", author="Anna"))
-        renamed = await desk.map.rename(RenameObject(name="Jar001", to="Krug", author="Ben"))
-        await known(desk, renamed.version)
-        assert "Krug" in desk.context.map.objects
-        before = await desk.map.read(version=0)
-        assert before.version == 0
-        assert Map(before.objects, before.facts) == Map(first.objects, first.facts)
-        assert [event.version for event in (await desk.map.history("Krug")).events] == [2, 1]
-        events = await desk.map.events(limit=1)
+        await api.map.change(UpdateMap(situation="Jar001 isOn Platform001", author="Anna"))
+        renamed = await api.map.rename(RenameObject(name="Jar001", to="Krug", author="Ben"))
+        await wait_for_version(api, renamed.version)
+        assert "Krug" in api.context.map.objects
+        old_map = await api.map.read(version=0)
+        assert old_map.version == 0
+        assert Map(old_map.objects, old_map.facts) == Map(first.objects, first.facts)
+        assert [event.version for event in (await api.map.history("Krug")).events] == [2, 1]
+        events = await api.map.events(limit=1)
         assert (events.events[0].author, events.more) == ("Ben", True)
-        assert [event.all_changes for event in (await desk.map.events(brief=True)).events][-1] == 2
+        assert [event.all_changes for event in (await api.map.events(brief=True)).events][-1] == 2
         with pytest.raises(Refused, match="Jar001 changed in version 2: undo that first"):
-            await desk.map.undo(1)
-        await desk.map.undo(2)
-        undone = await desk.map.undo(1)
-        await known(desk, undone.version)
-        now = await desk.map.read()
+            await api.map.undo(1)
+        await api.map.undo(2)
+        undone = await api.map.undo(1)
+        await wait_for_version(api, undone.version)
+        now = await api.map.read()
         assert Map(now.objects, now.facts) == Map(first.objects, first.facts)
 
-    desk(tmp_path, use)
+    run_with_api(tmp_path, use)
 
 
 def test_the_map_of_the_past_is_the_same_however_it_is_found(tmp_path: Path) -> None:
-    async def use(system: SmallSystem, desk: LiveApi) -> None:
-        await desk.map.change(UpdateMap(situation="Jar001 isOn Platform001"))
-        await desk.ontology.change(Define(renamed=(Renaming(section=Section.TYPES, name="Jar", to="Pot"),)))
-        await desk.map.rename(RenameObject(name="Platform001", to="Stage001"))
-        await desk.map.change(UpdateMap(changes=(ObjectRemoved("Tin001"), ValueSet("Jar001", "Weight", 0.5))))
-        last = await desk.map.undo(3)
-        await known(desk, last.version)
+    async def use(system: SmallSystem, api: LiveApi) -> None:
+        await api.map.change(UpdateMap(situation="Jar001 isOn Platform001"))
+        await api.ontology.change(Define(renamed=(Renaming(section=Section.TYPES, name="Jar", to="Pot"),)))
+        await api.map.rename(RenameObject(name="Platform001", to="Stage001"))
+        await api.map.change(UpdateMap(changes=(ObjectRemoved("Tin001"), ValueSet("Jar001", "Weight", 0.5))))
+        last_undo = await api.map.undo(3)
+        await wait_for_version(api, last_undo.version)
         async with Client(system.addresses) as client:
-            for version in range(last.version + 1):
-                seen = await desk.map.read(version=version)
-                assert seen.version == version
-                assert Map(seen.objects, seen.facts) == await client.map(version)
+            for version in range(last_undo.version + 1):
+                map_state = await api.map.read(version=version)
+                assert map_state.version == version
+                assert Map(map_state.objects, map_state.facts) == await client.map(version)
 
     async def run() -> None:
-        async with running(tmp_path / "data") as (system, desk):
-            await use(system, desk)
+        async with running(tmp_path / "data") as (system, api):
+            await use(system, api)
 
     asyncio.run(run())
 
 
 def test_many_events_come_from_as_many_pages_as_it_takes(tmp_path: Path) -> None:
-    async def use(desk: LiveApi) -> None:
+    async def use(api: LiveApi) -> None:
         for number in range(450):
-            await desk.map.change(UpdateMap(changes=(ValueSet("Jar001", "Weight", 1 + number / 1000),), author=f"Robot{number % 3}"))
-        events = await desk.map.events(limit=400)
+            await api.map.change(UpdateMap(changes=(ValueSet("Jar001", "Weight", 1 + number / 1000),), author=f"Robot{number % 3}"))
+        events = await api.map.events(limit=400)
         assert [event.version for event in events.events] == list(range(450, 50, -1))
         assert events.more
-        later = await desk.map.events(after=10, limit=430)
-        assert [event.version for event in later.events] == list(range(11, 441))
-        assert [event.version for event in (await desk.map.events(before=3)).events] == [2, 1]
+        later_events = await api.map.events(after=10, limit=430)
+        assert [event.version for event in later_events.events] == list(range(11, 441))
+        assert [event.version for event in (await api.map.events(before=3)).events] == [2, 1]
 
-    desk(tmp_path, use)
+    run_with_api(tmp_path, use)
 
 
 def test_all_of_it_is_done_over_http_too(tmp_path: Path) -> None:
-    async def use(desk: LiveApi) -> None:
-        async with httpx.AsyncClient(base_url=desk.client.url) as client:
+    async def use(api: LiveApi) -> None:
+        async with httpx.AsyncClient(base_url=api.client.url) as client:
             await over_http(client)
 
     async def over_http(client: httpx.AsyncClient) -> None:
@@ -329,4 +329,4 @@ def test_all_of_it_is_done_over_http_too(tmp_path: Path) -> None:
         assert "Named" in json.dumps(described)
         assert (await client.get("/map/events")).json()["events"] == []
 
-    desk(tmp_path, use)
+    run_with_api(tmp_path, use)

@@ -38,7 +38,7 @@ from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.protocol.messages.orders import TemplateSaved
 from somrs.runtime.http import QuietServer
 from somrs.runtime.wire import Unanswered
-from tests.support.small_system import HERE, SmallSystem, running, scheduler_at
+from tests.support.small_system import LOOPBACK, SmallSystem, running, scheduler_at
 
 
 class Program:
@@ -50,8 +50,8 @@ class Program:
 
     async def start(self) -> str:
         await self._stack.enter_async_context(scheduler_at(self._system))
-        desk = await self._stack.enter_async_context(open_api_service(self._system.addresses, self._system.data))
-        url = await self._stack.enter_async_context(served(desk, bound(HERE, self._port)))
+        api = await self._stack.enter_async_context(open_api_service(self._system.addresses, self._system.data))
+        url = await self._stack.enter_async_context(served(api, bound(LOOPBACK, self._port)))
         self._port = urlsplit(url).port or 0
         return url
 
@@ -59,7 +59,7 @@ class Program:
         await self._stack.aclose()
 
 
-def played(data: Path, scenario: Callable[[SmallSystem, Program, LiveApi], Awaitable[None]]) -> None:
+def run_scenario(data: Path, scenario: Callable[[SmallSystem, Program, LiveApi], Awaitable[None]]) -> None:
     async def run() -> None:
         system = SmallSystem(data, [])
         program = Program(system)
@@ -73,19 +73,19 @@ def played(data: Path, scenario: Callable[[SmallSystem, Program, LiveApi], Await
     asyncio.run(run())
 
 
-async def until(true: Callable[[], bool]) -> None:
+async def wait_until(condition: Callable[[], bool]) -> None:
     async with asyncio.timeout(20):
-        while not true():
+        while not condition():
             await asyncio.sleep(0.02)
 
 
 def test_the_map_here_is_that_of_the_repository_and_is_not_sent_again(tmp_path: Path) -> None:
     async def scenario(system: SmallSystem, program: Program, api: LiveApi) -> None:
         place = {"PositionX": 1.0, "PositionY": 1.0, "PositionZ": 0.8}
-        many = tuple(ObjectAdded(Object(name=f"Tin{number:04}", type="Jar", values=dict(place))) for number in range(5000))
+        additions = tuple(ObjectAdded(Object(name=f"Tin{number:04}", type="Jar", values=dict(place))) for number in range(5000))
         for begin in range(0, 5000, 500):
-            version = (await api.map.change(UpdateMap(changes=many[begin : begin + 500]))).version
-        await until(lambda: api.context.version >= version)
+            version = (await api.map.change(UpdateMap(changes=additions[begin : begin + 500]))).version
+        await wait_until(lambda: api.context.version >= version)
         read = api.context._read_map
         api.context._read_map = None  # type: ignore[method-assign,assignment]  # it is not to be read any more
         with api.context.hub.subscribe("map") as listening:
@@ -104,7 +104,7 @@ def test_the_map_here_is_that_of_the_repository_and_is_not_sent_again(tmp_path: 
         assert (good.ok, [mistake.position for mistake in wrong.problems]) == (True, [0]), "what is typed is checked by the copy"
         api.context._read_map = read  # type: ignore[method-assign]
 
-    played(tmp_path / "data", scenario)
+    run_scenario(tmp_path / "data", scenario)
 
 
 def test_refusals_are_those_of_the_api(tmp_path: Path) -> None:
@@ -124,7 +124,7 @@ def test_refusals_are_those_of_the_api(tmp_path: Path) -> None:
         document = await api.map.export()
         assert (document.name, document.media_type) == ("site.yaml", "application/yaml")
 
-    played(tmp_path / "data", scenario)
+    run_scenario(tmp_path / "data", scenario)
 
 
 def test_the_api_may_go_and_come_back(tmp_path: Path) -> None:
@@ -136,14 +136,14 @@ def test_the_api_may_go_and_come_back(tmp_path: Path) -> None:
             assert await listening.next_news() == News(topic=CONNECTION, value=False)
             with pytest.raises(Unanswered, match=r"does not answer.*`somrs up` starts it"):
                 await api.map.query("?Thing isOn ?Where")
-            with hub.subscribe("fleet") as other:
-                await other.wait_until_followed()  # nobody waits for what is away
+            with hub.subscribe("fleet") as fleet_listening:
+                await fleet_listening.wait_until_followed()  # nobody waits for what is away
             assert "Jar001" in api.context.map.objects, "what was known still is"
             async with Client(system.addresses) as client:
                 version = await client.update(UpdateMap(changes=(ValueSet("Jar001", "Weight", 0.7),)))
             await program.start()
-            heard = [await listening.next_news() for _ in range(3)]
-            assert heard == [
+            received_news = [await listening.next_news() for _ in range(3)]
+            assert received_news == [
                 News(topic=CONNECTION, value=True),
                 News(topic="map", missed=True),
                 News(topic="tasks", missed=True),
@@ -153,7 +153,7 @@ def test_the_api_may_go_and_come_back(tmp_path: Path) -> None:
             await api.map.change(UpdateMap(changes=(ValueSet("Jar001", "Weight", 0.8),)))
             assert (await listening.next_news()).topic == "map"
 
-    played(tmp_path / "data", scenario)
+    run_scenario(tmp_path / "data", scenario)
 
 
 def test_topics_come_and_go_on_one_connection_and_nothing_is_lost(tmp_path: Path) -> None:
@@ -173,7 +173,7 @@ def test_topics_come_and_go_on_one_connection_and_nothing_is_lost(tmp_path: Path
         api_changed = asyncio.Event()
         await asyncio.gather(*map(listener, range(4)))
 
-    played(tmp_path / "data", scenario)
+    run_scenario(tmp_path / "data", scenario)
 
 
 def test_every_topic_has_its_values(tmp_path: Path) -> None:
@@ -181,12 +181,12 @@ def test_every_topic_has_its_values(tmp_path: Path) -> None:
         async with asyncio.timeout(60), running(tmp_path / "data") as (system, api):
             system.addresses.write(system.data)
             with api.context.hub.subscribe("system", "fleet", "questions", "tasks") as listening:
-                heard: dict[str, object] = {}
-                while len(heard) < 4:
+                topic_values: dict[str, object] = {}
+                while len(topic_values) < 4:
                     news = await listening.next_news()
                     if not news.missed:
-                        heard[news.topic] = news.value
-            for topic, value in heard.items():
+                        topic_values[news.topic] = news.value
+            for topic, value in topic_values.items():
                 assert isinstance(value, TOPICS[topic])
 
     asyncio.run(run())
@@ -194,22 +194,22 @@ def test_every_topic_has_its_values(tmp_path: Path) -> None:
 
 def test_answers_of_all_operations_can_be_read() -> None:
     for group, declared in get_type_hints(Api).items():
-        for one in operations(group, declared):
-            if one.returns is not Document:
-                msgspec.json.Decoder(one.returns)
+        for operation in operations(group, declared):
+            if operation.returns is not Document:
+                msgspec.json.Decoder(operation.returns)
 
 
 @asynccontextmanager
 async def proxy(url: str) -> AsyncIterator[str]:
     """A server that has the API of another below its own `/api`."""
-    listening = bound(HERE, 0)
+    listening = bound(LOOPBACK, 0)
     async with ApiClient(url) as client:
         server = QuietServer(uvicorn.Config(Starlette(routes=[Mount("/api", Proxy(client))]), log_level="warning", ws="websockets-sansio"))
         serving = asyncio.create_task(server.serve(sockets=[listening]))
         while not server.started:
             await asyncio.sleep(0.01)
         try:
-            yield f"{HERE}:{listening.getsockname()[1]}/api"
+            yield f"{LOOPBACK}:{listening.getsockname()[1]}/api"
         finally:
             server.should_exit = True
             await serving
@@ -245,7 +245,7 @@ def test_browsers_have_the_api_below_the_windows_own_address(tmp_path: Path) -> 
             await program.start()
             assert (await browser.get("/map")).status_code == 200
 
-    played(tmp_path / "data", scenario)
+    run_scenario(tmp_path / "data", scenario)
 
 
 def test_what_is_said_at_the_live_socket_must_be_understood(tmp_path: Path) -> None:
@@ -255,4 +255,4 @@ def test_what_is_said_at_the_live_socket_must_be_understood(tmp_path: Path) -> N
             with pytest.raises(ConnectionClosed, match="say what you want to hear of"):
                 await live.recv()
 
-    played(tmp_path / "data", scenario)
+    run_scenario(tmp_path / "data", scenario)

@@ -32,8 +32,8 @@ def bodies(text: str = SITE) -> dict[str, Body]:
 
 
 def test_the_scene_has_all_that_takes_up_space() -> None:
-    found = bodies()
-    assert {name: body.kind for name, body in found.items()} == {
+    scene_bodies = bodies()
+    assert {name: body.kind for name, body in scene_bodies.items()} == {
         "Floor1": "floor",
         "Wall1": "wall",
         "Table1": "furniture",
@@ -43,12 +43,12 @@ def test_the_scene_has_all_that_takes_up_space() -> None:
         "Robot1": "robot",
         "Robot2": "robot",
     }
-    jar = found["Jar1"]
+    jar = scene_bodies["Jar1"]
     assert (jar.x, jar.y, jar.z, jar.radius, jar.height) == (1.15, 4, 0.7, 0.04, 0.14), "its form is its type's"
     assert jar.placement is not None
     assert (jar.placement.relation, jar.placement.object) == ("isOn", "Table1")
-    assert found["Robot1"].arm is not None
-    assert found["Floor1"].storey == "Storey1"
+    assert scene_bodies["Robot1"].arm is not None
+    assert scene_bodies["Floor1"].storey == "Storey1"
 
 
 def test_a_scene_says_what_cannot_be_drawn_and_has_the_rest() -> None:
@@ -76,7 +76,7 @@ class Viewer:
         self._feed = feed
         self._movers: list[dict[str, Any]] = []
         self._table = 0
-        self._seen: int | None = None
+        self._last_tick: int | None = None
         self.poses: dict[str, tuple[float, ...]] = {}
         self.robots: dict[str, Any] = {}
         self.alive: bool | None = None
@@ -84,9 +84,9 @@ class Viewer:
         """How many movers each had."""
 
     async def look(self) -> None:
-        self._seen, messages = await self._feed.wait_for_tick(self._seen)
+        self._last_tick, messages = await self._feed.wait_for_tick(self._last_tick)
         for message in messages:
-            self._take(message) if isinstance(message, bytes) else self._read(message)
+            self._read_frame(message) if isinstance(message, bytes) else self._read(message)
 
     def _read(self, text: str) -> None:
         news = msgspec.json.decode(text)
@@ -95,19 +95,19 @@ class Viewer:
         self.robots.update(news.get("robots", {}))
         self.alive = news.get("alive", self.alive)
 
-    def _take(self, frame: bytes) -> None:
+    def _read_frame(self, frame: bytes) -> None:
         _, _, table, count = struct.unpack_from("<ddII", frame)
         assert table == self._table
-        which = struct.unpack_from(f"<{count}I", frame, 24)
-        at = 24 + 4 * count
-        for i in which:
+        mover_indices = struct.unpack_from(f"<{count}I", frame, 24)
+        offset = 24 + 4 * count
+        for i in mover_indices:
             numbers = self._movers[i]["numbers"]
-            self.poses[self._movers[i]["name"]] = struct.unpack_from(f"<{numbers}f", frame, at)
-            at += 4 * numbers
-        assert at == len(frame)
+            self.poses[self._movers[i]["name"]] = struct.unpack_from(f"<{numbers}f", frame, offset)
+            offset += 4 * numbers
+        assert offset == len(frame)
         self.frames.append(count)
 
-    async def until(self, condition: Callable[[], object]) -> None:
+    async def wait_until(self, condition: Callable[[], object]) -> None:
         async with asyncio.timeout(120):
             while not condition():
                 await self.look()
@@ -116,8 +116,8 @@ class Viewer:
 @asynccontextmanager
 async def context(map: Map, ontology: Ontology, server: Server | None = None) -> AsyncIterator[Context]:
     """What a desk works with, as far as scenes go: the map as it was read, and the simulator."""
-    where = None if server is None else f"{server.host}:{server.port}"
-    addresses = Addresses(repository="http://r/r", registry="http://r/s", task_manager="http://r/t", simulator=where)
+    simulator_address = None if server is None else f"{server.host}:{server.port}"
+    addresses = Addresses(repository="http://r/r", registry="http://r/s", task_manager="http://r/t", simulator=simulator_address)
     listener = Listener("http://d/d", addresses, Hub())
     listener.replica.map, listener.replica.ontology = map, ontology
     async with Client(addresses) as client:
@@ -127,21 +127,21 @@ async def context(map: Map, ontology: Ontology, server: Server | None = None) ->
 def test_all_viewers_see_the_robot_move() -> None:
     async def test() -> None:
         loaded, map = site()
-        async with simulator(speed=10) as server, context(map, loaded.ontology, server) as desk:
-            feed = PoseFeed(desk)
-            one, two = Viewer(feed), Viewer(feed)
+        async with simulator(speed=10) as server, context(map, loaded.ontology, server) as api_context:
+            feed = PoseFeed(api_context)
+            first_viewer, second_viewer = Viewer(feed), Viewer(feed)
             with feed.viewing(), feed.viewing():
-                await one.until(lambda: one.poses)
-                assert set(one.poses) == {"Robot1", "Robot2", "Jar1", "Anvil1"}
+                await first_viewer.wait_until(lambda: first_viewer.poses)
+                assert set(first_viewer.poses) == {"Robot1", "Robot2", "Jar1", "Anvil1"}
                 async with RobotLink(server.host, server.port, "Robot1") as robot:
-                    going = asyncio.create_task(robot.grip("Jar1"))
-                    await one.until(lambda: one.robots["Robot1"].get("holding") == "Jar1")
-                    await going
-                assert sorted(one.frames)[len(one.frames) // 2] <= 2, "what stands still is not sent again"
-                await two.until(lambda: two.poses)
-                await one.look()
-                assert two.robots["Robot1"]["holding"] == "Jar1", "who comes late is told all"
-                assert math.dist(two.poses["Jar1"][:3], one.poses["Jar1"][:3]) < 0.01
+                    grip_task = asyncio.create_task(robot.grip("Jar1"))
+                    await first_viewer.wait_until(lambda: first_viewer.robots["Robot1"].get("holding") == "Jar1")
+                    await grip_task
+                assert sorted(first_viewer.frames)[len(first_viewer.frames) // 2] <= 2, "what stands still is not sent again"
+                await second_viewer.wait_until(lambda: second_viewer.poses)
+                await first_viewer.look()
+                assert second_viewer.robots["Robot1"]["holding"] == "Jar1", "who comes late is told all"
+                assert math.dist(second_viewer.poses["Jar1"][:3], first_viewer.poses["Jar1"][:3]) < 0.01
 
     run(test())
 
@@ -149,18 +149,18 @@ def test_all_viewers_see_the_robot_move() -> None:
 def test_who_skipped_ticks_is_sent_everything() -> None:
     async def test() -> None:
         loaded, map = site()
-        async with simulator(speed=10) as server, context(map, loaded.ontology, server) as desk:
-            feed = PoseFeed(desk)
+        async with simulator(speed=10) as server, context(map, loaded.ontology, server) as api_context:
+            feed = PoseFeed(api_context)
             quick, slow = Viewer(feed), Viewer(feed)
             with feed.viewing(), feed.viewing():
-                await slow.until(lambda: slow.poses)
+                await slow.wait_until(lambda: slow.poses)
                 async with RobotLink(server.host, server.port, "Robot1") as robot:
-                    going = asyncio.create_task(robot.drive_to(4, 4))
-                    await quick.until(lambda: len(quick.frames) > 10)
+                    drive_task = asyncio.create_task(robot.drive_to(4, 4))
+                    await quick.wait_until(lambda: len(quick.frames) > 10)
                     await slow.look()
                     assert slow.poses == quick.poses
                     await robot.stop()
-                    await asyncio.wait({going})
+                    await asyncio.wait({drive_task})
 
     run(test())
 
@@ -168,18 +168,18 @@ def test_who_skipped_ticks_is_sent_everything() -> None:
 def test_a_simulator_that_comes_back_is_followed_again() -> None:
     async def test() -> None:
         loaded, map = site()
-        async with simulator() as server, context(map, loaded.ontology, server) as desk:
-            feed = PoseFeed(desk)
+        async with simulator() as server, context(map, loaded.ontology, server) as api_context:
+            feed = PoseFeed(api_context)
             viewer = Viewer(feed)
             with feed.viewing():
-                await viewer.until(lambda: viewer.poses)
+                await viewer.wait_until(lambda: viewer.poses)
                 await server.stop()
-                await viewer.until(lambda: viewer.alive is False)
-                again = Server(server.simulation, port=server.port)
-                await again.start()
-                await viewer.until(lambda: viewer.alive)
+                await viewer.wait_until(lambda: viewer.alive is False)
+                restarted_server = Server(server.simulation, port=server.port)
+                await restarted_server.start()
+                await viewer.wait_until(lambda: viewer.alive)
                 assert set(viewer.poses) == {"Robot1", "Robot2", "Jar1", "Anvil1"}
-                await again.stop()
+                await restarted_server.stop()
 
     run(test())
 
@@ -187,13 +187,13 @@ def test_a_simulator_that_comes_back_is_followed_again() -> None:
 def test_the_simulator_is_followed_once_and_only_while_somebody_looks() -> None:
     async def test() -> None:
         loaded, map = site()
-        async with simulator() as server, context(map, loaded.ontology, server) as desk:
-            feed = PoseFeed(desk)
+        async with simulator() as server, context(map, loaded.ontology, server) as api_context:
+            feed = PoseFeed(api_context)
             for _ in range(2):
                 viewers = [Viewer(feed) for _ in range(3)]
                 with feed.viewing(), feed.viewing(), feed.viewing():
                     for viewer in viewers:
-                        await viewer.until(lambda viewer=viewer: viewer.poses)  # type: ignore[misc]
+                        await viewer.wait_until(lambda viewer=viewer: viewer.poses)  # type: ignore[misc]
                     assert len(server._followers) == 1
                 async with asyncio.timeout(120):
                     while server._followers:
@@ -206,23 +206,23 @@ def test_the_simulator_is_followed_once_and_only_while_somebody_looks() -> None:
 def test_without_a_simulator_things_move_as_the_map_says(relation: str) -> None:
     async def test() -> None:
         loaded, map = site()
-        async with context(map, loaded.ontology) as desk:
-            feed = PoseFeed(desk)
+        async with context(map, loaded.ontology) as api_context:
+            feed = PoseFeed(api_context)
             viewer = Viewer(feed)
 
             def change(*changes: Change) -> None:
-                desk.listener.replica.map = desk.map.changed(changes)
-                desk.hub.publish("map")
+                api_context.listener.replica.map = api_context.map.changed(changes)
+                api_context.hub.publish("map")
 
             with feed.viewing():
-                await viewer.until(lambda: viewer.poses)
+                await viewer.wait_until(lambda: viewer.poses)
                 assert viewer.poses["Robot1"][:2] == (2, 1.5)
                 change(ValueSet("Robot1", "PositionX", 3.0))
-                await viewer.until(lambda: viewer.poses["Robot1"][0] == 3)
+                await viewer.wait_until(lambda: viewer.poses["Robot1"][0] == 3)
                 assert viewer.frames[1:] == [1]
-                whom = {"isOn": "Platform1", "isHeldBy": "Robot1"}[relation]
-                change(FactRemoved(Fact("isOn", ("Jar1", "Table1"))), FactAdded(Fact(relation, ("Jar1", whom))))
-                await viewer.until(lambda: viewer.poses["Jar1"][0] == (6.5 if relation == "isOn" else 3))
+                target = {"isOn": "Platform1", "isHeldBy": "Robot1"}[relation]
+                change(FactRemoved(Fact("isOn", ("Jar1", "Table1"))), FactAdded(Fact(relation, ("Jar1", target))))
+                await viewer.wait_until(lambda: viewer.poses["Jar1"][0] == (6.5 if relation == "isOn" else 3))
                 assert viewer.robots["Robot1"].get("holding") == (None if relation == "isOn" else "Jar1")
 
     run(test())

@@ -28,7 +28,7 @@ from somrs.protocol.soap.document import MOST_BYTES
 from somrs.storage import archive
 from somrs.storage.disk import Disk
 from somrs.storage.journal import KIND
-from tests.integration.test_recovery import WISH, holding, puts_back
+from tests.integration.test_recovery import GOAL, holding, restore_object
 from tests.support.virtual_system import Robot, VirtualSystem
 
 
@@ -36,9 +36,11 @@ from tests.support.virtual_system import Robot, VirtualSystem
 def recovered() -> TaskRecord:
     """Of a task in which a robot failed, what it left was undone, and another robot did it."""
     system = VirtualSystem(
-        Robot("Robot1", 10, 60, works=holding("Robot1"), undoes=puts_back), Robot("Robot2", 25, 60), Robot("Robot3", 1, 60, refuses="busy")
+        Robot("Robot1", 10, 60, works=holding("Robot1"), undoes=restore_object),
+        Robot("Robot2", 25, 60),
+        Robot("Robot3", 1, 60, refuses="busy"),
     )
-    task = system.submit(WISH)
+    task = system.submit(GOAL)
     system.finish(task)
     (record,) = [entry for entry in system.world.records["tm"] if isinstance(entry, TaskRecord)]
     return record
@@ -60,7 +62,7 @@ def db() -> Iterator[sqlite3.Connection]:
     db.close()
 
 
-def read(db: sqlite3.Connection, wanted: ReadRecords) -> tuple[list[TaskRecord], list[Records]]:
+def read(db: sqlite3.Connection, request: ReadRecords) -> tuple[list[TaskRecord], list[Records]]:
     """All records that are asked for, as a client puts them together, and the pages on which they came."""
     pages: list[Records] = []
 
@@ -68,10 +70,10 @@ def read(db: sqlite3.Connection, wanted: ReadRecords) -> tuple[list[TaskRecord],
         pages.append(archive.find_records(page, db))
         return pages[-1]
 
-    async def all() -> list[TaskRecord]:
-        return [record async for page in TaskHistory(ask).pages(wanted) for record in page.records]
+    async def read_all() -> list[TaskRecord]:
+        return [record async for page in TaskHistory(ask).pages(request) for record in page.records]
 
-    return asyncio.run(all()), pages
+    return asyncio.run(read_all()), pages
 
 
 def test_the_records_of_a_task_tell_everything_of_its_recovery(recovered: TaskRecord) -> None:
@@ -87,31 +89,31 @@ def test_the_records_of_a_task_tell_everything_of_its_recovery(recovered: TaskRe
 def test_all_come_back_page_by_page_the_latest_first(db: sqlite3.Connection, recovered: TaskRecord) -> None:
     """Several may end at the same time: none is left out, none comes twice, wherever a page ends."""
     chance = random.Random(1)
-    kept = [numbered(recovered, number, ended_at=float(chance.randrange(12))) for number in range(60)]
-    for record in kept:
+    records = [numbered(recovered, number, ended_at=float(chance.randrange(12))) for number in range(60)]
+    for record in records:
         archive.store_record(record, db)
         archive.store_record(record, db)
     for limit in (1, 7, 1000):
-        found, pages = read(db, ReadRecords(limit=limit))
-        assert [record.ended_at for record in found] == sorted((record.ended_at for record in kept), reverse=True)
-        assert sorted(found, key=lambda record: record.task) == sorted(kept, key=lambda record: record.task)
+        found_records, pages = read(db, ReadRecords(limit=limit))
+        assert [record.ended_at for record in found_records] == sorted((record.ended_at for record in records), reverse=True)
+        assert sorted(found_records, key=lambda record: record.task) == sorted(records, key=lambda record: record.task)
         assert pages[0].total == 60
         assert len(pages) > 1, "they do not fit a message"
 
 
 def test_a_page_fits_a_message_and_a_record_that_does_not_comes_in_parts(db: sqlite3.Connection, recovered: TaskRecord) -> None:
-    kept = [longer(numbered(recovered, number, float(number)), times) for number, times in enumerate((1, 40, 1, 1, 15))]
-    for record in kept:
+    records = [longer(numbered(recovered, number, float(number)), times) for number, times in enumerate((1, 40, 1, 1, 15))]
+    for record in records:
         archive.store_record(record, db)
-    assert len(msgspec.json.encode(kept[1])) > MOST_BYTES
-    found, pages = read(db, ReadRecords())
-    assert found == kept[::-1]
+    assert len(msgspec.json.encode(records[1])) > MOST_BYTES
+    found_records, pages = read(db, ReadRecords())
+    assert found_records == records[::-1]
     header = Header(sender="http://tm", recipient="http://client", message_id=message_id("answer"))
     sizes = [len(soap.encode(Message(header=header, body=page))) for page in pages]
     assert max(sizes) < MOST_BYTES
     assert max(sizes) > MOST_BYTES / 10, "messages are used well"
     brief, _ = read(db, ReadRecords(brief=True))
-    assert [record.work for record in brief] == [record.work for record in found]
+    assert [record.work for record in brief] == [record.work for record in found_records]
     assert not any(record.messages or record.events or record.contracts for record in brief)
 
 
@@ -124,38 +126,38 @@ def test_it_is_known_how_work_ended_before_it_was_undone(recovered: TaskRecord) 
 
 
 def test_tasks_are_found_by_what_was_wished_for_and_by_who_worked(db: sqlite3.Connection, recovered: TaskRecord) -> None:
-    other = structs.replace(numbered(recovered, 2, 2.0), effect="Cup_1 isOn Table001", work=recovered.work[:1])
-    for record in (one := numbered(recovered, 1, 1.0), other):
+    second_record = structs.replace(numbered(recovered, 2, 2.0), effect="Cup_1 isOn Table001", work=recovered.work[:1])
+    for record in (first_record := numbered(recovered, 1, 1.0), second_record):
         archive.store_record(record, db)
     device, _, service = recovered.work[1].service.partition(".")
-    for wanted, expected in (
-        (ReadRecords(text="CUP_1"), [other]),
+    for request, expected in (
+        (ReadRecords(text="CUP_1"), [second_record]),
         (ReadRecords(text="Cup%"), []),
-        (ReadRecords(service=device), [one]),
-        (ReadRecords(service=f"{device}.{service}"), [one]),
-        (ReadRecords(service=recovered.work[0].service), [other, one]),
+        (ReadRecords(service=device), [first_record]),
+        (ReadRecords(service=f"{device}.{service}"), [first_record]),
+        (ReadRecords(service=recovered.work[0].service), [second_record, first_record]),
         (ReadRecords(service=device[:-1]), []),
         (ReadRecords(service="Robot3"), []),
     ):
-        found, pages = read(db, wanted)
-        assert found == expected, wanted
+        found_records, pages = read(db, request)
+        assert found_records == expected, request
         assert pages[0].total == len(expected)
     assert {contract.service for contract in recovered.contracts} > {work.service for work in recovered.work}, "Robot3 was only asked"
 
 
 def test_what_is_asked_for_is_what_comes(db: sqlite3.Connection, recovered: TaskRecord) -> None:
     outcomes = [*Outcome] * 4
-    kept = [numbered(recovered, number, float(number), outcome) for number, outcome in enumerate(outcomes)]
-    for record in kept:
+    records = [numbered(recovered, number, float(number), outcome) for number, outcome in enumerate(outcomes)]
+    for record in records:
         archive.store_record(record, db)
     failed, pages = read(db, ReadRecords(outcome=Outcome.FAILED, since=5.0, limit=1))
-    assert failed == [record for record in kept if record.outcome is Outcome.FAILED and record.ended_at >= 5.0][::-1]
+    assert failed == [record for record in records if record.outcome is Outcome.FAILED and record.ended_at >= 5.0][::-1]
     assert pages[0].total == len(failed) > 1
-    one = kept[7].task
-    for name in (one, one.upper().replace("URN:", "urn:"), one.removeprefix("urn:uuid:"), one[9:19]):
-        assert read(db, ReadRecords(task=name))[0] == [kept[7]], name
+    task_id = records[7].task
+    for name in (task_id, task_id.upper().replace("URN:", "urn:"), task_id.removeprefix("urn:uuid:"), task_id[9:19]):
+        assert read(db, ReadRecords(task=name))[0] == [records[7]], name
     assert read(db, ReadRecords(task="urn:uuid:none"))[0] == []
-    assert len(read(db, ReadRecords(task=""))[0]) == len(kept)
+    assert len(read(db, ReadRecords(task=""))[0]) == len(records)
 
 
 # Of a system that does not run
@@ -174,11 +176,11 @@ def stopped(tmp_path: Path, recovered: TaskRecord) -> Path:
 
 
 def exported(data: Path, format: Format, table: Table = Table.TASKS, since: str | None = None, outcome: Outcome | None = None) -> str:
-    out = data / "out"
-    wanted = ReadRecords(since=moment(since, 0.0) if since is not None else None, outcome=outcome)
-    asyncio.run(export(out, data, format, table, wanted))
+    output_path = data / "out"
+    request = ReadRecords(since=moment(since, 0.0) if since is not None else None, outcome=outcome)
+    asyncio.run(export(output_path, data, format, table, request))
     assert sorted(path.name for path in data.glob("out*")) == ["out"]
-    return out.read_text()
+    return output_path.read_text()
 
 
 def test_json_lines_hold_all_that_is_kept(stopped: Path, recovered: TaskRecord, capsys: pytest.CaptureFixture[str]) -> None:
@@ -234,8 +236,8 @@ def test_tasks_that_are_over_can_be_looked_at(stopped: Path, recovered: TaskReco
     assert listed.index("failed in") < listed.index("accomplished in")
     asyncio.run(tasks.tasks(stopped, history=True, limit=1, json=True))
     assert [task["outcome"] for task in json.loads(capsys.readouterr().out)] == ["failed"]
-    wanted = ReadRecords(outcome=Outcome.ACCOMPLISHED, service=recovered.work[0].service, text="jar")
-    asyncio.run(tasks.tasks(stopped, history=True, limit=20, json=True, query=wanted))
+    request = ReadRecords(outcome=Outcome.ACCOMPLISHED, service=recovered.work[0].service, text="jar")
+    asyncio.run(tasks.tasks(stopped, history=True, limit=20, json=True, query=request))
     assert [task["task"] for task in json.loads(capsys.readouterr().out)] == [recovered.task]
     asyncio.run(tasks.tasks(stopped, history=True, limit=20, json=False, query=ReadRecords(service="Robot7")))
     assert capsys.readouterr().out == "no such task\n"
@@ -247,7 +249,7 @@ def test_tasks_that_are_over_can_be_looked_at(stopped: Path, recovered: TaskReco
     with pytest.raises(UsageError, match="no task begins with xyz"):
         asyncio.run(tasks.task("xyz", stopped, messages=False, picture=None, json=False))
     with pytest.raises(UsageError, match="somrs do"):
-        asyncio.run(tasks.task(WISH, stopped, messages=False, picture=None, json=False))
+        asyncio.run(tasks.task(GOAL, stopped, messages=False, picture=None, json=False))
 
 
 def test_a_journal_that_cannot_be_read_is_named(tmp_path: Path) -> None:
@@ -262,9 +264,9 @@ def test_a_journal_that_cannot_be_read_is_named(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=archive.FILE):
         asyncio.run(look(tmp_path))
     file.unlink()
-    other = sqlite3.connect(file)
-    other.execute("CREATE TABLE something (else_ TEXT)")
-    other.close()
+    foreign_db = sqlite3.connect(file)
+    foreign_db.execute("CREATE TABLE something (else_ TEXT)")
+    foreign_db.close()
     with pytest.raises(UsageError, match="is not a journal's"):
         asyncio.run(look(tmp_path))
     file.unlink()

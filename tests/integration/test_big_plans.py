@@ -12,13 +12,13 @@ from tests.support.relay import SECONDS, Relay, longest
 
 def coordinated(relay: Relay) -> tuple[float, float]:
     """The seconds that the steps took, and those that coordinating them took."""
-    began, start = time.process_time(), relay.world.now
+    process_start, start = time.process_time(), relay.world.now
     (view,) = relay.finish(relay.submit(relay.goal), seconds=100_000)
     assert view.outcome is Outcome.ACCOMPLISHED
     assert relay.wrong == []
-    assert len(relay.begun) == len(relay.plan.steps)
+    assert len(relay.started) == len(relay.plan.steps)
     assert view.ended_at is not None
-    return view.ended_at - start, time.process_time() - began
+    return view.ended_at - start, time.process_time() - process_start
 
 
 def test_two_hundred_steps_take_as_long_as_the_longest_chain_of_them() -> None:

@@ -15,18 +15,18 @@ from somrs.protocol.messages.directory import Discover, Discovered
 from somrs.registry.component import Registry
 from somrs.runtime.host import Host
 
-HERE = "127.0.0.1"
+LOOPBACK = "127.0.0.1"
 
 
 @contextmanager
 def addresses() -> Iterator[Addresses]:
     """Where nobody listens until somebody does."""
-    with Reservation(HERE, 1) as reserved:
-        yield Addresses(repository="", registry=f"http://{HERE}:{reserved.ports[0]}/registry", task_manager="")
+    with Reservation(LOOPBACK, 1) as reserved:
+        yield Addresses(repository="", registry=f"http://{LOOPBACK}:{reserved.ports[0]}/registry", task_manager="")
 
 
 async def registry_at(address: str) -> Host:
-    host = Host(HERE, int(address.rpartition(":")[2].partition("/")[0]))
+    host = Host(LOOPBACK, int(address.rpartition(":")[2].partition("/")[0]))
     await host.start()
     host.add("/registry", Registry)
     return host
@@ -34,14 +34,14 @@ async def registry_at(address: str) -> Host:
 
 def test_a_patient_client_waits_for_a_part_that_is_started() -> None:
     async def run() -> Discovered:
-        with addresses() as where:
-            async with Client(where) as client:
-                asked = asyncio.create_task(client.ask(where.registry, Discover(), Discovered, patience=20))
+        with addresses() as client_addresses:
+            async with Client(client_addresses) as client:
+                pending_reply = asyncio.create_task(client.ask(client_addresses.registry, Discover(), Discovered, patience=20))
                 await asyncio.sleep(0.3)
-                assert not asked.done()
-                host = await registry_at(where.registry)
+                assert not pending_reply.done()
+                host = await registry_at(client_addresses.registry)
                 try:
-                    return await asked
+                    return await pending_reply
                 finally:
                     await host.stop()
 
@@ -50,9 +50,9 @@ def test_a_patient_client_waits_for_a_part_that_is_started() -> None:
 
 def test_other_clients_are_told_at_once_that_nobody_is_there() -> None:
     async def run() -> None:
-        with addresses() as where:
-            async with Client(where) as client:
-                await asyncio.wait_for(client.ask(where.registry, Discover(), Discovered), 20)
+        with addresses() as client_addresses:
+            async with Client(client_addresses) as client:
+                await asyncio.wait_for(client.ask(client_addresses.registry, Discover(), Discovered), 20)
 
     with pytest.raises(RemoteError, match="cannot be reached"):
         asyncio.run(run())
@@ -60,9 +60,9 @@ def test_other_clients_are_told_at_once_that_nobody_is_there() -> None:
 
 def test_even_a_patient_client_gives_up() -> None:
     async def run() -> None:
-        with addresses() as where:
-            async with Client(where) as client:
-                await asyncio.wait_for(client.ask(where.registry, Discover(), Discovered, patience=0.3), 60)
+        with addresses() as client_addresses:
+            async with Client(client_addresses) as client:
+                await asyncio.wait_for(client.ask(client_addresses.registry, Discover(), Discovered, patience=0.3), 60)
 
     with pytest.raises(RemoteError, match="cannot be reached"):
         asyncio.run(run())

@@ -46,11 +46,11 @@ class Carrier(Device):
         return None
 
     @transfer.stopping
-    async def put_down(self, task: Task) -> Situation:
+    async def lower_object(self, task: Task) -> Situation:
         return f"{task.inputs['Object']} isOn Floor1"
 
 
-class Desk:
+class ManualCoordinator:
     """A coordinator of one participant, driven by the test."""
 
     def __init__(self, address: str) -> None:
@@ -58,71 +58,71 @@ class Desk:
         self.session = CoordinatorSession(transaction="t", participant="none", me=address, peer="")
         self.news = asyncio.Event()
         self.effects: list[Effect] = []
-        self.last: Message | None = None
+        self.last_message: Message | None = None
 
     def handle(self, event: Input, now: float) -> list[Effect]:
         if isinstance(event, Received):
             self.session.receive(event.message)
             if not isinstance(event.message.body, frp.Progress):
-                self.last = event.message
+                self.last_message = event.message
             self.news.set()
         effects, self.effects = self.effects, []
         return effects
 
-    async def until(self, state: State) -> object:
+    async def wait_for_state(self, state: State) -> object:
         async with asyncio.timeout(120):
             while self.session.state is not state:
                 self.news.clear()
                 await self.news.wait()
-        assert self.last is not None
-        return self.last.body
+        assert self.last_message is not None
+        return self.last_message.body
 
 
 async def _scenario(data: Path) -> tuple[object, object, ServiceManagerState]:
-    rim = Host()
-    await rim.start()
-    repository = rim.add("/repository", lambda address: Repository(address, contents()))
-    registry = rim.add("/registry", lambda address: Registry(address, repository=repository.address))
-    addresses = Addresses(repository=repository.address, registry=registry.address, task_manager=f"{rim.url}/desk")
-    desks: list[Desk] = []
+    host = Host()
+    await host.start()
+    repository = host.add("/repository", lambda address: Repository(address, contents()))
+    registry = host.add("/registry", lambda address: Registry(address, repository=repository.address))
+    addresses = Addresses(repository=repository.address, registry=registry.address, task_manager=f"{host.url}/desk")
+    coordinators: list[ManualCoordinator] = []
 
-    def desk(address: str) -> Desk:
-        desks.append(Desk(address))
-        return desks[0]
+    def add_coordinator(address: str) -> ManualCoordinator:
+        coordinators.append(ManualCoordinator(address))
+        return coordinators[0]
 
-    node = rim.add("/desk", desk)
+    node = host.add("/desk", add_coordinator)
     runner = DeviceRunner(Carrier("Robot1"), addresses, data)
     peer = await runner.start()
-    (tm,) = desks
+    (coordinator,) = coordinators
 
-    def tell(body: CoordinatorBody) -> None:
-        tm.effects.append(Send(tm.session.accept() if isinstance(body, frp.Accept) else tm.session.send(body)))
+    def send_body(body: CoordinatorBody) -> None:
+        coordinator.effects.append(Send(coordinator.session.accept() if isinstance(body, frp.Accept) else coordinator.session.send(body)))
         node.feed(TimerFired("say it"))
 
     async def execute(step: str, destination: str) -> None:
-        tm.session = CoordinatorSession(transaction="t", participant=f"Robot1.TransferObject#{step}", me=node.address, peer=peer)
+        coordinator.session = CoordinatorSession(transaction="t", participant=f"Robot1.TransferObject#{step}", me=node.address, peer=peer)
         inputs = {"Object": "Jar1", "Destination": destination}
-        tell(frp.Arrange(service_type="TransferObject", inputs=inputs, effect=f"Jar1 isOn {destination}"))
-        await tm.until(State.OFFERED)
-        tell(frp.Accept(terms=""))
-        tell(frp.Execute(inputs=inputs))
+        send_body(frp.Arrange(service_type="TransferObject", inputs=inputs, effect=f"Jar1 isOn {destination}"))
+        await coordinator.wait_for_state(State.OFFERED)
+        send_body(frp.Accept(terms=""))
+        send_body(frp.Execute(inputs=inputs))
 
     await execute("s1", "Table2")
-    completed = await tm.until(State.COMPLETED)
+    completed = await coordinator.wait_for_state(State.COMPLETED)
     await execute("s2", "Table1")
     await asyncio.sleep(0.2)
-    tell(frp.Stop(reason="enough"))
-    stopped = await tm.until(State.STOPPED)
+    send_body(frp.Stop(reason="enough"))
+    stopped = await coordinator.wait_for_state(State.STOPPED)
     await runner.stop()
-    await rim.stop()
+    await host.stop()
     return completed, stopped, state_of(data, peer)
 
 
 def state_of(data: Path, address: str) -> ServiceManagerState:
     """What is in the journal of Robot1, at this address."""
     journal = device_journal(data, "Robot1")
-    journaled, again = journal.begin(address, lambda address: pytest.fail("there is a journal"))
-    assert again
+    journaled, is_resumed = journal.begin(address, lambda address: pytest.fail("there is a journal"))
+    assert is_resumed
     journal.close()
     assert isinstance(journaled.component, ServiceManager)
     return journaled.component.state
@@ -138,7 +138,7 @@ def test_a_device_at_work(tmp_path: Path) -> None:
     ]
 
 
-def arranged(device: str, step: str) -> Received:
+def arrange_message(device: str, step: str) -> Received:
     header = Header(
         sender="desk",
         recipient=device,
@@ -156,11 +156,11 @@ def participants(journaled: JournaledComponent) -> list[str]:
     return [job.session.participant for job in journaled.component.state.jobs]
 
 
-def made(name: str) -> Callable[[str], ServiceManager]:
+def manager_factory(name: str) -> Callable[[str], ServiceManager]:
     return lambda address: ServiceManager(Carrier(name).profile(), repository="repository", registry="registry")
 
 
-def handled(journal: Journal, journaled: JournaledComponent, event: Input) -> None:
+def journal_and_handle(journal: Journal, journaled: JournaledComponent, event: Input) -> None:
     entry = journaled.make_entry(event, 1.0)
     journal.append(entry)
     journaled.handle(entry)
@@ -177,20 +177,20 @@ def test_devices_that_share_a_file_get_their_own_back(tmp_path: Path) -> None:
     shared = device_journal(tmp_path, "all")
     for device, steps in (("Robot1", ("s1", "s2")), ("Robot2", ("s1",))):
         journal = shared.for_component(device)
-        journaled, again = journal.begin(device, made(device))
-        assert not again
-        handled(journal, journaled, Started(device))
+        journaled, is_resumed = journal.begin(device, manager_factory(device))
+        assert not is_resumed
+        journal_and_handle(journal, journaled, Started(device))
         for step in steps:
-            handled(journal, journaled, arranged(device, step))
+            journal_and_handle(journal, journaled, arrange_message(device, step))
         if device == "Robot1":
             journal.snapshot(journaled)
     shared.close()
     shared = device_journal(tmp_path, "all")
-    first, again = shared.for_component("Robot1").begin("Robot1", made("Robot1"))
-    assert again
+    first, is_resumed = shared.for_component("Robot1").begin("Robot1", manager_factory("Robot1"))
+    assert is_resumed
     assert participants(first) == ["Robot1.TransferObject#s1", "Robot1.TransferObject#s2"]
-    second, again = shared.for_component("Robot2").begin("elsewhere", made("Robot2"))
-    assert again, "a device goes on at another address"
+    second, is_resumed = shared.for_component("Robot2").begin("elsewhere", manager_factory("Robot2"))
+    assert is_resumed, "a device goes on at another address"
     assert participants(second) == ["Robot2.TransferObject#s1"]
     shared.close()
 
@@ -209,7 +209,7 @@ def test_a_file_of_records_becomes_a_journal(tmp_path: Path) -> None:
         db.executescript("CREATE TABLE kept (number INTEGER); PRAGMA application_id=0x534F4D44; PRAGMA user_version=2;")
     db.close()
     journal = device_journal(tmp_path, "Robot1")
-    assert journal.begin("Robot1", made("Robot1"))[1] is False
+    assert journal.begin("Robot1", manager_factory("Robot1"))[1] is False
     journal.close()
     device_journal(tmp_path, "Robot1").close()
 

@@ -14,7 +14,7 @@ from somrs.runtime.virtual import Work
 from somrs.service_manager.sdk.orders import Order, ServiceFailed
 from tests.support.virtual_system import Robot, VirtualSystem
 
-WISH = "Jar002 isOn Platform001"
+GOAL = "Jar002 isOn Platform001"
 
 
 def slips(order: Order) -> Work:
@@ -27,19 +27,19 @@ def alter(system: VirtualSystem, alteration: Alteration) -> object:
     header = Header(sender="client", recipient="repository", message_id=id, reply_to="client")
     system.world.send(Message(header=header, body=alteration))
     system.world.run(1)
-    return next(message.body for message in system.client.heard if message.header.relates_to == id)
+    return next(message.body for message in system.client.received if message.header.relates_to == id)
 
 
-def renamed(section: Section, name: str, to: str) -> Define:
-    return Define(renamed=(Renaming(section=section, name=name, to=to),), author="Anna")
+def rename_definition(section: Section, name: str, new_name: str) -> Define:
+    return Define(renamed=(Renaming(section=section, name=name, to=new_name),), author="Anna")
 
 
 EDITS: list[Alteration] = [
-    renamed(Section.TYPES, "Jar", "Pot"),
-    renamed(Section.TYPES, "Platform", "Stage"),
-    renamed(Section.TYPES, "PioneerP3DX", "Pioneer"),
-    renamed(Section.RELATIONS, "isAt", "standsAt"),
-    renamed(Section.ATTRIBUTES, "Texture", "Surface"),
+    rename_definition(Section.TYPES, "Jar", "Pot"),
+    rename_definition(Section.TYPES, "Platform", "Stage"),
+    rename_definition(Section.TYPES, "PioneerP3DX", "Pioneer"),
+    rename_definition(Section.RELATIONS, "isAt", "standsAt"),
+    rename_definition(Section.ATTRIBUTES, "Texture", "Surface"),
     Define(removed=(DefinitionKey(section=Section.TYPES, name="Bottle"), DefinitionKey(section=Section.FUNCTIONS, name="range"))),
     Define(
         definitions=Definitions(
@@ -55,7 +55,7 @@ EDITS: list[Alteration] = [
 @pytest.mark.parametrize("fails", [False, True])
 def test_a_task_is_accomplished_whatever_is_called_otherwise_meanwhile(edit: Alteration, fails: bool) -> None:
     system = VirtualSystem(Robot("Robot1", 10, 60, works=slips if fails else None), Robot("Robot2", 20, 60))
-    task = system.submit(WISH)
+    task = system.submit(GOAL)
     assert system.world.run(60, lambda: any(step.state is State.EXECUTING for step in system.view(task).steps))
     assert isinstance(alter(system, edit), Defined | Updated)
     (view,) = system.finish(task)
@@ -65,31 +65,31 @@ def test_a_task_is_accomplished_whatever_is_called_otherwise_meanwhile(edit: Alt
     assert set(system.registry.ontology.types) == set(system.repository.contents.ontology.types)
     system.restart_manager()
     system.world.run(10)
-    (again,) = system.finish(system.submit("Jar001 isOn Platform001"))
-    assert again.outcome is Outcome.ACCOMPLISHED
+    (next_view,) = system.finish(system.submit("Jar001 isOn Platform001"))
+    assert next_view.outcome is Outcome.ACCOMPLISHED
 
 
 @pytest.mark.parametrize("edit", [RenameObject(name="Jar002", to="Krug"), RenameObject(name="Platform001", to="Stage001")])
 @pytest.mark.parametrize("fails", [False, True])
 def test_a_task_whose_own_words_are_gone_ends_and_says_why(edit: RenameObject, fails: bool) -> None:
     system = VirtualSystem(Robot("Robot1", 10, 60, works=slips if fails else None), Robot("Robot2", 20, 60))
-    task = system.submit(WISH)
+    task = system.submit(GOAL)
     assert system.world.run(60, lambda: any(step.state is State.EXECUTING for step in system.view(task).steps))
     assert alter(system, edit) == Updated(version=1)
     (view,) = system.finish(task)
     assert view.phase is Phase.ENDED
     assert view.outcome is Outcome.FAILED
     assert edit.name in view.explanation
-    there = "Stage001" if edit.to == "Stage001" else "Platform001"
-    (again,) = system.finish(system.submit(f"Tin001 isOn {there}"))
-    assert again.outcome is Outcome.ACCOMPLISHED
+    destination = "Stage001" if edit.to == "Stage001" else "Platform001"
+    (next_view,) = system.finish(system.submit(f"Tin001 isOn {destination}"))
+    assert next_view.outcome is Outcome.ACCOMPLISHED
 
 
 def test_the_words_of_a_task_may_be_renamed_and_come_back_before_it_needs_them() -> None:
     system = VirtualSystem(Robot("Robot1", 10, 60, works=slips), Robot("Robot2", 20, 60))
     task = system.submit("?Jar: Jar isOn Platform001")
     assert system.world.run(60, lambda: any(step.state is State.EXECUTING for step in system.view(task).steps))
-    alter(system, renamed(Section.TYPES, "Jar", "Pot"))
-    assert isinstance(alter(system, renamed(Section.TYPES, "Pot", "Jar")), Defined)
+    alter(system, rename_definition(Section.TYPES, "Jar", "Pot"))
+    assert isinstance(alter(system, rename_definition(Section.TYPES, "Pot", "Jar")), Defined)
     (view,) = system.finish(task)
     assert view.outcome is Outcome.ACCOMPLISHED

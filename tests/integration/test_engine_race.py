@@ -16,7 +16,7 @@ from somrs.errors import RemoteError
 from somrs.planner_service.engine_race import Entrant, race
 
 ANSWERS = "import sys; open(sys.argv[2], 'w').write('(3)\\n(1)\\n; cost = 2\\n')"
-NEVER = "import time; time.sleep(600)"
+ENDLESS = "import time; time.sleep(600)"
 FALLS = "import os; os.abort()"
 PROVES = "import sys; sys.exit(11)"
 HUNGRY = "import time; held = bytearray(2 * 1024 ** 3); time.sleep(600)"
@@ -52,7 +52,7 @@ def alive(pid: int) -> bool:
 
 
 def test_the_first_plan_counts_and_nobody_runs_on(task: Path) -> None:
-    program, noted = noting(NEVER, task)
+    program, noted = noting(ENDLESS, task)
     slow_answer = f"import time, os\nwhile not os.path.exists({str(task.with_name('notes'))!r}): time.sleep(0.01)\n{ANSWERS}"
     won = race([engine(program, "never"), engine(slow_answer, "answers")], task, 60, max_running=2)
     assert (won.engine_name, won.operators) == ("answers", ("3", "1"))
@@ -60,7 +60,7 @@ def test_the_first_plan_counts_and_nobody_runs_on(task: Path) -> None:
 
 
 def test_a_proof_that_there_is_no_plan_is_an_answer(task: Path) -> None:
-    assert race([engine(NEVER), engine(PROVES, "proves")], task, 60, max_running=2).operators is None
+    assert race([engine(ENDLESS), engine(PROVES, "proves")], task, 60, max_running=2).operators is None
 
 
 def test_one_that_falls_makes_room_for_the_next(task: Path) -> None:
@@ -96,12 +96,14 @@ def test_one_that_wants_too_much_memory_ends_without_harm(task: Path) -> None:
 
 
 def test_one_that_used_its_share_makes_room_and_the_last_has_all_the_time(task: Path) -> None:
-    won = race([engine(NEVER, "never", 0.01), engine("import time; time.sleep(1); " + ANSWERS, "answers", 0.001)], task, 60, max_running=1)
+    won = race(
+        [engine(ENDLESS, "never", 0.01), engine("import time; time.sleep(1); " + ANSWERS, "answers", 0.001)], task, 60, max_running=1
+    )
     assert won.engine_name == "answers"
 
 
 def test_nobody_runs_on_when_time_is_up(task: Path) -> None:
-    program, noted = noting(NEVER, task)
+    program, noted = noting(ENDLESS, task)
     with pytest.raises(RemoteError, match="no plan was found in 2 s"):
         race([engine(program)], task, 2)
     assert [alive(pid) for pid in noted()] == [False]

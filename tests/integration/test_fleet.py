@@ -29,41 +29,41 @@ def offer(service: str, price: float = 1.0) -> Offer:
     return Offer(service=service, provider=device, provider_type="Robot", address="http://r", service_type=kind, attributes=attributes)
 
 
-def log(roster: ServicePresence) -> list[tuple[float, str, bool, str]]:
-    return [(one.at, one.device, one.joined, one.reason) for one in roster.log]
+def log(presence: ServicePresence) -> list[tuple[float, str, bool, str]]:
+    return [(entry.at, entry.device, entry.joined, entry.reason) for entry in presence.log]
 
 
 def test_comings_and_goings_are_told_once_each() -> None:
-    roster = ServicePresence()
-    roster.read([offer("A.Go")], 0.0)
-    assert log(roster) == [], "what was there before anybody listened did not come then"
-    roster.handle_news(ServicesJoined(offers=(offer("B.Go"), offer("B.Look"))), 1.0)
-    roster.handle_news(ServicesJoined(offers=(offer("B.Go", price=2.0),)), 2.0)
-    roster.read([offer("A.Go"), offer("B.Go", price=2.0), offer("B.Look")], 3.0)
-    assert log(roster) == [(1.0, "B", True, "")], "another price is no coming"
-    assert roster.offers["B.Go"].attributes == {"Price": 2.0}
-    left = ServicesLeft(services=("B.Go", "B.Look"), provider="B", reason="expired")
-    roster.handle_news(left, 4.0)
-    roster.handle_news(left, 5.0)
-    assert log(roster)[1:] == [(4.0, "B", False, "expired")]
-    assert (going := roster.last_departure("B")) is not None
-    assert going.services == ("B.Go", "B.Look")
+    presence = ServicePresence()
+    presence.read([offer("A.Go")], 0.0)
+    assert log(presence) == [], "what was there before anybody listened did not come then"
+    presence.handle_news(ServicesJoined(offers=(offer("B.Go"), offer("B.Look"))), 1.0)
+    presence.handle_news(ServicesJoined(offers=(offer("B.Go", price=2.0),)), 2.0)
+    presence.read([offer("A.Go"), offer("B.Go", price=2.0), offer("B.Look")], 3.0)
+    assert log(presence) == [(1.0, "B", True, "")], "another price is no coming"
+    assert presence.offers["B.Go"].attributes == {"Price": 2.0}
+    departure_news = ServicesLeft(services=("B.Go", "B.Look"), provider="B", reason="expired")
+    presence.handle_news(departure_news, 4.0)
+    presence.handle_news(departure_news, 5.0)
+    assert log(presence)[1:] == [(4.0, "B", False, "expired")]
+    assert (departure := presence.last_departure("B")) is not None
+    assert departure.services == ("B.Go", "B.Look")
 
 
 def test_what_news_missed_is_seen_when_all_is_read() -> None:
-    roster = ServicePresence()
-    roster.handle_news(ServicesJoined(offers=(offer("B.Go"),)), 0.5)
-    roster.read([offer("A.Go"), offer("B.Go")], 1.0)
-    roster.read([offer("C.Go"), offer("B.Go")], 11.0)
-    assert log(roster) == [(0.5, "B", True, ""), (11.0, "A", False, UNSEEN), (11.0, "C", True, "")]
-    assert set(roster.offers) == {"B.Go", "C.Go"}
+    presence = ServicePresence()
+    presence.handle_news(ServicesJoined(offers=(offer("B.Go"),)), 0.5)
+    presence.read([offer("A.Go"), offer("B.Go")], 1.0)
+    presence.read([offer("C.Go"), offer("B.Go")], 11.0)
+    assert log(presence) == [(0.5, "B", True, ""), (11.0, "A", False, UNSEEN), (11.0, "C", True, "")]
+    assert set(presence.offers) == {"B.Go", "C.Go"}
 
 
 # What was done
 
 
-def work(service: str, began: float, ended: float | None, state: State, result: State | None = None) -> WorkView:
-    return WorkView(step="s", service=service, service_type="Go", inputs={}, began=began, ended=ended, state=state, result=result)
+def work(service: str, start_time: float, ended: float | None, state: State, result: State | None = None) -> WorkView:
+    return WorkView(step="s", service=service, service_type="Go", inputs={}, began=start_time, ended=ended, state=state, result=result)
 
 
 def record(number: int, ended_at: float, *works: WorkView) -> TaskRecord:
@@ -78,7 +78,7 @@ def record(number: int, ended_at: float, *works: WorkView) -> TaskRecord:
     )
 
 
-class Kept:
+class CountingArchive:
     """An archive that counts what it is asked."""
 
     def __init__(self) -> None:
@@ -86,55 +86,55 @@ class Kept:
         self.db.executescript(archive.TABLES)
         self.read = 0
 
-    def keep(self, *records: TaskRecord) -> None:
-        for one in records:
-            archive.store_record(one, self.db)
+    def add_records(self, *records: TaskRecord) -> None:
+        for task_record in records:
+            archive.store_record(task_record, self.db)
 
-    async def ask(self, wanted: ReadRecords) -> Records:
-        page = archive.find_records(wanted, self.db)
+    async def ask(self, request: ReadRecords) -> Records:
+        page = archive.find_records(request, self.db)
         self.read += len(page.records)
         return page
 
-    def teach(self, experience: ReliabilityStats) -> None:
-        asyncio.run(experience.learn(TaskHistory(self.ask)))
+    def teach(self, stats: ReliabilityStats) -> None:
+        asyncio.run(stats.learn(TaskHistory(self.ask)))
 
 
 def test_reliability_is_what_was_completed_of_what_was_begun_whatever_was_undone_later() -> None:
-    kept, experience = Kept(), ReliabilityStats()
-    kept.keep(
+    task_archive, stats = CountingArchive(), ReliabilityStats()
+    task_archive.add_records(
         record(1, 10.0, work("A.Go", 0, 5, State.COMPENSATED, State.COMPLETED), work("A.Go", 5, 6, State.COMPENSATED, State.FAILED)),
         record(2, 20.0, work("A.Go", 12, 15, State.COMPLETED, State.COMPLETED), work("B.Go", 12, 13, State.UNREACHABLE, State.UNREACHABLE)),
         record(3, 30.0, work("A.Go", 22, 25, State.STOPPED, State.STOPPED)),
     )
-    kept.teach(experience)
-    assert experience.tally("A.Go") == Tally(started=4, completed=2, failed=1, stopped=1)
-    assert experience.tally("A.Go").in_words() == "2 of 3 done, 1 stopped"
-    assert experience.tally("B.Go") == Tally(started=1, failed=1)
-    assert experience.tally("C.Go").in_words() == "nothing done yet"
+    task_archive.teach(stats)
+    assert stats.tally("A.Go") == Tally(started=4, completed=2, failed=1, stopped=1)
+    assert stats.tally("A.Go").in_words() == "2 of 3 done, 1 stopped"
+    assert stats.tally("B.Go") == Tally(started=1, failed=1)
+    assert stats.tally("C.Go").in_words() == "nothing done yet"
     assert Tally(started=9, completed=8, failed=1).in_words() == "8 of 9 done (89 %)"
 
 
 def test_nothing_is_learned_twice_even_when_tasks_end_at_the_same_moment() -> None:
-    kept, experience = Kept(), ReliabilityStats()
-    kept.keep(*(record(number, float(number // 2), work("A.Go", 0, 1, State.COMPLETED)) for number in range(100)))
-    kept.teach(experience)
-    first = kept.read
-    kept.keep(record(100, 49.0, work("A.Go", 0, 1, State.FAILED)), record(101, 50.0, work("A.Go", 0, 1, State.COMPLETED)))
-    kept.teach(experience)
-    kept.teach(experience)
-    assert experience.tally("A.Go") == Tally(started=102, completed=101, failed=1)
-    assert kept.read - first < 10, "what is known is not read again"
+    task_archive, stats = CountingArchive(), ReliabilityStats()
+    task_archive.add_records(*(record(number, float(number // 2), work("A.Go", 0, 1, State.COMPLETED)) for number in range(100)))
+    task_archive.teach(stats)
+    first = task_archive.read
+    task_archive.add_records(record(100, 49.0, work("A.Go", 0, 1, State.FAILED)), record(101, 50.0, work("A.Go", 0, 1, State.COMPLETED)))
+    task_archive.teach(stats)
+    task_archive.teach(stats)
+    assert stats.tally("A.Go") == Tally(started=102, completed=101, failed=1)
+    assert task_archive.read - first < 10, "what is known is not read again"
 
 
 @given(st.lists(st.tuples(st.integers(0, 700), st.integers(0, 200)), max_size=8))
 def test_load_is_the_share_of_seconds_in_which_anything_was_done(spans: list[tuple[int, int]]) -> None:
     now = 900
-    works = [work("A.Go", float(began), float(began + lasts), State.COMPLETED) for began, lasts in spans]
-    kept, experience = Kept(), ReliabilityStats()
-    kept.keep(record(1, 900.0, *works))
-    kept.teach(experience)
-    busy = {second for began, lasts in spans for second in range(began, began + lasts) if now - WINDOW <= second < now}
-    assert experience.loads((), float(now)).get("A", 0.0) == pytest.approx(len(busy) / WINDOW)
+    works = [work("A.Go", float(start), float(start + lasts), State.COMPLETED) for start, lasts in spans]
+    task_archive, stats = CountingArchive(), ReliabilityStats()
+    task_archive.add_records(record(1, 900.0, *works))
+    task_archive.teach(stats)
+    busy = {second for start, lasts in spans for second in range(start, start + lasts) if now - WINDOW <= second < now}
+    assert stats.loads((), float(now)).get("A", 0.0) == pytest.approx(len(busy) / WINDOW)
 
 
 def test_what_is_under_way_counts_until_now() -> None:

@@ -23,9 +23,9 @@ def test_the_same_ontology_gives_the_same_file() -> None:
 
 def test_where_rdflib_is_missing_it_is_said_what_to_install() -> None:
     line = f"{WRITE} sys.modules['rdflib'] = None; export(upper())"
-    said = subprocess.run([sys.executable, "-c", line], capture_output=True, text=True)
-    assert "UsageError: OWL files need rdflib" in said.stderr
-    assert "somrs[api]" in said.stderr
+    result = subprocess.run([sys.executable, "-c", line], capture_output=True, text=True)
+    assert "UsageError: OWL files need rdflib" in result.stderr
+    assert "somrs[api]" in result.stderr
 
 
 def test_units_are_loaded_only_when_they_differ() -> None:

@@ -25,13 +25,13 @@ QUERY = knowledge.QueryMap(formula="Jar1 isOn ?Place")
 Scenario = Callable[[Server, aiohttp.ClientSession], Awaitable[None]]
 
 
-def query(to: str) -> Message:
-    return Message(header=Header(sender=ANONYMOUS, recipient=to, message_id=message_id("q")), body=QUERY)
+def query(recipient: str) -> Message:
+    return Message(header=Header(sender=ANONYMOUS, recipient=recipient, message_id=message_id("q")), body=QUERY)
 
 
-def session_message(to: str) -> Message:
+def session_message(recipient: str) -> Message:
     """A Query of the Failure Recovery Protocol, which is not answered in these tests."""
-    return Message(header=structs.replace(query(to).header, transaction=message_id("t"), participant="p"), body=frp.Query())
+    return Message(header=structs.replace(query(recipient).header, transaction=message_id("t"), participant="p"), body=frp.Query())
 
 
 async def answer(message: Message) -> Message | None:
@@ -58,7 +58,7 @@ async def answer(message: Message) -> Message | None:
             return None
 
 
-def serving(scenario: Scenario) -> None:
+def run_scenario(scenario: Scenario) -> None:
     """Run the scenario against a server, which still answers a query afterwards."""
 
     async def run() -> None:
@@ -69,9 +69,9 @@ def serving(scenario: Scenario) -> None:
                 # Nothing that comes may hang the server. A scenario takes under a second; a busy machine may take its time.
                 async with asyncio.timeout(120):
                     await scenario(server, session)
-            still = await wire.post(query(f"{server.url}/repository"))
-            assert still is not None
-            assert still.body == knowledge.Rows(rows=(), version=7)
+            reply_message = await wire.post(query(f"{server.url}/repository"))
+            assert reply_message is not None
+            assert reply_message.body == knowledge.Rows(rows=(), version=7)
         finally:
             await wire.close()
             await server.stop()
@@ -105,10 +105,10 @@ FAULTS: dict[str, tuple[Callable[[str], bytes], int, str]] = {
 
 @pytest.mark.parametrize("case", FAULTS)
 def test_what_is_no_message_gets_a_fault(case: str) -> None:
-    make, status, code = FAULTS[case]
+    mutate, status, code = FAULTS[case]
 
     async def scenario(server: Server, session: aiohttp.ClientSession) -> None:
-        async with session.post(f"{server.url}/repository", data=make(document(server)), headers=TYPE) as response:
+        async with session.post(f"{server.url}/repository", data=mutate(document(server)), headers=TYPE) as response:
             assert response.status == status
             assert response.content_type == soap.MEDIA_TYPE
             body = soap.decode(await response.read()).body
@@ -116,7 +116,7 @@ def test_what_is_no_message_gets_a_fault(case: str) -> None:
             assert body.code == code
             assert body.text
 
-    serving(scenario)
+    run_scenario(scenario)
 
 
 @pytest.mark.parametrize(
@@ -138,7 +138,7 @@ def test_paths_and_headers(headers: dict[str, str], path: str, status: int) -> N
         async with session.post(f"{server.url}{path}", data=document(server).encode(), headers=headers) as response:
             assert response.status == status
 
-    serving(scenario)
+    run_scenario(scenario)
 
 
 def test_compression_and_other_methods() -> None:
@@ -151,7 +151,7 @@ def test_compression_and_other_methods() -> None:
         async with session.put(url, data=b"x", headers=TYPE) as response:
             assert response.status == 405
 
-    serving(scenario)
+    run_scenario(scenario)
 
 
 def test_a_body_that_is_too_large_or_never_ends() -> None:
@@ -181,7 +181,7 @@ def test_a_body_that_is_too_large_or_never_ends() -> None:
                 assert body is endless, "who still writes may find the connection closed before it reads the answer"
         await drops(server)
 
-    serving(scenario)
+    run_scenario(scenario)
 
 
 def test_a_body_that_says_it_is_too_large_is_not_waited_for() -> None:
@@ -194,7 +194,7 @@ def test_a_body_that_says_it_is_too_large_is_not_waited_for() -> None:
             assert b" 413 " in await reader.readline() or len(length) > 20, "a parser of HTTP may refuse such a number itself"
             writer.close()
 
-    serving(scenario)
+    run_scenario(scenario)
 
 
 def test_stopping_while_requests_are_open(caplog: pytest.LogCaptureFixture) -> None:
@@ -208,10 +208,10 @@ def test_stopping_while_requests_are_open(caplog: pytest.LogCaptureFixture) -> N
             await asyncio.sleep(0.01)
         async with asyncio.timeout(120):
             await server.stop()
-            said = await waiting, await reader.readline()
+            replies = await waiting, await reader.readline()
         writer.close()
         await wire.close()
-        return said
+        return replies
 
     waited, writing = asyncio.run(run())
     assert waited is not None
@@ -232,17 +232,17 @@ def test_many_at_once_beside_one_that_stalls() -> None:
         assert b" 408 " in await reader.readline()
         writer.close()
 
-    serving(scenario)
+    run_scenario(scenario)
 
 
 def test_the_wire_brings_answers_refusals_and_faults() -> None:
     async def scenario(server: Server, session: aiohttp.ClientSession) -> None:
         wire, header = Wire(), query(f"{server.url}/repository").header
 
-        async def body(asked: object) -> object:
-            got = await wire.post(Message(header=header, body=asked))  # type: ignore[arg-type]
-            assert got is None or got.header.relates_to == header.message_id
-            return got and got.body
+        async def body(request_body: object) -> object:
+            reply_message = await wire.post(Message(header=header, body=request_body))  # type: ignore[arg-type]
+            assert reply_message is None or reply_message.header.relates_to == header.message_id
+            return reply_message and reply_message.body
 
         assert await body(QUERY) == knowledge.Rows(rows=(), version=7)
         assert await body(knowledge.UpdateMap()) == knowledge.Rejected(problems=("no",))
@@ -256,11 +256,11 @@ def test_the_wire_brings_answers_refusals_and_faults() -> None:
         assert await body(knowledge.ReadMap()) == frp.Fault(code="env:Receiver", text="this message met a defect here; see the log")
         await wire.close()
 
-    serving(scenario)
+    run_scenario(scenario)
 
 
 @pytest.mark.parametrize(
-    ("asked", "status"),
+    ("request_body", "status"),
     [
         (QUERY, 200),
         (knowledge.UpdateMap(), 400),
@@ -273,14 +273,14 @@ def test_the_wire_brings_answers_refusals_and_faults() -> None:
         (knowledge.ReadMap(), 500),
     ],
 )
-def test_the_status_of_answers(asked: Body, status: int) -> None:
+def test_the_status_of_answers(request_body: Body, status: int) -> None:
     async def scenario(server: Server, session: aiohttp.ClientSession) -> None:
         url = f"{server.url}/repository"
-        message = Message(header=query(url).header, body=asked)
+        message = Message(header=query(url).header, body=request_body)
         async with session.post(url, data=soap.encode(message), headers=TYPE) as response:
             assert response.status == status
 
-    serving(scenario)
+    run_scenario(scenario)
 
 
 def test_what_cannot_be_reached_or_is_no_component() -> None:
@@ -293,7 +293,7 @@ def test_what_cannot_be_reached_or_is_no_component() -> None:
         wire = Wire()
         strange = await asyncio.start_server(babble, "127.0.0.1", 0)
         port = strange.sockets[0].getsockname()[1]
-        for address, says in {
+        for address, message_pattern in {
             f"{server.url}/nothing": "HTTP 404: nothing is at /nothing",
             "http://127.0.0.1:9/x": "cannot be reached",
             "http://[": "cannot be reached",
@@ -302,7 +302,7 @@ def test_what_cannot_be_reached_or_is_no_component() -> None:
             ANONYMOUS: "nobody waits for this QueryMap",
             f"http://127.0.0.1:{port}/": "HTTP 307",
         }.items():
-            with pytest.raises(RemoteError, match=says):
+            with pytest.raises(RemoteError, match=message_pattern):
                 await wire.post(query(address))
         with pytest.raises(RemoteError, match="QueryMap cannot be sent"):
             await wire.post(Message(header=query(server.url).header, body=knowledge.QueryMap(formula="\x00")))
@@ -312,7 +312,7 @@ def test_what_cannot_be_reached_or_is_no_component() -> None:
         strange.close()
         await wire.close()
 
-    serving(scenario)
+    run_scenario(scenario)
 
 
 def test_a_port_that_is_taken() -> None:
@@ -320,7 +320,7 @@ def test_a_port_that_is_taken() -> None:
         with pytest.raises(UsageError, match=f"cannot listen at 127.0.0.1:{server.port}"):
             await Server("127.0.0.1", server.port, {}).start()
 
-    serving(scenario)
+    run_scenario(scenario)
 
 
 def test_who_comes_while_a_process_starts_comes_again() -> None:
@@ -330,18 +330,18 @@ def test_who_comes_while_a_process_starts_comes_again() -> None:
         server, wire = Server("127.0.0.1", 0), Wire()
         await server.start()
         try:
-            says = "HTTP 503: nothing is here yet; this process is starting"
-            with pytest.raises(Unanswered, match=says):
+            message_pattern = "HTTP 503: nothing is here yet; this process is starting"
+            with pytest.raises(Unanswered, match=message_pattern):
                 await wire.post(query(f"{server.url}/repository"))
-            with pytest.raises(Unanswered, match=says):
+            with pytest.raises(Unanswered, match=message_pattern):
                 await wire.post_batch([query(f"{server.url}/repository")] * 2, 30)
-            asking = asyncio.create_task(retry_unanswered(lambda: wire.post(query(f"{server.url}/repository")), 60))
+            pending_reply = asyncio.create_task(retry_unanswered(lambda: wire.post(query(f"{server.url}/repository")), 60))
             await asyncio.sleep(0.05)
-            assert not asking.done()
+            assert not pending_reply.done()
             server.parts["/repository"] = answer
-            said = await asking
-            assert said is not None
-            assert said.body == knowledge.Rows(rows=(), version=7)
+            reply_message = await pending_reply
+            assert reply_message is not None
+            assert reply_message.body == knowledge.Rows(rows=(), version=7)
         finally:
             await wire.close()
             await server.stop()
@@ -362,4 +362,4 @@ def test_pages_and_descriptions() -> None:
         assert (await page("/repository?xsd=../x"))[0] == 404
         assert (await page("/nothing?wsdl")) == (404, "nothing is at /nothing; here are /repository\n")
 
-    serving(scenario)
+    run_scenario(scenario)

@@ -35,7 +35,7 @@ from somrs.task_manager.manager import SCHEMA as TASK_MANAGER
 from somrs.task_manager.timers import AnswerDue, BidsDue, PlanWanted, SilenceDue
 from tests.support.bodies import KINDS, messages
 from tests.support.examples import examples
-from tests.support.ledger import SCHEMA, Ledger, LedgerState, doubled, told
+from tests.support.ledger import SCHEMA, Ledger, LedgerState, amount_message, doubled
 from tests.support.paths import ROOT
 
 WRITTEN = JournalCodec(TASK_MANAGER)
@@ -48,7 +48,7 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "ledger.sqlite"
 
 
-def made(address: str) -> Ledger:
+def make_ledger(address: str) -> Ledger:
     return Ledger(address=address)
 
 
@@ -58,11 +58,11 @@ class Shelf:
     def __init__(self, path: Path, setting: str = "", address: str = ADDRESS, schema: Schema = SCHEMA) -> None:
         self.journal = Journal(path, schema, setting)
         try:
-            self.journaled, self.again = self.journal.begin(address, made)
+            self.journaled, self.is_resumed = self.journal.begin(address, make_ledger)
         except UsageError:
             self.journal.close()
             raise
-        self.told = 0
+        self.sent_count = 0
 
     @property
     def ledger(self) -> Ledger:
@@ -79,15 +79,15 @@ class Shelf:
         self.journaled.handle(entry)
         self.journal.note(self.journaled.component)
 
-    def tell(self, amount: int) -> None:
-        self.feed(Received(told(self.told, amount)))
-        self.told += 1
+    def send_amount(self, amount: int) -> None:
+        self.feed(Received(amount_message(self.sent_count, amount)))
+        self.sent_count += 1
 
     def answer(self) -> None:
         for question, task in [*self.pending.questions.items()]:
             self.feed(Answered(question, doubled(task)))
 
-    def restarted(self) -> Shelf:
+    def reopen(self) -> Shelf:
         self.journal.close()
         return Shelf(self.journal.disk.path)
 
@@ -114,12 +114,12 @@ def test_every_message_is_read_as_it_was_written(kind: type, data: st.DataObject
 def test_every_other_input_is_read_as_it_was_written() -> None:
     step = Step("s1", "TransferObject", {"Object": Name("Jar1")}, parse("Jar1 isOn Table2 AND NOT Jar1.Working = TRUE"), provider="R1")
     plan = Plan((step,), (Link("s1", "s2", "Jar1 isOn Table2"),))
-    asked, values = (
+    question, values = (
         PlanWanted("task", 1, 0, 2),
         (plan, NoPlan("no", separate_reasons=("no", "never")), ErrorAnswer("broken"), Records(records=(), more=True)),
     )
     timers = (BidsDue("task", 1), SilenceDue("task", "Robot1"), AnswerDue("request"), ReplicaDue())
-    events: list[Input] = [Started(ADDRESS), *map(TimerFired, timers), *(Answered(asked, value) for value in values)]
+    events: list[Input] = [Started(ADDRESS), *map(TimerFired, timers), *(Answered(question, value) for value in values)]
     entries = [Entry(number, 0.1 * number, event) for number, event in enumerate(events)]
     assert WRITTEN.decode_batch(WRITTEN.encode_batch(map(WRITTEN.encode_entry, entries))) == entries
 
@@ -137,13 +137,13 @@ def test_an_exception_is_kept_as_what_it_says() -> None:
 
 
 def test_a_new_file_makes_its_component(shelf: Shelf) -> None:
-    assert (shelf.again, shelf.ledger.address, shelf.journal.open) == (False, ADDRESS, ())
+    assert (shelf.is_resumed, shelf.ledger.address, shelf.journal.open) == (False, ADDRESS, ())
 
 
 @pytest.mark.parametrize("snapshot", [None, 0, 1, 2, 3])
 def test_all_is_as_it_was(shelf: Shelf, snapshot: int | None) -> None:
     for number, amount in enumerate((5, 7, 11)):
-        shelf.tell(amount)
+        shelf.send_amount(amount)
         if number == 1:
             shelf.answer()
             shelf.feed(TimerFired(next(iter(shelf.ledger.amounts))))
@@ -152,76 +152,81 @@ def test_all_is_as_it_was(shelf: Shelf, snapshot: int | None) -> None:
             shelf.journal.snapshot(shelf.journaled)
     if snapshot == 3:
         shelf.journal.snapshot(shelf.journaled)
-    again = shelf.restarted()
-    assert again.again
-    assert again.ledger.state == shelf.ledger.state
-    assert again.pending == shelf.pending
-    assert (again.journaled.number, again.journaled.time) == (shelf.journaled.number, shelf.journaled.time)
-    assert [*again.journal.open] == again.ledger.open == [told(2, 0).header.message_id]
-    again.journal.close()
+    reopened_shelf = shelf.reopen()
+    assert reopened_shelf.is_resumed
+    assert reopened_shelf.ledger.state == shelf.ledger.state
+    assert reopened_shelf.pending == shelf.pending
+    assert (reopened_shelf.journaled.number, reopened_shelf.journaled.time) == (shelf.journaled.number, shelf.journaled.time)
+    assert [*reopened_shelf.journal.open] == reopened_shelf.ledger.open == [amount_message(2, 0).header.message_id]
+    reopened_shelf.journal.close()
 
 
 def test_snapshots_make_room(shelf: Shelf) -> None:
     for amount in range(600):
-        shelf.tell(amount)
+        shelf.send_amount(amount)
         if amount % 100 == 0:
             shelf.answer()
             for number in [*shelf.pending.messages]:
                 shelf.journaled.mark_delivered(number)
             shelf.journal.snapshot(shelf.journaled)
-    again = shelf.restarted()
-    assert again.ledger.total == sum(range(600))
-    (entries,) = again.journal.disk.write_and_wait(lambda db: db.execute("SELECT count(*) FROM entries").fetchone())
+    reopened_shelf = shelf.reopen()
+    assert reopened_shelf.ledger.total == sum(range(600))
+    (entries,) = reopened_shelf.journal.disk.write_and_wait(lambda db: db.execute("SELECT count(*) FROM entries").fetchone())
     assert entries <= 100
-    again.journal.close()
+    reopened_shelf.journal.close()
 
 
 def test_a_defect_that_was_met_is_met_again_and_changes_nothing(path: Path) -> None:
     shelf = Shelf(path)
-    shelf.tell(1)
+    shelf.send_amount(1)
     with pytest.raises(ValueError, match="invalid literal"):
-        shelf.feed(Received(structs.replace(told(8, 0), body=structs.replace(told(8, 0).body, task="many"))))
-    shelf.tell(2)
-    again = shelf.restarted()
-    assert again.ledger.total == 3
-    again.journal.close()
+        shelf.feed(Received(structs.replace(amount_message(8, 0), body=structs.replace(amount_message(8, 0).body, task="many"))))
+    shelf.send_amount(2)
+    reopened_shelf = shelf.reopen()
+    assert reopened_shelf.ledger.total == 3
+    reopened_shelf.journal.close()
 
 
 def test_what_cannot_be_kept_is_not_handled_either(path: Path) -> None:
     shelf = Shelf(path)
-    shelf.tell(1)
-    for event in (Answered("q", object()), Answered("q", 5), Answered("q", [ErrorAnswer("t")]), DeliveryFailed(told(1, 1), "\ud800")):
+    shelf.send_amount(1)
+    for event in (
+        Answered("q", object()),
+        Answered("q", 5),
+        Answered("q", [ErrorAnswer("t")]),
+        DeliveryFailed(amount_message(1, 1), "\ud800"),
+    ):
         with pytest.raises((TypeError, UnicodeEncodeError)):
             shelf.feed(event)
-    shelf.tell(2)
-    again = shelf.restarted()
-    assert again.ledger.total == 3
-    assert not again.ledger.doubled
-    again.journal.close()
+    shelf.send_amount(2)
+    reopened_shelf = shelf.reopen()
+    assert reopened_shelf.ledger.total == 3
+    assert not reopened_shelf.ledger.doubled
+    reopened_shelf.journal.close()
 
 
 def test_time_does_not_go_back_behind_what_was_handled(shelf: Shelf) -> None:
-    shelf.feed(Received(told(0, 1)), now=2e9)
-    again = shelf.restarted()
-    assert again.journaled.make_entry(TimerFired("x"), 1e9).time == 2e9
-    again.journal.close()
+    shelf.feed(Received(amount_message(0, 1)), now=2e9)
+    reopened_shelf = shelf.reopen()
+    assert reopened_shelf.journaled.make_entry(TimerFired("x"), 1e9).time == 2e9
+    reopened_shelf.journal.close()
 
 
 # The archive
 
 
-def records(shelf: Shelf, wanted: ReadRecords) -> tuple[TaskRecord, ...]:
-    found = asyncio.run(shelf.journal.carry_out(wanted))
-    assert isinstance(found, Records)
-    return found.records
+def records(shelf: Shelf, request: ReadRecords) -> tuple[TaskRecord, ...]:
+    result = asyncio.run(shelf.journal.carry_out(request))
+    assert isinstance(result, Records)
+    return result.records
 
 
 def test_a_record_that_was_lost_with_the_process_is_kept_when_it_is_back(shelf: Shelf) -> None:
-    shelf.tell(4)  # its record is among the effects, which are thrown away
-    again = shelf.restarted()
-    (found,) = records(again, ReadRecords(task=told(0, 0).header.message_id))
-    assert found.effect == "4"
-    again.journal.close()
+    shelf.send_amount(4)  # its record is among the effects, which are thrown away
+    reopened_shelf = shelf.reopen()
+    (record,) = records(reopened_shelf, ReadRecords(task=amount_message(0, 0).header.message_id))
+    assert record.effect == "4"
+    reopened_shelf.journal.close()
 
 
 # Accidents
@@ -260,12 +265,12 @@ def test_nothing_that_was_acknowledged_is_lost_when_the_process_is_killed(path: 
         child.wait()
         acknowledged += lines + len(rest)
         shelf = Shelf(path)
-        known = len(shelf.ledger.amounts)
-        assert acknowledged <= known <= acknowledged + 1
-        assert sorted(shelf.ledger.amounts.values()) == [*range(known)]
-        assert len(shelf.pending.questions) == known
-        assert len(shelf.pending.messages) == known
-        acknowledged = known
+        amount_count = len(shelf.ledger.amounts)
+        assert acknowledged <= amount_count <= acknowledged + 1
+        assert sorted(shelf.ledger.amounts.values()) == [*range(amount_count)]
+        assert len(shelf.pending.questions) == amount_count
+        assert len(shelf.pending.messages) == amount_count
+        acknowledged = amount_count
         shelf.journal.close()
 
 
@@ -276,26 +281,26 @@ def test_what_comes_together_is_written_together(shelf: Shelf) -> None:
     def rows() -> int:
         return int(disk.write_and_wait(lambda db: db.execute("SELECT count(*) FROM entries").fetchone()[0]))
 
-    before = rows()
+    row_count = rows()
     for _ in range(30):
         shelf.feed(TimerFired("tick"))
         while disk.durable < disk.position:
             time.sleep(0)
-    assert rows() == before + 30
-    go_on = threading.Event()
-    busy = disk.read(lambda db: go_on.wait(60))
+    assert rows() == row_count + 30
+    release_event = threading.Event()
+    busy = disk.read(lambda db: release_event.wait(60))
     for _ in range(300):
         shelf.feed(TimerFired("tick"))
-    go_on.set()
+    release_event.set()
     assert busy.result()
-    assert rows() == before + 31
+    assert rows() == row_count + 31
     assert disk.durable == disk.position
 
 
 def test_an_interrupted_snapshot_leaves_the_one_before(shelf: Shelf) -> None:
-    shelf.tell(1)
+    shelf.send_amount(1)
     shelf.journal.snapshot(shelf.journaled)
-    shelf.tell(2)
+    shelf.send_amount(2)
 
     def torn(db: sqlite3.Connection) -> None:
         db.execute("DELETE FROM snapshot")
@@ -304,12 +309,12 @@ def test_an_interrupted_snapshot_leaves_the_one_before(shelf: Shelf) -> None:
 
     with pytest.raises(KeyboardInterrupt):
         shelf.journal.disk.write_and_wait(torn)
-    again = shelf.restarted()
-    assert again.ledger.total == 3
-    again.journal.close()
+    reopened_shelf = shelf.reopen()
+    assert reopened_shelf.ledger.total == 3
+    reopened_shelf.journal.close()
 
 
-def other(path: Path, statement: str, *values: object) -> None:
+def alter_file(path: Path, statement: str, *values: object) -> None:
     """Change the file by other means."""
     with sqlite3.connect(path) as db:
         db.execute(statement, values)
@@ -317,68 +322,70 @@ def other(path: Path, statement: str, *values: object) -> None:
 
 
 def test_a_state_that_is_damaged_is_said_to_be(shelf: Shelf) -> None:
-    shelf.tell(1)
+    shelf.send_amount(1)
     shelf.journal.close()
-    other(shelf.journal.disk.path, "UPDATE snapshot SET state = CAST(substr(state, 2) AS BLOB)")
+    alter_file(shelf.journal.disk.path, "UPDATE snapshot SET state = CAST(substr(state, 2) AS BLOB)")
     with pytest.raises(UsageError, match=r"is damaged: its state is not the one .* 1 task is open .* move the file away"):
-        shelf.restarted()
+        shelf.reopen()
 
 
 def test_an_entry_that_is_missing_is_noticed(shelf: Shelf) -> None:
     for amount in range(3):
-        shelf.tell(amount)
+        shelf.send_amount(amount)
         shelf.journal.disk.write_and_wait(lambda db: None)
     shelf.journal.close()
-    other(shelf.journal.disk.path, "DELETE FROM entries WHERE last = 2")
+    alter_file(shelf.journal.disk.path, "DELETE FROM entries WHERE last = 2")
     with pytest.raises(UsageError, match="entry 2 is missing before entry 3"):
-        shelf.restarted()
+        shelf.reopen()
 
 
 @pytest.mark.parametrize("change", ["schema", "setting", "address"])
 def test_with_nothing_open_another_begins_anew(shelf: Shelf, change: str) -> None:
-    shelf.tell(1)
+    shelf.send_amount(1)
     shelf.answer()
-    shelf.journal.store_record(next(effect.entry for effect in Ledger().handle(Received(told(0, 1)), 1.0) if isinstance(effect, Record)))
+    shelf.journal.store_record(
+        next(effect.entry for effect in Ledger().handle(Received(amount_message(0, 1)), 1.0) if isinstance(effect, Record))
+    )
     assert not shelf.ledger.open
     shelf.journal.close()
-    other(shelf.journal.disk.path, f"UPDATE life SET {change} = ?", 9 if change == "schema" else "something else")
-    again = shelf.restarted()
-    assert (again.again, again.ledger.total) == (False, 0)
-    assert len(records(again, ReadRecords())) == 1, "what is over stays known"
-    again.tell(2)
-    again = again.restarted()
-    assert (again.again, again.ledger.total) == (True, 2)
-    again.journal.close()
+    alter_file(shelf.journal.disk.path, f"UPDATE life SET {change} = ?", 9 if change == "schema" else "something else")
+    reopened_shelf = shelf.reopen()
+    assert (reopened_shelf.is_resumed, reopened_shelf.ledger.total) == (False, 0)
+    assert len(records(reopened_shelf, ReadRecords())) == 1, "what is over stays known"
+    reopened_shelf.send_amount(2)
+    reopened_shelf = reopened_shelf.reopen()
+    assert (reopened_shelf.is_resumed, reopened_shelf.ledger.total) == (True, 2)
+    reopened_shelf.journal.close()
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "problem"),
     [
         ("setting", "was written for something else, and this is for "),
         ("address", f"belongs to something else, where others expect its owner, and this is {ADDRESS}"),
     ],
 )
-def test_with_something_open_another_is_told_what_to_do(shelf: Shelf, change: str, said: str) -> None:
+def test_with_something_open_another_is_told_what_to_do(shelf: Shelf, change: str, problem: str) -> None:
     for amount in range(5):
-        shelf.tell(amount)
+        shelf.send_amount(amount)
     shelf.journal.close()
-    other(shelf.journal.disk.path, f"UPDATE life SET {change} = 'something else'")
-    first = told(0, 0).header.message_id
-    with pytest.raises(UsageError, match=f"ledger.sqlite: {said}.*; 5 tasks are open \\({first}, .*\\): go on as it was"):
-        shelf.restarted()
+    alter_file(shelf.journal.disk.path, f"UPDATE life SET {change} = 'something else'")
+    first = amount_message(0, 0).header.message_id
+    with pytest.raises(UsageError, match=f"ledger.sqlite: {problem}.*; 5 tasks are open \\({first}, .*\\): go on as it was"):
+        shelf.reopen()
 
 
 @pytest.mark.parametrize("version", [0, 2])
 def test_a_state_of_a_version_that_cannot_be_read_is_said_to_be_so(shelf: Shelf, version: int) -> None:
-    shelf.tell(1)
+    shelf.send_amount(1)
     shelf.journal.close()
-    other(shelf.journal.disk.path, f"UPDATE life SET program = 'SO-MRS 0.1', schema = {version}")
+    alter_file(shelf.journal.disk.path, f"UPDATE life SET program = 'SO-MRS 0.1', schema = {version}")
     with pytest.raises(UsageError, match=r"was written by SO-MRS 0\.1, whose state SO-MRS .* cannot read; 1 task is open"):
-        shelf.restarted()
+        shelf.reopen()
 
 
 def test_a_state_of_another_shape_is_said_to_be_unreadable(shelf: Shelf) -> None:
-    shelf.tell(1)
+    shelf.send_amount(1)
     shelf.journal.close()
     shape = structs.replace(SCHEMA, state=dict[str, int])
     with pytest.raises(UsageError, match=r"cannot be read \(ValidationError.*1 task is open"):
@@ -401,40 +408,44 @@ class LaterLedger(Ledger):
     @classmethod
     def restored(cls, state: object) -> LaterLedger:
         assert isinstance(state, Migrated)
-        known = {name: getattr(state, name) for name in ("sink", "address", "patience", "doubled", "reminded", "starts")}
+        shared_fields = {name: getattr(state, name) for name in ("sink", "address", "patience", "doubled", "reminded", "starts")}
         ledger = cls()
-        ledger.state = LedgerState(amounts={id: int(total) for id, total in state.totals.items()}, **known)
+        ledger.state = LedgerState(amounts={id: int(total) for id, total in state.totals.items()}, **shared_fields)
         return ledger
 
 
-def totals(snapshot: Any) -> Any:
+def migrate_snapshot(snapshot: Any) -> Any:
     snapshot["state"]["totals"] = {id: float(amount) for id, amount in snapshot["state"].pop("amounts").items()}
     return snapshot
 
 
-def later(entry: Any) -> Any:
+def migrate_entry(entry: Any) -> Any:
     """Amounts that came as messages were counted twice as much in the earlier version, say."""
-    number, at, event, *delivered = entry
+    number, timestamp, event, *delivered = entry
     if event["type"] == "Received":
         event["message"]["body"]["task"] = str(2 * int(event["message"]["body"]["task"]))
-    return [number, at, event, *delivered]
+    return [number, timestamp, event, *delivered]
 
 
-LATER = structs.replace(
-    SCHEMA, version=2, state=Migrated, restore=LaterLedger.restored, migrations={1: Migration(snapshot=totals, entry=later)}
+LATER_SCHEMA = structs.replace(
+    SCHEMA,
+    version=2,
+    state=Migrated,
+    restore=LaterLedger.restored,
+    migrations={1: Migration(snapshot=migrate_snapshot, entry=migrate_entry)},
 )
 
 
 def test_a_journal_of_an_earlier_version_is_gone_on_with(shelf: Shelf) -> None:
-    shelf.tell(1)
+    shelf.send_amount(1)
     shelf.journal.snapshot(shelf.journaled)
-    shelf.tell(20)
+    shelf.send_amount(20)
     shelf.journal.close()
-    again = Shelf(shelf.journal.disk.path, schema=LATER)
-    assert again.again
-    assert [*again.ledger.amounts.values()] == [1, 40]
-    assert len(again.pending.questions) == 2
-    again.journal.close()
+    reopened_shelf = Shelf(shelf.journal.disk.path, schema=LATER_SCHEMA)
+    assert reopened_shelf.is_resumed
+    assert [*reopened_shelf.ledger.amounts.values()] == [1, 40]
+    assert len(reopened_shelf.pending.questions) == 2
+    reopened_shelf.journal.close()
     (version,) = sqlite3.connect(shelf.journal.disk.path).execute("SELECT schema FROM life").fetchone()
     assert version == 2, "it is written anew at once"
 
@@ -445,18 +456,18 @@ def test_one_process_at_a_time_has_the_file(shelf: Shelf) -> None:
 
 
 def test_a_database_of_somebody_else_is_refused_and_left_alone(path: Path) -> None:
-    other(path, "CREATE TABLE entries (name TEXT)")
-    before = path.read_bytes()
+    alter_file(path, "CREATE TABLE entries (name TEXT)")
+    content_before = path.read_bytes()
     with pytest.raises(UsageError, match="not a journal's"):
         Journal(path, SCHEMA)
-    assert path.read_bytes() == before
+    assert path.read_bytes() == content_before
 
 
 def test_a_file_of_the_second_format_had_one_component(path: Path, shelf: Shelf) -> None:
-    shelf.tell(3)
+    shelf.send_amount(3)
     shelf.journal.snapshot(shelf.journaled)
-    shelf.tell(4)
-    before = shelf.ledger.amounts
+    shelf.send_amount(4)
+    amounts_before = shelf.ledger.amounts
     shelf.journal.close()
     # As it was: https://www.sqlite.org/lang_altertable.html cannot drop a column of a key, so the tables are made anew.
     with sqlite3.connect(shelf.journal.disk.path) as db:
@@ -471,10 +482,10 @@ def test_a_file_of_the_second_format_had_one_component(path: Path, shelf: Shelf)
         PRAGMA user_version = 2;
         """)
     db.close()
-    again = Shelf(shelf.journal.disk.path)
-    assert again.again
-    assert again.ledger.amounts == before
-    again.journal.close()
+    reopened_shelf = Shelf(shelf.journal.disk.path)
+    assert reopened_shelf.is_resumed
+    assert reopened_shelf.ledger.amounts == amounts_before
+    reopened_shelf.journal.close()
     new = path.with_name("new.sqlite")
     Journal(new, SCHEMA).close()
     assert shape(path) == shape(new)
@@ -488,26 +499,26 @@ def shape(path: Path) -> set[tuple[str, str]]:
 
 def test_a_file_of_another_format_is_refused(path: Path) -> None:
     Journal(path, SCHEMA).close()
-    other(path, f"PRAGMA user_version = {KIND.version + 1}")
+    alter_file(path, f"PRAGMA user_version = {KIND.version + 1}")
     with pytest.raises(UsageError, match=f"has format {KIND.version + 1}"):
         Journal(path, SCHEMA)
 
 
 def test_a_disk_that_is_full_is_noticed_and_what_was_there_stays(shelf: Shelf) -> None:
-    shelf.tell(1)
+    shelf.send_amount(1)
     shelf.journal.disk.write_and_wait(lambda db: db.execute("PRAGMA max_page_count = 20").fetchone())
     for amount in range(2000):
-        shelf.tell(amount)
+        shelf.send_amount(amount)
         if shelf.journal.disk.failed is not None:
             break
     assert shelf.journal.disk.write_and_wait(lambda db: 1) == 1
     assert "full" in str(shelf.journal.disk.failed)
     assert shelf.journal.disk.durable < shelf.journal.disk.position
     acknowledged = shelf.journal.disk.durable
-    again = shelf.restarted()
-    assert again.ledger.total >= 1
-    assert again.journaled.number >= acknowledged / 3
-    again.journal.close()
+    reopened_shelf = shelf.reopen()
+    assert reopened_shelf.ledger.total >= 1
+    assert reopened_shelf.journaled.number >= acknowledged / 3
+    reopened_shelf.journal.close()
 
 
 # A Task Manager's
@@ -522,7 +533,7 @@ def test_a_task_manager_whose_port_is_taken_says_who_knows_it_there(tmp_path: Pa
 
     port = server.run_until_complete(listen())
     Shelf(tmp_path / "task-manager.sqlite", address=f"http://127.0.0.1:{port}/task-manager").journal.close()
-    other(tmp_path / "task-manager.sqlite", "UPDATE life SET open = '[\"urn:task\"]'")
+    alter_file(tmp_path / "task-manager.sqlite", "UPDATE life SET open = '[\"urn:task\"]'")
     addresses = Addresses(repository="http://127.0.0.1:1/repository", registry="http://127.0.0.1:1/registry", task_manager="")
     with pytest.raises(UsageError, match=f"cannot listen at 127.0.0.1:{port}.*knows the Task Manager at http://127.0.0.1:{port}"):
         asyncio.run(run_task_manager(tmp_path, addresses, "127.0.0.1", 0))
@@ -540,7 +551,7 @@ def test_restarts_change_nothing(script: list[int | str]) -> None:
     with tempfile.TemporaryDirectory() as folder:
         shelf, plain = Shelf(Path(folder) / "ledger.sqlite"), JournaledComponent(Ledger(address=ADDRESS), SCHEMA)
 
-        def both(event: Input) -> None:
+        def feed_both(event: Input) -> None:
             shelf.feed(event)
             plain.handle(plain.make_entry(event, 1.0))
 
@@ -548,14 +559,14 @@ def test_restarts_change_nothing(script: list[int | str]) -> None:
         for step in [*script, "restart"]:
             match step:
                 case int(amount):
-                    both(Received(told(count, amount)))
+                    feed_both(Received(amount_message(count, amount)))
                     count += 1
                 case "answer":
                     for question, task in [*plain.pending.questions.items()][:1]:
-                        both(Answered(question, doubled(task)))
+                        feed_both(Answered(question, doubled(task)))
                 case "ring":
                     for timer in [*plain.pending.timers][:1]:
-                        both(TimerFired(timer))
+                        feed_both(TimerFired(timer))
                 case "arrive":
                     for number in [*plain.pending.messages][:1]:
                         shelf.journaled.mark_delivered(number)
@@ -563,8 +574,8 @@ def test_restarts_change_nothing(script: list[int | str]) -> None:
                 case "snapshot":
                     shelf.journal.snapshot(shelf.journaled)
                 case _:
-                    both(TimerFired("tick"))  # so that what arrived is in the journal
-                    shelf = shelf.restarted()
+                    feed_both(TimerFired("tick"))  # so that what arrived is in the journal
+                    shelf = shelf.reopen()
         assert shelf.ledger.state == plain.component.state
         assert shelf.pending == plain.pending
         shelf.journal.close()

@@ -10,11 +10,11 @@ from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.runtime.virtual import LATENCY, Medium
 from somrs.task_manager.execution.participants import SILENCE
-from tests.integration.test_recovery import puts_back, sees
+from tests.integration.test_recovery import recognize_at_place, restore_object
 from tests.support.told import texts
 from tests.support.virtual_system import Robot, VirtualSystem
 
-WISH = "Jar002 isOn Platform001"
+GOAL = "Jar002 isOn Platform001"
 ROBOT1 = "devices/Robot1"
 
 
@@ -41,10 +41,10 @@ def executes(system: VirtualSystem) -> list[Message]:
 def test_a_late_execute_is_not_obeyed_after_its_step_went_to_another() -> None:
     first = Robot("Robot1", 10, 60)
     system = VirtualSystem(first, Robot("Robot2", 25, 60), medium=slow(frp.Execute, 100.0, lost=frp.Query))
-    system.join(Robot("Robot3", 1, 10, works=sees("Cupboard001")), service="RecognizeSituation")
+    system.join(Robot("Robot3", 1, 10, works=recognize_at_place("Cupboard001")), service="RecognizeSituation")
     system.world.run(2)
-    task = system.submit(WISH)
-    assert system.world.run(99, lambda: ("Execute", "Robot2") in system.said(task)), "Robot1 was given up before"
+    task = system.submit(GOAL)
+    assert system.world.run(99, lambda: ("Execute", "Robot2") in system.protocol_messages(task)), "Robot1 was given up before"
     (view,) = system.finish(task)
     assert view.outcome is Outcome.ACCOMPLISHED
     system.world.run(100)
@@ -55,7 +55,7 @@ def test_a_late_execute_is_not_obeyed_after_its_step_went_to_another() -> None:
 def test_who_was_not_reached_in_time_is_told_anew() -> None:
     robot = Robot("Robot1", 10, 60)
     system = VirtualSystem(robot, medium=slow(frp.Execute, 50.0))
-    task = system.submit(WISH)
+    task = system.submit(GOAL)
     (view,) = system.finish(task)
     assert view.outcome is Outcome.ACCOMPLISHED
     first, second = executes(system)
@@ -71,13 +71,13 @@ def test_who_was_not_reached_in_time_is_told_anew() -> None:
 def test_one_that_was_told_too_late_and_says_so_is_replaced_without_looking() -> None:
     first = Robot("Robot1", 10, 60)
     system = VirtualSystem(first, Robot("Robot2", 25, 60), medium=slow(frp.Execute, SILENCE + 5, lost=frp.Query))
-    task = system.submit(WISH)
+    task = system.submit(GOAL)
     (view,) = system.finish(task)
     assert view.outcome is Outcome.ACCOMPLISHED
     assert first.orders == []
     assert [work.service for work in view.work] == ["Robot2.TransferObject"]
-    said = texts(system.manager.state.tasks[task])
-    assert any("Robot1.TransferObject did not begin: Execute came 5.0 s too late" in text for text in said), said
+    event_texts = texts(system.manager.state.tasks[task])
+    assert any("Robot1.TransferObject did not begin: Execute came 5.0 s too late" in text for text in event_texts), event_texts
 
 
 def test_what_was_told_too_late_to_be_undone_is_undone_by_another() -> None:
@@ -88,8 +88,8 @@ def test_what_was_told_too_late_to_be_undone_is_undone_by_another() -> None:
         return iter(())
 
     first = Robot("Robot1", 10, 60, undoes=undoes)  # type: ignore[arg-type]  # it is never begun
-    system = VirtualSystem(first, Robot("Robot2", 25, 60, undoes=puts_back), medium=slow(frp.Compensate, SILENCE + 5, lost=frp.Query))
-    task = system.submit(f"{WISH} AND Jar001 isOn Platform001")
+    system = VirtualSystem(first, Robot("Robot2", 25, 60, undoes=restore_object), medium=slow(frp.Compensate, SILENCE + 5, lost=frp.Query))
+    task = system.submit(f"{GOAL} AND Jar001 isOn Platform001")
     assert system.world.run(600, lambda: any(step.state is State.COMPLETED for step in system.view(task).steps))
     system.ask(CancelTask(task=task))
     (view,) = system.finish(task)

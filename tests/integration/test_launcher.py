@@ -19,9 +19,11 @@ from tests.support import warm
 from tests.support.paths import SCENARIO_1
 
 
-def launching(use: Callable[[Launcher], Awaitable[None]], begun: Callable[[], LauncherProcess] = warm.begun) -> None:
+def run_with_launcher(
+    use: Callable[[Launcher], Awaitable[None]], start_launcher: Callable[[], LauncherProcess] = warm.begin_launcher
+) -> None:
     async def run() -> None:
-        launcher = Launcher(begun())
+        launcher = Launcher(start_launcher())
         try:
             await use(launcher)
         finally:
@@ -47,7 +49,7 @@ def runs(pid: int) -> bool:
         return False
 
 
-def until_gone(pid: int) -> None:
+def wait_for_exit(pid: int) -> None:
     while runs(pid):
         time.sleep(0.02)
 
@@ -66,7 +68,7 @@ def test_a_program_writes_where_it_is_to_and_its_end_is_told(tmp_path: Path) -> 
             badly.send_signal(signal.SIGTERM)
         badly.kill()
 
-    launching(use, spawn_launcher)
+    run_with_launcher(use, spawn_launcher)
 
 
 def test_each_has_an_environment_of_its_own(tmp_path: Path) -> None:
@@ -76,19 +78,19 @@ def test_each_has_an_environment_of_its_own(tmp_path: Path) -> None:
         wides, narrows = (await wide.stdout.read()).splitlines(), (await narrow.stdout.read()).splitlines()
         assert max(map(len, narrows)) <= 60 < max(map(len, wides))
 
-    launching(use)
+    run_with_launcher(use)
 
 
 def test_many_are_started_at_the_same_time(tmp_path: Path) -> None:
     async def use(launcher: Launcher) -> None:
         programs = await asyncio.gather(*(launcher.start(["schema"], tmp_path / f"{n}.log", os.environ) for n in range(20)))
-        said = await asyncio.gather(*(program.stdout.read() for program in programs))
+        outputs = await asyncio.gather(*(program.stdout.read() for program in programs))
         assert len({program.pid for program in programs}) == 20
-        assert len({*said}) == 1
-        assert said[0]
+        assert len({*outputs}) == 1
+        assert outputs[0]
         assert {await program.wait() for program in programs} == {0}
 
-    launching(use)
+    run_with_launcher(use)
 
 
 def test_who_looks_at_the_processes_sees_what_each_is(tmp_path: Path) -> None:
@@ -101,7 +103,7 @@ def test_who_looks_at_the_processes_sees_what_each_is(tmp_path: Path) -> None:
         program.send_signal(signal.SIGTERM)
         assert await program.wait() == 0
 
-    launching(use)
+    run_with_launcher(use)
 
 
 def test_what_is_killed_ends_by_the_signal(tmp_path: Path) -> None:
@@ -110,10 +112,10 @@ def test_what_is_killed_ends_by_the_signal(tmp_path: Path) -> None:
         assert program.returncode is None
         program.kill()
         assert await program.wait() == -signal.SIGKILL
-        again = await repository(launcher, tmp_path / "data")
-        assert again.pid != program.pid
+        second_program = await repository(launcher, tmp_path / "data")
+        assert second_program.pid != program.pid
 
-    launching(use)
+    run_with_launcher(use)
 
 
 def test_when_the_launcher_is_killed_all_end_and_another_starts_them_again(tmp_path: Path) -> None:
@@ -123,7 +125,7 @@ def test_when_the_launcher_is_killed_all_end_and_another_starts_them_again(tmp_p
         assert await program.wait() == -signal.SIGKILL
         await repository(launcher, tmp_path / "data")
 
-    launching(use)
+    run_with_launcher(use)
 
 
 def test_a_start_that_the_launcher_does_not_live_to_see_is_refused(tmp_path: Path) -> None:
@@ -131,13 +133,13 @@ def test_a_start_that_the_launcher_does_not_live_to_see_is_refused(tmp_path: Pat
         await launcher.start(["schema"], tmp_path / "log", os.environ)
         assert launcher.pid is not None
         os.kill(launcher.pid, signal.SIGSTOP)
-        asked = asyncio.create_task(launcher.start(["schema"], tmp_path / "log", os.environ))
+        pending_start = asyncio.create_task(launcher.start(["schema"], tmp_path / "log", os.environ))
         await asyncio.sleep(0.1)
         os.kill(launcher.pid, signal.SIGKILL)
         with pytest.raises(RemoteError, match="somrs schema was not started"):
-            await asked
+            await pending_start
 
-    launching(use)
+    run_with_launcher(use)
 
 
 def test_when_it_is_stopped_nothing_that_it_started_goes_on(tmp_path: Path) -> None:
@@ -146,8 +148,8 @@ def test_when_it_is_stopped_nothing_that_it_started_goes_on(tmp_path: Path) -> N
     async def use(launcher: Launcher) -> None:
         started.append(await repository(launcher, tmp_path / "data"))
 
-    launching(use)
-    until_gone(started[0].pid)
+    run_with_launcher(use)
+    wait_for_exit(started[0].pid)
 
 
 def test_programs_end_when_whoever_wanted_them_is_killed(tmp_path: Path) -> None:
@@ -164,10 +166,10 @@ def test_programs_end_when_whoever_wanted_them_is_killed(tmp_path: Path) -> None
         pid = int(process.stdout.readline())
         assert runs(pid)
         process.kill()
-    until_gone(pid)
+    wait_for_exit(pid)
 
 
-COMES_OUT = """
+FORK_SCRIPT = """
 import asyncio, os, signal, sys, threading
 from pathlib import Path
 from somrs.deployment.launcher import Launcher, forked
@@ -193,9 +195,9 @@ print("over")
 """
 
 
-@pytest.mark.parametrize("more", [[], ["thread"]])
-def test_a_launcher_comes_out_of_the_process_that_wants_it(tmp_path: Path, more: list[str]) -> None:
-    line = [sys.executable, "-c", COMES_OUT, str(tmp_path / "log"), *more]
-    said = subprocess.run(line, capture_output=True, text=True, check=False)
-    assert said.stderr == ""
-    assert said.stdout.replace("\0", "").splitlines() == ["Usage: 0 2", "somrs launcher True", "True 0", "None", "over"]
+@pytest.mark.parametrize("extra_arguments", [[], ["thread"]])
+def test_a_launcher_comes_out_of_the_process_that_wants_it(tmp_path: Path, extra_arguments: list[str]) -> None:
+    line = [sys.executable, "-c", FORK_SCRIPT, str(tmp_path / "log"), *extra_arguments]
+    result = subprocess.run(line, capture_output=True, text=True, check=False)
+    assert result.stderr == ""
+    assert result.stdout.replace("\0", "").splitlines() == ["Usage: 0 2", "somrs launcher True", "True 0", "None", "over"]

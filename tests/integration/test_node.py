@@ -24,7 +24,7 @@ INPUTS = {"Object": "Jar1", "Destination": "Table2"}
 ARRANGE = frp.Arrange(service_type="TransferObject", inputs=INPUTS, effect="Jar1 isOn Table2")
 EXECUTE = frp.Execute(inputs=INPUTS)
 
-Tell = Callable[..., Awaitable[Message | None]]
+PostBody = Callable[..., Awaitable[Message | None]]
 
 
 class Carrier(Device):
@@ -34,61 +34,61 @@ class Carrier(Device):
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
-        self.let = asyncio.Event()
+        self.release_event = asyncio.Event()
 
     @service("TransferObject", price="1 EUR", duration="1 s")
     async def transfer(self, task: Task) -> Situation:
         await task.progress(0.5)
-        await self.let.wait()
+        await self.release_event.wait()
         return None
 
     @transfer.stopping
-    async def put_down(self, task: Task) -> Situation:
+    async def lower_object(self, task: Task) -> Situation:
         return "Jar1 isOn Floor1"
 
     @transfer.compensation
-    async def bring_back(self, task: Task, situation: Formula) -> Situation:
+    async def return_object(self, task: Task, situation: Formula) -> Situation:
         return situation
 
 
-def header(to: str, identity: str, relates_to: str | None = None) -> Header:
+def header(recipient: str, identity: str, relates_to: str | None = None) -> Header:
     return Header(
-        sender=ANONYMOUS, recipient=to, message_id=identity, relates_to=relates_to, transaction=message_id("t"), participant="R#s1"
+        sender=ANONYMOUS, recipient=recipient, message_id=identity, relates_to=relates_to, transaction=message_id("t"), participant="R#s1"
     )
 
 
-def with_a_carrier(scenario: Callable[[Carrier, Tell], Awaitable[None]], data: Path) -> None:
+def run_with_carrier(scenario: Callable[[Carrier, PostBody], Awaitable[None]], data: Path) -> None:
     """Run the scenario beside a device; `tell` posts without From and ReplyTo, by default under an id made of the type."""
 
     async def run() -> None:
-        rim, wire = Host(), Wire()
-        await rim.start()
-        repository = rim.add("/repository", lambda address: Repository(address, contents()))
-        registry = rim.add("/registry", lambda address: Registry(address, repository=repository.address))
+        host, wire = Host(), Wire()
+        await host.start()
+        repository = host.add("/repository", lambda address: Repository(address, contents()))
+        registry = host.add("/registry", lambda address: Registry(address, repository=repository.address))
         carrier = Carrier("Robot1")
-        addresses = Addresses(repository=repository.address, registry=registry.address, task_manager=f"{rim.url}/task-manager")
+        addresses = Addresses(repository=repository.address, registry=registry.address, task_manager=f"{host.url}/task-manager")
         runner = DeviceRunner(carrier, addresses, data)
         peer = await runner.start()
 
-        async def tell(body: Body, relates_to: str | None = None, number: int = 0) -> Message | None:
+        async def post_body(body: Body, relates_to: str | None = None, number: int = 0) -> Message | None:
             return await wire.post(Message(header=header(peer, message_id(type(body).__name__, number), relates_to), body=body))
 
         async with asyncio.timeout(120):  # nothing here takes a second; it must not wait for ever
-            await scenario(carrier, tell)
+            await scenario(carrier, post_body)
         await wire.close()
         await runner.stop()
-        await rim.stop()
+        await host.stop()
 
     asyncio.run(run())
 
 
-async def executing(tell: Tell, number: int = 0) -> asyncio.Task[Message | None]:
-    terms = await tell(ARRANGE)
+async def executing(post_body: PostBody, number: int = 0) -> asyncio.Task[Message | None]:
+    terms = await post_body(ARRANGE)
     assert terms is not None
     assert isinstance(terms.body, frp.Terms)
-    assert await tell(frp.Accept(terms=terms.header.message_id)) is None
-    work = asyncio.ensure_future(tell(EXECUTE, terms.header.message_id, number))
-    while (status := await tell(frp.Query())) is None or status.body != frp.Status(
+    assert await post_body(frp.Accept(terms=terms.header.message_id)) is None
+    work = asyncio.ensure_future(post_body(EXECUTE, terms.header.message_id, number))
+    while (status := await post_body(frp.Query())) is None or status.body != frp.Status(
         state=frp.State.EXECUTING, last_message=terms.header.message_id
     ):
         await asyncio.sleep(0.01)
@@ -96,58 +96,58 @@ async def executing(tell: Tell, number: int = 0) -> asyncio.Task[Message | None]
 
 
 def test_a_coordinator_without_an_address_gets_reports_on_its_connections(tmp_path: Path) -> None:
-    async def scenario(carrier: Carrier, tell: Tell) -> None:
-        work = await executing(tell)
+    async def scenario(carrier: Carrier, post_body: PostBody) -> None:
+        work = await executing(post_body)
         assert not work.done(), "a sign of life is no report"
-        carrier.let.set()
+        carrier.release_event.set()
         completed = await work
         assert completed is not None
         assert completed.body == frp.Completed(situation="Jar1 isOn Table2")
         assert completed.header.relates_to == message_id("Execute", 0)
-        assert await tell(EXECUTE) == completed, "whoever missed it asks again"
-        assert await tell(frp.Stop(reason="too late")) == completed
-        compensated = await tell(frp.Compensate(situation="Jar1 isOn Table1"))
+        assert await post_body(EXECUTE) == completed, "whoever missed it asks again"
+        assert await post_body(frp.Stop(reason="too late")) == completed
+        compensated = await post_body(frp.Compensate(situation="Jar1 isOn Table1"))
         assert compensated is not None
         assert compensated.body == frp.Compensated(situation="Jar1 isOn Table1")
-        assert await tell(frp.End(outcome=frp.Outcome.CANCELLED)) is None
+        assert await post_body(frp.End(outcome=frp.Outcome.CANCELLED)) is None
 
-    with_a_carrier(scenario, tmp_path)
+    run_with_carrier(scenario, tmp_path)
 
 
 def test_who_waits_for_the_work_hears_that_it_was_stopped(tmp_path: Path) -> None:
-    async def scenario(carrier: Carrier, tell: Tell) -> None:
-        work = await executing(tell)
-        stopped = await tell(frp.Stop(reason="enough"))
+    async def scenario(carrier: Carrier, post_body: PostBody) -> None:
+        work = await executing(post_body)
+        stopped = await post_body(frp.Stop(reason="enough"))
         assert stopped is not None
         assert stopped.body == frp.Stopped(situation="Jar1 isOn Floor1")
         assert await work == stopped
 
-    with_a_carrier(scenario, tmp_path)
+    run_with_carrier(scenario, tmp_path)
 
 
 def test_what_is_wrong_is_said_at_once(tmp_path: Path) -> None:
-    async def scenario(carrier: Carrier, tell: Tell) -> None:
-        await tell(ARRANGE)
-        wrong = await tell(frp.Accept(terms="urn:other"))
+    async def scenario(carrier: Carrier, post_body: PostBody) -> None:
+        await post_body(ARRANGE)
+        wrong = await post_body(frp.Accept(terms="urn:other"))
         assert wrong is not None
         assert isinstance(wrong.body, frp.Fault)
         assert wrong.body.code == "frp:NotAllowed"
 
-    with_a_carrier(scenario, tmp_path)
+    run_with_carrier(scenario, tmp_path)
 
 
 def test_a_disk_that_is_full_is_not_the_senders_fault(tmp_path: Path) -> None:
     async def run() -> list[object]:
-        rim, wire = Host(), Wire()
-        await rim.start()
+        host, wire = Host(), Wire()
+        await host.start()
         journal = repository_journal(tmp_path / "repository.sqlite")
-        address = rim.add_journaled("/repository", lambda address: Repository(address, contents()), journal).address
+        address = host.add_journaled("/repository", lambda address: Repository(address, contents()), journal).address
         journal.disk.write_and_wait(lambda db: db.execute("PRAGMA max_page_count = 1").fetchone())
         journal.disk.write(lambda db: db.execute("INSERT INTO entries VALUES ('', -1, zeroblob(100000))"))
         update = knowledge.UpdateMap(situation="Jar1 isOn Table2")
         answers = [await wire.post(Message(header=header(address, message_id(n)), body=update)) for n in range(2)]
         await wire.close()
-        await rim.stop()
+        await host.stop()
         journal.close()
         return [answer and answer.body for answer in answers]
 

@@ -24,7 +24,7 @@ from somrs.runtime.wire import Wire
 from somrs.storage.disk import Disk, Kind
 from somrs.storage.journal import Journal
 from tests.support.lab import CLIENT
-from tests.support.ledger import SCHEMA, Ledger, Sink, Teller, doubled, expected, told
+from tests.support.ledger import SCHEMA, Ledger, Sink, Teller, amount_message, doubled, expected
 from tests.support.paths import ROOT
 
 NOTES = Kind(
@@ -37,7 +37,7 @@ NOTES = Kind(
 )
 
 
-def in_time(scenario: Callable[[], Awaitable[None]]) -> None:
+def run_with_timeout(scenario: Callable[[], Awaitable[None]]) -> None:
     async def run() -> None:
         async with asyncio.timeout(180):  # nothing here takes a second; it must not wait for ever
             await scenario()
@@ -45,8 +45,8 @@ def in_time(scenario: Callable[[], Awaitable[None]]) -> None:
     asyncio.run(run())
 
 
-async def until(holds: Callable[[], bool]) -> None:
-    while not holds():
+async def wait_until(condition: Callable[[], bool]) -> None:
+    while not condition():
         await asyncio.sleep(0.005)
 
 
@@ -58,117 +58,119 @@ class Brake:
     """Holds a disk up."""
 
     def __init__(self, disk: Disk) -> None:
-        self._go_on = threading.Event()
+        self._release_event = threading.Event()
         disk.write(lambda db: self._wait())
 
     def _wait(self) -> None:
-        assert self._go_on.wait(60)
+        assert self._release_event.wait(60)
 
     def release(self) -> None:
-        self._go_on.set()
+        self._release_event.set()
 
 
 def test_nothing_leaves_before_it_is_on_disk(tmp_path: Path) -> None:
     async def scenario() -> None:
-        rim, wire, sink = Host(), Wire(), Sink()
-        await rim.start()
-        sink_at = rim.add("/sink", lambda address: sink).address
+        host, wire, sink = Host(), Wire(), Sink()
+        await host.start()
+        sink_at = host.add("/sink", lambda address: sink).address
         journal = Journal(tmp_path / "ledger.sqlite", SCHEMA)
 
-        def made(address: str) -> Ledger:
+        def make_ledger(address: str) -> Ledger:
             return Ledger(sink_at, address, patience=0.05)
 
-        node = rim.add_journaled("/ledger", made, journal, carry_out=double)
+        node = host.add_journaled("/ledger", make_ledger, journal, carry_out=double)
         await asyncio.sleep(0.1)
         brake = Brake(journal.disk)
-        posted = [asyncio.ensure_future(wire.post(told(number, 10 + number, node.address, CLIENT, "http://x"))) for number in (0, 1)]
-        twice = asyncio.ensure_future(wire.post(told(0, 10, node.address, CLIENT, "http://x")))
+        posted = [
+            asyncio.ensure_future(wire.post(amount_message(number, 10 + number, node.address, CLIENT, "http://x"))) for number in (0, 1)
+        ]
+        twice = asyncio.ensure_future(wire.post(amount_message(0, 10, node.address, CLIENT, "http://x")))
         ledger = node.component
         assert isinstance(ledger, Ledger)
-        await until(lambda: ledger.total == 21 and len(ledger.reminded) == 2)
+        await wait_until(lambda: ledger.total == 21 and len(ledger.reminded) == 2)
         await asyncio.sleep(0.1)
-        assert not sink.heard
-        assert not any(one.done() for one in (*posted, twice)), "not even what is known already, as long as it may be lost"
+        assert not sink.received
+        assert not any(request.done() for request in (*posted, twice)), "not even what is known already, as long as it may be lost"
         assert not ledger.doubled, "what is asked may move a robot"
         brake.release()
         await asyncio.gather(*posted, twice)
-        await until(lambda: set(sink.heard) == expected([10, 11]))
-        first = [text for kind, text, _ in sink.heard if kind == "receipt"]
+        await wait_until(lambda: set(sink.received) == expected([10, 11]))
+        first = [text for kind, text, _ in sink.received if kind == "receipt"]
         assert sorted(first) == ["10", "11"]
         await wire.close()
-        await rim.stop()
+        await host.stop()
         journal.close()
 
-    in_time(scenario)
+    run_with_timeout(scenario)
 
 
 def test_with_nothing_to_wait_for_nothing_waits(tmp_path: Path) -> None:
     """A message that only reads goes its way while the disk is busy with others'."""
 
     async def scenario() -> None:
-        rim = Host()
-        await rim.start()
-        message = told(1, 7, f"{rim.url}/ledger")
-        known: list[Input] = []
-        journal = Journal(tmp_path / "ledger.sqlite", structs.replace(SCHEMA, reads=lambda event: event in known))
-        rim.add_journaled("/ledger", lambda address: Ledger(), journal, carry_out=double)
-        assert (await rim.request(message)).body == CancelTask(task="7")
-        known.append(Received(message))
-        await until(lambda: journal.disk.durable == journal.disk.position)
+        host = Host()
+        await host.start()
+        message = amount_message(1, 7, f"{host.url}/ledger")
+        known_inputs: list[Input] = []
+        journal = Journal(tmp_path / "ledger.sqlite", structs.replace(SCHEMA, reads=lambda event: event in known_inputs))
+        host.add_journaled("/ledger", lambda address: Ledger(), journal, carry_out=double)
+        assert (await host.request(message)).body == CancelTask(task="7")
+        known_inputs.append(Received(message))
+        await wait_until(lambda: journal.disk.durable == journal.disk.position)
         brake = Brake(journal.disk)
-        assert (await rim.request(message)).body == CancelTask(task="7")
+        assert (await host.request(message)).body == CancelTask(task="7")
         brake.release()
-        await rim.stop()
+        await host.stop()
         journal.close()
 
-    in_time(scenario)
+    run_with_timeout(scenario)
 
 
 class Chatter:
     """Two of them send a number to and fro, until it is large enough; all of it is remembered in order."""
 
-    def __init__(self, address: str, other: str, most: int) -> None:
-        self.address, self.other, self.most = address, other, most
-        self.heard: list[str] = []
+    def __init__(self, address: str, peer_address: str, last_number: int) -> None:
+        self.address, self.peer_address, self.last_number = address, peer_address, last_number
+        self.received_texts: list[str] = []
 
     def handle(self, event: Input, now: float) -> list[Effect]:
         match event:
             case TimerFired():
-                return [self._say(f"{lane}:0") for lane in range(3)]
-            case Received(Message(body=CancelTask(task=said))):
-                self.heard.append(said)
-                lane, _, number = said.partition(":")
-                return [self._say(f"{lane}:{int(number) + 1}")] if int(number) < self.most else []
+                return [self._send_text(f"{lane}:0") for lane in range(3)]
+            case Received(Message(body=CancelTask(task=text))):
+                self.received_texts.append(text)
+                lane, _, number = text.partition(":")
+                return [self._send_text(f"{lane}:{int(number) + 1}")] if int(number) < self.last_number else []
         return []
 
-    def _say(self, said: str) -> Send:
-        header = Header(sender=self.address, recipient=self.other, message_id=message_id(said))
-        return Send(Message(header=header, body=CancelTask(task=said)))
+    def _send_text(self, text: str) -> Send:
+        header = Header(sender=self.address, recipient=self.peer_address, message_id=message_id(text))
+        return Send(Message(header=header, body=CancelTask(task=text)))
 
 
 def test_messages_within_a_process_keep_their_order_and_let_others_have_their_turn() -> None:
     async def scenario() -> None:
-        rim = Host()
-        await rim.start()
-        one, two = f"{rim.url}/one", f"{rim.url}/two"
-        first, second = Chatter(one, two, 20_000), Chatter(two, one, 20_000)
-        node = rim.add("/one", lambda address: first)
-        rim.add("/two", lambda address: second)
+        host = Host()
+        await host.start()
+        first_address, second_address = f"{host.url}/one", f"{host.url}/two"
+        first, second = Chatter(first_address, second_address, 20_000), Chatter(second_address, first_address, 20_000)
+        node = host.add("/one", lambda address: first)
+        host.add("/two", lambda address: second)
         node.feed(TimerFired("go"))
         turns = 0
-        while len(first.heard) + len(second.heard) < 60_003:
+        while len(first.received_texts) + len(second.received_texts) < 60_003:
             turns += 1
             await asyncio.sleep(0)
         assert turns > 1000, "the loop was held up"
-        for heard, odd in ((first.heard, 1), (second.heard, 0)):
-            assert [said.partition(":")[0] for said in heard[:3]] == ["0", "1", "2"]
+        for texts, odd in ((first.received_texts, 1), (second.received_texts, 0)):
+            assert [text.partition(":")[0] for text in texts[:3]] == ["0", "1", "2"]
             assert all(
-                [said for said in heard if said.startswith(f"{lane}:")] == [f"{lane}:{n}" for n in range(odd, 20_001, 2)]
+                [text for text in texts if text.startswith(f"{lane}:")] == [f"{lane}:{n}" for n in range(odd, 20_001, 2)]
                 for lane in range(3)
             )
-        await rim.stop()
+        await host.stop()
 
-    in_time(scenario)
+    run_with_timeout(scenario)
 
 
 class Refusing:
@@ -195,42 +197,42 @@ class Notes(Teller):
 
 def test_a_defect_within_the_process_is_the_senders_business_too() -> None:
     async def scenario() -> None:
-        rim = Host()
-        await rim.start()
-        notes = Notes(f"{rim.url}/refusing")
-        rim.add("/refusing", lambda address: Refusing())
-        node = rim.add("/notes", lambda address: notes)
+        host = Host()
+        await host.start()
+        notes = Notes(f"{host.url}/refusing")
+        host.add("/refusing", lambda address: Refusing())
+        node = host.add("/notes", lambda address: notes)
         node.feed(TimerFired("7"))
-        await until(lambda: bool(notes.undelivered))
+        await wait_until(lambda: bool(notes.undelivered))
         assert notes.undelivered == ["ZeroDivisionError: division by zero"]
-        await rim.stop()
+        await host.stop()
 
-    in_time(scenario)
+    run_with_timeout(scenario)
 
 
 def test_a_full_disk_stops_its_component_and_senders_go_on_repeating(tmp_path: Path) -> None:
     async def scenario() -> None:
-        rim, wire, sink = Host(), Wire(), Sink()
-        await rim.start()
-        sink_at = rim.add("/sink", lambda address: sink).address
+        host, wire, sink = Host(), Wire(), Sink()
+        await host.start()
+        sink_at = host.add("/sink", lambda address: sink).address
         journal = Journal(tmp_path / "ledger.sqlite", SCHEMA)
-        node = rim.add_journaled("/ledger", lambda address: Ledger(sink_at, address), journal, carry_out=double)
+        node = host.add_journaled("/ledger", lambda address: Ledger(sink_at, address), journal, carry_out=double)
         journal.disk.write_and_wait(lambda db: db.execute("PRAGMA max_page_count = 1").fetchone())
         journal.disk.write(lambda db: db.execute("INSERT INTO entries VALUES ('', -1, zeroblob(100000))"))
-        message = told(1, 5, node.address, CLIENT, "http://x")
+        message = amount_message(1, 5, node.address, CLIENT, "http://x")
         for _ in range(2):
             with pytest.raises(RemoteError, match=r"HTTP 503.*takes nothing more, because it could not keep .* database or dis"):
                 await wire.post(message)
-        asked = await wire.post(told(2, 6, node.address))
-        assert asked is not None
-        assert isinstance(asked.body, frp.Fault), "who waits for an answer gets one"
-        assert asked.body.code == "env:Receiver"
-        assert not sink.heard
+        reply_message = await wire.post(amount_message(2, 6, node.address))
+        assert reply_message is not None
+        assert isinstance(reply_message.body, frp.Fault), "who waits for an answer gets one"
+        assert reply_message.body.code == "env:Receiver"
+        assert not sink.received
         await wire.close()
-        await rim.stop()
+        await host.stop()
         journal.close()
 
-    in_time(scenario)
+    run_with_timeout(scenario)
 
 
 class Hasty(Notes):
@@ -242,75 +244,75 @@ class Hasty(Notes):
 
 def test_what_a_full_disk_did_not_take_is_repeated_within_the_process_too(tmp_path: Path) -> None:
     async def scenario() -> None:
-        rim = Host()
-        await rim.start()
+        host = Host()
+        await host.start()
         journal = Journal(tmp_path / "ledger.sqlite", SCHEMA)
         disk = journal.disk
-        tellers = [Hasty(f"{rim.url}/ledger"), Hasty(f"{rim.url}/ledger")]
-        rim.add_journaled("/ledger", lambda address: Ledger(), journal, carry_out=double)
-        first, second = (rim.add(f"/teller{number}", lambda address, teller=teller: teller) for number, teller in enumerate(tellers))  # type: ignore[misc]
+        tellers = [Hasty(f"{host.url}/ledger"), Hasty(f"{host.url}/ledger")]
+        host.add_journaled("/ledger", lambda address: Ledger(), journal, carry_out=double)
+        first, second = (host.add(f"/teller{number}", lambda address, teller=teller: teller) for number, teller in enumerate(tellers))  # type: ignore[misc]
         brake = Brake(disk)
         disk.write(lambda db: db.execute("INSERT INTO nowhere VALUES (1)"))
         first.feed(TimerFired("7"))  # handled, and then not kept
         await asyncio.sleep(0.05)
         assert disk.failed is None
         brake.release()
-        await until(lambda: disk.failed is not None)
+        await wait_until(lambda: disk.failed is not None)
         second.feed(TimerFired("8"))  # not even handled
         await asyncio.sleep(0.1)
         assert not any(teller.undelivered for teller in tellers), "its time is not over"
-        await until(lambda: all(teller.undelivered for teller in tellers))
+        await wait_until(lambda: all(teller.undelivered for teller in tellers))
         assert all("could not keep what it had to" in reason for teller in tellers for reason in teller.undelivered)
-        await rim.stop()
+        await host.stop()
         journal.close()
 
-    in_time(scenario)
+    run_with_timeout(scenario)
 
 
 def test_a_stop_and_a_start_lose_nothing(tmp_path: Path) -> None:
     """Timers go on where they were, open questions are asked again, what was not delivered is sent again, and nothing twice."""
 
     async def scenario() -> None:
-        wire, sink, asked = Wire(), Sink(), list[object]()
+        wire, sink, started_tasks = Wire(), Sink(), list[object]()
         far = Host()
         await far.start()
         port, sink_at = 0, f"{far.url}/sink"
-        let = asyncio.Event()
+        release_event = asyncio.Event()
 
         async def wait(task: object, report: Report) -> object:
-            asked.append(task)
-            await let.wait()
+            started_tasks.append(task)
+            await release_event.wait()
             return doubled(task)
 
         for life in range(3):
-            rim = Host(port=port)
-            await rim.start()
-            port = int(rim.url.rpartition(":")[2])
+            host = Host(port=port)
+            await host.start()
+            port = int(host.url.rpartition(":")[2])
             journal = Journal(tmp_path / "ledger.sqlite", SCHEMA)
-            node = rim.add_journaled("/ledger", lambda address: Ledger(sink_at, address, patience=1.0), journal, carry_out=wait)
+            node = host.add_journaled("/ledger", lambda address: Ledger(sink_at, address, patience=1.0), journal, carry_out=wait)
             ledger = node.component
             assert isinstance(ledger, Ledger)
             assert ledger.starts == life + 1
             if life == 0:
-                await wire.post(told(0, 4, node.address, CLIENT, "http://127.0.0.1:1/nobody"))
+                await wire.post(amount_message(0, 4, node.address, CLIENT, "http://127.0.0.1:1/nobody"))
             if life == 2:
-                begun = asyncio.get_running_loop().time()
-                await until(lambda ledger=ledger: bool(ledger.reminded))  # type: ignore[misc]
-                assert asyncio.get_running_loop().time() - begun < 0.95, "the timer went on, and was not begun anew"
+                start_time = asyncio.get_running_loop().time()
+                await wait_until(lambda ledger=ledger: bool(ledger.reminded))  # type: ignore[misc]
+                assert asyncio.get_running_loop().time() - start_time < 0.95, "the timer went on, and was not begun anew"
                 far.add("/sink", lambda address: sink)
-                let.set()
-                await until(lambda: set(sink.heard) == expected([4]))
+                release_event.set()
+                await wait_until(lambda: set(sink.received) == expected([4]))
             await asyncio.sleep(0.05)
-            await rim.stop()
-            (left,) = journal.disk.write_and_wait(lambda db: db.execute("SELECT count(*) FROM entries").fetchone())
-            assert left == 0, "a clean stop leaves a snapshot, and nothing to be handled again"
+            await host.stop()
+            (entry_count,) = journal.disk.write_and_wait(lambda db: db.execute("SELECT count(*) FROM entries").fetchone())
+            assert entry_count == 0, "a clean stop leaves a snapshot, and nothing to be handled again"
             journal.close()
-        assert asked == ["4"] * 3
-        assert len(sink.heard) == 3
+        assert started_tasks == ["4"] * 3
+        assert len(sink.received) == 3
         await wire.close()
         await far.stop()
 
-    in_time(scenario)
+    run_with_timeout(scenario)
 
 
 HOSTED = """
@@ -342,16 +344,16 @@ def test_what_was_acknowledged_survives_a_kill(tmp_path: Path) -> None:
     file = tmp_path / "ledger.sqlite"
 
     async def scenario() -> None:
-        rim, wire, sink = Host(), Wire(), Sink()
-        await rim.start()
-        sink_at = rim.add("/sink", lambda address: sink).address
+        host, wire, sink = Host(), Wire(), Sink()
+        await host.start()
+        sink_at = host.add("/sink", lambda address: sink).address
         acknowledged: list[int] = []
         addresses: set[str] = set()
         count = 0
 
-        async def tell(number: int, to: str) -> None:
+        async def post_number(number: int, recipient: str) -> None:
             try:
-                await wire.post(told(number, number, to, CLIENT, "http://127.0.0.1:1/nobody"))
+                await wire.post(amount_message(number, number, recipient, CLIENT, "http://127.0.0.1:1/nobody"))
             except RemoteError:
                 return
             acknowledged.append(number)
@@ -362,40 +364,42 @@ def test_what_was_acknowledged_survives_a_kill(tmp_path: Path) -> None:
             assert child.stdout is not None
             address = (await child.stdout.readline()).decode().rpartition('"at":"')[2].strip().rstrip('"}')
             addresses.add(address)
-            telling: list[asyncio.Future[None]] = []
+            pending_posts: list[asyncio.Future[None]] = []
             try:
                 if kill_after is None:
-                    await until(lambda: {text for kind, text, _ in sink.heard if kind == "doubled"} >= {str(2 * n) for n in acknowledged})
-                    await until(lambda: {id for kind, _, id in sink.heard if kind == "reminder"} >= ids("reminder", acknowledged))
+                    await wait_until(
+                        lambda: {text for kind, text, _ in sink.received if kind == "doubled"} >= {str(2 * n) for n in acknowledged}
+                    )
+                    await wait_until(lambda: {id for kind, _, id in sink.received if kind == "reminder"} >= ids("reminder", acknowledged))
                     break
-                wanted = len(acknowledged) + kill_after
-                while len(acknowledged) < wanted:
-                    telling = [one for one in telling if not one.done()]
-                    while len(telling) < 8:
-                        telling.append(asyncio.ensure_future(tell(count, address)))
+                target_count = len(acknowledged) + kill_after
+                while len(acknowledged) < target_count:
+                    pending_posts = [post for post in pending_posts if not post.done()]
+                    while len(pending_posts) < 8:
+                        pending_posts.append(asyncio.ensure_future(post_number(count, address)))
                         count += 1
-                    await asyncio.wait(telling, return_when=asyncio.FIRST_COMPLETED)
+                    await asyncio.wait(pending_posts, return_when=asyncio.FIRST_COMPLETED)
             finally:
                 child.kill()
-                await asyncio.gather(*telling)
+                await asyncio.gather(*pending_posts)
                 await child.wait()
         assert len(addresses) == 1, "those who know it by its address find it there again"
         assert len(acknowledged) >= 45
         await wire.close()
-        await rim.stop()
+        await host.stop()
         journal = Journal(file, SCHEMA)
         journaled, _ = journal.begin(address, lambda address: Ledger())
         assert isinstance(journaled.component, Ledger)
-        kept = set(journaled.component.amounts.values())
-        assert kept >= set(acknowledged)
-        assert kept <= set(range(count))
+        kept_amounts = set(journaled.component.amounts.values())
+        assert kept_amounts >= set(acknowledged)
+        assert kept_amounts <= set(range(count))
         journal.close()
         with sqlite3.connect(file) as db:
             archived = {int(effect) for (effect,) in db.execute("SELECT effect FROM records")}
         db.close()
-        assert archived == kept
+        assert archived == kept_amounts
 
-    in_time(scenario)
+    run_with_timeout(scenario)
 
 
 def ids(kind: str, numbers: list[int]) -> set[str]:

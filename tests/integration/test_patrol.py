@@ -14,35 +14,35 @@ from somrs.devices.simulator.link.commands import Fault
 from somrs.ontology.files.loading import load_text, upper
 from somrs.service_manager import Device
 from somrs.service_manager.sdk.orders import Halt, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo, WorkDone
-from tests.support.looking_lab import SITE, after, carrying, lab, looking
+from tests.support.looking_lab import SITE, carry_order, lab, look_order, map_after
 from tests.support.paths import ROOT
 from tests.support.robot_lab import run
 
 
 def test_a_patrol_finds_a_jar_that_stands_where_it_was_and_measures_it() -> None:
     async def test() -> None:
-        async with lab() as at:
-            patrol = await at.open("Patrol1")
-            situation = await at.found(patrol, "Jar1")
-            truth = await at.operator.observe("Jar1")
-            map = after(situation)
+        async with lab() as harness:
+            patrol = await harness.open("Patrol1")
+            situation = await harness.recognize(patrol, "Jar1")
+            truth = await harness.operator.observe("Jar1")
+            map = map_after(situation)
             assert map.has_fact("isOn", ("Jar1", "Table1"))
             values = map.objects["Jar1"].values
             assert values["Unknown"] is False
             assert [values[f"Position{axis}"] for axis in "XYZ"] == [round(v, 3) for v in (truth.x, truth.y, truth.z)]
-            robot = (await at.operator.robots())["Patrol1"]
+            robot = (await harness.operator.robots())["Patrol1"]
             assert (map.objects["Patrol1"].values["PositionX"], map.objects["Patrol1"].values["PositionY"]) == (
                 round(robot.x, 3),
                 round(robot.y, 3),
             )
             assert math.dist((robot.x, robot.y), (8, 5)) > 1, "it had to drive, the wall is between them"
-            assert any("looks for Jar1 at where Jar1 was last seen" in advance.note for advance in at.told)
+            assert any("looks for Jar1 at where Jar1 was last seen" in advance.note for advance in harness.advances)
 
     run(test())
 
 
 @pytest.mark.parametrize(
-    ("x", "y", "z", "on"),
+    ("x", "y", "z", "support"),
     [
         (8.2, 0.6, 0.9, "Shelf1"),
         (11.5, 0.5, 0.0, "Floor1"),
@@ -50,13 +50,13 @@ def test_a_patrol_finds_a_jar_that_stands_where_it_was_and_measures_it() -> None
         (3.0, 3.0, 0.0, "Floor1"),
     ],
 )
-def test_a_patrol_finds_a_jar_that_was_taken_elsewhere(x: float, y: float, z: float, on: str) -> None:
+def test_a_patrol_finds_a_jar_that_was_taken_elsewhere(x: float, y: float, z: float, support: str) -> None:
     async def test() -> None:
-        async with lab() as at:
-            patrol = await at.open("Patrol1")
-            await at.operator.move("Jar1", x, y, z)
-            map = after(await at.found(patrol, "Jar1"))
-            assert map.has_fact("isOn", ("Jar1", on))
+        async with lab() as harness:
+            patrol = await harness.open("Patrol1")
+            await harness.operator.move("Jar1", x, y, z)
+            map = map_after(await harness.recognize(patrol, "Jar1"))
+            assert map.has_fact("isOn", ("Jar1", support))
             assert not map.has_fact("isOn", ("Jar1", "Table1"))
             assert map.objects["Jar1"].values["PositionX"] == pytest.approx(x, abs=0.01)
 
@@ -65,19 +65,19 @@ def test_a_patrol_finds_a_jar_that_was_taken_elsewhere(x: float, y: float, z: fl
 
 def test_a_jar_in_the_hand_of_a_silent_robot_is_found_there() -> None:
     async def test() -> None:
-        async with lab() as at:
-            patrol, robot = await at.open("Patrol1"), await at.open("Robot1", silence=1.5)
-            await at.operator.schedule("Robot1", Fault.SILENT, carried=2.0)
+        async with lab() as harness:
+            patrol, robot = await harness.open("Patrol1"), await harness.open("Robot1", silence=1.5)
+            await harness.operator.schedule("Robot1", Fault.SILENT, carried=2.0)
             with pytest.raises(ServiceFailed, match="said nothing"):
-                await at.do(robot, Perform(carrying("Jar1", "Platform1")))
-            truth = (await at.operator.robots())["Robot1"]
-            map = after(await at.found(patrol, "Jar1"))
+                await harness.run_task(robot, Perform(carry_order("Jar1", "Platform1")))
+            truth = (await harness.operator.robots())["Robot1"]
+            map = map_after(await harness.recognize(patrol, "Jar1"))
             assert map.has_fact("isHeldBy", ("Jar1", "Robot1"))
             assert not map.has_fact("isOn", ("Jar1", "Table1"))
             robot_now = map.objects["Robot1"].values
             assert (robot_now["PositionX"], robot_now["PositionY"]) == pytest.approx((truth.x, truth.y), abs=0.002)
             assert math.dist((truth.x, truth.y), (2, 1.5)) > 1, "and that is not where the map had it"
-            of_robot = after(await at.found(patrol, "Robot1"))
+            of_robot = map_after(await harness.recognize(patrol, "Robot1"))
             assert of_robot.has_fact("isHeldBy", ("Jar1", "Robot1")), "who looks at the robot sees what it holds"
             assert of_robot.objects["Robot1"].values["Unknown"] is False
 
@@ -86,16 +86,16 @@ def test_a_jar_in_the_hand_of_a_silent_robot_is_found_there() -> None:
 
 def test_a_patrol_that_finds_nothing_says_where_it_looked() -> None:
     async def test() -> None:
-        async with lab() as at:
-            patrol = await at.open("Patrol1")
-            at.server.simulation.remove("Jar1")
+        async with lab() as harness:
+            patrol = await harness.open("Patrol1")
+            harness.server.simulation.remove("Jar1")
             with pytest.raises(ServiceFailed) as failed:
-                await at.do(patrol, Perform(looking("Jar1")))
-            told = failed.value.description
-            assert told.startswith("Patrol1 did not find Jar1; it looked at where Jar1 was last seen")
-            assert all(name in told for name in ("Table1", "Shelf1", "Platform1", "Robot1"))
-            robot = (await at.operator.robots())["Patrol1"]
-            map = after(failed.value.situation)
+                await harness.run_task(patrol, Perform(look_order("Jar1")))
+            description = failed.value.description
+            assert description.startswith("Patrol1 did not find Jar1; it looked at where Jar1 was last seen")
+            assert all(name in description for name in ("Table1", "Shelf1", "Platform1", "Robot1"))
+            robot = (await harness.operator.robots())["Patrol1"]
+            map = map_after(failed.value.situation)
             assert map.objects["Patrol1"].values["PositionX"] == pytest.approx(robot.x, abs=0.002)
             assert "Unknown" not in map.objects["Jar1"].values, "nothing is claimed of the jar"
 
@@ -104,56 +104,59 @@ def test_a_patrol_that_finds_nothing_says_where_it_looked() -> None:
 
 def test_a_patrol_that_breaks_says_so() -> None:
     async def test() -> None:
-        async with lab() as at:
-            patrol = await at.open("Patrol1")
-            await at.operator.schedule("Patrol1", Fault.DRIVE, delay=3.0)
+        async with lab() as harness:
+            patrol = await harness.open("Patrol1")
+            await harness.operator.schedule("Patrol1", Fault.DRIVE, delay=3.0)
             with pytest.raises(ServiceFailed, match="drive of Patrol1 is dead") as failed:
-                await at.do(patrol, Perform(looking("Jar1")))
-            assert after(failed.value.situation).objects["Patrol1"].values["Working"] is False
+                await harness.run_task(patrol, Perform(look_order("Jar1")))
+            assert map_after(failed.value.situation).objects["Patrol1"].values["Working"] is False
             with pytest.raises(Refusal, match="drive is dead"):
-                await at.do(patrol, Quote(looking("Jar1")))
+                await harness.run_task(patrol, Quote(look_order("Jar1")))
 
     run(test())
 
 
 def test_a_patrol_quotes_by_the_way_and_does_not_look_at_itself() -> None:
     async def test() -> None:
-        async with lab() as at:
-            patrol = await at.open("Patrol1", price_per_metre=1.0)
-            far, near = await at.do(patrol, Quote(looking("Jar1"))), await at.do(patrol, Quote(looking("Platform1")))
-            assert isinstance(far, Quoted)
-            assert isinstance(near, Quoted)
-            assert far.price > near.price > 3
-            assert far.duration > near.duration
-            before = (await at.operator.clock()).time
-            await at.found(patrol, "Jar1")
-            assert (await at.operator.clock()).time - before < 2 * far.duration
+        async with lab() as harness:
+            patrol = await harness.open("Patrol1", price_per_metre=1.0)
+            far_quote, near_quote = (
+                await harness.run_task(patrol, Quote(look_order("Jar1"))),
+                await harness.run_task(patrol, Quote(look_order("Platform1"))),
+            )
+            assert isinstance(far_quote, Quoted)
+            assert isinstance(near_quote, Quoted)
+            assert far_quote.price > near_quote.price > 3
+            assert far_quote.duration > near_quote.duration
+            start_time = (await harness.operator.clock()).time
+            await harness.recognize(patrol, "Jar1")
+            assert (await harness.operator.clock()).time - start_time < 2 * far_quote.duration
             with pytest.raises(Refusal, match="cannot look at itself"):
-                await at.do(patrol, Quote(looking("Patrol1")))
+                await harness.run_task(patrol, Quote(look_order("Patrol1")))
 
     run(test())
 
 
 def test_a_patrol_that_is_stopped_stands_and_one_that_is_undone_has_nothing_to_undo() -> None:
     async def test() -> None:
-        async with lab(speed=10) as at:
-            patrol = await at.open("Patrol1")
-            working = asyncio.create_task(at.do(patrol, Perform(looking("Jar1"))))
-            while not at.told:
+        async with lab(speed=10) as harness:
+            patrol = await harness.open("Patrol1")
+            working = asyncio.create_task(harness.run_task(patrol, Perform(look_order("Jar1"))))
+            while not harness.advances:
                 await asyncio.sleep(0.01)
             await asyncio.sleep(0.2)
             working.cancel()
             await asyncio.gather(working, return_exceptions=True)
-            done = await at.do(patrol, Halt(looking("Jar1")))
-            assert isinstance(done, WorkDone)
-            stopped = after(done.situation).objects["Patrol1"].values
+            result = await harness.run_task(patrol, Halt(look_order("Jar1")))
+            assert isinstance(result, WorkDone)
+            stopped = map_after(result.situation).objects["Patrol1"].values
             await asyncio.sleep(0.3)
-            robot = (await at.operator.robots())["Patrol1"]
+            robot = (await harness.operator.robots())["Patrol1"]
             assert robot.activity is None
             assert (stopped["PositionX"], stopped["PositionY"]) == pytest.approx((robot.x, robot.y), abs=0.3)
             (capability,) = patrol.profile().capabilities
             assert capability.undoable, "else a Service Manager would report it as stranded"
-            undone = await at.do(patrol, Undo(looking("Jar1"), "Jar1.Unknown = TRUE"))
+            undone = await harness.run_task(patrol, Undo(look_order("Jar1"), "Jar1.Unknown = TRUE"))
             assert isinstance(undone, WorkDone)
             assert "Jar1" not in str(undone.situation)
 
@@ -162,35 +165,35 @@ def test_a_patrol_that_is_stopped_stands_and_one_that_is_undone_has_nothing_to_u
 
 def test_a_camera_says_where_a_thing_is_that_it_sees_and_refuses_what_it_does_not() -> None:
     async def test() -> None:
-        async with lab() as at:
-            camera = await at.open("Camera1")
+        async with lab() as harness:
+            camera = await harness.open("Camera1")
             with pytest.raises(Refusal, match="Camera1 does not see Jar1"):
-                await at.do(camera, Quote(looking("Jar1")))
-            await at.operator.move("Jar1", 10.4, 4.1, 0.3)
-            await at.operator.idle()
-            quoted = await at.do(camera, Quote(looking("Jar1")))
+                await harness.run_task(camera, Quote(look_order("Jar1")))
+            await harness.operator.move("Jar1", 10.4, 4.1, 0.3)
+            await harness.operator.idle()
+            quoted = await harness.run_task(camera, Quote(look_order("Jar1")))
             assert isinstance(quoted, Quoted)
             assert quoted.price == 1
-            map = after(await at.found(camera, "Jar1"))
+            map = map_after(await harness.recognize(camera, "Jar1"))
             assert map.has_fact("isOn", ("Jar1", "Platform1"))
             assert map.objects["Jar1"].values["PositionX"] == pytest.approx(10.4, abs=0.01)
-            await at.operator.move("Jar1", 1.1, 4, 0.7)
+            await harness.operator.move("Jar1", 1.1, 4, 0.7)
             with pytest.raises(ServiceFailed, match="not see Jar1 any more"):
-                await at.do(camera, Perform(looking("Jar1")))
-            await at.operator.fault("Camera1", Fault.SILENT)
+                await harness.run_task(camera, Perform(look_order("Jar1")))
+            await harness.operator.fault("Camera1", Fault.SILENT)
             with pytest.raises(Refusal, match="does not answer"):
-                await at.do(camera, Quote(looking("Platform1")))
+                await harness.run_task(camera, Quote(look_order("Platform1")))
 
     run(test())
 
 
 def test_a_robot_that_fell_silent_is_said_to_have_failed_and_nothing_is_claimed_of_the_thing() -> None:
     async def test() -> None:
-        async with lab() as at:
-            robot = await at.open("Robot1", silence=1.5)
-            await at.operator.schedule("Robot1", Fault.SILENT, carried=1.0)
+        async with lab() as harness:
+            robot = await harness.open("Robot1", silence=1.5)
+            await harness.operator.schedule("Robot1", Fault.SILENT, carried=1.0)
             with pytest.raises(ServiceFailed, match="has said nothing") as failed:
-                await at.do(robot, Perform(carrying("Jar1", "Platform1")))
+                await harness.run_task(robot, Perform(carry_order("Jar1", "Platform1")))
             assert failed.value.situation == "Robot1.Working = FALSE"
 
     run(test())
@@ -206,12 +209,12 @@ def test_the_documentation_shows_how_to_offer_it_oneself() -> None:
     assert issubclass(kind, Device)
 
     async def test() -> None:
-        async with lab() as at:
+        async with lab() as harness:
             device = kind("Reader1")
-            assert await at.do(device, Quote(looking("Jar1"))) == Quoted(price=1.0, duration=1.0)
-            assert after(await at.found(device, "Jar1")).has_fact("isOn", ("Jar1", "Table1"))
+            assert await harness.run_task(device, Quote(look_order("Jar1"))) == Quoted(price=1.0, duration=1.0)
+            assert map_after(await harness.recognize(device, "Jar1")).has_fact("isOn", ("Jar1", "Table1"))
             with pytest.raises(Refusal, match="does not read the label of Jar2"):
-                await at.do(device, Quote(looking("Jar2")))
+                await harness.run_task(device, Quote(look_order("Jar2")))
 
     run(test())
 

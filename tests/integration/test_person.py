@@ -22,79 +22,79 @@ from somrs.service_manager.sdk.work import carry_out
 from tests.support.command import somrs
 from tests.support.lab import lab
 from tests.support.robot_lab import run
-from tests.support.virtual_devices import asking
+from tests.support.virtual_devices import make_ask
 
 ORDER = Order(participant="p", method="recognize", inputs={"Object": "Jar1"}, effect="Jar1.Unknown = FALSE")
 
 
-class Desk:
+class PersonHarness:
     """A person's device, and the questions that the person sees."""
 
     def __init__(self, folder: Path) -> None:
         ontology, map = lab()
-        known = Contents(ontology=ontology, map=map.changed([ObjectAdded(Object(name="Anna", type="Person"))]))
-        self.ask = asking(Repository("http://here/repository", known), lambda: 0.0)
+        contents = Contents(ontology=ontology, map=map.changed([ObjectAdded(Object(name="Anna", type="Person"))]))
+        self.ask = make_ask(Repository("http://here/repository", contents), lambda: 0.0)
         self.folder = folder
         self.person = Person("Anna")
         self.person.map, self.person.data, self.person.glance = MapReader(self.ask), folder, 0.01
-        self.seen = Questions(folder)
+        self.questions = Questions(folder)
 
-    async def do(self, work: Quote | Perform) -> object:
-        return await carry_out(self.person, work, self.ask, lambda report: None)
+    async def perform(self, request: Quote | Perform) -> object:
+        return await carry_out(self.person, request, self.ask, lambda report: None)
 
-    async def asked(self) -> Question:
-        while not (found := self.seen.open()):
+    async def next_question(self) -> Question:
+        while not (open_questions := self.questions.open()):
             await asyncio.sleep(0.01)
-        return found[0]
+        return open_questions[0]
 
     async def verdict(self, number: int) -> str:
         """What is wrong with the answer, or how the question ended."""
-        while (question := self.seen.read(number)) is not None and not question.problem and question.ended is None:
+        while (question := self.questions.read(number)) is not None and not question.problem and question.ended is None:
             await asyncio.sleep(0.01)
         assert question is not None
         return question.problem or question.ended or ""
 
     async def command(self, *arguments: str) -> tuple[int, str]:
         """The `somrs` command: its exit code and all that it says."""
-        said = await asyncio.to_thread(somrs, *arguments, "--data", self.folder)
-        return said.returncode, said.stdout + said.stderr
+        result = await asyncio.to_thread(somrs, *arguments, "--data", self.folder)
+        return result.returncode, result.stdout + result.stderr
 
 
 @asynccontextmanager
-async def desk(folder: Path) -> AsyncIterator[Desk]:
-    at = Desk(folder)
-    await at.person.open()
+async def person_harness(folder: Path) -> AsyncIterator[PersonHarness]:
+    harness = PersonHarness(folder)
+    await harness.person.open()
     try:
-        yield at
+        yield harness
     finally:
-        await at.person.close()
-        at.seen.close()
+        await harness.person.close()
+        harness.questions.close()
 
 
 def test_an_answer_is_taken_once_it_says_what_is_so(tmp_path: Path) -> None:
     async def test() -> None:
-        async with desk(tmp_path) as at:
-            quoted = await at.do(Quote(ORDER))
+        async with person_harness(tmp_path) as harness:
+            quoted = await harness.perform(Quote(ORDER))
             assert isinstance(quoted, Quoted)
             assert quoted.price == 20
-            waiting = asyncio.create_task(at.do(Perform(ORDER)))
-            question = await at.asked()
+            waiting = asyncio.create_task(harness.perform(Perform(ORDER)))
+            question = await harness.next_question()
             assert "Where is Jar1" in question.text
             assert "Jar1 isOn Table1" in question.text
-            at.seen.answer(question.number, "Jar1 isOn Table2 AND Jar1.PositionX = 8")
-            assert await at.verdict(question.number) == "taken"
-            done = await waiting
-            assert isinstance(done, WorkDone)
-            assert done.situation == "Jar1 isOn Table2 AND Jar1.PositionX = 8 AND Jar1.Unknown = FALSE"
-            assert at.seen.open() == []
+            harness.questions.answer(question.number, "Jar1 isOn Table2 AND Jar1.PositionX = 8")
+            assert await harness.verdict(question.number) == "taken"
+            result = await waiting
+            assert isinstance(result, WorkDone)
+            assert result.situation == "Jar1 isOn Table2 AND Jar1.PositionX = 8 AND Jar1.Unknown = FALSE"
+            assert harness.questions.open() == []
             with pytest.raises(UsageError, match="it is over: taken"):
-                at.seen.answer(question.number, "Jar1 isOn Table1")
+                harness.questions.answer(question.number, "Jar1 isOn Table1")
 
     run(test())
 
 
 @pytest.mark.parametrize(
-    ("answer", "told", "caret"),
+    ("answer", "expected_problem", "caret"),
     [
         ("Jar1 isOn", "expected", 9),
         ("Jar1 isOn Tabel2", "Tabel2", 10),
@@ -106,35 +106,37 @@ def test_an_answer_is_taken_once_it_says_what_is_so(tmp_path: Path) -> None:
         ("Jar1.Unknown = TRUE", "--cannot-tell", 13),
     ],
 )
-def test_an_answer_that_will_not_do_is_shown_with_a_caret_and_asked_again(tmp_path: Path, answer: str, told: str, caret: int) -> None:
+def test_an_answer_that_will_not_do_is_shown_with_a_caret_and_asked_again(
+    tmp_path: Path, answer: str, expected_problem: str, caret: int
+) -> None:
     async def test() -> None:
-        async with desk(tmp_path) as at:
-            waiting = asyncio.create_task(at.do(Perform(ORDER)))
-            question = await at.asked()
-            at.seen.answer(question.number, answer)
-            problem = await at.verdict(question.number)
-            assert told in problem
+        async with person_harness(tmp_path) as harness:
+            waiting = asyncio.create_task(harness.perform(Perform(ORDER)))
+            question = await harness.next_question()
+            harness.questions.answer(question.number, answer)
+            problem = await harness.verdict(question.number)
+            assert expected_problem in problem
             assert f"  {answer}\n  {' ' * caret}^" in problem, problem
-            assert [one.number for one in at.seen.open()] == [question.number]
-            at.seen.answer(question.number, "Jar1 isHeldBy Robot1")
-            done = await waiting
-            assert isinstance(done, WorkDone)
-            assert done.situation == "Jar1 isHeldBy Robot1 AND Jar1.Unknown = FALSE"
+            assert [open_question.number for open_question in harness.questions.open()] == [question.number]
+            harness.questions.answer(question.number, "Jar1 isHeldBy Robot1")
+            result = await waiting
+            assert isinstance(result, WorkDone)
+            assert result.situation == "Jar1 isHeldBy Robot1 AND Jar1.Unknown = FALSE"
 
     run(test())
 
 
 def test_who_does_not_answer_or_cannot_tell_leaves_it_unknown(tmp_path: Path) -> None:
     async def test() -> None:
-        async with desk(tmp_path) as at:
-            at.person.patience = 0.1
+        async with person_harness(tmp_path) as harness:
+            harness.person.patience = 0.1
             with pytest.raises(ServiceFailed, match="did not answer within") as failed:
-                await at.do(Perform(ORDER))
+                await harness.perform(Perform(ORDER))
             assert failed.value.situation is None
-            assert at.seen.open() == []
-            at.person.patience = 60
-            waiting = asyncio.create_task(at.do(Perform(ORDER)))
-            at.seen.answer((await at.asked()).number, "")
+            assert harness.questions.open() == []
+            harness.person.patience = 60
+            waiting = asyncio.create_task(harness.perform(Perform(ORDER)))
+            harness.questions.answer((await harness.next_question()).number, "")
             with pytest.raises(ServiceFailed, match="cannot tell where Jar1 is"):
                 await waiting
 
@@ -143,48 +145,48 @@ def test_who_does_not_answer_or_cannot_tell_leaves_it_unknown(tmp_path: Path) ->
 
 def test_a_question_that_nobody_needs_answered_any_more_is_taken_back(tmp_path: Path) -> None:
     async def test() -> None:
-        async with desk(tmp_path) as at:
-            waiting = asyncio.create_task(at.do(Perform(ORDER)))
-            first = await at.asked()
+        async with person_harness(tmp_path) as harness:
+            waiting = asyncio.create_task(harness.perform(Perform(ORDER)))
+            first = await harness.next_question()
             waiting.cancel()
             await asyncio.gather(waiting, return_exceptions=True)
             with pytest.raises(UsageError, match="nobody needs the answer"):
-                at.seen.answer(first.number, "Jar1 isOn Table1")
-            left = at.seen.ask("Anna", "Jar1", "Where?", 60)
-            await at.person.open()
-            assert at.seen.open() == [], "what an earlier run asked, nobody waits for"
-            again = asyncio.create_task(at.do(Perform(ORDER)))
-            assert (await at.asked()).number > left > first.number
-            again.cancel()
-            await asyncio.gather(again, return_exceptions=True)
+                harness.questions.answer(first.number, "Jar1 isOn Table1")
+            earlier_number = harness.questions.ask("Anna", "Jar1", "Where?", 60)
+            await harness.person.open()
+            assert harness.questions.open() == [], "what an earlier run asked, nobody waits for"
+            second_run = asyncio.create_task(harness.perform(Perform(ORDER)))
+            assert (await harness.next_question()).number > earlier_number > first.number
+            second_run.cancel()
+            await asyncio.gather(second_run, return_exceptions=True)
 
     run(test())
 
 
 def test_the_commands_list_and_answer(tmp_path: Path) -> None:
     async def test() -> None:
-        async with desk(tmp_path) as at:
-            assert (await at.command("questions"))[1] == "nobody asks anything\n"
-            waiting = asyncio.create_task(at.do(Perform(ORDER)))
-            number = str((await at.asked()).number)
-            code, said = await at.command("questions")
+        async with person_harness(tmp_path) as harness:
+            assert (await harness.command("questions"))[1] == "nobody asks anything\n"
+            waiting = asyncio.create_task(harness.perform(Perform(ORDER)))
+            number = str((await harness.next_question()).number)
+            code, output = await harness.command("questions")
             assert code == 0
-            assert "Where is Jar1" in said
-            code, said = await at.command("answer", number, "Jar1 isOn Tabel2")
+            assert "Where is Jar1" in output
+            code, output = await harness.command("answer", number, "Jar1 isOn Tabel2")
             assert code == 2
-            assert "^" in said
-            assert "still open" in said
-            assert (await at.command("answer", number))[0] == 2
-            assert await at.command("answer", number, "Jar1 isOn Table2") == (0, "thank you\n")
+            assert "^" in output
+            assert "still open" in output
+            assert (await harness.command("answer", number))[0] == 2
+            assert await harness.command("answer", number, "Jar1 isOn Table2") == (0, "thank you\n")
             assert isinstance(await waiting, WorkDone)
-            code, said = await at.command("answer", number, "Jar1 isOn Table2")
-            assert (code, "it is over" in said) == (2, True)
+            code, output = await harness.command("answer", number, "Jar1 isOn Table2")
+            assert (code, "it is over" in output) == (2, True)
 
     run(test())
 
 
 @pytest.mark.parametrize(
-    ("runs", "arguments", "code", "told"),
+    ("runs", "arguments", "code", "expected_text"),
     [
         (False, ["questions"], 2, "no system runs here"),
         (False, ["answer", "1", "A isOn B"], 2, "no system runs here"),
@@ -192,9 +194,11 @@ def test_the_commands_list_and_answer(tmp_path: Path) -> None:
         (True, ["answer", "1", "A isOn B"], 2, "there is no such question"),
     ],
 )
-def test_where_nobody_was_asked_the_commands_say_so(runs: bool, arguments: list[str], code: int, told: str, tmp_path: Path) -> None:
+def test_where_nobody_was_asked_the_commands_say_so(
+    runs: bool, arguments: list[str], code: int, expected_text: str, tmp_path: Path
+) -> None:
     if runs:
         Addresses(repository="http://here/repository", registry="http://here/registry", task_manager="http://here/manager").write(tmp_path)
-    said = somrs(*arguments, "--data", tmp_path)
-    assert said.returncode == code
-    assert told in said.stdout + said.stderr
+    result = somrs(*arguments, "--data", tmp_path)
+    assert result.returncode == code
+    assert expected_text in result.stdout + result.stderr

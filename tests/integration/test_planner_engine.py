@@ -55,10 +55,10 @@ def tower(count: int) -> Problem:
     names = [f"Carton{n}" for n in range(count)]
     map = Map(
         [Object(name="Table1", type="Table"), *(Object(name=name, type="Carton") for name in names)],
-        [Fact("isOn", (name, below)) for name, below in zip(names, ["Table1", *names], strict=False)],
+        [Fact("isOn", (name, support)) for name, support in zip(names, ["Table1", *names], strict=False)],
     )
     turned = [names[1], *names[:1], *names[:1:-1]]
-    goal = " AND ".join(f"{above} isOn {below}" for above, below in pairwise(turned))
+    goal = " AND ".join(f"{carton} isOn {support}" for carton, support in pairwise(turned))
     return Problem(
         ontology=upper(), map=map, goal=parse(goal), services=(AvailableService(STACK, ("Robot1",)), AvailableService(UNSTACK, ("Robot1",)))
     )
@@ -75,12 +75,12 @@ def test_every_engine_and_the_small_search_agree(problem: Problem) -> None:
     task = task_of(problem)
     if task is None:
         return
-    found = search(task, 10**9)
+    solution = search(task, 10**9)
     for name, entrant in ENGINES.items():
-        if found is None and not entrant.proves:
+        if solution is None and not entrant.proves:
             continue  # a solver would look for longer and longer plans
         names = race_engines(encode_sas(merge_task(task)), 120, [entrant]).operators
-        assert (names is None) == (found is None), name
+        assert (names is None) == (solution is None), name
         if names is not None:
             state = task.initial
             for move in decode_moves(list(names), task):
@@ -96,9 +96,9 @@ def test_a_task_too_hard_for_the_small_search_goes_to_the_engine() -> None:
     assert task is not None
     with pytest.raises(TooHard):
         search(task, 2_000)
-    found = plan_in_process(problem)
-    assert isinstance(found, Plan)
-    assert validate(found, problem) == []
+    result = plan_in_process(problem)
+    assert isinstance(result, Plan)
+    assert validate(result, problem) == []
 
 
 @needs_engine
@@ -106,9 +106,9 @@ def test_a_task_too_hard_for_the_small_search_goes_to_the_engine() -> None:
 @pytest.mark.parametrize("name", ["depot/pfile7", "driverlog/pfile13"])
 def test_hard_problems_of_the_field_are_planned_for(name: str) -> None:
     problem = codmap(name)
-    found = plan_in_process(problem, 60)
-    assert isinstance(found, Plan)
-    assert validate(found, problem) == []
+    result = plan_in_process(problem, 60)
+    assert isinstance(result, Plan)
+    assert validate(result, problem) == []
 
 
 @needs_codmap
@@ -131,20 +131,20 @@ def test_who_is_in_a_hurry_has_all_vans_drive(tmp_path: Path, monkeypatch: pytes
     vans = [f"van{number}" for number in range(3)]
     text = f"""(define (problem moving) (:domain courier)
       (:objects east west - place {" ".join(names)} - parcel {" ".join(f"(:private {van} {van} - van)" for van in vans)})
-      (:init (road east west) (road west east) {" ".join(f"(at {one} east)" for one in (*names, *vans))})
+      (:init (road east west) (road west east) {" ".join(f"(at {item_name} east)" for item_name in (*names, *vans))})
       (:goal (and {" ".join(f"(at {name} west)" for name in names)})))"""
     for name, content in (("domain", COURIER), ("problem", text)):
         (tmp_path / f"{name}.pddl").write_text(content, encoding="utf-8")
-    asked = read_pddl(tmp_path / "domain.pddl", tmp_path / "problem.pddl").problem()
+    problem = read_pddl(tmp_path / "domain.pddl", tmp_path / "problem.pddl").problem()
     # As long as it takes on a busy machine: the engines end when they have found it.
     monkeypatch.setattr(engines, "LEAST_BETTER", 90.0)
     monkeypatch.setattr(engines, "MOST_BETTER", 90.0)
-    cheap, soon = plan_in_process(asked, 120), plan_in_process(replace(asked, hurry=True), 120)
-    assert isinstance(cheap, Plan)
-    assert isinstance(soon, Plan)
-    assert cost(cheap, asked) <= cost(soon, asked)
-    assert makespan(soon) == 5, "each of three vans loads two, drives, and unloads two"
-    assert makespan(cheap) > 5
+    cheap_plan, fast_plan = plan_in_process(problem, 120), plan_in_process(replace(problem, hurry=True), 120)
+    assert isinstance(cheap_plan, Plan)
+    assert isinstance(fast_plan, Plan)
+    assert cost(cheap_plan, problem) <= cost(fast_plan, problem)
+    assert makespan(fast_plan) == 5, "each of three vans loads two, drives, and unloads two"
+    assert makespan(cheap_plan) > 5
 
 
 @pytest.mark.skipif(importlib.util.find_spec("scipy") is None, reason="SciPy is not installed")
@@ -160,22 +160,29 @@ def test_counting_is_an_engine_that_proves(counted: int) -> None:
 
 
 def test_without_an_engine_the_explanation_says_what_to_install() -> None:
-    found = plan(tower(20), None)
-    assert isinstance(found, NoPlan)
-    assert "somrs[planner]" in found.explanation
+    result = plan(tower(20), None)
+    assert isinstance(result, NoPlan)
+    assert "somrs[planner]" in result.explanation
 
 
 def fifteen_puzzle() -> FiniteTask:
     """Tiles in a square of four by four, of which two are to change places: that cannot be, and to see it takes for ever."""
     blank = 15
-    beside = [(a, b) for a in range(16) for b in range(16) if abs(a // 4 - b // 4) + abs(a % 4 - b % 4) == 1]
+    neighbours = [
+        (cell, other_cell)
+        for cell in range(16)
+        for other_cell in range(16)
+        if abs(cell // 4 - other_cell // 4) + abs(cell % 4 - other_cell % 4) == 1
+    ]
     return FiniteTask(
         names=tuple(tuple(f"at{tile}({place})" for place in range(16)) for tile in range(16)),
         initial=tuple(range(16)),
         goal=((0, 1), (1, 0), *((tile, tile) for tile in range(2, 15))),
         operations=tuple(
-            Operation(move=number, cost=1, preconditions=((tile, a), (blank, b)), effects=(((), tile, b), ((), blank, a)))
-            for number, (tile, (a, b)) in enumerate(product(range(15), beside))
+            Operation(
+                move=number, cost=1, preconditions=((tile, cell), (blank, other_cell)), effects=(((), tile, other_cell), ((), blank, cell))
+            )
+            for number, (tile, (cell, other_cell)) in enumerate(product(range(15), neighbours))
         ),
         mutex_groups=(),
     )

@@ -30,7 +30,7 @@ from somrs.planner_service.process import PlannerProcess
 from somrs.planner_service.service import Planner
 from tests.integration.test_planner_engine import tower
 
-SO_ALREADY = Problem(
+SOLVED_PROBLEM = Problem(
     ontology=upper(),
     map=Map([Object(name="Jar1", type="Jar"), Object(name="Table1", type="Table")], [Fact("isOn", ("Jar1", "Table1"))]),
     goal=parse("Jar1 isOn Table1"),
@@ -47,11 +47,11 @@ def dies(questions: Connection) -> None:
 def test_who_was_killed_is_started_again_for_the_next_question() -> None:
     async def run() -> None:
         with PlannerProcess() as planner:
-            assert await planner.plan(SO_ALREADY) == Plan(())
+            assert await planner.plan(SOLVED_PROBLEM) == Plan(())
             first = planner.pid
             assert first is not None
             os.kill(first, signal.SIGKILL)
-            assert await planner.plan(SO_ALREADY) == Plan(())
+            assert await planner.plan(SOLVED_PROBLEM) == Plan(())
             assert planner.pid != first
 
     asyncio.run(asyncio.wait_for(run(), 120))
@@ -63,8 +63,8 @@ def test_a_question_that_kills_is_not_asked_for_ever(monkeypatch: pytest.MonkeyP
             with monkeypatch.context() as patch:
                 patch.setattr(process, "_serve", dies)
                 with pytest.raises(RemoteError, match="ended 2 times without an answer"):
-                    await planner.plan(SO_ALREADY)
-            assert await planner.plan(SO_ALREADY) == Plan(())
+                    await planner.plan(SOLVED_PROBLEM)
+            assert await planner.plan(SOLVED_PROBLEM) == Plan(())
 
     asyncio.run(asyncio.wait_for(run(), 120))
 
@@ -73,7 +73,7 @@ def test_what_the_planner_raises_is_raised() -> None:
     async def run() -> None:
         broken = ServiceType(name="Work", effect="no formula at all")
         with PlannerProcess() as planner, pytest.raises(RemoteError, match="no formula at all"):
-            await planner.plan(replace(SO_ALREADY, goal=parse("Table1 isOn Jar1"), services=(AvailableService(broken, ("Robot1",)),)))
+            await planner.plan(replace(SOLVED_PROBLEM, goal=parse("Table1 isOn Jar1"), services=(AvailableService(broken, ("Robot1",)),)))
 
     asyncio.run(asyncio.wait_for(run(), 120))
 
@@ -100,20 +100,20 @@ def test_nothing_is_left_when_whoever_asks_is_killed() -> None:
 
 def test_the_process_follows_the_map() -> None:
     """Each question is answered on the map that it came with, though only what changed is sent."""
-    before = SO_ALREADY.map
-    after = before.changed([FactRemoved(Fact("isOn", ("Jar1", "Table1"))), ObjectAdded(Object(name="Jar2", type="Jar"))])
+    map_before = SOLVED_PROBLEM.map
+    map_after = map_before.changed([FactRemoved(Fact("isOn", ("Jar1", "Table1"))), ObjectAdded(Object(name="Jar2", type="Jar"))])
 
     async def run() -> None:
         with PlannerProcess() as planner:
             for map, expected in (
-                (before, True),
-                (after, False),
-                (before, True),
-                (before, True),
-                (Codec[Map](Map).decode(encode(after)), False),
+                (map_before, True),
+                (map_after, False),
+                (map_before, True),
+                (map_before, True),
+                (Codec[Map](Map).decode(encode(map_after)), False),
             ):
-                found = await planner.plan(replace(SO_ALREADY, map=map))
-                assert isinstance(found, Plan) is expected, map.objects
+                result = await planner.plan(replace(SOLVED_PROBLEM, map=map))
+                assert isinstance(result, Plan) is expected, map.objects
 
     asyncio.run(asyncio.wait_for(run(), 120))
 
@@ -121,24 +121,27 @@ def test_the_process_follows_the_map() -> None:
 def test_little_is_sent_of_a_large_map_that_is_there_already() -> None:
     map = Map(Object(name=f"Jar{n}", type="Jar") for n in range(5_000))
     sender, recipient = Sender(), Recipient()
-    whole, again = replace(SO_ALREADY, map=map), replace(SO_ALREADY, map=map.changed([ValueSet("Jar7", "PositionX", 2.0)]))
-    assert recipient.unpack(sender.pack(whole)).map == whole.map
-    shipment = sender.pack(again)
-    assert len(encode(shipment)) < 5_000
-    assert recipient.unpack(shipment) == replace(again, ontology=whole.ontology)
+    problem, changed_problem = (
+        replace(SOLVED_PROBLEM, map=map),
+        replace(SOLVED_PROBLEM, map=map.changed([ValueSet("Jar7", "PositionX", 2.0)])),
+    )
+    assert recipient.unpack(sender.pack(problem)).map == problem.map
+    delta = sender.pack(changed_problem)
+    assert len(encode(delta)) < 5_000
+    assert recipient.unpack(delta) == replace(changed_problem, ontology=problem.ontology)
 
 
 def test_what_needs_no_search_needs_no_process() -> None:
     async def run() -> None:
         with PlannerProcess() as process:
-            assert await Planner(process).plan(SO_ALREADY) == Plan(())
+            assert await Planner(process).plan(SOLVED_PROBLEM) == Plan(())
             assert process.pid is None
 
     asyncio.run(asyncio.wait_for(run(), 120))
 
 
 def test_what_was_searched_is_not_searched_again() -> None:
-    impossible = replace(SO_ALREADY, goal=parse("Table1 isOn Jar1"))
+    impossible = replace(SOLVED_PROBLEM, goal=parse("Table1 isOn Jar1"))
 
     async def run() -> None:
         with PlannerProcess() as process:

@@ -16,7 +16,7 @@ from somrs.service_manager.participant.participant import ServiceManager
 from somrs.service_manager.sdk.orders import Capability, Profile
 from somrs.task_manager.device_queue import AtWork, DeviceQueues
 from somrs.task_manager.reservations import Reservation, Reservations
-from tests.integration.test_rival_task_managers import Hands, until_executing
+from tests.integration.test_rival_task_managers import Hands, run_until_executing
 from tests.support.examples import examples
 from tests.support.told import texts
 from tests.support.virtual_system import Robot, VirtualSystem
@@ -25,7 +25,7 @@ JARS = ("Jar001", "Jar002", "Tin001")
 PLACES = ("Platform001", "Cupboard001", "Cupboard002", "Floor001")
 
 
-def began(robot: Robot) -> list[str]:
+def taken_objects(robot: Robot) -> list[str]:
     """The things that the robot took, in that order."""
     return [order.inputs["Object"] for order in robot.orders]
 
@@ -34,18 +34,18 @@ def test_of_tasks_that_wait_for_one_thing_the_higher_priority_comes_first() -> N
     hands = Hands()
     system = VirtualSystem(hands.robot("Robot1"), hands.robot("Robot2"))
     first = system.submit("Jar002 isOn Platform001", policy=Policy.TIME)
-    until_executing(system, first)
+    run_until_executing(system, first)
     low = system.submit("Jar002 isOn Cupboard002", policy=Policy.TIME)
     high = system.submit("Jar002 isOn Floor001", policy=Policy.TIME, priority=5)
     system.world.run(5)
     assert [system.view(task).phase for task in (low, high)] == [Phase.WAITING] * 2
     views = system.finish(first, low, high)
     assert [view.outcome for view in views] == [Outcome.ACCOMPLISHED] * 3
-    assert in_the_order_in_which_they_ended(system) == [first, high, low]
-    assert not hands.twice
+    assert tasks_by_end(system) == [first, high, low]
+    assert not hands.conflicts
 
 
-def in_the_order_in_which_they_ended(system: VirtualSystem) -> list[str]:
+def tasks_by_end(system: VirtualSystem) -> list[str]:
     ended = {task: transaction.ended_at or 0.0 for task, transaction in system.manager.state.tasks.items()}
     return sorted(ended, key=lambda task: ended[task])
 
@@ -54,21 +54,21 @@ def test_what_is_under_way_is_not_interrupted() -> None:
     robot = Robot("Robot1", price=10, duration=60)
     system = VirtualSystem(robot)
     low = system.submit("Jar001 isOn Platform001", priority=-3)
-    until_executing(system, low)
+    run_until_executing(system, low)
     high = system.submit("Jar001 isOn Cupboard001", priority=1000)
     system.world.run(30)
     assert system.view(low).phase is Phase.EXECUTING
     assert "has Jar001" in system.view(high).explanation
     views = system.finish(low, high)
     assert [view.outcome for view in views] == [Outcome.ACCOMPLISHED] * 2
-    assert in_the_order_in_which_they_ended(system) == [low, high]
+    assert tasks_by_end(system) == [low, high]
 
 
 def test_of_tasks_that_wait_for_one_device_the_higher_priority_comes_first() -> None:
     robot = Robot("Robot1", price=10, duration=60)
     system = VirtualSystem(robot)
     first = system.submit("Jar001 isOn Platform001")
-    until_executing(system, first)
+    run_until_executing(system, first)
     low = system.submit("Jar002 isOn Platform001")
     system.world.run(1)
     high = system.submit("Tin001 isOn Platform001", priority=1)
@@ -78,7 +78,7 @@ def test_of_tasks_that_wait_for_one_device_the_higher_priority_comes_first() -> 
         assert step.state is State.COMMITTED, "whoever waits was promised the device, and is not told to begin"
         assert texts(system.manager.state.tasks[task])[-1] == "waiting for its turn at Robot1"
     system.finish(first, low, high)
-    assert began(robot) == ["Jar001", "Tin001", "Jar002"]
+    assert taken_objects(robot) == ["Jar001", "Tin001", "Jar002"]
 
 
 def test_with_the_same_priority_the_one_that_was_promised_first_comes_first() -> None:
@@ -89,7 +89,7 @@ def test_with_the_same_priority_the_one_that_was_promised_first_comes_first() ->
         tasks.append(system.submit(f"{jar} isOn Platform001"))
         system.world.run(1)
     views = system.finish(*tasks)
-    assert began(robot) == ["Jar002", "Jar001", "Tin001"]
+    assert taken_objects(robot) == ["Jar002", "Jar001", "Tin001"]
     assert max(view.ended_at or 0 for view in views) - views[0].submitted_at < 185, "there is hardly a pause between them"
 
 
@@ -97,15 +97,15 @@ def test_a_device_that_waits_for_nobody_does_the_next_whatever_its_priority() ->
     robot = Robot("Robot1", price=10, duration=60)
     system = VirtualSystem(robot)
     task = system.submit("Jar001 isOn Platform001", priority=-100)
-    until_executing(system, task)
+    run_until_executing(system, task)
     system.finish(task)
-    assert began(robot) == ["Jar001"]
+    assert taken_objects(robot) == ["Jar001"]
 
 
 def test_who_waited_goes_on_when_the_one_before_is_cancelled() -> None:
     system = VirtualSystem(Hands().robot("Robot1", seconds=60))
     first = system.submit("Jar001 isOn Platform001")
-    until_executing(system, first)
+    run_until_executing(system, first)
     second = system.submit("Jar002 isOn Platform001")
     system.world.run(2)
     system.ask(CancelTask(task=first))
@@ -116,7 +116,7 @@ def test_who_waited_goes_on_when_the_one_before_is_cancelled() -> None:
 def test_who_waited_for_a_device_that_falls_silent_does_not_wait_for_ever() -> None:
     system = VirtualSystem(Robot("Robot1", price=10, duration=60))
     first = system.submit("Jar001 isOn Platform001")
-    until_executing(system, first)
+    run_until_executing(system, first)
     second = system.submit("Jar002 isOn Platform001")
     system.world.run(2)
     system.world.cut_off("devices/Robot1")
@@ -130,18 +130,18 @@ def test_between_the_steps_of_a_task_a_more_urgent_one_gets_the_device() -> None
     robot = Robot("Robot1", price=10, duration=60)
     system = VirtualSystem(robot)
     low = system.submit("Jar001 isOn Platform001 AND Tin001 isOn Platform001")
-    until_executing(system, low)
+    run_until_executing(system, low)
     high = system.submit("Jar002 isOn Platform001", priority=1)
     system.finish(low, high)
-    assert began(robot)[1] == "Jar002"
-    assert sorted(began(robot)) == ["Jar001", "Jar002", "Tin001"]
+    assert taken_objects(robot)[1] == "Jar002"
+    assert sorted(taken_objects(robot)) == ["Jar001", "Jar002", "Tin001"]
 
 
 def test_turns_outlive_a_restart() -> None:
     robot = Robot("Robot1", price=10, duration=60)
     system = VirtualSystem(robot)
     tasks = [system.submit("Jar001 isOn Platform001")]
-    until_executing(system, tasks[0])
+    run_until_executing(system, tasks[0])
     tasks += [system.submit("Jar002 isOn Platform001"), system.submit("Tin001 isOn Platform001", priority=1)]
     system.world.run(1)
     system.restart_manager(snapshot=True)
@@ -149,7 +149,7 @@ def test_turns_outlive_a_restart() -> None:
     system.restart_manager()
     views = system.finish(*tasks)
     assert [view.outcome for view in views] == [Outcome.ACCOMPLISHED] * 3
-    assert began(robot) == ["Jar001", "Tin001", "Jar002"]
+    assert taken_objects(robot) == ["Jar001", "Tin001", "Jar002"]
 
 
 def test_a_device_that_does_several_things_at_once_is_told_so_many() -> None:
@@ -174,28 +174,28 @@ def test_priority_is_in_the_list_and_in_the_record() -> None:
     assert isinstance(listed, Tasks)
     assert [view.priority for view in listed.tasks] == [-2]
     system.finish(task)
-    (record,) = [one for one in system.world.records["tm"] if isinstance(one, TaskRecord)]
+    (record,) = [entry for entry in system.world.records["tm"] if isinstance(entry, TaskRecord)]
     assert record.priority == -2
 
 
 @examples(20)
 @given(
-    wanted=st.lists(st.tuples(st.sampled_from(JARS), st.sampled_from(PLACES), st.integers(-2, 2)), min_size=2, max_size=6),
+    requests=st.lists(st.tuples(st.sampled_from(JARS), st.sampled_from(PLACES), st.integers(-2, 2)), min_size=2, max_size=6),
     pauses=st.lists(st.sampled_from((0.0, 0.05, 20.0, 70.0)), min_size=6, max_size=6),
     couple=st.booleans(),
 )
 def test_whatever_is_wanted_and_how_urgently_everybody_gets_a_turn(
-    wanted: list[tuple[str, str, int]], pauses: list[float], couple: bool
+    requests: list[tuple[str, str, int]], pauses: list[float], couple: bool
 ) -> None:
     hands = Hands()
     system = VirtualSystem(hands.robot("Robot1"), *([hands.robot("Robot2")] if couple else []))
     tasks = []
-    for (jar, place, priority), pause in zip(wanted, pauses, strict=False):
+    for (jar, place, priority), pause in zip(requests, pauses, strict=False):
         tasks.append(system.submit(f"{jar} isOn {place}", priority=priority))
         system.world.run(pause)
     views = system.finish(*tasks)
     assert [view.outcome for view in views] == [Outcome.ACCOMPLISHED] * len(tasks)
-    assert not hands.twice
+    assert not hands.conflicts
 
 
 # The parts by themselves
@@ -203,52 +203,54 @@ def test_whatever_is_wanted_and_how_urgently_everybody_gets_a_turn(
 names = st.sampled_from("abcdef")
 
 
-@given(entered=st.lists(st.tuples(names, st.integers(-2, 2)), unique_by=lambda one: one[0]), gone=st.sets(names))
-def test_reservations_keep_those_who_wait_by_priority_and_then_as_they_came(entered: list[tuple[str, int]], gone: set[str]) -> None:
-    reservations, called = Reservations(), list[str]()
+@given(entered=st.lists(st.tuples(names, st.integers(-2, 2)), unique_by=lambda entry: entry[0]), leaving_tasks=st.sets(names))
+def test_reservations_keep_those_who_wait_by_priority_and_then_as_they_came(
+    entered: list[tuple[str, int]], leaving_tasks: set[str]
+) -> None:
+    reservations, called_tasks = Reservations(), list[str]()
     for task, priority in entered:
         reservations.add_task(task, "", priority)
     reservations.hold("holder", Reservation(changes=frozenset("x")))
     for task, _ in reversed(entered):
         reservations.wait(task, Reservation(changes=frozenset("x")))
-    for task in gone:
+    for task in leaving_tasks:
         reservations.remove_task(task)
-    left = [task for task, _ in sorted(entered, key=lambda one: -one[1]) if task not in gone]
-    for expected in left:
-        reservations.remove_task(called[-1] if called else "holder")
-        called += reservations.admit_waiting()
-        assert called[-1] == expected
-    assert called == left
+    remaining = [task for task, _ in sorted(entered, key=lambda entry: -entry[1]) if task not in leaving_tasks]
+    for expected in remaining:
+        reservations.remove_task(called_tasks[-1] if called_tasks else "holder")
+        called_tasks += reservations.admit_waiting()
+        assert called_tasks[-1] == expected
+    assert called_tasks == remaining
 
 
 class Bench:
     """Tasks that want turns at one device, as pursuits do; some steps vanish while they wait."""
 
-    def __init__(self, at_once: int) -> None:
+    def __init__(self, capacity: int) -> None:
         self.queues = DeviceQueues()
-        self.offer = OFFER if at_once == 1 else _offer(at_once)
-        self.at_once = at_once
+        self.offer = OFFER if capacity == 1 else _offer(capacity)
+        self.capacity = capacity
         self.ready: dict[str, int] = {}
         self.working: set[str] = set()
         self.log: list[str] = []
 
     def proceed(self, task: str) -> None:
-        if task in self.ready and self.queues.request_turn(self.offer, task, (-self.ready[task], 0, 0, task), self.still):
+        if task in self.ready and self.queues.request_turn(self.offer, task, (-self.ready[task], 0, 0, task), self.is_working):
             del self.ready[task]
             self.working.add(task)
             self.log.append(task)
             self.queues.add_work("Robot1", AtWork(task, "participant"))
 
-    def still(self, work: AtWork) -> bool:
+    def is_working(self, work: AtWork) -> bool:
         return work.transaction in self.working
 
     def wake(self) -> None:
-        for task in self.queues.admit_waiting(self.still):
+        for task in self.queues.admit_waiting(self.is_working):
             self.proceed(task)
 
 
-def _offer(at_once: int = 1) -> Offer:
-    attributes: dict[str, Value] = {CAPACITY_ATTRIBUTE: at_once} if at_once != 1 else {}
+def _offer(capacity: int = 1) -> Offer:
+    attributes: dict[str, Value] = {CAPACITY_ATTRIBUTE: capacity} if capacity != 1 else {}
     service_type = ServiceType(name="Work", effect="")
     return Offer(
         service="Robot1.Work", provider="Robot1", provider_type="Robot", address="", service_type=service_type, attributes=attributes
@@ -256,32 +258,32 @@ def _offer(at_once: int = 1) -> Offer:
 
 
 OFFER = _offer()
-deeds = st.lists(st.tuples(st.sampled_from(("want", "end", "vanish", "restart")), names, st.integers(-1, 1)), max_size=40)
+action_lists = st.lists(st.tuples(st.sampled_from(("want", "end", "vanish", "restart")), names, st.integers(-1, 1)), max_size=40)
 
 
 @examples(75)
-@given(deeds=deeds, at_once=st.integers(1, 3))
+@given(actions=action_lists, capacity=st.integers(1, 3))
 def test_a_device_is_never_idle_while_somebody_waits_nor_overrun_and_the_highest_goes_first(
-    deeds: list[tuple[str, str, int]], at_once: int
+    actions: list[tuple[str, str, int]], capacity: int
 ) -> None:
-    bench = Bench(at_once)
-    for deed, task, priority in deeds:
-        before = dict(bench.ready)
-        took = len(bench.log)
-        match deed:
+    bench = Bench(capacity)
+    for action, task, priority in actions:
+        ready_before = dict(bench.ready)
+        log_length = len(bench.log)
+        match action:
             case "want" if task not in bench.working and task not in bench.ready:
-                bench.ready[task] = before[task] = priority
+                bench.ready[task] = ready_before[task] = priority
                 bench.proceed(task)
             case "end":
                 bench.working.discard(task)
             case "vanish":
                 bench.ready.pop(task, None)
-                before.pop(task, None)
+                ready_before.pop(task, None)
             case "restart":
                 bench.queues = Codec[DeviceQueues](DeviceQueues).decode(encode(bench.queues))
         bench.wake()
-        assert len(bench.working) <= at_once
-        assert not bench.ready or len(bench.working) == at_once
-        for began_now in bench.log[took:]:
-            assert before[began_now] == max(before.values())
-            del before[began_now]
+        assert len(bench.working) <= capacity
+        assert not bench.ready or len(bench.working) == capacity
+        for begun_task in bench.log[log_length:]:
+            assert ready_before[begun_task] == max(ready_before.values())
+            del ready_before[begun_task]

@@ -18,11 +18,11 @@ from somrs.gui.pages.tasks import _table_row as task_row
 from somrs.protocol.messages.clients import TaskRow, TasksNews, WatchTasks
 from somrs.protocol.messages.events import EventKind
 from somrs.protocol.messages.records import TaskRecord
-from tests.integration.test_recovery import WISH
+from tests.integration.test_recovery import GOAL
 from tests.support.virtual_system import Robot, VirtualSystem
 
-WHY = (
-    f"no plan: {WISH} could be brought about by TransferObject, but nobody is left to do it "
+REASON = (
+    f"no plan: {GOAL} could be brought about by TransferObject, but nobody is left to do it "
     "(Robot1.TransferObject: it is too heavy; Robot2.TransferObject: its way is blocked)"
 )
 
@@ -31,23 +31,23 @@ WHY = (
 def system() -> VirtualSystem:
     """In which all robots refused, each for a reason of its own."""
     system = VirtualSystem(Robot("Robot1", 10, 60, refuses="it is too heavy"), Robot("Robot2", 25, 60, refuses="its way is blocked"))
-    system.finish(system.submit(WISH))
+    system.finish(system.submit(GOAL))
     return system
 
 
 @pytest.fixture(scope="module")
 def record(system: VirtualSystem) -> TaskRecord:
-    (found,) = [entry for entry in system.world.records["tm"] if isinstance(entry, TaskRecord)]
-    return found
+    (task_record,) = [entry for entry in system.world.records["tm"] if isinstance(entry, TaskRecord)]
+    return task_record
 
 
 @pytest.fixture(scope="module")
-def before(record: TaskRecord) -> TaskRecord:
+def old_record(record: TaskRecord) -> TaskRecord:
     """The same as SO-MRS 0.1 kept it: without reasons, and events in sentences only."""
     return structs.replace(record, reasons=(), events=tuple(structs.replace(event, event=None) for event in record.events))
 
 
-def shown(*things: object) -> str:
+def console_text(*things: object) -> str:
     console = Console(file=io.StringIO(), width=400, highlight=False)
     for thing in things:
         console.print(thing)
@@ -56,12 +56,12 @@ def shown(*things: object) -> str:
 
 
 def test_a_reason_with_a_list_in_it_is_one_reason(record: TaskRecord) -> None:
-    assert record.reasons == (WHY,)
-    assert record.explanation == WHY
+    assert record.reasons == (REASON,)
+    assert record.explanation == REASON
 
 
 def test_the_page_of_a_task_shows_it_whole(record: TaskRecord) -> None:
-    whole = WHY[:1].upper() + WHY[1:]
+    whole = REASON[:1].upper() + REASON[1:]
     assert [reason_text(reason) for reason in reasons(view(record))] == [whole]
     assert [line.text for line in story(view(record), record.events)[-1].lines] == [whole]
 
@@ -70,31 +70,33 @@ def test_the_page_of_tasks_shows_it_whole(system: VirtualSystem) -> None:
     (news,) = [answer for answer in [system.ask(WatchTasks())] if isinstance(answer, TasksNews)]
     (row,) = news.rows
     assert isinstance(row, TaskRow)
-    assert task_row(row, frozenset(), row.submitted_at)["note"] == WHY[:1].upper() + WHY[1:]
+    assert task_row(row, frozenset(), row.submitted_at)["note"] == REASON[:1].upper() + REASON[1:]
 
 
 def test_the_page_of_history_shows_it_whole(record: TaskRecord) -> None:
-    assert history_row(record)["why"] == WHY
+    assert history_row(record)["why"] == REASON
 
 
 def test_the_terminal_shows_it_whole(record: TaskRecord) -> None:
-    seen = view(record)
-    assert WHY in shown(terminal.tasks([seen]))
+    task_view = view(record)
+    assert REASON in console_text(terminal.tasks([task_view]))
     console = Console(file=io.StringIO(), width=400, highlight=False)
     print_report(TaskReport.from_record(record), console)
     assert isinstance(console.file, io.StringIO)
-    assert console.file.getvalue().count(WHY) == 1
+    assert console.file.getvalue().count(REASON) == 1
 
 
-def test_a_record_without_reasons_shows_its_explanation_whole(before: TaskRecord) -> None:
-    assert reasons(before) == (WHY,)
-    assert history_row(before)["why"] == WHY
-    assert WHY in shown(terminal.ending(view(before)))
+def test_a_record_without_reasons_shows_its_explanation_whole(old_record: TaskRecord) -> None:
+    assert reasons(old_record) == (REASON,)
+    assert history_row(old_record)["why"] == REASON
+    assert REASON in console_text(terminal.ending(view(old_record)))
 
 
-def test_of_a_record_without_structs_the_events_are_told_as_they_are(before: TaskRecord) -> None:
-    chapters = story(view(before), before.events)
+def test_of_a_record_without_structs_the_events_are_told_as_they_are(old_record: TaskRecord) -> None:
+    chapters = story(view(old_record), old_record.events)
     assert [chapter.title for chapter in chapters] == ["client stated the task", "What was kept of it", "Failed"]
-    kept = before.events[1:-1]
-    assert [line.text for line in chapters[1].lines] == [f"{event.step}: {event.text}" if event.step else event.text for event in kept]
-    assert [line.kind for line in chapters[1].lines] == [event.kind if event.kind is not EventKind.NEWS else None for event in kept]
+    text_events = old_record.events[1:-1]
+    assert [line.text for line in chapters[1].lines] == [
+        f"{event.step}: {event.text}" if event.step else event.text for event in text_events
+    ]
+    assert [line.kind for line in chapters[1].lines] == [event.kind if event.kind is not EventKind.NEWS else None for event in text_events]

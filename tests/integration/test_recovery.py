@@ -16,10 +16,10 @@ from somrs.protocol.messages.records import TaskRecord
 from somrs.runtime.virtual import LATENCY, Work
 from somrs.service_manager.sdk.orders import Advance, Halt, Order, ServiceFailed, WorkDone
 from somrs.task_manager.execution.execution_log import situation_to_restore
-from tests.support.virtual_system import Robot, Script, VirtualSystem, done
+from tests.support.virtual_system import Robot, Script, VirtualSystem, transfer_effect
 
-WISH = "Jar002 isOn Platform001"
-BOTH = "Jar001 isOn Platform001 AND Jar002 isOn Platform001"
+GOAL = "Jar002 isOn Platform001"
+BOTH_JARS = "Jar001 isOn Platform001 AND Jar002 isOn Platform001"
 
 
 def holding(name: str, seconds: float = 10.0) -> Script:
@@ -29,7 +29,7 @@ def holding(name: str, seconds: float = 10.0) -> Script:
     return works
 
 
-def puts_back(order: Order, situation: str) -> Work:
+def restore_object(order: Order, situation: str) -> Work:
     yield 10.0, WorkDone(situation=situation)
 
 
@@ -39,11 +39,11 @@ def update(system: VirtualSystem, *changes: Change) -> None:
     system.world.run(1)
 
 
-def only(view: TaskView, state: State) -> list[str]:
+def robots_in_state(view: TaskView, state: State) -> list[str]:
     return [work.service.partition(".")[0] for work in view.work if work.state is state]
 
 
-def until_one_is_done(system: VirtualSystem, task: str) -> None:
+def run_until_step_done(system: VirtualSystem, task: str) -> None:
     assert system.world.run(600, lambda: any(step.state is State.COMPLETED for step in system.view(task).steps))
     system.world.run(1)
 
@@ -52,13 +52,13 @@ def until_one_is_done(system: VirtualSystem, task: str) -> None:
 
 
 def test_what_was_done_is_undone_when_the_client_cancels() -> None:
-    system = VirtualSystem(Robot("Robot1", 10, 60, undoes=puts_back))
-    task = system.submit(BOTH)
-    until_one_is_done(system, task)
+    system = VirtualSystem(Robot("Robot1", 10, 60, undoes=restore_object))
+    task = system.submit(BOTH_JARS)
+    run_until_step_done(system, task)
     system.ask(CancelTask(task=task))
     (view,) = system.finish(task)
     assert view.outcome is Outcome.CANCELLED
-    assert [kind for kind, _ in system.said(task)][-6:] == ["Stop", "Stopped", "Compensate", "Compensated", "End", "End"]
+    assert [kind for kind, _ in system.protocol_messages(task)][-6:] == ["Stop", "Stopped", "Compensate", "Compensated", "End", "End"]
     assert system.map.has_fact("isOn", ("Jar001", "Cupboard002"))
     assert system.map.has_fact("isOn", ("Jar002", "Cupboard001"))
     assert "was undone" in view.explanation
@@ -66,24 +66,24 @@ def test_what_was_done_is_undone_when_the_client_cancels() -> None:
 
 def test_steps_are_undone_in_the_reverse_of_the_order_in_which_they_were_done() -> None:
     def dawdles(order: Order) -> Work:
-        yield 40.0 if order.inputs["Object"] != "Tin001" else 500.0, WorkDone(situation=done(order))
+        yield 40.0 if order.inputs["Object"] != "Tin001" else 500.0, WorkDone(situation=transfer_effect(order))
 
-    system = VirtualSystem(Robot("Robot1", 10, 60, works=dawdles, undoes=puts_back))
-    task = system.submit(f"{BOTH} AND Tin001 isOn Platform001")
+    system = VirtualSystem(Robot("Robot1", 10, 60, works=dawdles, undoes=restore_object))
+    task = system.submit(f"{BOTH_JARS} AND Tin001 isOn Platform001")
     assert system.world.run(600, lambda: sum(step.state is State.COMPLETED for step in system.view(task).steps) == 2)
     system.ask(CancelTask(task=task))
     (view,) = system.finish(task)
     compensated = [m.header.participant for m in system.world.messages if isinstance(m.body, frp.Compensate)]
     completed = [m.header.participant for m in system.world.messages if isinstance(m.body, frp.Completed)]
     assert compensated == completed[::-1]
-    assert only(view, State.COMPENSATED)[:2] == ["Robot1", "Robot1"]
+    assert robots_in_state(view, State.COMPENSATED)[:2] == ["Robot1", "Robot1"]
 
 
 def test_what_its_robot_cannot_undo_others_restore() -> None:
     robots = Robot("Robot1", 10, 60), Robot("Robot2", 25, 60)
     system = VirtualSystem(*robots)
-    task = system.submit(BOTH)
-    until_one_is_done(system, task)
+    task = system.submit(BOTH_JARS)
+    run_until_step_done(system, task)
     system.ask(CancelTask(task=task))
     (view,) = system.finish(task)
     assert view.outcome is Outcome.CANCELLED
@@ -95,17 +95,17 @@ def test_what_its_robot_cannot_undo_others_restore() -> None:
 def test_what_nobody_can_undo_is_told_with_where_it_is() -> None:
     """FRP, property 4."""
 
-    def once(order: Order) -> Work:
+    def fail_second_jar(order: Order) -> Work:
         yield (
             10.0,
-            WorkDone(situation=done(order))
+            WorkDone(situation=transfer_effect(order))
             if order.inputs["Destination"] == "Platform001" and order.inputs["Object"] == first
             else (ServiceFailed("the gripper is stuck", f"{order.inputs['Object']} isOn {'Floor001'}")),
         )
 
     first = "Jar001"
-    system = VirtualSystem(Robot("Robot1", 10, 60, works=once))
-    (view,) = system.finish(system.submit(BOTH))
+    system = VirtualSystem(Robot("Robot1", 10, 60, works=fail_second_jar))
+    (view,) = system.finish(system.submit(BOTH_JARS))
     assert view.outcome is Outcome.FAILED
     stranded = [work for work in view.work if work.state is State.STRANDED]
     assert stranded
@@ -116,12 +116,12 @@ def test_what_nobody_can_undo_is_told_with_where_it_is() -> None:
 
 def test_what_a_failure_left_in_the_way_is_undone_and_the_step_begun_again() -> None:
     """FRP, third rung: nobody takes a jar out of a broken robot's gripper, so that robot has to give it back."""
-    system = VirtualSystem(Robot("Robot1", 10, 60, works=holding("Robot1"), undoes=puts_back), Robot("Robot2", 25, 60))
-    task = system.submit(WISH)
+    system = VirtualSystem(Robot("Robot1", 10, 60, works=holding("Robot1"), undoes=restore_object), Robot("Robot2", 25, 60))
+    task = system.submit(GOAL)
     (view,) = system.finish(task)
     assert view.outcome is Outcome.ACCOMPLISHED
-    said = [pair for pair in system.said(task) if pair[1] == "Robot1"]
-    assert said[-3:] == [("Compensate", "Robot1"), ("Compensated", "Robot1"), ("End", "Robot1")]
+    robot_messages = [pair for pair in system.protocol_messages(task) if pair[1] == "Robot1"]
+    assert robot_messages[-3:] == [("Compensate", "Robot1"), ("Compensated", "Robot1"), ("End", "Robot1")]
     assert view.steps[0].service == "Robot2.TransferObject"
 
 
@@ -129,7 +129,7 @@ def test_nobody_takes_over_from_a_robot_that_may_still_be_undoing() -> None:
     """FRP, property 1: it shows that it is alive, and does not come to an end."""
     halted: list[float] = []
 
-    def never(order: Order, situation: str) -> Work:
+    def undo_endlessly(order: Order, situation: str) -> Work:
         yield 1e9, WorkDone()
 
     def carries(task: object) -> Work:
@@ -139,13 +139,13 @@ def test_nobody_takes_over_from_a_robot_that_may_still_be_undoing() -> None:
         else:
             yield from robot.carry_out(task)
 
-    robot = Robot("Robot1", 10, 5, undoes=never)
-    system = patrolled("Platform001", robot, Robot("Robot2", 25, 5))
+    robot = Robot("Robot1", 10, 5, undoes=undo_endlessly)
+    system = patrolled_system("Platform001", robot, Robot("Robot2", 25, 5))
     manager = system.device("Robot1")
     system.world.remove("devices/Robot1")
     system.world.add("devices/Robot1", manager, carries)
-    task = system.submit(BOTH)
-    until_one_is_done(system, task)
+    task = system.submit(BOTH_JARS)
+    run_until_step_done(system, task)
     system.ask(CancelTask(task=task))
     (view,) = system.finish(task)
     assert view.outcome is Outcome.CANCELLED
@@ -161,9 +161,9 @@ def test_what_a_failed_undoing_left_is_looked_at() -> None:
     def fails(order: Order, situation: str) -> Work:
         yield 5.0, ServiceFailed("the gripper is stuck", None)
 
-    system = patrolled("Floor001", Robot("Robot1", 10, 60, undoes=fails))
-    task = system.submit(BOTH)
-    until_one_is_done(system, task)
+    system = patrolled_system("Floor001", Robot("Robot1", 10, 60, undoes=fails))
+    task = system.submit(BOTH_JARS)
+    run_until_step_done(system, task)
     jar = next(step.inputs["Object"] for step in system.view(task).steps if step.state is State.COMPLETED)
     system.ask(CancelTask(task=task))
     assert system.world.run(600, lambda: system.map.has_fact("isOn", (jar, "Floor001")))
@@ -174,8 +174,8 @@ def test_what_a_failed_undoing_left_is_looked_at() -> None:
 def test_who_cannot_undo_says_nothing_of_where_things_are_by_now() -> None:
     """FRP, property 5: what it left is long ago, and somebody has told since."""
     system = VirtualSystem(Robot("Robot1", 10, 60))
-    task = system.submit(BOTH)
-    until_one_is_done(system, task)
+    task = system.submit(BOTH_JARS)
+    run_until_step_done(system, task)
     jar = next(step.inputs["Object"] for step in system.view(task).steps if step.state is State.COMPLETED)
     update(system, FactRemoved(Fact("isOn", (jar, "Platform001"))), FactAdded(Fact("isHeldBy", (jar, "Robot4"))))
     system.ask(CancelTask(task=task))
@@ -186,12 +186,12 @@ def test_who_cannot_undo_says_nothing_of_where_things_are_by_now() -> None:
 
 
 def test_a_robot_that_falls_silent_while_it_undoes_holds_nobody_up() -> None:
-    def never(order: Order, situation: str) -> Work:
+    def undo_endlessly(order: Order, situation: str) -> Work:
         yield 1e9, WorkDone()
 
-    system = VirtualSystem(Robot("Robot1", 10, 60, undoes=never), Robot("Robot2", 25, 60))
-    task = system.submit(BOTH, policy=Policy.PRICE)
-    until_one_is_done(system, task)
+    system = VirtualSystem(Robot("Robot1", 10, 60, undoes=undo_endlessly), Robot("Robot2", 25, 60))
+    task = system.submit(BOTH_JARS, policy=Policy.PRICE)
+    run_until_step_done(system, task)
     system.ask(CancelTask(task=task))
     assert system.world.run(600, lambda: any(isinstance(m.body, frp.Compensate) for m in system.world.messages))
     system.world.run(1)
@@ -205,18 +205,18 @@ def test_a_robot_that_falls_silent_while_it_undoes_holds_nobody_up() -> None:
 # Looking
 
 
-def sees(where: str) -> Script:
+def recognize_at_place(place: str) -> Script:
     def works(order: Order) -> Work:
         object = order.inputs["Object"]
         yield 5.0, Advance(fraction=0.5, note=f"looks for {object}")
-        yield 5.0, WorkDone(situation=f"{object} isOn {where} AND {object}.Unknown = FALSE")
+        yield 5.0, WorkDone(situation=f"{object} isOn {place} AND {object}.Unknown = FALSE")
 
     return works
 
 
-def patrolled(where: str, *robots: Robot) -> VirtualSystem:
+def patrolled_system(place: str, *robots: Robot) -> VirtualSystem:
     system = VirtualSystem(*robots)
-    system.join(Robot("Robot3", 1, 10, works=sees(where)), service="RecognizeSituation")
+    system.join(Robot("Robot3", 1, 10, works=recognize_at_place(place)), service="RecognizeSituation")
     system.world.run(2)
     return system
 
@@ -228,8 +228,8 @@ def goes_silent(system: VirtualSystem, task: str, robot: str = "Robot1") -> None
 
 
 def test_a_patrol_robot_says_what_a_silent_robot_left() -> None:
-    system = patrolled("Floor001", Robot("Robot1", 10, 600), Robot("Robot2", 25, 60))
-    task = system.submit(WISH)
+    system = patrolled_system("Floor001", Robot("Robot1", 10, 600), Robot("Robot2", 25, 60))
+    task = system.submit(GOAL)
     goes_silent(system, task)
     (view,) = system.finish(task)
     assert view.outcome is Outcome.ACCOMPLISHED
@@ -237,7 +237,7 @@ def test_a_patrol_robot_says_what_a_silent_robot_left() -> None:
     second = [m.body for m in system.world.messages if isinstance(m.body, frp.Execute)][-1]
     assert second.precondition is not None
     assert "Jar002 isOn Floor001" in second.precondition
-    assert ("Execute", "Robot3") in system.said(task)
+    assert ("Execute", "Robot3") in system.protocol_messages(task)
 
 
 def test_a_report_that_says_nothing_of_the_thing_has_somebody_look() -> None:
@@ -245,8 +245,8 @@ def test_a_report_that_says_nothing_of_the_thing_has_somebody_look() -> None:
         yield 10.0, Advance(fraction=0.4, situation="Jar002 isHeldBy Robot1")
         yield 10.0, ServiceFailed("the robot does not answer", "Robot1.Working = FALSE")
 
-    system = patrolled("Floor001", Robot("Robot1", 10, 60, works=robot_is_silent_to_its_manager), Robot("Robot2", 25, 60))
-    (view,) = system.finish(system.submit(WISH))
+    system = patrolled_system("Floor001", Robot("Robot1", 10, 60, works=robot_is_silent_to_its_manager), Robot("Robot2", 25, 60))
+    (view,) = system.finish(system.submit(GOAL))
     assert view.outcome is Outcome.ACCOMPLISHED
     assert view.steps[0].service == "Robot2.TransferObject"
     assert "Robot3.RecognizeSituation" in {work.service for work in view.work}
@@ -254,8 +254,8 @@ def test_a_report_that_says_nothing_of_the_thing_has_somebody_look() -> None:
 
 def test_what_the_silent_robot_had_finished_is_not_done_again() -> None:
     robot2 = Robot("Robot2", 25, 60)
-    system = patrolled("Platform001", Robot("Robot1", 10, 600), robot2)
-    task = system.submit(WISH)
+    system = patrolled_system("Platform001", Robot("Robot1", 10, 600), robot2)
+    task = system.submit(GOAL)
     goes_silent(system, task)
     (view,) = system.finish(task)
     assert view.outcome is Outcome.ACCOMPLISHED
@@ -276,7 +276,7 @@ def test_with_nobody_to_look_nothing_is_assumed_and_another_jar_will_do() -> Non
 
 def test_with_nobody_to_look_and_no_other_jar_the_client_hears_what_is_not_known() -> None:
     system = VirtualSystem(Robot("Robot1", 10, 600), Robot("Robot2", 25, 60))
-    task = system.submit(WISH)
+    task = system.submit(GOAL)
     goes_silent(system, task)
     (view,) = system.finish(task)
     assert view.outcome is Outcome.FAILED
@@ -291,7 +291,7 @@ def test_what_a_failure_left_and_nobody_saw_is_not_called_undone() -> None:
         yield 5.0, ServiceFailed("the gripper is stuck", None)
 
     system = VirtualSystem(Robot("Robot1", 10, 60, works=fails))
-    (view,) = system.finish(system.submit(WISH))
+    (view,) = system.finish(system.submit(GOAL))
     assert view.outcome is Outcome.FAILED
     assert system.map.objects["Jar002"].values["Unknown"] is True
     assert "nothing is known of Jar002" in view.explanation
@@ -304,14 +304,14 @@ def test_who_cancels_while_somebody_looks_is_not_told_that_all_is_undone() -> No
     def fails(order: Order) -> Work:
         yield 5.0, ServiceFailed("the gripper is stuck", None)
 
-    system = patrolled("Floor001", Robot("Robot1", 10, 60, works=fails))
-    task = system.submit(WISH)
-    assert system.world.run(60, lambda: ("Execute", "Robot3") in system.said(task))
+    system = patrolled_system("Floor001", Robot("Robot1", 10, 60, works=fails))
+    task = system.submit(GOAL)
+    assert system.world.run(60, lambda: ("Execute", "Robot3") in system.protocol_messages(task))
     system.ask(CancelTask(task=task))
     (view,) = system.finish(task)
     assert view.outcome is Outcome.CANCELLED
     assert system.map.has_fact("isOn", ("Jar002", "Floor001")), "somebody looked after all"
-    assert only(view, State.STRANDED) == ["Robot1"]
+    assert robots_in_state(view, State.STRANDED) == ["Robot1"]
     assert "Jar002 isOn Floor001" in view.explanation
 
 
@@ -325,15 +325,15 @@ def test_what_nobody_knows_is_no_reason_to_be_content() -> None:
 
 
 def test_when_the_one_who_looks_falls_silent_too_another_looks() -> None:
-    system = patrolled("Floor001", Robot("Robot1", 10, 600), Robot("Robot2", 25, 60))
-    system.join(Robot("Robot4", 5, 10, works=sees("Floor001")), service="RecognizeSituation")
-    task = system.submit(WISH)
+    system = patrolled_system("Floor001", Robot("Robot1", 10, 600), Robot("Robot2", 25, 60))
+    system.join(Robot("Robot4", 5, 10, works=recognize_at_place("Floor001")), service="RecognizeSituation")
+    task = system.submit(GOAL)
     goes_silent(system, task)
-    assert system.world.run(200, lambda: ("Execute", "Robot3") in system.said(task))
+    assert system.world.run(200, lambda: ("Execute", "Robot3") in system.protocol_messages(task))
     system.world.remove("devices/Robot3")
     (view,) = system.finish(task)
     assert view.outcome is Outcome.ACCOMPLISHED
-    assert ("Execute", "Robot4") in system.said(task)
+    assert ("Execute", "Robot4") in system.protocol_messages(task)
 
 
 def test_a_robot_that_takes_far_longer_than_it_said_is_stopped() -> None:
@@ -342,10 +342,10 @@ def test_a_robot_that_takes_far_longer_than_it_said_is_stopped() -> None:
             yield 5.0, Advance(fraction=0.1, situation="Jar002 isOn Cupboard001")
 
     system = VirtualSystem(Robot("Robot1", 1, 10, works=dawdles), Robot("Robot2", 25, 60))
-    task = system.submit(WISH)
+    task = system.submit(GOAL)
     (view,) = system.finish(task)
     assert view.outcome is Outcome.ACCOMPLISHED
-    assert ("Stop", "Robot1") in system.said(task)
+    assert ("Stop", "Robot1") in system.protocol_messages(task)
     assert view.steps[0].service == "Robot2.TransferObject"
 
 
@@ -358,7 +358,7 @@ def test_who_looks_and_sees_nothing_has_found_nothing() -> None:
     system = VirtualSystem(Robot("Robot1", 10, 600), Robot("Robot2", 25, 60))
     system.join(Robot("Robot3", 1, 10, works=blind), service="RecognizeSituation")
     update(system, ValueSet("Jar002", "Unknown", False))
-    task = system.submit(WISH)
+    task = system.submit(GOAL)
     goes_silent(system, task)
     (view,) = system.finish(task)
     assert view.outcome is Outcome.FAILED
@@ -369,13 +369,13 @@ def test_who_looks_and_sees_nothing_has_found_nothing() -> None:
 def test_one_that_comes_back_has_stopped_before_another_takes_its_step() -> None:
     """FRP, property 1: its Service Manager is started again while somebody looks, and it takes long to stand still."""
     robot1, robot2 = Robot("Robot1", 10, 600, halts=14.0), Robot("Robot2", 25, 60)
-    system = patrolled("Floor001", robot1, robot2)
-    task = system.submit(WISH)
+    system = patrolled_system("Floor001", robot1, robot2)
+    task = system.submit(GOAL)
     goes_silent(system, task)
-    assert system.world.run(200, lambda: ("Execute", "Robot3") in system.said(task))
+    assert system.world.run(200, lambda: ("Execute", "Robot3") in system.protocol_messages(task))
     system.restart(robot1)
-    assert system.world.run(200, lambda: ("Execute", "Robot2") in system.said(task))
-    assert ("Stop", "Robot1") in system.said(task)
+    assert system.world.run(200, lambda: ("Execute", "Robot2") in system.protocol_messages(task))
+    assert ("Stop", "Robot1") in system.protocol_messages(task)
     assert system.device("Robot1").idle
     (view,) = system.finish(task)
     assert view.outcome is Outcome.ACCOMPLISHED
@@ -392,16 +392,16 @@ def test_a_procedure_for_a_failure_goes_before_the_ladder() -> None:
         yield 5.0, ServiceFailed("it slipped", f"{order.inputs['Object']} isOn Floor001")
 
     system = VirtualSystem(Robot("Robot1", 1, 10, works=slips), Robot("Robot2", 25, 60))
-    (view,) = system.finish(system.submit(WISH, handlers=(tidy,)))
+    (view,) = system.finish(system.submit(GOAL, handlers=(tidy,)))
     assert view.outcome is Outcome.ACCOMPLISHED
     assert [work.inputs["Destination"] for work in view.work] == ["Platform001", "Cupboard001", "Platform001"]
 
 
 def test_a_procedure_for_undoing_goes_before_restoring() -> None:
     aside = Handler(on=Occasion.COMPENSATION, effect="?Object isOn Floor001")
-    system = VirtualSystem(Robot("Robot1", 1, 10, undoes=puts_back))
-    task = system.submit(BOTH, handlers=(aside,))
-    until_one_is_done(system, task)
+    system = VirtualSystem(Robot("Robot1", 1, 10, undoes=restore_object))
+    task = system.submit(BOTH_JARS, handlers=(aside,))
+    run_until_step_done(system, task)
     done_first = next(step.inputs["Object"] for step in system.view(task).steps if step.state is State.COMPLETED)
     system.ask(CancelTask(task=task))
     (view,) = system.finish(task)
@@ -413,7 +413,7 @@ def test_a_procedure_for_undoing_goes_before_restoring() -> None:
 def test_a_procedure_that_makes_no_sense_is_rejected_with_the_task() -> None:
     wrong = Handler(on=Occasion.FAILURE, effect="?Objekt isOn Nowhere")
     system = VirtualSystem(Robot("Robot1", 1, 10))
-    answer = system.rejected(WISH, handlers=(wrong,))
+    answer = system.rejected(GOAL, handlers=(wrong,))
     assert "Nowhere" in answer
 
 
@@ -421,25 +421,25 @@ def test_a_procedure_that_makes_no_sense_is_rejected_with_the_task() -> None:
 
 
 def test_all_of_a_task_that_is_over_is_kept() -> None:
-    system = VirtualSystem(Robot("Robot1", 10, 60, works=holding("Robot1"), undoes=puts_back), Robot("Robot2", 25, 60))
-    task = system.submit(WISH)
+    system = VirtualSystem(Robot("Robot1", 10, 60, works=holding("Robot1"), undoes=restore_object), Robot("Robot2", 25, 60))
+    task = system.submit(GOAL)
     (view,) = system.finish(task)
     (record,) = [entry for entry in system.world.records["tm"] if isinstance(entry, TaskRecord)]
     assert (record.task, record.outcome, record.client) == (task, Outcome.ACCOMPLISHED, "client")
     assert record.work == view.work
     assert {contract.service for contract in record.contracts if contract.accepted} == {"Robot1.TransferObject", "Robot2.TransferObject"}
     assert all(contract.price in (10, 25) for contract in record.contracts)
-    said = [message.type for message in record.messages]
-    sent = [type(m.body).__name__ for m in system.world.messages if m.header.transaction == task]
-    assert sorted(said) == sorted(sent)
+    recorded_types = [message.type for message in record.messages]
+    sent_types = [type(m.body).__name__ for m in system.world.messages if m.header.transaction == task]
+    assert sorted(recorded_types) == sorted(sent_types)
     assert [message.at for message in record.messages] == sorted(message.at for message in record.messages)
 
 
 def test_the_task_manager_may_be_killed_at_any_time() -> None:
     """FRP, property 7: what goes on from its journal, or from a snapshot, ends as it would have without."""
     for snapshot in (False, True):
-        system = patrolled("Floor001", Robot("Robot1", 10, 600), Robot("Robot2", 25, 60, undoes=puts_back))
-        task = system.submit(WISH)
+        system = patrolled_system("Floor001", Robot("Robot1", 10, 600), Robot("Robot2", 25, 60, undoes=restore_object))
+        task = system.submit(GOAL)
         goes_silent(system, task)
         for number in range(400):
             system.world.run(0.5)
@@ -454,11 +454,11 @@ def test_the_task_manager_may_be_killed_at_any_time() -> None:
 def test_what_a_robot_lays_down_that_comes_back_when_all_is_over_comes_to_the_map() -> None:
     def carries(order: Order) -> Work:
         yield 10.0, Advance(fraction=0.4, situation="Jar002 isHeldBy Robot1")
-        yield 500.0, WorkDone(situation=done(order))
+        yield 500.0, WorkDone(situation=transfer_effect(order))
 
     robot = Robot("Robot1", 10, 60, works=carries, lays_down="Jar002 isOn Floor001")
     system = VirtualSystem(robot)
-    task = system.submit(WISH)
+    task = system.submit(GOAL)
     assert system.world.run(60, lambda: system.map.has_fact("isHeldBy", ("Jar002", "Robot1")))
     system.world.kill("devices/Robot1")
     (view,) = system.finish(task)
@@ -479,8 +479,8 @@ def test_what_contradicts_an_assumption_is_known_before_anything_is_planned_on_i
         yield 10.0, ServiceFailed("it is not in the gripper any more")
 
     system = VirtualSystem(Robot("Robot1", 10, 60, works=loses), Robot("Robot2", 25, 60), medium=slow_news)
-    task = system.submit(WISH)
-    assert system.world.run(60, lambda: ("Execute", "Robot1") in system.said(task))
+    task = system.submit(GOAL)
+    assert system.world.run(60, lambda: ("Execute", "Robot1") in system.protocol_messages(task))
     update(system, FactRemoved(Fact("isOn", ("Jar002", "Cupboard001"))), FactAdded(Fact("isOn", ("Jar002", "Floor001"))))
     (view,) = system.finish(task)
     assert view.outcome is Outcome.ACCOMPLISHED
@@ -492,29 +492,29 @@ def test_what_contradicts_an_assumption_is_known_before_anything_is_planned_on_i
 # Trying again
 
 
-def slips(times: int, *, says: str = "") -> Script:
+def slips(times: int, *, extra_text: str = "") -> Script:
     """The first so many works fail, with the thing where it was, and what else is said."""
     works = 0
 
     def carries(order: Order) -> Work:
         nonlocal works
         works += 1
-        left = f"{order.inputs['Object']} isOn Cupboard001{says}"
-        yield 10.0, ServiceFailed("it slipped", left) if works <= times else WorkDone(situation=done(order))
+        situation = f"{order.inputs['Object']} isOn Cupboard001{extra_text}"
+        yield 10.0, ServiceFailed("it slipped", situation) if works <= times else WorkDone(situation=transfer_effect(order))
 
     return carries
 
 
 def test_who_alone_can_do_it_may_try_again() -> None:
     system = VirtualSystem(robot := Robot("Robot1", 10, 60, works=slips(3)))
-    (view,) = system.finish(system.submit(WISH))
+    (view,) = system.finish(system.submit(GOAL))
     assert view.outcome is Outcome.ACCOMPLISHED
     assert len(robot.orders) == 4
 
 
 def test_who_fails_again_and_again_is_not_asked_for_ever() -> None:
     system = VirtualSystem(robot := Robot("Robot1", 10, 60, works=slips(1000)))
-    (view,) = system.finish(system.submit(WISH))
+    (view,) = system.finish(system.submit(GOAL))
     assert view.outcome is Outcome.FAILED
     assert len(robot.orders) == 5
     assert "it slipped" in view.explanation
@@ -523,14 +523,14 @@ def test_who_fails_again_and_again_is_not_asked_for_ever() -> None:
 def test_another_goes_before_who_failed() -> None:
     robots = Robot("Robot1", 10, 60, works=slips(1)), Robot("Robot2", 25, 60)
     system = VirtualSystem(*robots)
-    (view,) = system.finish(system.submit(WISH))
+    (view,) = system.finish(system.submit(GOAL))
     assert view.outcome is Outcome.ACCOMPLISHED
     assert [len(robot.orders) for robot in robots] == [1, 1]
 
 
 def test_who_says_that_it_does_not_work_is_not_asked_again() -> None:
-    system = VirtualSystem(robot := Robot("Robot1", 10, 60, works=slips(1, says=" AND Robot1.Working = FALSE")))
-    (view,) = system.finish(system.submit(WISH))
+    system = VirtualSystem(robot := Robot("Robot1", 10, 60, works=slips(1, extra_text=" AND Robot1.Working = FALSE")))
+    (view,) = system.finish(system.submit(GOAL))
     assert view.outcome is Outcome.FAILED
     assert len(robot.orders) == 1
 

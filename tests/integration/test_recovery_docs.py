@@ -26,9 +26,9 @@ TEXT = (DOCS / "recovery.md").read_text()
 
 
 def test_the_command_lays_down_what_is_said_of_it() -> None:
-    found = re.search(r"^somrs do .*?(?=\n```)", TEXT, re.DOTALL | re.MULTILINE)
-    assert found is not None
-    words = shlex.split(found[0].replace("\\\n", " "))
+    command = re.search(r"^somrs do .*?(?=\n```)", TEXT, re.DOTALL | re.MULTILINE)
+    assert command is not None
+    words = shlex.split(command[0].replace("\\\n", " "))
     options = {option: words[words.index(option) + 1] for option in ("--on-failure", "--on-compensation")}
     failure, compensation = handlers([options["--on-failure"]], [options["--on-compensation"]])
     assert (failure.service_type, failure.when) == ("TransferObject", "?Object isOn Floor001")

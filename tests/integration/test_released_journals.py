@@ -33,37 +33,37 @@ KILLED_AND_LONG_RUN = [
 ]
 
 
-def unpacked(packed: Path, data: Path) -> Path:
+def unpack(packed: Path, data: Path) -> Path:
     """A data folder with the files of a release."""
     for file in packed.rglob("*.sqlite.gz"):
         inner = file.relative_to(packed)
         if inner.parts[0] != "snapshots":
-            to = data / inner.with_suffix("")
-            to.parent.mkdir(parents=True, exist_ok=True)
-            to.write_bytes(gzip.decompress(file.read_bytes()))
+            target = data / inner.with_suffix("")
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(gzip.decompress(file.read_bytes()))
     return data
 
 
-def gone_on(journal: Journal) -> JournaledComponent:
-    journaled, again = journal.begin(journal.address, refuse_empty_journal)
-    assert again
+def resume_journal(journal: Journal) -> JournaledComponent:
+    journaled, is_resumed = journal.begin(journal.address, refuse_empty_journal)
+    assert is_resumed
     return journaled
 
 
 @pytest.mark.parametrize(("release", "packed"), KILLED_AND_LONG_RUN)
 def test_tasks_that_were_under_way_go_on(release: Path, packed: Path, tmp_path: Path) -> None:
-    (journal, *others) = journals_of(unpacked(packed, tmp_path))
-    for other in others:
-        other.close()
-    journaled = gone_on(journal)
+    (journal, *other_journals) = journals_of(unpack(packed, tmp_path))
+    for other_journal in other_journals:
+        other_journal.close()
+    journaled = resume_journal(journal)
     assert isinstance(journaled.component, TaskManager)
-    wanted: dict[str, str] = json.loads((release / "open.json").read_text())
+    open_goals: dict[str, str] = json.loads((release / "open.json").read_text())
     tasks = journaled.component.state.tasks
-    assert {id: task.task.effect for id, task in tasks.items() if task.phase is not Phase.ENDED} == wanted
+    assert {id: task.task.effect for id, task in tasks.items() if task.phase is not Phase.ENDED} == open_goals
     assert [task.outcome for task in tasks.values() if task.phase is Phase.ENDED] == [Outcome.ACCOMPLISHED]
-    done = [work for task in tasks.values() for work in task.log if work.state is State.COMPLETED]
-    assert done
-    assert all(work.goal is GoalKind.TASK for work in done)
+    completed_work = [work for task in tasks.values() for work in task.log if work.state is State.COMPLETED]
+    assert completed_work
+    assert all(work.goal is GoalKind.TASK for work in completed_work)
     undoing = [execution.kind for task in tasks.values() for execution in task.side_goals]
     compensated = [work for task in tasks.values() for work in task.log if work.state is State.COMPENSATING]
     assert undoing or compensated, "a task was being undone"
@@ -80,55 +80,55 @@ def content(journaled: JournaledComponent) -> Any:
     def ordered(value: Any) -> Any:
         match value:
             case dict():
-                return {key: ordered(one) for key, one in value.items()}
+                return {key: ordered(item) for key, item in value.items()}
             case list():
                 return sorted(map(ordered, value), key=repr)
-            case other:
-                return other
+            case scalar:
+                return scalar
 
     return ordered(decode_untyped(encode(journaled.component.state)))
 
 
 @pytest.mark.parametrize(("release", "packed"), KILLED_AND_LONG_RUN)
 def test_what_was_read_once_is_kept_as_this_program_writes_it(release: Path, packed: Path, tmp_path: Path) -> None:
-    data = unpacked(packed, tmp_path)
-    before = []
+    data = unpack(packed, tmp_path)
+    states_before = []
     for journal in journals_of(data):
-        before.append((journal.open, content(gone_on(journal))))
+        states_before.append((journal.open, content(resume_journal(journal))))
         journal.close()
-    after = []
+    states_after = []
     for journal in journals_of(data):
-        after.append((journal.open, content(gone_on(journal))))
+        states_after.append((journal.open, content(resume_journal(journal))))
         journal.close()
-    assert before == after
-    assert len(before) >= 4, "the Task Manager, the Service Registry and devices"
+    assert states_before == states_after
+    assert len(states_before) >= 4, "the Task Manager, the Service Registry and devices"
 
 
 @pytest.mark.parametrize(("release", "packed"), KILLED_AND_LONG_RUN)
 def test_the_map_is_as_it_was(release: Path, packed: Path, tmp_path: Path) -> None:
-    data = unpacked(packed, tmp_path)
-    kept = []
+    data = unpack(packed, tmp_path)
+    maps = []
     for address in ("here", "elsewhere"):
         journal = repository_journal(data / "repository.sqlite")
-        journaled, again = journal.begin(address, refuse_empty_journal)
-        assert again
+        journaled, is_resumed = journal.begin(address, refuse_empty_journal)
+        assert is_resumed
         assert isinstance(journaled.component, Repository)
         contents = journaled.component.contents
         assert contents.changed_at["letter"] > 0, "the first task saw to that"
-        kept.append((contents.version, contents.map, len(contents.answered)))
+        maps.append((contents.version, contents.map, len(contents.answered)))
         journal.close()
-    assert kept[0] == kept[1]
-    assert kept[0][0] > 0
+    assert maps[0] == maps[1]
+    assert maps[0][0] > 0
 
 
 @pytest.mark.parametrize(("release", "packed"), KILLED_AND_LONG_RUN)
 def test_the_book_of_orders_is_as_it_was(release: Path, packed: Path, tmp_path: Path) -> None:
-    data = unpacked(packed, tmp_path)
+    data = unpack(packed, tmp_path)
     books = []
     for address in ("here", "elsewhere"):
         journal = orders_journal(data / "orders.sqlite")
-        journaled, again = journal.begin(address, refuse_empty_journal)
-        assert again
+        journaled, is_resumed = journal.begin(address, refuse_empty_journal)
+        assert is_resumed
         assert isinstance(journaled.component, Scheduler)
         books.append(journaled.component.book)
         journal.close()

@@ -10,7 +10,7 @@ from somrs.protocol.messages.knowledge import History, ReadHistory, Updated
 from tests.support.keeper import Keeper
 from tests.support.paths import ROOT
 
-TOLD = """
+WRITER_PROGRAM = """
 import sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[2])
@@ -34,7 +34,7 @@ def test_nothing_that_was_acknowledged_is_lost_when_the_process_is_killed(tmp_pa
     path = tmp_path / "repository.sqlite"
     acknowledged = 0
     for lines in (30, 7, 55):
-        child = subprocess.Popen([sys.executable, "-c", TOLD, str(path), str(ROOT)], stdout=subprocess.PIPE, text=True)
+        child = subprocess.Popen([sys.executable, "-c", WRITER_PROGRAM, str(path), str(ROOT)], stdout=subprocess.PIPE, text=True)
         assert child.stdout is not None
         try:
             for _ in range(lines):
@@ -45,13 +45,13 @@ def test_nothing_that_was_acknowledged_is_lost_when_the_process_is_killed(tmp_pa
         child.stdout.close()
         child.wait()
         acknowledged += lines + len([line for line in rest if line])
-        again = Keeper(path)
-        contents = again.contents
+        reopened = Keeper(path)
+        contents = reopened.contents
         assert acknowledged <= contents.version <= acknowledged + 1
         acknowledged = contents.version
         assert contents.map.objects["Jar1"].values["PositionX"] == 99.0 + contents.version
         assert contents.map.objects["Jar2"].values["PositionX"] == 99.0 + contents.version
-        history = again.say(ReadHistory(object="Jar1", limit=1000), History)
+        history = reopened.ask(ReadHistory(object="Jar1", limit=1000), History)
         assert [event.version for event in history.events] == list(range(contents.version, 0, -1))
         assert contents.answered[f"urn:uuid:{99.0 + contents.version}"] == Updated(version=contents.version)
-        again.close()
+        reopened.close()

@@ -40,21 +40,21 @@ def keeper(tmp_path: Path) -> Iterator[Keeper]:
     yield keeper
     keeper.settle()
     assert keeper.replica.map == keeper.contents.map
-    kept = keeper.contents
+    contents = keeper.contents
     keeper.restart()
-    assert (keeper.contents.map, keeper.contents.changed_at) == (kept.map, kept.changed_at)
+    assert (keeper.contents.map, keeper.contents.changed_at) == (contents.map, contents.changed_at)
     keeper.close()
 
 
 def update(keeper: Keeper, *changes: Change, situation: str | None = None, author: str = "Anna") -> int:
-    return keeper.say(UpdateMap(changes=changes, situation=situation, author=author), Updated).version
+    return keeper.ask(UpdateMap(changes=changes, situation=situation, author=author), Updated).version
 
 
 # The map at a version
 
 
 def test_the_map_is_told_as_it_was(keeper: Keeper) -> None:
-    was = [keeper.contents.map]
+    past_maps = [keeper.contents.map]
     for body in (
         UpdateMap(situation="Jar1 isOn Table2"),
         UpdateMap(changes=(ObjectAdded(Object(name="Jar9", type="Jar", values=JAR)), FactAdded(Fact("isOn", ("Jar9", "Table1"))))),
@@ -62,34 +62,34 @@ def test_the_map_is_told_as_it_was(keeper: Keeper) -> None:
         UpdateMap(changes=(ValueSet("Jar9", "Color", "Red"), ValueSet("Jar2", "Color", None))),
         UpdateMap(changes=(ObjectRemoved("Jar2"), ObjectAdded(Object(name="Jar2", type="Can", values=JAR)))),
     ):
-        keeper.say(body, Updated)
-        was.append(keeper.contents.map)
-    for version, map in enumerate(was):
-        assert keeper.at(version)[1] == map
+        keeper.ask(body, Updated)
+        past_maps.append(keeper.contents.map)
+    for version, map in enumerate(past_maps):
+        assert keeper.read_version(version)[1] == map
     keeper.restart()
-    assert keeper.at(2)[1] == was[2]
+    assert keeper.read_version(2)[1] == past_maps[2]
 
 
 def test_the_ontology_is_told_as_it_was_with_the_map(keeper: Keeper) -> None:
-    before = definitions(keeper.contents.ontology)
-    keeper.say(Define(renamed=(Renaming(section=Section.TYPES, name="Jar", to="Pot"),)), Defined)
+    definitions_before = definitions(keeper.contents.ontology)
+    keeper.ask(Define(renamed=(Renaming(section=Section.TYPES, name="Jar", to="Pot"),)), Defined)
     update(keeper, ValueSet("Jar1", "Color", "Red"))
-    ontology, map = keeper.at(0)
-    assert definitions(ontology) == before
+    ontology, map = keeper.read_version(0)
+    assert definitions(ontology) == definitions_before
     assert map.objects["Jar1"].type == "Jar"
-    assert keeper.at(2)[1].objects["Jar1"].type == "Pot"
+    assert keeper.read_version(2)[1].objects["Jar1"].type == "Pot"
 
 
 def test_a_large_map_of_the_past_comes_in_pages_of_one_version(tmp_path: Path) -> None:
     ontology, map = lab()
     jars = [Object(name=f"Jar-{n}", type="Jar", values={**JAR, "Label": "x" * (n % 300)}) for n in range(1000)]
     keeper = Keeper(tmp_path / "repository.sqlite", ontology, map.changed(ObjectAdded(jar) for jar in jars))
-    was = keeper.contents.map
+    map_before = keeper.contents.map
     update(keeper, ObjectRemoved("Jar-500"))
-    assert keeper.at(0)[1] == was
-    first = keeper.say(ReadMap(at_version=0), MapPage)
+    assert keeper.read_version(0)[1] == map_before
+    first = keeper.ask(ReadMap(at_version=0), MapPage)
     update(keeper, ValueSet("Jar-501", "Color", "Red"))
-    second = keeper.say(ReadMap(at_version=0, after=first.objects[-1].name), MapPage)
+    second = keeper.ask(ReadMap(at_version=0, after=first.objects[-1].name), MapPage)
     assert (first.version, second.version) == (0, 0)
     assert len(first.objects) <= 200
     keeper.close()
@@ -97,7 +97,7 @@ def test_a_large_map_of_the_past_comes_in_pages_of_one_version(tmp_path: Path) -
 
 @pytest.mark.parametrize("question", [ReadMap(at_version=7), ReadMap(at_version=-1), ReadOntology(at_version=7)])
 def test_a_version_that_never_was_is_a_fault(keeper: Keeper, question: ReadMap | ReadOntology) -> None:
-    assert "up to version 0" in keeper.say(question, Fault).text
+    assert "up to version 0" in keeper.ask(question, Fault).text
 
 
 # What happened
@@ -106,22 +106,22 @@ def test_a_version_that_never_was_is_a_fault(keeper: Keeper, question: ReadMap |
 def test_what_happened_is_told_from_either_end(keeper: Keeper) -> None:
     for n in range(5):
         update(keeper, ValueSet("Jar1", "PositionX", float(n + 10)), author=f"Robot{n}")
-    keeper.say(Define(definitions=Definitions(types=(ObjectType(name="Tray", parent="Support"),))), Defined)
-    latest = keeper.say(ReadEvents(limit=2), Events)
+    keeper.ask(Define(definitions=Definitions(types=(ObjectType(name="Tray", parent="Support"),))), Defined)
+    latest = keeper.ask(ReadEvents(limit=2), Events)
     assert [event.version for event in latest.events] == [6, 5]
     assert latest.more
     assert [event.version for event in keeper.events(ReadEvents(before=3))] == [2, 1]
-    later = keeper.say(ReadEvents(after=3, limit=2), Events)
-    assert ([event.version for event in later.events], later.more) == ([4, 5], True)
+    page = keeper.ask(ReadEvents(after=3, limit=2), Events)
+    assert ([event.version for event in page.events], page.more) == ([4, 5], True)
     event = keeper.events(ReadEvents(before=4, limit=1))[0]
     assert (event.version, event.author, event.changes) == (3, "Robot2", (ValueSet("Jar1", "PositionX", 12.0),))
     assert event.before == (ValueSet("Jar1", "PositionX", 11.0),)
-    assert keeper.say(ReadEvents(after=3, before=5), Fault).text
+    assert keeper.ask(ReadEvents(after=3, before=5), Fault).text
 
 
 def test_a_brief_account_counts_the_changes(keeper: Keeper) -> None:
     update(keeper, situation="Jar1 isOn Table2")
-    keeper.say(Define(definitions=Definitions(types=(ObjectType(name="Tray", parent="Support"),))), Defined)
+    keeper.ask(Define(definitions=Definitions(types=(ObjectType(name="Tray", parent="Support"),))), Defined)
     defined, moved = keeper.events(ReadEvents(brief=True))
     assert (moved.changes, moved.before, moved.all_changes, moved.revision) == ((), (), 2, None)
     assert (defined.all_changes, defined.revision) == (0, Revision())
@@ -135,8 +135,8 @@ def test_an_event_that_is_too_long_for_a_message_is_told_in_part(keeper: Keeper)
     assert event.all_changes == 500
     assert 50 < len(event.changes) < 250
     assert event.before == ()
-    assert keeper.say(ReadHistory(object="Jar-7"), History).events[0].all_changes == 500
-    assert keeper.say(Undo(version=1), Updated) == Updated(version=2)
+    assert keeper.ask(ReadHistory(object="Jar-7"), History).events[0].all_changes == 500
+    assert keeper.ask(Undo(version=1), Updated) == Updated(version=2)
     assert keeper.contents.map == lab()[1]
 
 
@@ -157,28 +157,28 @@ def test_an_event_that_is_too_long_for_a_message_is_told_in_part(keeper: Keeper)
     ],
 )
 def test_undoing_brings_back_what_was_and_undoing_that_what_came(keeper: Keeper, body: UpdateMap | RenameObject) -> None:
-    before = keeper.contents.map
-    keeper.say(body, Updated)
-    after = keeper.contents.map
-    assert after != before
-    assert keeper.say(Undo(version=1, author="Ben"), Updated) == Updated(version=2)
-    assert keeper.contents.map == before
+    map_before = keeper.contents.map
+    keeper.ask(body, Updated)
+    map_after = keeper.contents.map
+    assert map_after != map_before
+    assert keeper.ask(Undo(version=1, author="Ben"), Updated) == Updated(version=2)
+    assert keeper.contents.map == map_before
     event = keeper.events()[0]
     assert (event.undoes, event.author) == (1, "Ben")
-    assert keeper.say(Undo(version=2), Updated) == Updated(version=3)
-    assert keeper.contents.map == after
+    assert keeper.ask(Undo(version=2), Updated) == Updated(version=3)
+    assert keeper.contents.map == map_after
 
 
 def test_what_has_nothing_to_do_with_it_does_not_stand_in_the_way(keeper: Keeper) -> None:
     update(keeper, ValueSet("Jar1", "Color", "Red"))
     update(keeper, situation="Jar1 isOn Table2 AND Jar1.PositionX = 8")
-    keeper.say(Undo(version=1), Updated)
+    keeper.ask(Undo(version=1), Updated)
     assert "Color" not in keeper.contents.map.objects["Jar1"].values
     assert keeper.contents.map.has_fact("isOn", ("Jar1", "Table2"))
 
 
 @pytest.mark.parametrize(
-    ("first", "then", "said"),
+    ("first_changes", "second_changes", "expected_text"),
     [
         ([ValueSet("Jar1", "Color", "Red")], [ValueSet("Jar1", "Color", "Blue")], "Color was Red after it, and is Blue now"),
         ([ValueSet("Jar1", "Color", "Red")], [ValueSet("Jar1", "Color", None)], "is not given now; Jar1 changed in version 2"),
@@ -193,14 +193,16 @@ def test_what_has_nothing_to_do_with_it_does_not_stand_in_the_way(keeper: Keeper
         ([ObjectAdded(Object(name="Jar9", type="Jar", values=JAR))], [ValueSet("Jar9", "Color", "Red")], "Jar9 is not as it was"),
     ],
 )
-def test_what_was_changed_since_stands_in_the_way(keeper: Keeper, first: list[Change], then: list[Change], said: str) -> None:
-    update(keeper, *first)
-    update(keeper, *then)
-    told = keeper.broken(Undo(version=1))
-    assert any(said in rule.message for rule in told), told
-    assert all("version 1 cannot be undone" in rule.message for rule in told)
-    keeper.say(Undo(version=2), Updated)
-    keeper.say(Undo(version=1), Updated)
+def test_what_was_changed_since_stands_in_the_way(
+    keeper: Keeper, first_changes: list[Change], second_changes: list[Change], expected_text: str
+) -> None:
+    update(keeper, *first_changes)
+    update(keeper, *second_changes)
+    broken_rules = keeper.broken(Undo(version=1))
+    assert any(expected_text in rule.message for rule in broken_rules), broken_rules
+    assert all("version 1 cannot be undone" in rule.message for rule in broken_rules)
+    keeper.ask(Undo(version=2), Updated)
+    keeper.ask(Undo(version=1), Updated)
     assert keeper.contents.map == lab()[1]
 
 
@@ -214,7 +216,7 @@ def test_what_would_break_a_rule_is_not_undone(keeper: Keeper) -> None:
 
 
 def test_an_object_is_renamed_with_everything_that_is_said_of_it(keeper: Keeper) -> None:
-    assert keeper.say(RenameObject(name="Table1", to="Bench", author="Anna"), Updated) == Updated(version=1)
+    assert keeper.ask(RenameObject(name="Table1", to="Bench", author="Anna"), Updated) == Updated(version=1)
     map = keeper.contents.map
     assert "Table1" not in map.objects
     assert map.objects["Bench"].values == lab()[1].objects["Table1"].values
@@ -224,44 +226,44 @@ def test_an_object_is_renamed_with_everything_that_is_said_of_it(keeper: Keeper)
 
 def test_the_ontology_goes_on_speaking_of_what_was_renamed(keeper: Keeper) -> None:
     way = FunctionType(name="way", parameters=("Table", "Table"), values={"Table1 Table2": 3.0, "Table2 Table1": 4.0})
-    near = ObjectType(name="NearJar", parent="Jar")
-    keeper.say(Define(definitions=Definitions(functions=(way,), types=(near,))), Defined)
-    keeper.say(RenameObject(name="Table1", to="Bench"), Updated)
+    near_type = ObjectType(name="NearJar", parent="Jar")
+    keeper.ask(Define(definitions=Definitions(functions=(way,), types=(near_type,))), Defined)
+    keeper.ask(RenameObject(name="Table1", to="Bench"), Updated)
     assert keeper.contents.ontology.functions["way"].values == {"Bench Table2": 3.0, "Table2 Bench": 4.0}
     assert keeper.replica.ontology.functions["way"].values == {"Bench Table2": 3.0, "Table2 Bench": 4.0}
-    keeper.say(Undo(version=2), Updated)
+    keeper.ask(Undo(version=2), Updated)
     assert keeper.contents.ontology.functions["way"] == way
     assert keeper.contents.map == lab()[1]
 
 
 def test_nothing_gets_a_name_of_which_the_ontology_says_something(keeper: Keeper) -> None:
     way = FunctionType(name="way", parameters=("Table", "Table"), values={"Table1 Table2": 3.0})
-    keeper.say(Define(definitions=Definitions(functions=(way,))), Defined)
+    keeper.ask(Define(definitions=Definitions(functions=(way,))), Defined)
     update(keeper, ObjectRemoved("Table2"))
     assert "the function way speaks of another Table2" in keeper.broken(RenameObject(name="Jar2", to="Table2"))[0].message
 
 
 def test_history_stays_with_what_was_renamed_and_not_with_the_name(keeper: Keeper) -> None:
     update(keeper, ValueSet("Jar1", "Color", "Red"))
-    keeper.say(RenameObject(name="Jar1", to="Krug"), Updated)
+    keeper.ask(RenameObject(name="Jar1", to="Krug"), Updated)
     update(keeper, ObjectAdded(Object(name="Jar1", type="Can", values=JAR)))
     update(keeper, ValueSet("Krug", "Color", "Blue"))
-    keeper.say(RenameObject(name="Krug", to="Kanne"), Updated)
-    history = keeper.say(ReadHistory(object="Kanne"), History)
+    keeper.ask(RenameObject(name="Krug", to="Kanne"), Updated)
+    history = keeper.ask(ReadHistory(object="Kanne"), History)
     assert [event.version for event in history.events] == [5, 4, 2, 1]
-    assert [event.version for event in keeper.say(ReadHistory(object="Kanne", limit=3), History).events] == [5, 4, 2]
-    assert 3 in [event.version for event in keeper.say(ReadHistory(object="Jar1"), History).events]
+    assert [event.version for event in keeper.ask(ReadHistory(object="Kanne", limit=3), History).events] == [5, 4, 2]
+    assert 3 in [event.version for event in keeper.ask(ReadHistory(object="Jar1"), History).events]
 
 
 def test_undoing_a_new_name_takes_along_what_came_since(keeper: Keeper) -> None:
-    keeper.say(RenameObject(name="Jar1", to="Krug"), Updated)
+    keeper.ask(RenameObject(name="Jar1", to="Krug"), Updated)
     update(keeper, situation="Krug isOn Table2")
-    keeper.say(Undo(version=1), Updated)
+    keeper.ask(Undo(version=1), Updated)
     assert keeper.contents.map.has_fact("isOn", ("Jar1", "Table2"))
 
 
 @pytest.mark.parametrize(
-    ("rename", "said"),
+    ("rename", "expected_text"),
     [
         (RenameObject(name="Jar7", to="Krug"), "there is no object Jar7"),
         (RenameObject(name="Jar1", to="Jar2"), "an object of this name is on the map already"),
@@ -269,12 +271,12 @@ def test_undoing_a_new_name_takes_along_what_came_since(keeper: Keeper) -> None:
         (RenameObject(name="Robot1", to="Rob"), "is a device"),
     ],
 )
-def test_what_cannot_be_renamed(keeper: Keeper, rename: RenameObject, said: str) -> None:
-    assert said in keeper.broken(rename)[0].message
+def test_what_cannot_be_renamed(keeper: Keeper, rename: RenameObject, expected_text: str) -> None:
+    assert expected_text in keeper.broken(rename)[0].message
 
 
 def test_a_renaming_minds_what_was_changed_meanwhile(keeper: Keeper) -> None:
     update(keeper, ValueSet("Jar1", "Color", "Red"))
     (rule,) = keeper.broken(RenameObject(name="Jar1", to="Krug", expected_version=0))
     assert rule.rule == "overtaken"
-    keeper.say(RenameObject(name="Jar1", to="Krug", expected_version=1), Updated)
+    keeper.ask(RenameObject(name="Jar1", to="Krug", expected_version=1), Updated)

@@ -106,36 +106,36 @@ def test_what_is_no_line_is_a_wire_error(line: bytes) -> None:
             read(line)
 
 
-class Raw:
+class RawClient:
     """A client that writes and reads bytes."""
 
     def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self.reader, self.writer = reader, writer
 
-    async def hear(self) -> dict[str, Any]:
+    async def read_line(self) -> dict[str, Any]:
         line = await self.reader.readline()
         return dict(json.loads(line)) if line else {}
 
-    async def say(self, line: bytes | dict[str, Any]) -> dict[str, Any]:
+    async def request(self, line: bytes | dict[str, Any]) -> dict[str, Any]:
         """The answer, with states left out."""
         self.writer.write(line if isinstance(line, bytes) else json.dumps(line).encode() + b"\n")
-        while (answer := await self.hear()).get("say") == "state":
+        while (answer := await self.read_line()).get("say") == "state":
             pass
         return answer
 
     async def states_until(self, order: Order) -> list[dict[str, Any]]:
         """What it says of itself until the order is carried out."""
         self.writer.write(encode_line(order))
-        said = []
-        while (line := await self.hear())["say"] == "state":
-            said.append(line)
-        return said
+        states = []
+        while (line := await self.read_line())["say"] == "state":
+            states.append(line)
+        return states
 
 
-async def raw(server: Server, hello: dict[str, Any] | None = None) -> Raw:
-    client = Raw(*await asyncio.open_connection(server.host, server.port))
+async def raw_client(server: Server, hello: dict[str, Any] | None = None) -> RawClient:
+    client = RawClient(*await asyncio.open_connection(server.host, server.port))
     if hello is not None:
-        assert (await client.say({"say": "hello", "version": 1, **hello}))["say"] == "welcome"
+        assert (await client.request({"say": "hello", "version": 1, **hello}))["say"] == "welcome"
     return client
 
 
@@ -144,22 +144,22 @@ def test_a_robot_carries_a_jar_and_says_where_it_is_all_the_time() -> None:
         states: list[RobotState] = []
         async with simulator() as server, RobotLink(server.host, server.port, "Robot1", on_state=states.append) as robot:
             await robot.approach("Jar1")
-            done = await robot.grip("Jar1")
-            assert done.state.holding == "Jar1"
+            result = await robot.grip("Jar1")
+            assert result.state.holding == "Jar1"
             await robot.approach("Platform1")
-            done = await robot.place("Platform1")
-            assert done.state.holding is None
-            (seen,) = [one for one in done.object_states if one.object == "Jar1"]
-            assert seen.support == "Platform1"
-            assert seen.z == pytest.approx(0.3, abs=0.005)
-            assert abs(seen.x - 6.5) < 0.4
+            result = await robot.place("Platform1")
+            assert result.state.holding is None
+            (jar_sighting,) = [sighting for sighting in result.object_states if sighting.object == "Jar1"]
+            assert jar_sighting.support == "Platform1"
+            assert jar_sighting.z == pytest.approx(0.3, abs=0.005)
+            assert abs(jar_sighting.x - 6.5) < 0.4
             assert robot.state is not None
-            assert robot.state.time >= done.state.time
+            assert robot.state.time >= result.state.time
             times = [state.time for state in states]
             assert times == sorted(times)
             assert len(states) > 10
-            around = await robot.sense()
-            assert "Jar1" in [one.object for one in around.object_states]
+            surroundings = await robot.sense()
+            assert "Jar1" in [sighting.object for sighting in surroundings.object_states]
 
     run(test())
 
@@ -174,10 +174,10 @@ def test_a_command_that_cannot_be_carried_out_says_why() -> None:
                 (DriveTo(x=1e300, y=-1e300), "unreachable"),
                 (Grip(object="Table1"), "not-possible"),
             ):
-                with pytest.raises(RobotGaveUp) as gave:
+                with pytest.raises(RobotGaveUp) as error_info:
                     await robot.command(command)
-                assert gave.value.reason == reason
-                assert gave.value.state is not None
+                assert error_info.value.reason == reason
+                assert error_info.value.state is not None
             assert (await robot.drive_to(2, 2)).state.y == pytest.approx(2, abs=0.03)
 
     run(test())
@@ -186,17 +186,17 @@ def test_a_command_that_cannot_be_carried_out_says_why() -> None:
 def test_a_command_ends_the_one_before_and_stop_stops() -> None:
     async def test() -> None:
         async with simulator(speed=5) as server, RobotLink(server.host, server.port, "Robot1") as robot:
-            going = asyncio.create_task(robot.drive_to(7, 5))
+            drive_task = asyncio.create_task(robot.drive_to(7, 5))
             await asyncio.sleep(0.3)
             assert robot.state is not None
             assert robot.state.activity == "DriveTo"
             stopped = await robot.stop()
-            with pytest.raises(RobotGaveUp) as gave:
-                await going
-            assert gave.value.reason == "stopped"
+            with pytest.raises(RobotGaveUp) as error_info:
+                await drive_task
+            assert error_info.value.reason == "stopped"
             await asyncio.sleep(0.3)
-            after = (await robot.status()).state
-            assert math.dist((after.x, after.y), (stopped.state.x, stopped.state.y)) < 0.4
+            final_state = (await robot.status()).state
+            assert math.dist((final_state.x, final_state.y), (stopped.state.x, stopped.state.y)) < 0.4
 
     run(test())
 
@@ -205,11 +205,11 @@ def test_a_robot_has_one_controller_at_a_time() -> None:
     async def test() -> None:
         async with simulator() as server:
             async with RobotLink(server.host, server.port, "Robot1"):
-                second = await raw(server)
-                refused = await second.say({"say": "hello", "version": 1, "robot": "Robot1"})
+                second = await raw_client(server)
+                refused = await second.request({"say": "hello", "version": 1, "robot": "Robot1"})
                 assert (refused["say"], refused["reason"]) == ("error", "taken")
-                assert await second.hear() == {}, "and the connection is closed"
-                await raw(server, {"robot": "Robot2"})
+                assert await second.read_line() == {}, "and the connection is closed"
+                await raw_client(server, {"robot": "Robot2"})
             async with RobotLink(server.host, server.port, "Robot1") as robot:
                 assert (await robot.status()).state.x == pytest.approx(2, abs=0.01)
 
@@ -217,7 +217,7 @@ def test_a_robot_has_one_controller_at_a_time() -> None:
 
 
 @pytest.mark.parametrize(
-    ("first", "reason", "told"),
+    ("first", "reason", "expected_text"),
     [
         (b'{"say":"hello","version":2,"robot":{"new":"form"}}\n', "version", "SO-MRS robot link 1"),
         (b'{"say":"hello","protocol":"other","version":1}\n', "version", "other 1"),
@@ -228,14 +228,14 @@ def test_a_robot_has_one_controller_at_a_time() -> None:
         (b'{"say":"hello","version":1,"rate":-1}\n', "hello-first", "rate"),
     ],
 )
-def test_a_connection_that_begins_wrongly_is_told_why_and_closed(first: bytes, reason: str, told: str) -> None:
+def test_a_connection_that_begins_wrongly_is_told_why_and_closed(first: bytes, reason: str, expected_text: str) -> None:
     async def test() -> None:
         async with simulator() as server:
-            client = await raw(server)
-            answer = await client.say(first)
+            client = await raw_client(server)
+            answer = await client.request(first)
             assert (answer["say"], answer["reason"]) == ("error", reason)
-            assert told in answer["description"]
-            assert await client.hear() == {}
+            assert expected_text in answer["description"]
+            assert await client.read_line() == {}
 
     run(test())
 
@@ -243,7 +243,7 @@ def test_a_connection_that_begins_wrongly_is_told_why_and_closed(first: bytes, r
 def test_malformed_lines_are_answered_and_nothing_breaks() -> None:
     async def test() -> None:
         async with simulator() as server:
-            client = await raw(server, {"robot": "Robot1"})
+            client = await raw_client(server, {"robot": "Robot1"})
             for line in (
                 b"\n",
                 b"\xff\xfe\n",
@@ -252,15 +252,15 @@ def test_malformed_lines_are_answered_and_nothing_breaks() -> None:
                 b'{"say":"command","id":"x","command":{"do":"Stop"}}\n',
                 b"null\n",
             ):
-                answer = await client.say(line)
+                answer = await client.request(line)
                 assert (answer["say"], answer["reason"]) == ("error", "malformed"), line
             for wrong in ({"do": "Fly"}, {"do": "DriveTo", "x": "far", "y": 1}, {"do": "DriveTo", "x": 1}):
-                assert (await client.say({"say": "command", "id": 1, "command": wrong}))["reason"] == "malformed"
-            assert (await client.say({"say": "command", "id": 2, "command": {"do": "Status"}}))["id"] == 2
-            too_long = await client.say(b'{"say":"' + b"x" * LONGEST + b'"}\n')
+                assert (await client.request({"say": "command", "id": 1, "command": wrong}))["reason"] == "malformed"
+            assert (await client.request({"say": "command", "id": 2, "command": {"do": "Status"}}))["id"] == 2
+            too_long = await client.request(b'{"say":"' + b"x" * LONGEST + b'"}\n')
             assert too_long["reason"] == "too-long"
-            assert await client.hear() == {}
-            half = await raw(server, {})
+            assert await client.read_line() == {}
+            half = await raw_client(server, {})
             half.writer.write(b'{"say":"ask"')
             half.writer.close()
             async with RobotLink(server.host, server.port, "Robot1") as robot:
@@ -272,15 +272,15 @@ def test_malformed_lines_are_answered_and_nothing_breaks() -> None:
 def test_robots_and_operators_may_say_only_what_is_theirs() -> None:
     async def test() -> None:
         async with simulator() as server:
-            operator = await raw(server, {})
-            assert (await operator.say({"say": "command", "id": 1, "command": {"do": "Stop"}}))["reason"] == "not-allowed"
-            robot = await raw(server, {"robot": "Robot1"})
+            operator = await raw_client(server, {})
+            assert (await operator.request({"say": "command", "id": 1, "command": {"do": "Stop"}}))["reason"] == "not-allowed"
+            robot = await raw_client(server, {"robot": "Robot1"})
             questions = ({"ask": "break", "robot": "Robot1", "fault": "drive"}, {"ask": "ways", "robot": "Robot2", "through": []})
             for question in questions:
-                answer = await robot.say({"say": "ask", "id": 7, "question": question})
+                answer = await robot.request({"say": "ask", "id": 7, "question": question})
                 assert (answer["reason"], answer["id"]) == ("not-allowed", 7)
-            assert (await robot.say({"say": "hello", "version": 1}))["reason"] == "not-allowed"
-            assert (await robot.say({"say": "ask", "id": 8, "question": {"ask": "ways", "robot": "Robot1", "through": ["Jar1"]}}))[
+            assert (await robot.request({"say": "hello", "version": 1}))["reason"] == "not-allowed"
+            assert (await robot.request({"say": "ask", "id": 8, "question": {"ask": "ways", "robot": "Robot1", "through": ["Jar1"]}}))[
                 "lengths"
             ]
 
@@ -297,14 +297,14 @@ def test_a_drive_that_dies_under_way_leaves_the_jar_on_the_floor_and_says_where(
             await operator.schedule("Robot1", Fault.DRIVE, carried=2.0)
             await robot.approach("Jar1")
             gripped = (await robot.grip("Jar1")).state
-            with pytest.raises(RobotGaveUp) as gave:
+            with pytest.raises(RobotGaveUp) as error_info:
                 await robot.approach("Platform1")
-            assert gave.value.reason == "drive-dead"
-            state = gave.value.state
+            assert error_info.value.reason == "drive-dead"
+            state = error_info.value.state
             assert state is not None
             assert state.faults == (Fault.DRIVE,)
             assert 1.5 < math.dist((state.x, state.y), (gripped.x, gripped.y)) < 2.1
-            (jar,) = [one for one in gave.value.object_states if one.object == "Jar1"]
+            (jar,) = [sighting for sighting in error_info.value.object_states if sighting.object == "Jar1"]
             truth = await operator.observe("Jar1")
             assert truth.support == jar.support == "Floor1"
             assert math.dist((jar.x, jar.y), (truth.x, truth.y)) < 0.003
@@ -329,14 +329,14 @@ def test_a_gripper_that_sticks_once_it_has_put_the_jar_down() -> None:
             await robot.approach("Jar1")
             assert (await robot.grip("Jar1")).state.faults == ()
             await robot.approach("Platform1")
-            done = await robot.place("Platform1")
-            assert done.state.faults == ()
+            result = await robot.place("Platform1")
+            assert result.state.faults == ()
             assert (await operator.observe("Jar1")).support == "Platform1"
             assert (await robot.status()).state.faults == (Fault.GRIPPER,)
             await robot.approach("Jar1")
-            with pytest.raises(RobotGaveUp) as gave:
+            with pytest.raises(RobotGaveUp) as error_info:
                 await robot.grip("Jar1")
-            assert gave.value.reason == "gripper-stuck"
+            assert error_info.value.reason == "gripper-stuck"
             await operator.repair("Robot1", Fault.GRIPPER)
             await robot.grip("Jar1")
 
@@ -354,12 +354,12 @@ def test_a_fault_after_some_time_and_one_that_is_called_off() -> None:
             await operator.repair("Robot1", Fault.DRIVE)
             await robot.drive_to(2, 4.5)
             await operator.schedule("Robot1", Fault.DRIVE, delay=1.0)
-            before = (await operator.clock()).time
-            with pytest.raises(RobotGaveUp) as gave:
+            start_time = (await operator.clock()).time
+            with pytest.raises(RobotGaveUp) as error_info:
                 await robot.drive_to(7, 5)
-            assert gave.value.reason == "drive-dead"
-            assert gave.value.state is not None
-            assert 1.0 <= gave.value.state.time - before < 3.0
+            assert error_info.value.reason == "drive-dead"
+            assert error_info.value.state is not None
+            assert 1.0 <= error_info.value.state.time - start_time < 3.0
             with pytest.raises(UsageError, match="say when"):
                 await operator.schedule("Robot1", Fault.DRIVE)
             with pytest.raises(UsageError, match="Robot1, Robot2"):
@@ -375,7 +375,7 @@ def test_a_simulator_that_is_slow_is_no_silent_robot() -> None:
         await reader.readuntil(b"\n")
         writer.write(encode_line(Welcome(robot="Robot1", time=0.0)))
         for line in lines:
-            await go_on.acquire()
+            await line_permits.acquire()
             writer.write(encode_line(line))
         await ended.wait()
         writer.close()
@@ -389,18 +389,18 @@ def test_a_simulator_that_is_slow_is_no_silent_robot() -> None:
                 await asyncio.sleep(0.2)
                 assert not robot.silent
                 assert not answer.done()
-                go_on.release()
+                line_permits.release()
                 if isinstance(line, State):
-                    await until(lambda: robot.state is not None)
+                    await wait_until(lambda: robot.state is not None)
             with pytest.raises(RobotGaveUp, match="has said nothing for 3 s"):
                 await answer
             assert robot.silent
         ended.set()
         server.close()
 
-    heard = State(state=RobotState(time=1.0, x=1.0, y=2.0, yaw=0.0))
-    lines: list[State | Unheard] = [Unheard(), Unheard(), heard, Unheard(), Unheard(), Unheard()]
-    go_on, ended = asyncio.Semaphore(0), asyncio.Event()
+    state_line = State(state=RobotState(time=1.0, x=1.0, y=2.0, yaw=0.0))
+    lines: list[State | Unheard] = [Unheard(), Unheard(), state_line, Unheard(), Unheard(), Unheard()]
+    line_permits, ended = asyncio.Semaphore(0), asyncio.Event()
     run(test())
 
 
@@ -412,13 +412,13 @@ def test_a_silent_robot_is_noticed_and_heard_again_when_repaired() -> None:
             OperatorLink(server.host, server.port) as operator,
         ):
             await operator.schedule("Robot1", Fault.SILENT, delay=1.0)
-            with pytest.raises(RobotGaveUp) as gave:
+            with pytest.raises(RobotGaveUp) as error_info:
                 await robot.drive_to(7, 5)
-            assert gave.value.reason == "silent"
+            assert error_info.value.reason == "silent"
             assert robot.silent
-            assert gave.value.state is not None
+            assert error_info.value.state is not None
             await operator.repair("Robot1", Fault.SILENT)
-            await until(lambda: not robot.silent)
+            await wait_until(lambda: not robot.silent)
             await robot.drive_to(2, 2)
 
     run(test())
@@ -432,9 +432,9 @@ def test_a_cut_link_is_noticed_at_once_and_made_again_after_repair() -> None:
             OperatorLink(server.host, server.port) as operator,
         ):
             await operator.schedule("Robot1", Fault.LINK, delay=1.0)
-            with pytest.raises(RobotGaveUp) as gave:
+            with pytest.raises(RobotGaveUp) as error_info:
                 await robot.drive_to(7, 5)
-            assert gave.value.reason == "link-lost"
+            assert error_info.value.reason == "link-lost"
             await asyncio.sleep(0.5)
             assert not robot.connected
             assert (await operator.robots())["Robot1"].faults == (Fault.LINK,)
@@ -447,7 +447,7 @@ def test_a_cut_link_is_noticed_at_once_and_made_again_after_repair() -> None:
 def test_a_robot_whose_controller_is_gone_stops() -> None:
     async def test() -> None:
         async with simulator(speed=4) as server, OperatorLink(server.host, server.port) as operator:
-            client = await raw(server, {"robot": "Robot1"})
+            client = await raw_client(server, {"robot": "Robot1"})
             client.writer.write(encode_line(Order(id=1, command=DriveTo(x=7, y=5))))
             await asyncio.sleep(0.4)
             assert (await operator.robots())["Robot1"].activity == "DriveTo"
@@ -467,10 +467,10 @@ def test_the_link_finds_a_server_that_was_restarted() -> None:
         async with simulator() as server, RobotLink(server.host, server.port, "Robot1") as robot:
             await robot.drive_to(2, 2)
             await server.stop()
-            again = Server(server.simulation, port=server.port)
-            await again.start()
+            restarted_server = Server(server.simulation, port=server.port)
+            await restarted_server.start()
             await robot.drive_to(2, 2.5)
-            await again.stop()
+            await restarted_server.stop()
 
     run(test())
 
@@ -502,7 +502,7 @@ def test_operators_see_the_truth_and_move_things() -> None:
     run(test())
 
 
-class Followed:
+class PoseFollower:
     """What somebody who follows the poses knows."""
 
     def __init__(self) -> None:
@@ -511,7 +511,7 @@ class Followed:
         self.robots: dict[str, RobotStatus] = {}
         self.lines: list[Poses] = []
 
-    def hear(self, line: Poses) -> None:
+    def add_poses(self, line: Poses) -> None:
         if line.movers is not None:
             self.movers, self.poses = line.movers, {}
         values = iter(line.values)
@@ -522,19 +522,19 @@ class Followed:
         self.lines.append(line)
 
 
-async def follow(link: OperatorLink, followed: Followed, rate: float = 50.0) -> None:
+async def follow(link: OperatorLink, followed: PoseFollower, rate: float = 50.0) -> None:
     async with aclosing(link.poses(rate)) as lines:
         async for line in lines:
-            followed.hear(line)
+            followed.add_poses(line)
 
 
 @asynccontextmanager
-async def following(server: Server, rate: float = 50.0) -> AsyncIterator[tuple[OperatorLink, Followed]]:
+async def following(server: Server, rate: float = 50.0) -> AsyncIterator[tuple[OperatorLink, PoseFollower]]:
     """An operator who follows poses, and knows where everything is."""
-    followed = Followed()
+    followed = PoseFollower()
     async with OperatorLink(server.host, server.port) as link:
         task = asyncio.create_task(follow(link, followed, rate))
-        await until(lambda: followed.poses)
+        await wait_until(lambda: followed.poses)
         try:
             yield link, followed
             assert not task.done(), task
@@ -543,7 +543,7 @@ async def following(server: Server, rate: float = 50.0) -> AsyncIterator[tuple[O
             await asyncio.wait({task})
 
 
-async def until(condition: Callable[[], object]) -> None:
+async def wait_until(condition: Callable[[], object]) -> None:
     async with asyncio.timeout(120):
         while not condition():
             await asyncio.sleep(0.01)
@@ -559,17 +559,17 @@ def test_who_follows_poses_knows_where_everything_is() -> None:
             assert set(followed.poses) == {"Robot1", "Robot2", "Jar1", "Anvil1"}
             assert {mover.name: mover.numbers for mover in followed.movers} == {"Robot1": 9, "Robot2": 9, "Jar1": 6, "Anvil1": 6}
             await robot.grip("Jar1")
-            await until(lambda: followed.robots["Robot1"].holding == "Jar1")
+            await wait_until(lambda: followed.robots["Robot1"].holding == "Jar1")
             x, y, _, yaw, turret, _, reach, *_ = followed.poses["Robot1"]
             jar = followed.poses["Jar1"]
             assert math.dist(jar[:2], (x + reach * math.cos(yaw + turret), y + reach * math.sin(yaw + turret))) < 0.05, "it is in the hand"
             await robot.place("Platform1")
             await operator.idle()
-            seen = await operator.observe("Jar1")
-            await until(lambda: math.dist(followed.poses["Jar1"][:3], (seen.x, seen.y, seen.z)) < 0.002)
+            jar_sighting = await operator.observe("Jar1")
+            await wait_until(lambda: math.dist(followed.poses["Jar1"][:3], (jar_sighting.x, jar_sighting.y, jar_sighting.z)) < 0.002)
             moved = {followed.movers[i].name for line in followed.lines[1:] for i in line.moved}
             assert moved == {"Robot1", "Jar1"}, "nothing is said of what stands still"
-            await until(lambda: followed.robots["Robot1"] == RobotStatus())
+            await wait_until(lambda: followed.robots["Robot1"] == RobotStatus())
 
     run(test())
 
@@ -579,22 +579,22 @@ def test_nothing_is_said_while_nothing_moves_but_that_one_is_there() -> None:
         for speed in (None, 4):
             async with simulator(speed=speed) as server, following(server) as (operator, followed):
                 await operator.idle()
-                begun = len(followed.lines)
+                line_count = len(followed.lines)
                 await asyncio.sleep(2.2)
-                news = followed.lines[begun:]
+                news = followed.lines[line_count:]
                 assert 1 <= len(news) <= 4
                 assert not any(line.moved or line.values or line.robots for line in news)
                 await operator.move("Jar1", 3, 3, 0.0)
-                await until(lambda: math.dist(followed.poses["Jar1"][:2], (3, 3)) < 0.05)
+                await wait_until(lambda: math.dist(followed.poses["Jar1"][:2], (3, 3)) < 0.05)
 
     run(test())
 
 
-async def rested(server: Server) -> float:
+async def wait_until_at_rest(server: Server) -> float:
     """Wait until the world rests, which takes it a second of its time. The time that the physics has come to."""
-    seen = -1.0
-    while (now := float(server.simulation.scene.data.time)) != seen:
-        seen = now
+    last_time = -1.0
+    while (now := float(server.simulation.scene.data.time)) != last_time:
+        last_time = now
         await asyncio.sleep(0.5)
     return now
 
@@ -602,14 +602,14 @@ async def rested(server: Server) -> float:
 def test_in_a_world_at_rest_time_passes_without_any_physics() -> None:
     async def test() -> None:
         async with simulator(speed=4) as server, OperatorLink(server.host, server.port) as operator:
-            calculated = await rested(server)
-            asked, first, told = time.monotonic(), (await operator.clock()).time, time.monotonic()
+            calculated = await wait_until_at_rest(server)
+            request_time, first_time, answer_time = time.monotonic(), (await operator.clock()).time, time.monotonic()
             await asyncio.sleep(1.0)
-            asked_again, last = time.monotonic(), (await operator.clock()).time
-            assert 4 * (asked_again - told - 0.5) < last - first < 4 * (time.monotonic() - asked + 0.5)
+            second_request_time, last_time = time.monotonic(), (await operator.clock()).time
+            assert 4 * (second_request_time - answer_time - 0.5) < last_time - first_time < 4 * (time.monotonic() - request_time + 0.5)
             assert server.simulation.scene.data.time == calculated
             await operator.schedule("Robot2", Fault.GRIPPER, delay=1.0)
-            await until(lambda: server.simulation.robots["Robot2"].faults)
+            await wait_until(lambda: server.simulation.robots["Robot2"].faults)
 
     run(test())
 
@@ -621,12 +621,12 @@ def test_a_world_at_rest_moves_again_as_soon_as_there_is_something_to_move() -> 
             following(server) as (_, followed),
             RobotLink(server.host, server.port, "Robot1") as robot,
         ):
-            await rested(server)
-            done = await robot.drive_to(2, 2.5)
-            assert math.dist((done.state.x, done.state.y), (2, 2.5)) < 0.1
-            await rested(server)
+            await wait_until_at_rest(server)
+            result = await robot.drive_to(2, 2.5)
+            assert math.dist((result.state.x, result.state.y), (2, 2.5)) < 0.1
+            await wait_until_at_rest(server)
             server.simulation.remove("Table1")
-            await until(lambda: followed.poses["Jar1"][2] < 0.1)
+            await wait_until(lambda: followed.poses["Jar1"][2] < 0.1)
 
     run(test())
 
@@ -638,13 +638,13 @@ def test_poses_come_at_the_rate_that_was_asked_for() -> None:
             following(server, 10) as (_, followed),
             RobotLink(server.host, server.port, "Robot1") as robot,
         ):
-            going = asyncio.create_task(robot.drive_to(7, 5))
-            await until(lambda: len(followed.lines) > 12)
+            drive_task = asyncio.create_task(robot.drive_to(7, 5))
+            await wait_until(lambda: len(followed.lines) > 12)
             clocks = [line.clock for line in followed.lines]
             assert clocks[-1] - clocks[2] >= 0.08 * (len(clocks) - 3), "lower bounds only, which a busy machine cannot break"
             await robot.stop()
             with contextlib.suppress(RobotGaveUp):
-                await going
+                await drive_task
 
     run(test())
 
@@ -653,9 +653,9 @@ def test_a_fault_is_said_to_who_follows() -> None:
     async def test() -> None:
         async with simulator() as server, following(server) as (operator, followed):
             await operator.fault("Robot1", Fault.DRIVE)
-            await until(lambda: followed.robots["Robot1"].faults == (Fault.DRIVE,))
+            await wait_until(lambda: followed.robots["Robot1"].faults == (Fault.DRIVE,))
             await operator.repair("Robot1", Fault.DRIVE)
-            await until(lambda: followed.robots["Robot1"].faults == ())
+            await wait_until(lambda: followed.robots["Robot1"].faults == ())
 
     run(test())
 
@@ -665,10 +665,10 @@ def test_what_comes_and_goes_makes_another_set_of_movers() -> None:
         async with simulator() as server, following(server) as (operator, followed):
             server.simulation.add(Object(name="Jar2", type="Jar", values={"PositionX": 1.15, "PositionY": 4.2, "PositionZ": 0.7}))
             await operator.idle()
-            await until(lambda: "Jar2" in followed.poses)
+            await wait_until(lambda: "Jar2" in followed.poses)
             server.simulation.remove("Anvil1")
             await operator.idle()
-            await until(lambda: set(followed.poses) == {"Robot1", "Robot2", "Jar1", "Jar2"})
+            await wait_until(lambda: set(followed.poses) == {"Robot1", "Robot2", "Jar1", "Jar2"})
 
     run(test())
 
@@ -676,17 +676,17 @@ def test_what_comes_and_goes_makes_another_set_of_movers() -> None:
 def test_one_who_takes_poses_late_gets_them_as_one() -> None:
     async def test() -> None:
         async with simulator(speed=10) as server, OperatorLink(server.host, server.port) as operator:
-            followed = Followed()
+            followed = PoseFollower()
             async with aclosing(operator.poses(50)) as lines:
-                followed.hear(await anext(lines))
+                followed.add_poses(await anext(lines))
                 await operator.move("Jar1", 3, 3, 0.0)
                 async with RobotLink(server.host, server.port, "Robot1") as robot:
-                    done = await robot.drive_to(4, 4)
+                    result = await robot.drive_to(4, 4)
                 await operator.idle()
                 await asyncio.sleep(0.2)
-                followed.hear(await anext(lines))
+                followed.add_poses(await anext(lines))
                 assert math.dist(followed.poses["Jar1"][:2], (3, 3)) < 0.05
-                assert math.dist(followed.poses["Robot1"][:2], (done.state.x, done.state.y)) < 0.02
+                assert math.dist(followed.poses["Robot1"][:2], (result.state.x, result.state.y)) < 0.02
                 with pytest.raises(UsageError, match="already"):
                     await anext(operator.poses())
             async with aclosing(operator.poses(50)) as lines:
@@ -698,16 +698,16 @@ def test_one_who_takes_poses_late_gets_them_as_one() -> None:
 def test_whose_connection_is_lost_follows_anew() -> None:
     async def test() -> None:
         async with simulator() as server, OperatorLink(server.host, server.port) as operator:
-            going = asyncio.create_task(follow(operator, followed := Followed()))
-            await until(lambda: followed.poses)
+            follow_task = asyncio.create_task(follow(operator, followed := PoseFollower()))
+            await wait_until(lambda: followed.poses)
             await server.stop()
             with pytest.raises(RobotGaveUp, match="lost"):
-                await going
-            again = Server(server.simulation, port=server.port)
-            await again.start()
-            async with aclosing(operator.poses()) as more:
-                assert (await anext(more)).movers
-            await again.stop()
+                await follow_task
+            restarted_server = Server(server.simulation, port=server.port)
+            await restarted_server.start()
+            async with aclosing(operator.poses()) as new_lines:
+                assert (await anext(new_lines)).movers
+            await restarted_server.stop()
 
     run(test())
 
@@ -715,8 +715,8 @@ def test_whose_connection_is_lost_follows_anew() -> None:
 def test_robots_do_not_follow_poses() -> None:
     async def test() -> None:
         async with simulator() as server:
-            robot = await raw(server, {"robot": "Robot1"})
-            refused = await robot.say({"say": "ask", "id": 1, "question": {"ask": "poses"}})
+            robot = await raw_client(server, {"robot": "Robot1"})
+            refused = await robot.request({"say": "ask", "id": 1, "question": {"ask": "poses"}})
             assert refused["reason"] == "not-allowed"
 
     run(test())
@@ -726,7 +726,7 @@ def test_a_thing_that_fell_over_is_said_to_lie() -> None:
     async def test() -> None:
         async with simulator(speed=4) as server, following(server) as (operator, followed):
             await operator.move("Jar1", 1.31, 4, 0.7)  # over the table's edge
-            await until(lambda: followed.poses["Jar1"][2] < 0.1)
+            await wait_until(lambda: followed.poses["Jar1"][2] < 0.1)
             *_, pitch, roll = followed.poses["Jar1"]
             assert max(abs(pitch), abs(roll)) > 1.0
 
@@ -741,14 +741,14 @@ def test_ways_are_as_long_as_what_is_driven_then() -> None:
             assert first is not None
             assert second is not None
             for target, estimate in (("Jar1", first), ("Platform1", second)):
-                begun = robot.state or (await robot.status()).state
+                start_state = robot.state or (await robot.status()).state
                 places.clear()
                 if target == "Jar1":
                     await robot.grip(target)
                 else:
                     await robot.approach(target)
-                points = [(begun.x, begun.y), *((state.x, state.y) for state in places)]
-                driven = sum(math.dist(a, b) for a, b in pairwise(points))
+                points = [(start_state.x, start_state.y), *((state.x, state.y) for state in places)]
+                driven = sum(math.dist(start, end) for start, end in pairwise(points))
                 assert estimate == pytest.approx(driven, abs=0.8)
             assert await robot.ways((20.0, 20.0), "Jar1") == (None, None)
             assert (await robot.ways("Floor1", (3.0, 3.0)))[0] == 0
@@ -759,11 +759,11 @@ def test_ways_are_as_long_as_what_is_driven_then() -> None:
 def test_a_robot_with_a_dead_drive_is_in_the_way_of_others() -> None:
     async def test() -> None:
         async with simulator() as server, OperatorLink(server.host, server.port) as operator:
-            free = (await operator.ways("Robot1", (6.0, 2.1)))[0]
-            assert free is not None
+            free_length = (await operator.ways("Robot1", (6.0, 2.1)))[0]
+            assert free_length is not None
             await operator.fault("Robot2", Fault.DRIVE)
-            around = (await operator.ways("Robot1", (6.0, 2.1)))[0]
-            assert around is not None
+            detour = (await operator.ways("Robot1", (6.0, 2.1)))[0]
+            assert detour is not None
             assert (await operator.ways("Robot2", "Jar1"))[0] is not None, "it would have to drive that far, if it could"
 
     run(test())
@@ -772,12 +772,12 @@ def test_a_robot_with_a_dead_drive_is_in_the_way_of_others() -> None:
 def test_a_picture_is_a_png_or_there_is_a_clear_word() -> None:
     async def test() -> None:
         async with simulator() as server, OperatorLink(server.host, server.port) as operator:
-            said = ""
+            message = ""
             try:
                 png = await operator.picture("Jar1")
             except SimulationError as error:
-                png, said = b"", str(error)
-            assert png.startswith(b"\x89PNG") or "OpenGL" in said
+                png, message = b"", str(error)
+            assert png.startswith(b"\x89PNG") or "OpenGL" in message
             with pytest.raises(UsageError, match="Jar9"):
                 await operator.picture("Jar9")
 
@@ -788,10 +788,10 @@ def test_time_passes_as_fast_as_wanted_and_not_at_all_when_nothing_moves() -> No
     async def passed(speed: float | None) -> float:
         async with simulator(speed) as server, OperatorLink(server.host, server.port) as operator:
             await operator.idle()
-            begun, before = time.monotonic(), (await operator.clock()).time
+            started_at, clock_before = time.monotonic(), (await operator.clock()).time
             await asyncio.sleep(0.6)
             assert (await operator.clock()).speed == speed
-            return ((await operator.clock()).time - before) / (time.monotonic() - begun)
+            return ((await operator.clock()).time - clock_before) / (time.monotonic() - started_at)
 
     async def test() -> None:
         # A busy machine may stop this test, or the simulator, for a while: what is asserted is the order of magnitude.
@@ -806,16 +806,16 @@ def test_states_come_at_the_rate_that_was_asked_for_and_not_in_floods() -> None:
     async def test() -> None:
         for rate, speed in ((20, 1), (1000, 20)):
             async with simulator(speed) as server:
-                begun = time.monotonic()
-                client = await raw(server, {"robot": "Robot1", "rate": rate})
+                started_at = time.monotonic()
+                client = await raw_client(server, {"robot": "Robot1", "rate": rate})
                 client.writer.write(encode_line(Order(id=1, command=DriveTo(x=7, y=5))))
                 times: list[float] = []
                 while len(times) < 10:
-                    if (line := await client.hear())["say"] == "state":
+                    if (line := await client.read_line())["say"] == "state":
                         times.append(line["state"]["time"])
                 # Lower bounds, which a busy machine cannot break. The rate counts simulated time; a heartbeat may come between.
                 assert times[-1] - times[0] >= 8 / rate
-                assert time.monotonic() - begun >= 9 / MOST_STATES
+                assert time.monotonic() - started_at >= 9 / MOST_STATES
 
     run(test())
 
@@ -823,12 +823,12 @@ def test_states_come_at_the_rate_that_was_asked_for_and_not_in_floods() -> None:
 def test_a_robot_that_stands_says_so_about_once_a_second_however_often_its_state_was_asked_for() -> None:
     async def test() -> None:
         async with simulator(speed=20) as server:
-            drives, stands = [await raw(server, {"robot": robot, "rate": 50}) for robot in ("Robot1", "Robot2")]
-            begun = time.monotonic()
-            moved = await drives.states_until(Order(id=1, command=DriveTo(x=7, y=5)))
-            stood = await stands.states_until(Order(id=1, command=Status()))
-            assert len(moved) > 10
-            assert 1 <= len(stood) <= 2 + (time.monotonic() - begun) / HEARTBEAT
+            drives, stands = [await raw_client(server, {"robot": robot, "rate": 50}) for robot in ("Robot1", "Robot2")]
+            started_at = time.monotonic()
+            moving_states = await drives.states_until(Order(id=1, command=DriveTo(x=7, y=5)))
+            standing_states = await stands.states_until(Order(id=1, command=Status()))
+            assert len(moving_states) > 10
+            assert 1 <= len(standing_states) <= 2 + (time.monotonic() - started_at) / HEARTBEAT
 
     run(test())
 
@@ -836,7 +836,7 @@ def test_a_robot_that_stands_says_so_about_once_a_second_however_often_its_state
 def test_one_who_does_not_listen_keeps_nobody_waiting() -> None:
     async def test() -> None:
         async with simulator() as server, RobotLink(server.host, server.port, "Robot1") as robot:
-            deaf = await raw(server, {"robot": "Robot2", "rate": 1000})
+            deaf = await raw_client(server, {"robot": "Robot2", "rate": 1000})
             for i in range(3000):
                 deaf.writer.write(encode_line(Order(id=i, command=Status())))
             await robot.drive_to(2, 4.5)
@@ -861,17 +861,17 @@ def test_the_program_serves_a_map_until_it_is_told_to_end(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize(
-    ("text", "arguments", "told"),
+    ("text", "arguments", "expected_text"),
     [
         ("ontology: mine\n", [], "there is no map in it"),
         (SITE, ["--speed", "fast"], "a speed is"),
         (SITE, ["--port", "{taken}"], "cannot listen"),
     ],
 )
-def test_the_program_says_what_is_wrong(tmp_path: Path, text: str, arguments: list[str], told: str) -> None:
+def test_the_program_says_what_is_wrong(tmp_path: Path, text: str, arguments: list[str], expected_text: str) -> None:
     (tmp_path / "lab.yaml").write_text(text)
-    with socket.create_server(("127.0.0.1", 0)) as other:
-        given = [argument.format(taken=other.getsockname()[1]) for argument in arguments]
-        ended = somrs("run", "simulator", "--site", tmp_path / "lab.yaml", *given)
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        filled_arguments = [argument.format(taken=listener.getsockname()[1]) for argument in arguments]
+        ended = somrs("run", "simulator", "--site", tmp_path / "lab.yaml", *filled_arguments)
     assert ended.returncode == 2
-    assert told in ended.stderr
+    assert expected_text in ended.stderr

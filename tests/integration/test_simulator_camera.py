@@ -29,8 +29,8 @@ def test_pictures_show_the_room(gl: str) -> None:
     pictures = [np.asarray(Image.open(io.BytesIO(camera.picture(view)))) for view in views]
     assert all(picture.shape == (300, 400, 3) and picture.std() > 15 for picture in pictures)
     simulation.add(thing("Cup1", "Cup", 6.5, 1.5, 0.3, Color="Green"))
-    after = np.asarray(Image.open(io.BytesIO(camera.picture(views[1]))))
-    green = (after[..., 1] > after[..., 0] * 1.5) & (after[..., 1] > after[..., 2] * 1.3)
+    new_picture = np.asarray(Image.open(io.BytesIO(camera.picture(views[1]))))
+    green = (new_picture[..., 1] > new_picture[..., 0] * 1.5) & (new_picture[..., 1] > new_picture[..., 2] * 1.3)
     assert green.sum() > 20, "what appears in the world appears in its pictures"
     camera.close()
 

@@ -14,7 +14,7 @@ from tests.support.simulator_room import Run, box, robot, room, shell
 
 def drive_all(run: Run, goals: dict[str, tuple[float, float]], limit: float = 120.0) -> dict[str, CommandDone | CommandGivenUp]:
     ends = {name: run.start(name, DriveTo(x=x, y=y)) for name, (x, y) in goals.items()}
-    run.until(lambda: all(ends.values()), limit)
+    run.run_until(lambda: all(ends.values()), limit)
     return {name: end[0] for name, end in ends.items()}
 
 
@@ -29,7 +29,7 @@ def test_crossing_robots_never_touch() -> None:
     chance = random.Random(7)
     for _ in range(4):
         places = [(chance.uniform(2, 5.2), chance.uniform(0.6, 3.9)) for _ in range(4)]
-        if min(math.dist(a, b) for a, b in itertools.combinations(places, 2)) < 0.8:
+        if min(math.dist(first, second) for first, second in itertools.combinations(places, 2)) < 0.8:
             continue
         run = Run(room((*places[0], 0), (*places[1], 0)))
         ends = drive_all(run, {"Robot1": places[2], "Robot2": places[3]})
@@ -63,7 +63,7 @@ def test_an_idle_robot_makes_way() -> None:
 def test_a_robot_that_cannot_pass_gives_up_after_a_while() -> None:
     run = Run(Map([*corridor(), robot("Robot1", (6, 0, 0)), robot("Robot2", (11, 0, math.pi))]))
     run.simulation.fault("Robot1", Fault.DRIVE)
-    end = run.do("Robot2", DriveTo(x=1, y=0))
+    end = run.execute("Robot2", DriveTo(x=1, y=0))
     assert isinstance(end, CommandGivenUp)
     assert end.reason == "blocked"
     assert "Robot1" in end.description
@@ -76,18 +76,18 @@ def doorway(open: bool) -> Map:
 
 
 def test_a_closed_door_blocks_and_an_open_one_does_not() -> None:
-    shut = Run(doorway(open=False)).do("Robot1", DriveTo(x=6, y=3))
+    shut = Run(doorway(open=False)).execute("Robot1", DriveTo(x=6, y=3))
     assert isinstance(shut, CommandGivenUp)
     assert shut.reason == "unreachable"
     run = Run(doorway(open=True))
-    run.all("Robot1", DriveTo(x=6, y=3))
+    run.execute_all("Robot1", DriveTo(x=6, y=3))
     assert abs(run.simulation.state("Robot1").x - 6) < 0.03
     assert not run.collisions
 
 
 def test_robots_stand_where_they_were_sent_and_look_there() -> None:
     run = Run(room())
-    run.all("Robot1", DriveTo(x=3, y=2, yaw=1.0))
+    run.execute_all("Robot1", DriveTo(x=3, y=2, yaw=1.0))
     state = run.simulation.state("Robot1")
     assert math.dist((state.x, state.y), (3, 2)) < 0.02
     assert abs(state.yaw - 1.0) < 0.03
@@ -96,10 +96,18 @@ def test_robots_stand_where_they_were_sent_and_look_there() -> None:
 def test_the_gap_between_capsules_is_what_sampling_finds() -> None:
     chance = random.Random(3)
     for _ in range(50):
-        a, b, c, d = ((chance.uniform(-1, 1), chance.uniform(-1, 1)) for _ in range(4))
+        first_start, first_end, second_start, second_end = ((chance.uniform(-1, 1), chance.uniform(-1, 1)) for _ in range(4))
         shares = [i / 60 for i in range(61)]
-        ones = [(a[0] + s * (b[0] - a[0]), a[1] + s * (b[1] - a[1])) for s in shares]
-        twos = [(c[0] + s * (d[0] - c[0]), c[1] + s * (d[1] - c[1])) for s in shares]
-        slow = min(math.dist(p, q) for p in ones for q in twos)
-        assert abs(segment_distance(a, b, c, d) - slow) < 0.05
-        assert Capsule(a, b, 0.1).gap(Capsule(c, d, 0.2)) == segment_distance(a, b, c, d) - 0.1 - 0.2
+        first_points = [
+            (first_start[0] + s * (first_end[0] - first_start[0]), first_start[1] + s * (first_end[1] - first_start[1])) for s in shares
+        ]
+        second_points = [
+            (second_start[0] + s * (second_end[0] - second_start[0]), second_start[1] + s * (second_end[1] - second_start[1]))
+            for s in shares
+        ]
+        slow = min(math.dist(p, q) for p in first_points for q in second_points)
+        assert abs(segment_distance(first_start, first_end, second_start, second_end) - slow) < 0.05
+        assert (
+            Capsule(first_start, first_end, 0.1).gap(Capsule(second_start, second_end, 0.2))
+            == segment_distance(first_start, first_end, second_start, second_end) - 0.1 - 0.2
+        )

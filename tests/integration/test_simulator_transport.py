@@ -16,10 +16,10 @@ TRANSFER = (Approach(object="Jar002"), Grip(object="Jar002"), Approach(object="P
 
 def test_a_robot_carries_the_jar_to_the_platform() -> None:
     run = Run(room())
-    run.all("Robot1", *TRANSFER)
-    seen = run.simulation.observe("Jar002")
-    assert seen.support == "Platform001"
-    assert abs(seen.z - 0.3) < 0.005
+    run.execute_all("Robot1", *TRANSFER)
+    jar_sighting = run.simulation.observe("Jar002")
+    assert jar_sighting.support == "Platform001"
+    assert abs(jar_sighting.z - 0.3) < 0.005
     assert run.simulation.scene.upright("Jar002")
     assert not run.collisions
     assert run.simulation.state("Robot1").holding is None
@@ -27,7 +27,7 @@ def test_a_robot_carries_the_jar_to_the_platform() -> None:
 
 def test_what_is_held_is_on_nothing() -> None:
     run = Run(room())
-    run.all("Robot1", Grip(object="Jar002"))
+    run.execute_all("Robot1", Grip(object="Jar002"))
     assert run.simulation.state("Robot1").holding == "Jar002"
     assert run.simulation.observe("Jar002").support is None
 
@@ -36,24 +36,24 @@ def test_what_is_held_is_on_nothing() -> None:
 def test_a_jar_that_a_broken_robot_put_down_is_taken_on_by_another(seed: int) -> None:
     chance = random.Random(seed)
     run = Run(room((chance.uniform(1.5, 2.5), chance.uniform(0.5, 2.5), chance.uniform(-3, 3))))
-    run.all("Robot1", *TRANSFER[:2])
+    run.execute_all("Robot1", *TRANSFER[:2])
     ends = run.start("Robot1", TRANSFER[2])
-    there = run.simulation.time + chance.uniform(0.3, 8)
-    run.until(lambda: run.simulation.time > there)
+    fault_time = run.simulation.time + chance.uniform(0.3, 8)
+    run.run_until(lambda: run.simulation.time > fault_time)
     run.simulation.fault("Robot1", Fault.DRIVE)
     run.step()
     run.step()
     x, y = run.simulation.state("Robot1").x, run.simulation.state("Robot1").y
-    run.until(lambda: ends)
+    run.run_until(lambda: ends)
     end, jar = ends[0], run.simulation.observe("Jar002")
     assert isinstance(end, CommandGivenUp)
     assert end.reason == "drive-dead"
     assert end.state.holding is None
-    assert [(seen.object, seen.support) for seen in end.object_states if seen.object == "Jar002"] == [("Jar002", "Floor1")]
+    assert [(sighting.object, sighting.support) for sighting in end.object_states if sighting.object == "Jar002"] == [("Jar002", "Floor1")]
     assert abs(jar.z) < 0.005
     assert run.simulation.scene.upright("Jar002")
     assert abs(end.state.x - x) + abs(end.state.y - y) < 0.02, "the dead robot rolled on"
-    run.all("Robot2", *TRANSFER)
+    run.execute_all("Robot2", *TRANSFER)
     assert run.simulation.observe("Jar002").support == "Platform001"
     assert not run.collisions
 
@@ -73,54 +73,54 @@ SUPPORTS = [
 
 
 @pytest.mark.parametrize(
-    ("name", "on"), [("Bottle1", "Low"), ("Can1", "High"), ("Cup1", "Counter"), ("Carton1", "Floor1"), ("Jar002", "Spot")]
+    ("name", "support"), [("Bottle1", "Low"), ("Can1", "High"), ("Cup1", "Counter"), ("Carton1", "Floor1"), ("Jar002", "Spot")]
 )
-def test_things_of_all_forms_go_to_all_heights(name: str, on: str) -> None:
+def test_things_of_all_forms_go_to_all_heights(name: str, support: str) -> None:
     run = Run(room((2.5, 2, 0), (5.5, 4.5, 3.1), [*SUPPORTS, *THINGS]))
-    run.all("Robot1", Grip(object=name), Place(support=on))
-    assert run.simulation.observe(name).support == on
+    run.execute_all("Robot1", Grip(object=name), Place(support=support))
+    assert run.simulation.observe(name).support == support
     assert run.simulation.scene.upright(name)
 
 
 def test_a_thing_is_put_just_where_it_was_wanted() -> None:
     run = Run(room())
-    run.all("Robot1", Grip(object="Jar002"), Place(support="Table001", x=4.2, y=4.95))
-    seen = run.simulation.observe("Jar002")
-    assert abs(seen.x - 4.2) < 0.02
-    assert abs(seen.y - 4.95) < 0.02
+    run.execute_all("Robot1", Grip(object="Jar002"), Place(support="Table001", x=4.2, y=4.95))
+    jar_sighting = run.simulation.observe("Jar002")
+    assert abs(jar_sighting.x - 4.2) < 0.02
+    assert abs(jar_sighting.y - 4.95) < 0.02
 
 
 def test_put_down_works_with_a_dead_drive() -> None:
     run = Run(room())
-    run.all("Robot1", Grip(object="Jar002"))
+    run.execute_all("Robot1", Grip(object="Jar002"))
     run.simulation.fault("Robot1", Fault.DRIVE)
-    run.until(lambda: not run.simulation.busy)
+    run.run_until(lambda: not run.simulation.busy)
     assert run.simulation.state("Robot1").holding is None
     assert run.simulation.scene.upright("Jar002")
-    end = run.do("Robot1", DriveTo(x=4, y=3))
+    end = run.execute("Robot1", DriveTo(x=4, y=3))
     assert isinstance(end, CommandGivenUp)
     assert end.reason == "drive-dead"
-    assert "Jar002" in [seen.object for seen in end.object_states], "where the jar was left is said with the next answer"
+    assert "Jar002" in [sighting.object for sighting in end.object_states], "where the jar was left is said with the next answer"
 
 
 def test_put_down_leaves_the_thing_right_here() -> None:
     run = Run(room())
-    run.all("Robot1", Grip(object="Jar002"), DriveTo(x=3, y=2.5), PutDown())
-    seen = run.simulation.observe("Jar002")
-    assert seen.support == "Floor1"
-    assert abs(seen.x - 3) + abs(seen.y - 2.5) < 1.0
+    run.execute_all("Robot1", Grip(object="Jar002"), DriveTo(x=3, y=2.5), PutDown())
+    jar_sighting = run.simulation.observe("Jar002")
+    assert jar_sighting.support == "Floor1"
+    assert abs(jar_sighting.x - 3) + abs(jar_sighting.y - 2.5) < 1.0
 
 
 def test_a_stuck_gripper_is_said_and_keeps_what_it_holds() -> None:
     run = Run(room())
     run.simulation.fault("Robot1", Fault.GRIPPER)
-    end = run.do("Robot1", Grip(object="Jar002"))
+    end = run.execute("Robot1", Grip(object="Jar002"))
     assert isinstance(end, CommandGivenUp)
     assert end.reason == "gripper-stuck"
     run.simulation.repair("Robot1", Fault.GRIPPER)
-    run.all("Robot1", Grip(object="Jar002"))
+    run.execute_all("Robot1", Grip(object="Jar002"))
     run.simulation.fault("Robot1", Fault.GRIPPER)
-    end = run.do("Robot1", Place(support="Platform001"))
+    end = run.execute("Robot1", Place(support="Platform001"))
     assert isinstance(end, CommandGivenUp)
     assert end.reason == "gripper-stuck"
     assert end.state.holding == "Jar002"
@@ -134,11 +134,11 @@ def test_a_silent_robot_stops_and_never_answers() -> None:
     run.simulation.fault("Robot1", Fault.SILENT)
     for _ in range(10):
         run.step()
-    at = run.simulation.state("Robot1")
+    state_before = run.simulation.state("Robot1")
     for _ in range(200):
         run.step()
-    later = run.simulation.state("Robot1")
-    assert abs(later.x - at.x) + abs(later.y - at.y) < 1e-3
+    state_after = run.simulation.state("Robot1")
+    assert abs(state_after.x - state_before.x) + abs(state_after.y - state_before.y) < 1e-3
     assert ends == []
     assert not run.simulation.busy
 
@@ -146,13 +146,13 @@ def test_a_silent_robot_stops_and_never_answers() -> None:
 def test_stopped_with_its_fingers_on_a_jar_it_lets_go_before_it_leaves() -> None:
     run = Run(room())
     robot, scene = run.simulation.robots["Robot1"], run.simulation.scene
-    run.all("Robot1", Approach(object="Jar002"))
+    run.execute_all("Robot1", Approach(object="Jar002"))
     run.start("Robot1", Grip(object="Jar002"))
-    run.until(lambda: len(scene.touching_fingers("Robot1", "Jar002")) == 2)
+    run.run_until(lambda: len(scene.touching_fingers("Robot1", "Jar002")) == 2)
     assert robot.holding is None
-    run.all("Robot1", Stop(), DriveTo(x=4, y=2))
+    run.execute_all("Robot1", Stop(), DriveTo(x=4, y=2))
     assert run.simulation.observe("Jar002").support == "Cupboard001"
-    run.all("Robot1", Grip(object="Jar002"), Place(support="Platform001"))
+    run.execute_all("Robot1", Grip(object="Jar002"), Place(support="Platform001"))
     assert run.simulation.observe("Jar002").support == "Platform001"
 
 
@@ -161,10 +161,10 @@ def test_stop_ends_the_running_command() -> None:
     ends = run.start("Robot1", DriveTo(x=6, y=3))
     for _ in range(100):
         run.step()
-    stopped = run.do("Robot1", Stop())
+    stopped = run.execute("Robot1", Stop())
     assert isinstance(stopped, CommandDone)
     assert [end.reason for end in ends if isinstance(end, CommandGivenUp)] == ["stopped"]
-    run.until(lambda: not run.simulation.busy, limit=2)
+    run.run_until(lambda: not run.simulation.busy, limit=2)
     now = run.simulation.state("Robot1")
     assert math.dist((now.x, now.y), (stopped.state.x, stopped.state.y)) < 0.003, "it says where it came to a stand"
 
@@ -181,7 +181,7 @@ def test_stop_ends_the_running_command() -> None:
     ],
 )
 def test_what_cannot_be_done_is_given_up_with_a_reason(command: Grip, reason: str) -> None:
-    end = Run(room()).do("Robot1", command)
+    end = Run(room()).execute("Robot1", command)
     assert isinstance(end, CommandGivenUp)
     assert end.reason == reason
     assert end.description
@@ -189,18 +189,18 @@ def test_what_cannot_be_done_is_given_up_with_a_reason(command: Grip, reason: st
 
 def test_a_full_top_has_no_space() -> None:
     tiny = box("Tiny", "Table", (4, 2, 0), (0.2, 0.2, 0.5))
-    run = Run(room(more=[tiny, thing("Cup1", "Cup", 4, 2, 0.5)]))
-    run.all("Robot1", Grip(object="Jar002"))
-    end = run.do("Robot1", Place(support="Tiny"))
+    run = Run(room(extra_objects=[tiny, thing("Cup1", "Cup", 4, 2, 0.5)]))
+    run.execute_all("Robot1", Grip(object="Jar002"))
+    end = run.execute("Robot1", Place(support="Tiny"))
     assert isinstance(end, CommandGivenUp)
     assert end.reason == "no-space"
     assert end.state.holding == "Jar002"
 
 
 def test_a_robot_without_a_gripper_drives_but_carries_nothing() -> None:
-    run = Run(room(more=[robot("Cart1", (4, 2, 0), type="MobileRobot")]))
-    run.all("Cart1", DriveTo(x=5, y=3))
-    end = run.do("Cart1", Grip(object="Jar002"))
+    run = Run(room(extra_objects=[robot("Cart1", (4, 2, 0), type="MobileRobot")]))
+    run.execute_all("Cart1", DriveTo(x=5, y=3))
+    end = run.execute("Cart1", Grip(object="Jar002"))
     assert isinstance(end, CommandGivenUp)
     assert end.reason == "not-possible"
 
@@ -209,7 +209,7 @@ def test_sensing_sees_what_nothing_hides() -> None:
     screen = box("Screen", "Wall", (4, 3, 0), (0.1, 3, 2))
     objects: list[Object] = [*shell(), screen, robot("Robot1", (2, 3, 0)), thing("Near", "Cup", 3, 3, 0), thing("Far", "Cup", 6, 3, 0)]
     run = Run(Map(objects))
-    end = run.do("Robot1", Sense(radius=10))
+    end = run.execute("Robot1", Sense(radius=10))
     assert isinstance(end, CommandDone)
-    assert [seen.object for seen in end.object_states] == ["Near"]
+    assert [sighting.object for sighting in end.object_states] == ["Near"]
     assert end.object_states[0].support == "Floor1"

@@ -18,54 +18,54 @@ def hung(x: float, y: float, z: float, turned: float, **values: Value) -> Object
     return thing("Camera1", "Camera", x, y, z, RotationZ=turned, **values)
 
 
-def seen(run: Run, viewer: str, radius: float | None = None) -> dict[str, ObjectState]:
-    done = run.do(viewer, Sense(radius=radius))
-    assert isinstance(done, CommandDone)
-    return {one.object: one for one in done.object_states}
+def sense_objects(run: Run, viewer: str, radius: float | None = None) -> dict[str, ObjectState]:
+    result = run.execute(viewer, Sense(radius=radius))
+    assert isinstance(result, CommandDone)
+    return {sighting.object: sighting for sighting in result.object_states}
 
 
 def test_a_camera_sees_what_is_in_range_and_in_its_field_of_view() -> None:
     # From the north-west corner, over the cupboard, it looks to the south-east.
-    run = Run(room(more=[hung(0.1, 5.9, 2.3, -0.8, OperationRange=6)]))
-    before = seen(run, "Camera1")
-    assert {"Jar002", "Robot1"} < set(before)
-    assert before["Jar002"].support == "Cupboard001"
-    assert (before["Jar002"].x, before["Jar002"].y) == pytest.approx((0.43, 3.9), abs=0.005)
-    assert "Platform001" not in before, "it is 8 m away"
-    for turned, inside in ((-0.8, True), (2.3, False)):
-        away = Run(room(more=[hung(0.1, 5.9, 2.3, turned, OperationRange=6)]))
-        assert ("Jar002" in seen(away, "Camera1")) is inside
-    level = Run(room(more=[hung(1.2, 3.9, 2.2, math.pi, RotationY=0)]))
-    assert "Jar002" not in seen(level, "Camera1"), "it is below what a camera sees that looks straight ahead"
-    assert "Jar002" in seen(Run(room(more=[hung(1.2, 3.9, 2.2, math.pi, RotationY=1)])), "Camera1")
+    run = Run(room(extra_objects=[hung(0.1, 5.9, 2.3, -0.8, OperationRange=6)]))
+    sightings = sense_objects(run, "Camera1")
+    assert {"Jar002", "Robot1"} < set(sightings)
+    assert sightings["Jar002"].support == "Cupboard001"
+    assert (sightings["Jar002"].x, sightings["Jar002"].y) == pytest.approx((0.43, 3.9), abs=0.005)
+    assert "Platform001" not in sightings, "it is 8 m away"
+    for turned, is_visible in ((-0.8, True), (2.3, False)):
+        turned_run = Run(room(extra_objects=[hung(0.1, 5.9, 2.3, turned, OperationRange=6)]))
+        assert ("Jar002" in sense_objects(turned_run, "Camera1")) is is_visible
+    level = Run(room(extra_objects=[hung(1.2, 3.9, 2.2, math.pi, RotationY=0)]))
+    assert "Jar002" not in sense_objects(level, "Camera1"), "it is below what a camera sees that looks straight ahead"
+    assert "Jar002" in sense_objects(Run(room(extra_objects=[hung(1.2, 3.9, 2.2, math.pi, RotationY=1)])), "Camera1")
 
 
 def test_walls_and_furniture_hide_things() -> None:
     screen = box("Wall9", "Wall", (1.8, 3.9, 0), (0.1, 2, 2.5))
-    assert "Jar002" in seen(Run(room(one=(3, 3.9, math.pi))), "Robot1")
-    assert "Jar002" not in seen(Run(room(one=(3, 3.9, math.pi), more=[screen])), "Robot1")
-    under = thing("Cup1", "Cup", 6.5, 2.1, 0.0)
-    behind = Run(room(more=[under, hung(6.5, 0.1, 0.5, math.pi / 2, RotationY=0)]))
-    assert "Cup1" not in seen(behind, "Camera1"), "the platform is before it"
-    above = Run(room(more=[under, hung(6.5, 0.1, 2.4, math.pi / 2, RotationY=0.8)]))
-    assert "Cup1" in seen(above, "Camera1")
+    assert "Jar002" in sense_objects(Run(room(first_start=(3, 3.9, math.pi))), "Robot1")
+    assert "Jar002" not in sense_objects(Run(room(first_start=(3, 3.9, math.pi), extra_objects=[screen])), "Robot1")
+    cup = thing("Cup1", "Cup", 6.5, 2.1, 0.0)
+    rear_run = Run(room(extra_objects=[cup, hung(6.5, 0.1, 0.5, math.pi / 2, RotationY=0)]))
+    assert "Cup1" not in sense_objects(rear_run, "Camera1"), "the platform is before it"
+    top_run = Run(room(extra_objects=[cup, hung(6.5, 0.1, 2.4, math.pi / 2, RotationY=0.8)]))
+    assert "Cup1" in sense_objects(top_run, "Camera1")
 
 
 def test_what_a_robot_holds_is_seen_in_its_hand() -> None:
-    run = Run(room(more=[hung(0.1, 5.9, 2.3, -0.8)]))
-    run.all("Robot1", Grip(object="Jar002"), DriveTo(x=2, y=4))
-    found = seen(run, "Camera1")
-    assert (found["Jar002"].held_by, found["Jar002"].support) == ("Robot1", None)
-    assert found["Robot1"].held_by is None
+    run = Run(room(extra_objects=[hung(0.1, 5.9, 2.3, -0.8)]))
+    run.execute_all("Robot1", Grip(object="Jar002"), DriveTo(x=2, y=4))
+    sightings = sense_objects(run, "Camera1")
+    assert (sightings["Jar002"].held_by, sightings["Jar002"].support) == ("Robot1", None)
+    assert sightings["Robot1"].held_by is None
     robot = run.simulation.state("Robot1")
-    assert (found["Robot1"].x, found["Robot1"].y, found["Robot1"].yaw) == pytest.approx((robot.x, robot.y, robot.yaw), abs=1e-6)
+    assert (sightings["Robot1"].x, sightings["Robot1"].y, sightings["Robot1"].yaw) == pytest.approx((robot.x, robot.y, robot.yaw), abs=1e-6)
     run.simulation.fault("Robot1", Fault.SILENT)
-    assert seen(run, "Camera1")["Jar002"].held_by == "Robot1", "a robot need not speak to be seen"
+    assert sense_objects(run, "Camera1")["Jar002"].held_by == "Robot1", "a robot need not speak to be seen"
 
 
 def test_a_camera_takes_no_other_commands() -> None:
-    run = Run(room(more=[hung(0.1, 5.9, 2.3, -0.8)]))
-    end = run.do("Camera1", DriveTo(x=1, y=1))
+    run = Run(room(extra_objects=[hung(0.1, 5.9, 2.3, -0.8)]))
+    end = run.execute("Camera1", DriveTo(x=1, y=1))
     assert isinstance(end, CommandGivenUp)
     assert end.reason == "not-possible"
     assert not run.simulation.busy
@@ -73,36 +73,36 @@ def test_a_camera_takes_no_other_commands() -> None:
 
 def test_a_robot_goes_where_it_can_see_a_place_and_stops_when_it_sees_the_thing() -> None:
     screen = box("Wall9", "Wall", (1.8, 3.9, 0), (0.1, 2, 2.5))
-    run = Run(room(more=[screen, robot("Patrol1", (5, 4, 0), type="PatrolRobot")]))
-    assert "Jar002" not in seen(run, "Patrol1")
-    done = run.do("Patrol1", LookAt(x=0.43, y=3.9, z=0.9, object="Jar002"))
-    assert isinstance(done, CommandDone)
-    assert "Jar002" in [one.object for one in done.object_states]
+    run = Run(room(extra_objects=[screen, robot("Patrol1", (5, 4, 0), type="PatrolRobot")]))
+    assert "Jar002" not in sense_objects(run, "Patrol1")
+    result = run.execute("Patrol1", LookAt(x=0.43, y=3.9, z=0.9, object="Jar002"))
+    assert isinstance(result, CommandDone)
+    assert "Jar002" in [sighting.object for sighting in result.object_states]
     assert not run.collisions
     start = run.simulation.time
-    again = run.do("Patrol1", LookAt(x=7.5, y=5.5, z=0.3, object="Jar002"))
-    assert isinstance(again, CommandDone)
+    second_result = run.execute("Patrol1", LookAt(x=7.5, y=5.5, z=0.3, object="Jar002"))
+    assert isinstance(second_result, CommandDone)
     assert run.simulation.time - start < 2, "it sees the jar already, and need not drive to the other corner"
 
 
 def test_turning_about_it_sees_all_around() -> None:
-    run = Run(room(more=[PATROL]))
-    ahead = seen(run, "Patrol1")
+    run = Run(room(extra_objects=[PATROL]))
+    ahead = sense_objects(run, "Patrol1")
     assert "Cupboard001" not in ahead, "that is behind it"
-    done = run.do("Patrol1", LookAround())
-    assert isinstance(done, CommandDone)
-    assert {"Cupboard001", "Jar002", "Robot1", "Platform001", "Table001"} <= {one.object for one in done.object_states}
-    where = run.simulation.state("Patrol1")
-    assert (where.x, where.y) == pytest.approx((2.5, 2.5), abs=0.02)
+    result = run.execute("Patrol1", LookAround())
+    assert isinstance(result, CommandDone)
+    assert {"Cupboard001", "Jar002", "Robot1", "Platform001", "Table001"} <= {sighting.object for sighting in result.object_states}
+    state = run.simulation.state("Patrol1")
+    assert (state.x, state.y) == pytest.approx((2.5, 2.5), abs=0.02)
 
 
 def test_what_cannot_be_seen_from_anywhere_is_given_up() -> None:
-    run = Run(room(more=[PATROL]))
-    end = run.do("Patrol1", LookAt(x=20, y=20, z=0.5))
+    run = Run(room(extra_objects=[PATROL]))
+    end = run.execute("Patrol1", LookAt(x=20, y=20, z=0.5))
     assert isinstance(end, CommandGivenUp)
     assert end.reason == "unreachable"
     run.simulation.fault("Patrol1", Fault.DRIVE)
-    end = run.do("Patrol1", LookAt(x=6, y=5.5, z=0.5))
+    end = run.execute("Patrol1", LookAt(x=6, y=5.5, z=0.5))
     assert isinstance(end, CommandGivenUp)
     assert end.reason == "drive-dead"
 
@@ -110,6 +110,6 @@ def test_what_cannot_be_seen_from_anywhere_is_given_up() -> None:
 def test_cameras_come_and_go() -> None:
     run = Run(room())
     run.simulation.add(hung(0.1, 5.9, 2.3, -0.8))
-    assert "Jar002" in seen(run, "Camera1")
+    assert "Jar002" in sense_objects(run, "Camera1")
     run.simulation.remove("Camera1")
     assert "Camera1" not in run.simulation.linked

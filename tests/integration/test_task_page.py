@@ -16,11 +16,11 @@ from somrs.protocol.messages.clients import CancelTask
 from somrs.protocol.messages.records import TaskRecord
 from somrs.runtime.virtual import Work
 from somrs.service_manager.sdk.orders import Order, ServiceFailed
-from tests.integration.test_recovery import BOTH, WISH, goes_silent, holding, patrolled, puts_back, until_one_is_done
+from tests.integration.test_recovery import BOTH_JARS, GOAL, goes_silent, holding, patrolled_system, restore_object, run_until_step_done
 from tests.support.virtual_system import Robot, VirtualSystem
 
 
-def told(system: VirtualSystem) -> list[Chapter]:
+def finished_story(system: VirtualSystem) -> list[Chapter]:
     """The story of the only task, which is over."""
     (record,) = [entry for entry in system.world.records["tm"] if isinstance(entry, TaskRecord)]
     return story(view(record), record.events)
@@ -36,16 +36,16 @@ def rungs(chapter: Chapter) -> list[str]:
 
 def test_a_task_without_failures_is_stated_planned_done_and_over() -> None:
     system = VirtualSystem(Robot("Robot1", 10, 60))
-    system.finish(system.submit(WISH))
-    chapters = told(system)
+    system.finish(system.submit(GOAL))
+    chapters = finished_story(system)
     assert [chapter.title for chapter in chapters] == ["client stated the task", "Planned: 1 step", "step1 is done", "Accomplished"]
     assert summary(chapters) == "no failures"
 
 
 def test_another_takes_over_and_does_it() -> None:
     system = VirtualSystem(Robot("Robot1", 1, 10, works=slips), Robot("Robot2", 25, 60))
-    system.finish(system.submit(WISH))
-    (failure,) = failures(told(system))
+    system.finish(system.submit(GOAL))
+    (failure,) = failures(finished_story(system))
     assert (failure.title, failure.text, failure.situation) == (
         "Failure 1: Robot1.TransferObject",
         "failed: it slipped",
@@ -60,8 +60,8 @@ def test_another_takes_over_and_does_it() -> None:
 def test_what_was_laid_down_goes_before_the_ladder_and_its_plan_is_not_the_tasks() -> None:
     tidy = Handler(on=Occasion.FAILURE, service_type="TransferObject", when="?Object isOn Floor001", effect="?Object isOn Cupboard001")
     system = VirtualSystem(Robot("Robot1", 1, 10, works=slips), Robot("Robot2", 25, 60))
-    system.finish(system.submit(WISH, handlers=(tidy,)))
-    chapters = told(system)
+    system.finish(system.submit(GOAL, handlers=(tidy,)))
+    chapters = finished_story(system)
     (failure,) = failures(chapters)
     assert rungs(failure) == ["As laid down", "Rung 1: replace"]
     assert "Robot2.TransferObject: Jar002 isOn Cupboard001" in [line.text for line in failure.lines]
@@ -70,11 +70,11 @@ def test_what_was_laid_down_goes_before_the_ladder_and_its_plan_is_not_the_tasks
 
 
 def test_silence_is_one_failure_from_the_first_sign_to_what_was_seen() -> None:
-    system = patrolled("Platform001", Robot("Robot1", 10, 600), Robot("Robot2", 25, 60))
-    task = system.submit(WISH)
+    system = patrolled_system("Platform001", Robot("Robot1", 10, 600), Robot("Robot2", 25, 60))
+    task = system.submit(GOAL)
     goes_silent(system, task)
     system.finish(task)
-    (failure,) = failures(told(system))
+    (failure,) = failures(finished_story(system))
     assert failure.text == "is silent; asking for its state"
     assert failure.step == "step1"
     assert rungs(failure) == ["Look"]
@@ -82,8 +82,8 @@ def test_silence_is_one_failure_from_the_first_sign_to_what_was_seen() -> None:
 
 
 def test_questions_about_what_is_looked_at_are_the_tasks() -> None:
-    system = patrolled("Floor001", Robot("Robot1", 10, 600), Robot("Robot2", 25, 60))
-    task = system.submit(WISH)
+    system = patrolled_system("Floor001", Robot("Robot1", 10, 600), Robot("Robot2", 25, 60))
+    task = system.submit(GOAL)
     goes_silent(system, task)
     assert observed_objects(system.view(task)) == frozenset()
     assert system.world.run(600, lambda: any(work.step.startswith("look") for work in system.view(task).work))
@@ -93,17 +93,17 @@ def test_questions_about_what_is_looked_at_are_the_tasks() -> None:
 
 
 def test_a_new_plan_ends_the_failure_that_it_is_for() -> None:
-    system = VirtualSystem(Robot("Robot1", 10, 60, works=holding("Robot1"), undoes=puts_back), Robot("Robot2", 25, 60))
-    system.finish(system.submit(WISH))
-    (failure,) = failures(told(system))
+    system = VirtualSystem(Robot("Robot1", 10, 60, works=holding("Robot1"), undoes=restore_object), Robot("Robot2", 25, 60))
+    system.finish(system.submit(GOAL))
+    (failure,) = failures(finished_story(system))
     assert rungs(failure) == ["Rung 2: plan anew", "Rung 3: undo"]
     assert failure.result == "The task goes on by a new plan of 1 step."
 
 
 def test_undoing_because_the_task_ends_is_no_rung_of_a_failure() -> None:
     system = VirtualSystem(Robot("Robot1", 10, 60, works=holding("Robot1")))
-    system.finish(system.submit(WISH))
-    chapters = told(system)
+    system.finish(system.submit(GOAL))
+    chapters = finished_story(system)
     (failure,) = failures(chapters)
     assert failure.result == "Nothing helped: rung 4, the task was given up."
     (undoing,) = [chapter for chapter in chapters if chapter.title == "Undoing what was done"]
@@ -114,17 +114,17 @@ def test_undoing_because_the_task_ends_is_no_rung_of_a_failure() -> None:
 
 
 def test_before_a_task_is_cancelled_it_is_said_what_will_be_undone() -> None:
-    system = VirtualSystem(Robot("Robot1", 10, 60, undoes=puts_back))
-    task = system.submit(BOTH)
+    system = VirtualSystem(Robot("Robot1", 10, 60, undoes=restore_object))
+    task = system.submit(BOTH_JARS)
     assert cancel_consequences(system.view(task)) == ["Nothing was done yet, so nothing has to be undone."]
-    until_one_is_done(system, task)
-    said = cancel_consequences(system.view(task))
-    assert said[0].startswith("Robot1.TransferObject is stopped (step2, ")
-    assert said[-1].startswith("What Robot1.TransferObject did is undone: again Jar001 isOn Cupboard002")
+    run_until_step_done(system, task)
+    sentences = cancel_consequences(system.view(task))
+    assert sentences[0].startswith("Robot1.TransferObject is stopped (step2, ")
+    assert sentences[-1].startswith("What Robot1.TransferObject did is undone: again Jar001 isOn Cupboard002")
     system.ask(CancelTask(task=task))
     system.finish(task)
     assert system.map.has_fact("isOn", ("Jar001", "Cupboard002"))
-    assert [chapter.title for chapter in told(system)][-2:] == ["Undoing what was done", "Cancelled"]
+    assert [chapter.title for chapter in finished_story(system)][-2:] == ["Undoing what was done", "Cancelled"]
 
 
 def test_figures_are_left_out_where_more_is_said_than_they_say() -> None:
@@ -136,7 +136,7 @@ def test_figures_are_left_out_where_more_is_said_than_they_say() -> None:
 
 def test_what_became_of_each_bid_is_known_without_reading_why() -> None:
     system = VirtualSystem(Robot("Robot1", 10, 60), Robot("Robot2", 25, 60), Robot("Robot3", 5, 60, refuses="it rains"))
-    system.finish(system.submit(WISH))
+    system.finish(system.submit(GOAL))
     (record,) = [entry for entry in system.world.records["tm"] if isinstance(entry, TaskRecord)]
     steps = [contract.step for contract in record.contracts if contract.accepted]
     bids = {contract.service: bid_status(contract, steps).text for contract in record.contracts}
@@ -145,5 +145,5 @@ def test_what_became_of_each_bid_is_known_without_reading_why() -> None:
         "Robot2.TransferObject": "Not chosen",
         "Robot3.TransferObject": "Refused",
     }
-    before = [structs.replace(contract, refused=None) for contract in record.contracts if contract.refused]
-    assert [bid_status(contract, steps).text for contract in before] == ["Let go"]
+    old_contracts = [structs.replace(contract, refused=None) for contract in record.contracts if contract.refused]
+    assert [bid_status(contract, steps).text for contract in old_contracts] == ["Let go"]

@@ -133,11 +133,11 @@ class Foreigner:
 
     def __init__(self, address: str) -> None:
         self.address = address
-        self.came: asyncio.Queue[Message] = asyncio.Queue()
+        self.inbox: asyncio.Queue[Message] = asyncio.Queue()
 
     def handle(self, event: Input, now: float) -> list[Effect]:
         if isinstance(event, Received):
-            self.came.put_nowait(event.message)
+            self.inbox.put_nowait(event.message)
         return []
 
 
@@ -156,21 +156,21 @@ def system(work: Callable[[Addresses, str, Foreigner], None], data: Path) -> lis
     """Do the work, in a thread, beside a running Repository, Registry, Task Manager and device. What came to the foreigner."""
 
     async def run() -> list[Message]:
-        rim = Host()
-        await rim.start()
-        repository = rim.add("/repository", lambda address: Repository(address, contents()))
-        registry = rim.add("/registry", lambda address: Registry(address, repository=repository.address))
+        host = Host()
+        await host.start()
+        repository = host.add("/repository", lambda address: Repository(address, contents()))
+        registry = host.add("/registry", lambda address: Registry(address, repository=repository.address))
 
         async def plan(task: object, report: Report) -> object:
             return await asyncio.to_thread(plan_in_process, task)
 
-        manager = rim.add(
+        manager = host.add(
             "/task-manager",
             lambda address: TaskManager(address, repository=repository.address, registry=registry.address),
             carry_out=plan,
         )
-        foreigner = Foreigner(f"{rim.url}/foreigner")
-        rim.add("/foreigner", lambda address: foreigner)
+        foreigner = Foreigner(f"{host.url}/foreigner")
+        host.add("/foreigner", lambda address: foreigner)
         addresses = Addresses(repository=repository.address, registry=registry.address, task_manager=manager.address)
         runner = DeviceRunner(Carrier("Robot1"), addresses, data)
         try:
@@ -178,8 +178,8 @@ def system(work: Callable[[Addresses, str, Foreigner], None], data: Path) -> lis
             await asyncio.to_thread(work, addresses, device, foreigner)
         finally:
             await runner.stop()
-            await rim.stop()
-        return [foreigner.came.get_nowait() for _ in range(foreigner.came.qsize())]
+            await host.stop()
+        return [foreigner.inbox.get_nowait() for _ in range(foreigner.inbox.qsize())]
 
     return asyncio.run(run())
 
@@ -227,8 +227,10 @@ def test_a_foreign_client_offers_and_discovers_services(tmp_path: Path) -> None:
 
     def work(addresses: Addresses, device: str, foreigner: Foreigner) -> None:
         registry = compiled(addresses.registry).service
-        found = registry.Discover(ServiceType="TransferObject")
-        assert [(one.Service, one.Address) for one in found.Offers] == [("Robot1.TransferObject", device)]
+        reply = registry.Discover(ServiceType="TransferObject")
+        assert [(discovered_offer.Service, discovered_offer.Address) for discovered_offer in reply.Offers] == [
+            ("Robot1.TransferObject", device)
+        ]
         assert registry.Publish(Provider="Drone1", Offers=[offer], Lease=60).RenewWithin > 0
         (mine,) = registry.Discover(Provider="Drone1").Offers
         assert (mine.ServiceType.Kind, mine.Attributes.Entry[0].kind, mine.Attributes.Entry[0]._value_1) == ("cognitive", "number", "2.5")
@@ -250,7 +252,7 @@ def test_a_foreign_client_has_a_task_done(tmp_path: Path) -> None:
         while news.View.Phase != "ended":
             news = manager.WatchTask(Task=task, After=news.Events[-1].Number if news.Events else 0, Wait=5)
         assert news.View.Outcome == "accomplished", news
-        assert [one.Task for one in manager.ReadTasks().Tasks] == [task]
+        assert [listed_task.Task for listed_task in manager.ReadTasks().Tasks] == [task]
         assert compiled(addresses.repository).service.QueryMap(Formula="Jar1 isOn Table2").Rows != []
 
     system(work, tmp_path)
@@ -283,22 +285,22 @@ def test_a_foreign_task_manager_arranges_with_a_service(tmp_path: Path) -> None:
 def test_every_description_compiles() -> None:
     """What is served has the operations that it should have, and for each what it is answered and refused with."""
 
-    async def nothing(message: Message) -> None:
+    async def ignore_message(message: Message) -> None:
         return None
 
-    def operations(address: str, called: str) -> dict[str, tuple[bool, list[str]]]:
-        binding = compiled(address).wsdl.bindings[f"{{{wsdl.TARGET}}}{called}Binding"]
+    def operations(address: str, component_name: str) -> dict[str, tuple[bool, list[str]]]:
+        binding = compiled(address).wsdl.bindings[f"{{{wsdl.TARGET}}}{component_name}Binding"]
         return {name: (operation.output is not None, [*operation.faults]) for name, operation in binding.all().items()}
 
     async def run() -> None:
-        server = Server("127.0.0.1", 0, {f"/{first}/Some1": nothing for first in wsdl.COMPONENTS})
+        server = Server("127.0.0.1", 0, {f"/{first}/Some1": ignore_message for first in wsdl.COMPONENTS})
         await server.start()
-        for first, (called, kinds) in wsdl.COMPONENTS.items():
+        for first, (component_name, kinds) in wsdl.COMPONENTS.items():
             answers = {kind: answers for kind, answers in REQUESTS.items() if kind in kinds}
             expected: dict[str, tuple[bool, list[str]]] = {kind.__name__: (False, []) for kind in kinds} | {
                 kind.__name__: (True, [refusal.__name__ for refusal in refusals]) for kind, (_, *refusals) in answers.items()
             }
-            assert await asyncio.to_thread(operations, f"{server.url}/{first}/Some1", called) == expected
+            assert await asyncio.to_thread(operations, f"{server.url}/{first}/Some1", component_name) == expected
         await server.stop()
 
     asyncio.run(run())
@@ -312,9 +314,9 @@ def documented() -> list[str]:
 
 
 def test_the_examples_are_what_is_on_the_wire() -> None:
-    shown = documented()
-    assert len(shown) >= 8
-    for example in shown:
+    documents = documented()
+    assert len(documents) >= 8
+    for example in documents:
         message = soap.decode(example.encode())
         ours = etree.canonicalize(soap.encode(message).decode(), strip_text=True)
         assert etree.canonicalize(example, strip_text=True) == ours

@@ -69,4 +69,4 @@ def messages(kind: type[Struct]) -> st.SearchStrategy[Message]:
         reply_to=st.just(ANONYMOUS) | addresses,
         **session,
     )
-    return st.tuples(header, values_of(kind)).map(lambda both: Message(header=both[0], body=both[1]))
+    return st.tuples(header, values_of(kind)).map(lambda pair: Message(header=pair[0], body=pair[1]))

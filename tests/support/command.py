@@ -19,7 +19,7 @@ PATIENCE = 120.0
 
 
 @dataclass(frozen=True)
-class Said:
+class CommandResult:
     """How the command ended, and what it said."""
 
     returncode: int
@@ -27,20 +27,20 @@ class Said:
     stderr: str
 
 
-def somrs(*arguments: str | Path, cwd: Path | None = None) -> Said:
+def somrs(*arguments: str | Path, cwd: Path | None = None) -> CommandResult:
     """What a user reads who gives the command; errors that it does not expect are raised."""
-    out, err = io.StringIO(), io.StringIO()
-    there = contextlib.chdir(cwd) if cwd is not None else contextlib.nullcontext()
-    with there, contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), pytest.raises(SystemExit) as ended:
+    stdout, stderr = io.StringIO(), io.StringIO()
+    folder_context = contextlib.chdir(cwd) if cwd is not None else contextlib.nullcontext()
+    with folder_context, contextlib.redirect_stdout(stdout), contextlib.redirect_stderr(stderr), pytest.raises(SystemExit) as ended:
         command()([*map(str, arguments)], prog_name="somrs")
     code = ended.value.code or 0
     assert isinstance(code, int), f"a program that ends with {code!r} says it on standard error, and this one did not say it there"
-    return Said(code, out.getvalue(), err.getvalue())
+    return CommandResult(code, stdout.getvalue(), stderr.getvalue())
 
 
-def program(*arguments: str | Path, cwd: Path | None = None, **environment: str) -> Said:
+def program(*arguments: str | Path, cwd: Path | None = None, **environment: str) -> CommandResult:
     """The same by a process of its own, in which these variables are set."""
     line = [sys.executable, "-m", "somrs.cli.main", *map(str, arguments)]
     env = {**os.environ, **environment}
     ended = subprocess.run(line, capture_output=True, text=True, cwd=cwd, env=env, timeout=PATIENCE, check=False)
-    return Said(ended.returncode, ended.stdout, ended.stderr)
+    return CommandResult(ended.returncode, ended.stdout, ended.stderr)

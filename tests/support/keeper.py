@@ -39,7 +39,7 @@ class Keeper:
     """Messages are handed over at once; what is to be kept is on disk before anything else happens."""
 
     def __init__(self, path: Path, ontology: Ontology | None = None, map: Map | None = None) -> None:
-        self._given = lab() if ontology is None or map is None else (ontology, map)
+        self._initial_contents = lab() if ontology is None or map is None else (ontology, map)
         self._runner = asyncio.Runner()
         self.now = 1.0
         self._open(path)
@@ -51,15 +51,15 @@ class Keeper:
     def _open(self, path: Path) -> None:
         self.journal = repository_journal(path)
         try:
-            self.journaled, _ = self.journal.begin(REPOSITORY, self._made)
+            self.journaled, _ = self.journal.begin(REPOSITORY, self._make_repository)
         except UsageError:
             self.journal.close()
             raise
         assert isinstance(self.journaled.component, Repository)
         self.repository = self.journaled.component
 
-    def _made(self, address: str) -> Repository:
-        ontology, map = self._given
+    def _make_repository(self, address: str) -> Repository:
+        ontology, map = self._initial_contents
         return Repository(address, Contents(ontology=ontology, map=map))
 
     @property
@@ -73,8 +73,8 @@ class Keeper:
         self.journal.close()
         self._open(self.journal.disk.path)
         questions = [*self.journaled.pending.questions.items()]
-        said = [send for question, task in questions for send in self._feed(Answered(question, self.look(task)))]
-        return [*said, *self._feed(Started(REPOSITORY))]
+        sends = [send for question, task in questions for send in self._feed(Answered(question, self.look(task)))]
+        return [*sends, *self._feed(Started(REPOSITORY))]
 
     def close(self) -> None:
         self.journal.close()
@@ -82,40 +82,40 @@ class Keeper:
 
     def look(self, task: object) -> object:
         """What the archive answers."""
-        return self._runner.run(self._looked(task))
+        return self._runner.run(self._carry_out(task))
 
-    async def _looked(self, task: object) -> object:
+    async def _carry_out(self, task: object) -> object:
         return await self.journal.carry_out(task)
 
-    def say(self, body: Body, answer: type[B], identity: str | None = None) -> B:
+    def ask(self, body: Body, answer: type[B], identity: str | None = None) -> B:
         """The answer to a request, of which there must be one, of that type."""
         self.now += 1.0
         message = request(body, identity=identity)
-        said = [one for one in self._feed(Received(message)) if one.message.header.relates_to == message.header.message_id]
-        (send,) = said
+        replies = [reply for reply in self._feed(Received(message)) if reply.message.header.relates_to == message.header.message_id]
+        (send,) = replies
         assert isinstance(send.message.body, answer), send.message.body
         return send.message.body
 
     def broken(self, change: Alteration) -> tuple[BrokenRule, ...]:
         """Why a change is rejected, which is what considering it says; and that it left no trace."""
-        before, version = self.contents.map, self.contents.version
-        considered = self.say(Consider(change=change), Considered)
-        rejected = self.say(change, Rejected)
+        map_before, version = self.contents.map, self.contents.version
+        considered = self.ask(Consider(change=change), Considered)
+        rejected = self.ask(change, Rejected)
         assert rejected.broken == considered.broken
-        assert (self.contents.map, self.contents.version) == (before, version)
+        assert (self.contents.map, self.contents.version) == (map_before, version)
         return rejected.broken
 
-    def events(self, wanted: ReadEvents | None = None) -> tuple[Event, ...]:
-        return self.say(wanted if wanted is not None else ReadEvents(limit=1000), Events).events
+    def events(self, query: ReadEvents | None = None) -> tuple[Event, ...]:
+        return self.ask(query if query is not None else ReadEvents(limit=1000), Events).events
 
-    def at(self, version: int) -> tuple[Ontology, Map]:
+    def read_version(self, version: int) -> tuple[Ontology, Map]:
         """The ontology and the map as they were at a version."""
-        pages = [self.say(ReadOntology(at_version=version), OntologyPage)]
+        pages = [self.ask(ReadOntology(at_version=version), OntologyPage)]
         while pages[-1].more:
-            pages.append(self.say(ReadOntology(at_version=version, after=pages[-1].next), OntologyPage))
-        maps = [self.say(ReadMap(at_version=version), MapPage)]
+            pages.append(self.ask(ReadOntology(at_version=version, after=pages[-1].next), OntologyPage))
+        maps = [self.ask(ReadMap(at_version=version), MapPage)]
         while maps[-1].more:
-            maps.append(self.say(ReadMap(at_version=version, after=maps[-1].objects[-1].name), MapPage))
+            maps.append(self.ask(ReadMap(at_version=version, after=maps[-1].objects[-1].name), MapPage))
         ontology = Ontology(definition for page in pages for definition in page.definitions.all_definitions())
         return ontology, Map([o for page in maps for o in page.objects], [f for page in maps for f in page.facts])
 
@@ -130,15 +130,15 @@ class Keeper:
 
     def _feed(self, event: Input) -> list[Send]:
         """What is said to others than the follower."""
-        said: list[Send] = []
+        sends: list[Send] = []
         for effect in self.effects(event):
             if isinstance(effect, Ask):
-                said += self._feed(Answered(effect.question, self.look(effect.task)))
+                sends += self._feed(Answered(effect.question, self.look(effect.task)))
             elif isinstance(effect, Send) and effect.message.header.recipient == FOLLOWER:
                 self._hear(Received(effect.message))
             elif isinstance(effect, Send):
-                said.append(effect)
-        return said
+                sends.append(effect)
+        return sends
 
     def effects(self, event: Input) -> list[Effect]:
         """What comes of an input, which is kept if it has to be."""
@@ -162,8 +162,8 @@ class Keeper:
             match effect:
                 case Send(message):
                     self._feed(Received(message))
-                case SetTimer(_, at):
-                    self._rings_at = at
+                case SetTimer(_, wake_time):
+                    self._rings_at = wake_time
 
 
 def definitions(ontology: Ontology) -> dict[tuple[str, str], object]:

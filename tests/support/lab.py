@@ -55,27 +55,27 @@ def contents() -> Contents:
     return Contents(ontology=ontology, map=map)
 
 
-def request(body: Body, sender: str = CLIENT, to: str = REPOSITORY, identity: str | None = None) -> Message:
+def request(body: Body, sender: str = CLIENT, recipient: str = REPOSITORY, identity: str | None = None) -> Message:
     """A message with an id of its own, whose answer goes to its sender."""
     identity = identity or message_id("request", next(_numbers))
-    return Message(header=Header(sender=sender, recipient=to, message_id=identity, reply_to=sender), body=body)
+    return Message(header=Header(sender=sender, recipient=recipient, message_id=identity, reply_to=sender), body=body)
 
 
-def tell(component: Component, body: Body, now: float = 0.0, sender: str = CLIENT, identity: str | None = None) -> list[Effect]:
+def deliver_request(component: Component, body: Body, now: float = 0.0, sender: str = CLIENT, identity: str | None = None) -> list[Effect]:
     return component.handle(Received(request(body, sender, identity=identity)), now)
 
 
-def sent(effects: list[Effect], body_type: type[B]) -> list[B]:
+def sent_bodies(effects: list[Effect], body_type: type[B]) -> list[B]:
     """The bodies of that type that are sent, in order."""
     return [e.message.body for e in effects if isinstance(e, Send) and isinstance(e.message.body, body_type)]
 
 
 def ask(component: Component, body: Body, answer: type[B], now: float = 0.0, sender: str = CLIENT, identity: str | None = None) -> B:
     """The answer, of which there must be one, of that type."""
-    said = sent(tell(component, body, now, sender, identity), object)
-    (found,) = [body for body in said if isinstance(body, answer)] or said
-    assert isinstance(found, answer), found
-    return found
+    bodies = sent_bodies(deliver_request(component, body, now, sender, identity), object)
+    (reply,) = [body for body in bodies if isinstance(body, answer)] or bodies
+    assert isinstance(reply, answer), reply
+    return reply
 
 
 def records(effects: list[Effect]) -> list[object]:

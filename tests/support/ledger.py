@@ -15,8 +15,8 @@ LONG = 1e6
 """Seconds for which everything is said again."""
 
 
-def told(number: int, amount: int, to: str = "ledger", sender: str = "teller", reply_to: str = ANONYMOUS) -> Message:
-    header = Header(sender=sender, recipient=to, message_id=message_id("told", number), reply_to=reply_to)
+def amount_message(number: int, amount: int, recipient: str = "ledger", sender: str = "teller", reply_to: str = ANONYMOUS) -> Message:
+    header = Header(sender=sender, recipient=recipient, message_id=message_id("told", number), reply_to=reply_to)
     return Message(header=header, body=CancelTask(task=str(amount)))
 
 
@@ -88,10 +88,10 @@ class Ledger:
                 return [*self._received(message, now), Send(reply(message, CancelTask(task=str(self.total)), self.address))]
             case TimerFired(str(timer)):
                 self.reminded.add(timer)
-                return [self._say("reminder", timer, "", now)]
+                return [self._message_to_sink("reminder", timer, "", now)]
             case Answered(str(question), value):
                 self.doubled[question] = str(value)
-                return [self._say("doubled", question, str(value), now)]
+                return [self._message_to_sink("doubled", question, str(value), now)]
         return []
 
     def _received(self, message: Message, now: float) -> list[Effect]:
@@ -104,10 +104,10 @@ class Ledger:
 
     def _book(self, entry: TaskRecord, now: float) -> list[Effect]:
         self.amounts[entry.task] = int(entry.effect)
-        said = self._say("receipt", entry.task, entry.effect, now)
-        return [SetTimer(entry.task, now + self.state.patience), Record(entry), said, Ask(entry.task, entry.effect)]
+        receipt = self._message_to_sink("receipt", entry.task, entry.effect, now)
+        return [SetTimer(entry.task, now + self.state.patience), Record(entry), receipt, Ask(entry.task, entry.effect)]
 
-    def _say(self, kind: str, id: str, text: str, now: float) -> Send:
+    def _message_to_sink(self, kind: str, id: str, text: str, now: float) -> Send:
         header = Header(sender=self.address, recipient=self.sink, message_id=message_id(kind, id), reply_to=self.address)
         return Send(Message(header=header, body=CancelTask(task=kind, reason=text)), expires_at=now + LONG)
 
@@ -126,24 +126,24 @@ SCHEMA = Schema(
 
 def expected(amounts: list[int], first: int = 0) -> set[tuple[str, str, str]]:
     """What the sink has to hear of these: kind, text and message id."""
-    heard: set[tuple[str, str, str]] = set()
+    messages: set[tuple[str, str, str]] = set()
     for number, amount in enumerate(amounts, first):
         id = message_id("told", number)
         for kind, text in (("receipt", str(amount)), ("doubled", str(2 * amount)), ("reminder", "")):
-            heard.add((kind, text, message_id(kind, id)))
-    return heard
+            messages.add((kind, text, message_id(kind, id)))
+    return messages
 
 
 class Sink:
     """Notes what it hears, however often it comes."""
 
     def __init__(self) -> None:
-        self.heard: list[tuple[str, str, str]] = []
+        self.received: list[tuple[str, str, str]] = []
 
     def handle(self, event: Input, now: float) -> list[Effect]:
         if isinstance(event, Received) and isinstance(event.message.body, CancelTask):
             body = event.message.body
-            self.heard.append((body.task, body.reason, event.message.header.message_id))
+            self.received.append((body.task, body.reason, event.message.header.message_id))
         return []
 
 
@@ -152,10 +152,10 @@ class Teller:
 
     def __init__(self, ledger: str = "ledger") -> None:
         self.ledger = ledger
-        self.told: list[int] = []
+        self.amounts: list[int] = []
 
     def handle(self, event: Input, now: float) -> list[Effect]:
         if not isinstance(event, TimerFired):
             return []
-        self.told.append(int(str(event.timer)))
-        return [Send(told(len(self.told) - 1, self.told[-1], self.ledger), expires_at=now + LONG)]
+        self.amounts.append(int(str(event.timer)))
+        return [Send(amount_message(len(self.amounts) - 1, self.amounts[-1], self.ledger), expires_at=now + LONG)]

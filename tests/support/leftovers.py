@@ -14,7 +14,7 @@ SET_CHILD_SUBREAPER = 36
 
 WARM = "warm launchers of tests"
 
-KEPT = ("multiprocessing.resource_tracker", "multiprocessing.forkserver", "tests.support.warm", WARM)
+EXEMPT = ("multiprocessing.resource_tracker", "multiprocessing.forkserver", "tests.support.warm", WARM)
 """Python, and tests, start them once and end them with themselves."""
 
 PATIENCE = 10.0
@@ -29,22 +29,22 @@ def adopt_orphans() -> None:
 def processes() -> dict[int, str]:
     """The children of this process that run, with their command lines; those of no parent any more are among them, and so are those of
     a child that is kept."""
-    found: dict[int, str] = {}
+    running: dict[int, str] = {}
     for pid, line in _children("self").items():
-        if any(kept in line for kept in KEPT):
-            found |= _children(str(pid))
+        if any(exempt in line for exempt in EXEMPT):
+            running |= _children(str(pid))
         else:
-            found[pid] = line
-    return found
+            running[pid] = line
+    return running
 
 
-def _children(of: str) -> dict[int, str]:
-    found: dict[int, str] = {}
+def _children(parent: str) -> dict[int, str]:
+    children: dict[int, str] = {}
     with contextlib.suppress(OSError):  # it just ended, or there is no such folder
-        for task in os.listdir(f"/proc/{of}/task"):
+        for task in os.listdir(f"/proc/{parent}/task"):
             with contextlib.suppress(OSError):  # a thread that just ended
-                found |= {pid: _line(pid) for pid in map(int, _read(f"/proc/{of}/task/{task}/children").split())}
-    return {pid: line for pid, line in found.items() if line}
+                children |= {pid: _line(pid) for pid in map(int, _read(f"/proc/{parent}/task/{task}/children").split())}
+    return {pid: line for pid, line in children.items() if line}
 
 
 def _line(pid: int) -> str:
@@ -59,20 +59,20 @@ def _read(path: str) -> bytes:
         return file.read()
 
 
-def end(before: dict[int, str]) -> list[str]:
+def end(processes_before: dict[int, str]) -> list[str]:
     """Kill what was not there before, with all that it started, and say what it was."""
-    until = time.monotonic() + PATIENCE
-    while (left := _new(before)) and time.monotonic() < until:
+    deadline = time.monotonic() + PATIENCE
+    while (remaining := _new(processes_before)) and time.monotonic() < deadline:
         time.sleep(0.02)
-    told = list(left.values())
-    while left:  # whose parent is killed comes up next
-        for pid in left:
+    command_lines = list(remaining.values())
+    while remaining:  # whose parent is killed comes up next
+        for pid in remaining:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
         time.sleep(0.02)
-        left = _new(before)
-    return told
+        remaining = _new(processes_before)
+    return command_lines
 
 
-def _new(before: dict[int, str]) -> dict[int, str]:
-    return {pid: line for pid, line in processes().items() if pid not in before}
+def _new(processes_before: dict[int, str]) -> dict[int, str]:
+    return {pid: line for pid, line in processes().items() if pid not in processes_before}

@@ -19,7 +19,7 @@ from somrs.service_manager.sdk.device import Device, MapReader
 from somrs.service_manager.sdk.orders import Advance, Halt, Order, Perform, Quote, Undo, WorkDone
 from somrs.service_manager.sdk.work import carry_out
 from tests.support import robot_lab
-from tests.support.virtual_devices import asking
+from tests.support.virtual_devices import make_ask
 
 SITE = """
 map: TwoRooms
@@ -46,16 +46,16 @@ facts:
 KINDS: dict[str, type[SimulatedDevice]] = {"Robot1": Manipulator, "Patrol1": PatrolRobot, "Camera1": FixedCamera}
 
 
-def after(situation: str | None) -> Map:
+def map_after(situation: str | None) -> Map:
     """The map of the rooms in which the situation was made to hold."""
-    return robot_lab.after(situation, SITE)
+    return robot_lab.map_after(situation, SITE)
 
 
-def looking(object: str) -> Order:
+def look_order(object: str) -> Order:
     return Order(participant="p", method="recognize", inputs={"Object": object}, effect=f"{object}.Unknown = FALSE")
 
 
-def carrying(object: str, destination: str) -> Order:
+def carry_order(object: str, destination: str) -> Order:
     inputs = {"Object": object, "Destination": destination}
     return Order(participant="q", method="transfer", inputs=inputs, effect=f"{object} isOn {destination}")
 
@@ -68,39 +68,39 @@ class Lab:
     operator: OperatorLink
     repository: Repository
     devices: dict[str, Device] = field(default_factory=dict)
-    told: list[Advance] = field(default_factory=list)
+    advances: list[Advance] = field(default_factory=list)
 
     async def open(self, name: str, **settings: object) -> Device:
         device = KINDS[name](name, f"{self.server.host}:{self.server.port}")
         for setting, value in settings.items():
             setattr(device, setting, value)
-        device.map = MapReader(asking(self.repository, lambda: 0.0))
+        device.map = MapReader(make_ask(self.repository, lambda: 0.0))
         await device.open()
         self.devices[name] = device
         return device
 
-    async def do(self, device: Device, work: Quote | Perform | Halt | Undo) -> object:
-        def told(report: object) -> None:
+    async def run_task(self, device: Device, work: Quote | Perform | Halt | Undo) -> object:
+        def note_advance(report: object) -> None:
             assert isinstance(report, Advance)
-            self.told.append(report)
+            self.advances.append(report)
 
-        return await carry_out(device, work, asking(self.repository, lambda: 0.0), told)
+        return await carry_out(device, work, make_ask(self.repository, lambda: 0.0), note_advance)
 
-    async def found(self, device: Device, object: str) -> str:
+    async def recognize(self, device: Device, object: str) -> str:
         """The situation that the device reports of an object."""
-        done = await self.do(device, Perform(looking(object)))
-        assert isinstance(done, WorkDone)
-        assert done.situation is not None
-        return done.situation
+        result = await self.run_task(device, Perform(look_order(object)))
+        assert isinstance(result, WorkDone)
+        assert result.situation is not None
+        return result.situation
 
 
 @asynccontextmanager
 async def lab(speed: float | None = None) -> AsyncIterator[Lab]:
     loaded, map = robot_lab.site(SITE)
     async with robot_lab.simulator(speed, SITE) as server, OperatorLink(server.host, server.port) as operator:
-        at = Lab(server, operator, Repository("http://here/repository", Contents(ontology=loaded.ontology, map=map)))
+        rooms = Lab(server, operator, Repository("http://here/repository", Contents(ontology=loaded.ontology, map=map)))
         try:
-            yield at
+            yield rooms
         finally:
-            for device in at.devices.values():
+            for device in rooms.devices.values():
                 await device.close()

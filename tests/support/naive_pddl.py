@@ -46,69 +46,69 @@ class Naive:
     def _stated(node: Node) -> Fact:
         """A number is a fact, too: `=`, the function, and its value."""
         assert isinstance(node, Group)
-        return _number_fact(_shown(node.items[1], {}), float(str(node.items[2]))) if node.head == "=" else _fact(node, {})
+        return _number_fact(_format_term(node.items[1], {}), float(str(node.items[2]))) if node.head == "=" else _fact(node, {})
 
-    def _of(self, types: tuple[str, ...]) -> list[str]:
-        def is_a(name: str, wanted: str) -> bool:
-            return name == wanted or (name in self.domain.parents and is_a(self.domain.parents[name], wanted))
+    def _objects_of(self, types: tuple[str, ...]) -> list[str]:
+        def is_subtype(name: str, ancestor: str) -> bool:
+            return name == ancestor or (name in self.domain.parents and is_subtype(self.domain.parents[name], ancestor))
 
-        return [name for name, thing in self.objects.items() if any(is_a(thing.types[0], wanted) for wanted in types)]
+        return [name for name, thing in self.objects.items() if any(is_subtype(thing.types[0], type_name) for type_name in types)]
 
     def actions(self) -> Iterator[Ground]:
         for action in self.domain.actions.values():
             things = (*([action.agent] if action.agent else []), *action.parameters)
-            for arguments in itertools.product(*(self._of(thing.types) for thing in things)):
+            for arguments in itertools.product(*(self._objects_of(thing.types) for thing in things)):
                 yield Ground(action, arguments)
 
     def applicable(self, ground: Ground, state: State) -> bool:
-        return ground.action.precondition is None or self._holds(ground.action.precondition, ground.bound, state)
+        return ground.action.precondition is None or self._is_satisfied(ground.action.precondition, ground.bound, state)
 
-    def after(self, ground: Ground, state: State) -> State:
+    def apply(self, ground: Ground, state: State) -> State:
         adds, deletes = set[Fact](), set[Fact]()
         numbers: dict[str, float] = {}
         for part in _parts(ground.action.effect):
             if part.head == "not":
                 deletes.add(_fact(part.items[1], ground.bound))
             elif part.head in ("increase", "decrease", "assign"):
-                name, amount = _shown(part.items[1], ground.bound), self._number(part.items[2], ground.bound, state)
-                before = _value(name, state)
-                deletes.add(_number_fact(name, before))
+                name, amount = _format_term(part.items[1], ground.bound), self._number(part.items[2], ground.bound, state)
+                old_value = _value(name, state)
+                deletes.add(_number_fact(name, old_value))
                 sign = {"increase": 1, "decrease": -1}.get(part.head)
-                numbers[name] = amount if sign is None else numbers.get(name, before) + sign * amount
+                numbers[name] = amount if sign is None else numbers.get(name, old_value) + sign * amount
             else:
                 adds.add(_fact(part, ground.bound))
         return (state - deletes) | adds | {_number_fact(name, value) for name, value in numbers.items()}
 
     def cost(self, ground: Ground, state: State) -> float:
         """By how much it adds to the total cost."""
-        return _value("(total-cost)", self.after(ground, state)) - _value("(total-cost)", state)
+        return _value("(total-cost)", self.apply(ground, state)) - _value("(total-cost)", state)
 
     def reached(self, state: State) -> bool:
         assert self.task.goal is not None
-        return self._holds(self.task.goal, {}, state)
+        return self._is_satisfied(self.task.goal, {}, state)
 
     def _number(self, node: Node, bound: Mapping[str, str], state: State) -> float:
         if isinstance(node, Word):
             return float(node.text)
         if node.head in ("+", "-", "*", "/"):
-            first, *others = (self._number(item, bound, state) for item in node.items[1:])
-            for other in others:
-                first = {"+": first + other, "-": first - other, "*": first * other, "/": first / (other or 1)}[node.head]
-            return first if others or node.head != "-" else -first
-        return _value(_shown(node, bound), state)
+            first, *operands = (self._number(item, bound, state) for item in node.items[1:])
+            for operand in operands:
+                first = {"+": first + operand, "-": first - operand, "*": first * operand, "/": first / (operand or 1)}[node.head]
+            return first if operands or node.head != "-" else -first
+        return _value(_format_term(node, bound), state)
 
-    def _holds(self, node: Node, bound: Mapping[str, str], state: State) -> bool:
+    def _is_satisfied(self, node: Node, bound: Mapping[str, str], state: State) -> bool:
         assert isinstance(node, Group)
         rest = node.items[1:]
         match node.head:
             case "and":
-                return all(self._holds(part, bound, state) for part in rest)
+                return all(self._is_satisfied(part, bound, state) for part in rest)
             case "or":
-                return any(self._holds(part, bound, state) for part in rest)
+                return any(self._is_satisfied(part, bound, state) for part in rest)
             case "not":
-                return not self._holds(rest[0], bound, state)
+                return not self._is_satisfied(rest[0], bound, state)
             case "imply":
-                return not self._holds(rest[0], bound, state) or self._holds(rest[1], bound, state)
+                return not self._is_satisfied(rest[0], bound, state) or self._is_satisfied(rest[1], bound, state)
             case "=":
                 return bound.get(str(rest[0]), str(rest[0])) == bound.get(str(rest[1]), str(rest[1]))
             case ">=":
@@ -131,7 +131,7 @@ def _fact(node: Node, bound: Mapping[str, str]) -> Fact:
     return tuple(bound.get(item.text, item.text) for item in node.items if isinstance(item, Word))
 
 
-def _shown(node: Node, bound: Mapping[str, str]) -> str:
+def _format_term(node: Node, bound: Mapping[str, str]) -> str:
     return f"({' '.join(_fact(node, bound))})"
 
 

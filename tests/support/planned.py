@@ -9,15 +9,15 @@ from somrs.planner.model.validation import apply_step, validate
 from somrs.planner.planning import plan
 
 
-def sound(asked: Problem) -> Plan:
+def make_sound_plan(problem: Problem) -> Plan:
     """The plan, which leads to the goal in every order that its links allow."""
-    found = plan(asked)
-    assert isinstance(found, Plan), found
-    assert validate(found, asked) == []
-    for order in linearisations(found):
-        map = asked.map
+    result = plan(problem)
+    assert isinstance(result, Plan), result
+    assert validate(result, problem) == []
+    for order in linearisations(result):
+        map = problem.map
         for step in order:
-            assert step.precondition is None or formula_holds(step.precondition, map, asked.ontology), (step, order)
-            map = apply_step(step, map, asked)
-        assert formula_holds(asked.goal, map, asked.ontology)
-    return found
+            assert step.precondition is None or formula_holds(step.precondition, map, problem.ontology), (step, order)
+            map = apply_step(step, map, problem)
+        assert formula_holds(problem.goal, map, problem.ontology)
+    return result

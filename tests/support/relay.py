@@ -21,25 +21,25 @@ from somrs.runtime.virtual import Work
 from somrs.service_manager.sdk.orders import Capability, Order, Profile, WorkDone
 from tests.support.virtual_system import Robot, VirtualSystem
 
-TAKE = ServiceType(
+TAKE_SERVICE = ServiceType(
     name="Take",
     inputs=(Parameter(name="Parcel", type="Graspable"), Parameter(name="Place", type="Place")),
     precondition="?Parcel isOn ?Place AND ?Provider isAt ?Place",
     effect="?Parcel isHeldBy ?Provider",
 )
-GO = ServiceType(
+GO_SERVICE = ServiceType(
     name="Go",
     inputs=(Parameter(name="From", type="Place"), Parameter(name="To", type="Place")),
     precondition="?Provider isAt ?From",
     effect="?Provider isAt ?To",
 )
-PUT = ServiceType(
+PUT_SERVICE = ServiceType(
     name="Put",
     inputs=(Parameter(name="Parcel", type="Graspable"), Parameter(name="Place", type="Place")),
     precondition="?Parcel isHeldBy ?Provider AND ?Provider isAt ?Place",
     effect="?Parcel isOn ?Place",
 )
-SERVICES = (TAKE, GO, PUT)
+SERVICES = (TAKE_SERVICE, GO_SERVICE, PUT_SERVICE)
 
 SECONDS = 10.0
 """That each step takes."""
@@ -71,26 +71,26 @@ def carried(couriers: int, parcels: int) -> list[Step]:
 
     def add(type: ServiceType, courier: int, **inputs: str) -> None:
         bound: dict[str, Term] = {name: Name(value) for name, value in inputs.items()}
-        all = {**bound, PROVIDER: Name(f"Courier{courier}")}
+        bindings = {**bound, PROVIDER: Name(f"Courier{courier}")}
         assert type.precondition is not None
         steps.append(
             Step(
                 id=f"step{len(steps) + 1}",
                 service_type=type.name,
                 inputs=bound,
-                effect=substitute(parse(type.effect), all),
-                precondition=substitute(parse(type.precondition), all),
+                effect=substitute(parse(type.effect), bindings),
+                precondition=substitute(parse(type.precondition), bindings),
                 provider=f"Courier{courier}",
             )
         )
 
     for parcel in range(parcels):
         for courier in range(couriers):
-            here, there = f"Place{courier}", f"Place{courier + 1}"
-            add(TAKE, courier, Parcel=f"Parcel{parcel}", Place=here)
-            add(GO, courier, From=here, To=there)
-            add(PUT, courier, Parcel=f"Parcel{parcel}", Place=there)
-            add(GO, courier, From=there, To=here)
+            origin, destination = f"Place{courier}", f"Place{courier + 1}"
+            add(TAKE_SERVICE, courier, Parcel=f"Parcel{parcel}", Place=origin)
+            add(GO_SERVICE, courier, From=origin, To=destination)
+            add(PUT_SERVICE, courier, Parcel=f"Parcel{parcel}", Place=destination)
+            add(GO_SERVICE, courier, From=destination, To=origin)
     return steps
 
 
@@ -106,9 +106,9 @@ def problem(couriers: int, parcels: int) -> Problem:
 
 
 def loaded(couriers: int, parcels: int) -> tuple[Ontology, Map]:
-    found = load_text(site(couriers, parcels), "relay.yaml")
-    assert found.map is not None
-    return found.ontology, found.map
+    loaded_site = load_text(site(couriers, parcels), "relay.yaml")
+    assert loaded_site.map is not None
+    return loaded_site.ontology, loaded_site.map
 
 
 def maps_of(steps: Sequence[Step], problem: Problem) -> list[Map]:
@@ -123,7 +123,7 @@ def longest(plan: Plan) -> int:
     """The steps of the longest chain of links."""
     depth: dict[str, int] = {}
     for step in plan.topological():
-        depth[step.id] = 1 + max((depth[before] for before in plan.predecessors(step.id)), default=0)
+        depth[step.id] = 1 + max((depth[predecessor] for predecessor in plan.predecessors(step.id)), default=0)
     return max(depth.values(), default=0)
 
 
@@ -132,13 +132,13 @@ class Relay(VirtualSystem):
     step needs is so, whatever the map says; `wrong` is what was not."""
 
     def __init__(self, couriers: int, parcels: int) -> None:
-        known = problem(couriers, parcels)
+        planning_problem = problem(couriers, parcels)
         self.goal = goal(couriers, parcels)
         steps = carried(couriers, parcels)
-        self.plan = Plan(tuple(steps), derive_links(steps, maps_of(steps, known), known))
+        self.plan = Plan(tuple(steps), derive_links(steps, maps_of(steps, planning_problem), planning_problem))
         self.wrong: list[str] = []
-        self.begun: list[str] = []
-        self._truth, self._ontology = known.map, known.ontology
+        self.started: list[str] = []
+        self._truth, self._ontology = planning_problem.map, planning_problem.ontology
         super().__init__(site=site(couriers, parcels))
         for number in range(couriers):
             robot = Robot(f"Courier{number}", price=1, duration=SECONDS, works=self._work)
@@ -147,11 +147,11 @@ class Relay(VirtualSystem):
         self.world.run(5)
 
     def _work(self, order: Order) -> Work:
-        self.begun.append(order.participant)
+        self.started.append(order.participant)
         self._look(order)
-        yield SECONDS, self._done(order)
+        yield SECONDS, self._complete(order)
 
-    def _done(self, order: Order) -> WorkDone:
+    def _complete(self, order: Order) -> WorkDone:
         self._look(order)
         self._truth = self._truth.changed(changes(parse(order.effect), self._truth, self._ontology))
         return WorkDone(situation=order.effect)

@@ -44,7 +44,7 @@ def site(text: str = SITE) -> tuple[LoadedModel, Map]:
     return loaded, loaded.map
 
 
-def after(situation: str | None, text: str = SITE) -> Map:
+def map_after(situation: str | None, text: str = SITE) -> Map:
     """The site's map in which the situation was made to hold: it is Entish about what is there."""
     assert situation is not None
     loaded, map = site(text)

@@ -15,9 +15,9 @@ ONTOLOGY: Ontology = upper()
 Start = tuple[float, float, float]
 
 
-def box(name: str, type: str, at: tuple[float, float, float], size: tuple[float, float, float], **values: Value) -> Object:
+def box(name: str, type: str, position: tuple[float, float, float], size: tuple[float, float, float], **values: Value) -> Object:
     """A box of the given width, depth and height."""
-    place: dict[str, Value] = {"PositionX": at[0], "PositionY": at[1], "PositionZ": at[2], "Shape.Form": "Box"}
+    place: dict[str, Value] = {"PositionX": position[0], "PositionY": position[1], "PositionZ": position[2], "Shape.Form": "Box"}
     extent: dict[str, Value] = {"Shape.Width": size[0], "Shape.Depth": size[1], "Shape.Height": size[2]}
     return Object(name=name, type=type, values={**place, **extent, **values})
 
@@ -41,14 +41,14 @@ def shell() -> list[Object]:
     ]
 
 
-def room(one: Start = (1.5, 1.5, 0.0), two: Start = (6.5, 4.5, math.pi), more: Iterable[Object] = ()) -> Map:
+def room(first_start: Start = (1.5, 1.5, 0.0), second_start: Start = (6.5, 4.5, math.pi), extra_objects: Iterable[Object] = ()) -> Map:
     furniture = [
         box("Cupboard001", "Cupboard", (0.3, 4, 0), (0.5, 1.2, 0.8)),
         box("Table001", "Table", (4, 5.2, 0), (1.4, 0.8, 0.74)),
         box("Platform001", "Platform", (6.5, 1.5, 0), (0.8, 0.8, 0.3)),
         thing("Jar002", "Jar", 0.43, 3.9, 0.8),
     ]
-    return Map([*shell(), *furniture, robot("Robot1", one, 0.6), robot("Robot2", two, 0.9), *more])
+    return Map([*shell(), *furniture, robot("Robot1", first_start, 0.6), robot("Robot2", second_start, 0.9), *extra_objects])
 
 
 class Run:
@@ -69,19 +69,19 @@ class Run:
         self.simulation.command(robot, command, ends.append)
         return ends
 
-    def until(self, condition: Callable[[], object], limit: float = 120.0) -> None:
-        began = self.simulation.time
+    def run_until(self, condition: Callable[[], object], limit: float = 120.0) -> None:
+        start_time = self.simulation.time
         while not condition():
-            assert self.simulation.time - began < limit, f"nothing came of it in {limit} s of simulated time"
+            assert self.simulation.time - start_time < limit, f"nothing came of it in {limit} s of simulated time"
             self.step()
 
-    def do(self, robot: str, command: Command) -> CommandDone | CommandGivenUp:
+    def execute(self, robot: str, command: Command) -> CommandDone | CommandGivenUp:
         ends = self.start(robot, command)
-        self.until(lambda: ends)
+        self.run_until(lambda: ends)
         return ends[0]
 
-    def all(self, robot: str, *commands: Command) -> None:
+    def execute_all(self, robot: str, *commands: Command) -> None:
         """The commands one after the other, all of which must be done."""
         for command in commands:
-            end = self.do(robot, command)
+            end = self.execute(robot, command)
             assert isinstance(end, CommandDone), f"{robot} {command}: {end}"

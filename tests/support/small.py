@@ -82,8 +82,8 @@ def maps(draw: st.DrawFn) -> Map:
         )
         for name in present
     ]
-    between = [fact for fact in draw(st.lists(facts, max_size=10)) if set(fact.arguments) <= set(present)]
-    return Map(objects, between)
+    chosen_facts = [fact for fact in draw(st.lists(facts, max_size=10)) if set(fact.arguments) <= set(present)]
+    return Map(objects, chosen_facts)
 
 
 # Formulas. ?x ?y ?z stand for objects, ?v ?w for values.

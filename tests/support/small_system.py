@@ -43,7 +43,7 @@ from somrs.storage.repository_store import repository_journal
 from somrs.task_manager.manager import SCHEMA, TaskManager
 from tests.support.virtual_system import SITE
 
-HERE = "127.0.0.1"
+LOOPBACK = "127.0.0.1"
 
 
 class Porter(Device):
@@ -58,7 +58,7 @@ class Porter(Device):
         """Why it gives no terms."""
         self.thinks = 0.0
         """Seconds that it takes to say its terms."""
-        self.done: list[str] = []
+        self.delivered: list[str] = []
 
     async def _able(self, task: Task) -> None:
         await asyncio.sleep(self.thinks)
@@ -78,11 +78,11 @@ class Porter(Device):
             await task.progress((number + 1) / self.steps)
         if self.drops:
             raise ServiceFailed("it slipped out of the hand", f"{thing} isOn Floor001")
-        self.done.append(thing)
+        self.delivered.append(thing)
         return f"{thing} isOn {place}"
 
     @transfer.compensation
-    async def bring_back(self, task: Task, situation: object) -> Situation:
+    async def compensate_transfer(self, task: Task, situation: object) -> Situation:
         return str(situation)
 
 
@@ -91,15 +91,15 @@ class SmallSystem:
 
     def __init__(self, data: Path, porters: Sequence[Porter]) -> None:
         self.data, self.porters = data, porters
-        self._reservation = Reservation(HERE, 3)
+        self._reservation = Reservation(LOOPBACK, 3)
         ports = self._reservation.ports
-        url, self._port, self.scheduler_port = f"http://{HERE}:{ports[0]}", ports[1], ports[2]
-        task_manager = f"http://{HERE}:{ports[1]}/task-manager"
+        url, self._port, self.scheduler_port = f"http://{LOOPBACK}:{ports[0]}", ports[1], ports[2]
+        task_manager = f"http://{LOOPBACK}:{ports[1]}/task-manager"
         self.addresses = Addresses(repository=f"{url}/repository", registry=f"{url}/registry", task_manager=task_manager)
-        self._rim = Host(HERE, ports[0])
+        self._host = Host(LOOPBACK, ports[0])
         self._devices: list[DeviceRunner] = []
         self._manager: tuple[Host, Journal] | None = None
-        self._kept: Journal | None = None
+        self._repository_journal: Journal | None = None
 
     @property
     def manager(self) -> TaskManager:
@@ -113,10 +113,10 @@ class SmallSystem:
         loaded = load_text(SITE, "site.yaml")
         assert loaded.map is not None
         contents = Contents(ontology=loaded.ontology, map=loaded.map)
-        self._kept = kept = repository_journal(self.data / "repository.sqlite")
-        await self._rim.start()
-        self._rim.add_journaled("/repository", lambda address: Repository(address, contents), kept, carry_out=kept.carry_out)
-        self._rim.add("/registry", lambda address: Registry(address, repository=self.addresses.repository))
+        self._repository_journal = journal = repository_journal(self.data / "repository.sqlite")
+        await self._host.start()
+        self._host.add_journaled("/repository", lambda address: Repository(address, contents), journal, carry_out=journal.carry_out)
+        self._host.add("/registry", lambda address: Registry(address, repository=self.addresses.repository))
         await self.start_manager()
         for porter in self.porters:
             runner = DeviceRunner(porter, self.addresses, self.data)
@@ -124,7 +124,7 @@ class SmallSystem:
             self._devices.append(runner)
 
     async def start_manager(self) -> None:
-        journal, host = Journal(self.data / FILE, SCHEMA, "here"), Host(HERE, self._port)
+        journal, host = Journal(self.data / FILE, SCHEMA, "here"), Host(LOOPBACK, self._port)
         await host.start()
 
         async def carry_out(task: object, report: Report) -> object:
@@ -133,10 +133,10 @@ class SmallSystem:
             assert isinstance(task, Problem), "a Task Manager asks for nothing else"
             return await asyncio.to_thread(plan, task)
 
-        def made(address: str) -> TaskManager:
+        def make_manager(address: str) -> TaskManager:
             return TaskManager(address, repository=self.addresses.repository, registry=self.addresses.registry)
 
-        host.add_journaled("/task-manager", made, journal, carry_out=carry_out)
+        host.add_journaled("/task-manager", make_manager, journal, carry_out=carry_out)
         self._manager = host, journal
 
     async def stop_manager(self) -> None:
@@ -151,9 +151,9 @@ class SmallSystem:
             await runner.stop()
         if self._manager is not None:
             await self.stop_manager()
-        await self._rim.stop()
-        if self._kept is not None:
-            self._kept.close()
+        await self._host.stop()
+        if self._repository_journal is not None:
+            self._repository_journal.close()
         self._reservation.close()
 
 
@@ -164,30 +164,34 @@ async def running(data: Path, *porters: Porter, clock: Clock | None = None) -> A
     async with AsyncExitStack() as stack:
         stack.push_async_callback(system.stop)
         await system.start()
-        yield system, await stack.enter_async_context(desk_at(system, clock))
+        yield system, await stack.enter_async_context(live_api_at(system, clock))
 
 
 @asynccontextmanager
-async def desk_at(system: SmallSystem, clock: Clock | None = None) -> AsyncIterator[LiveApi]:
+async def live_api_at(system: SmallSystem, clock: Clock | None = None) -> AsyncIterator[LiveApi]:
     """The API, served at a port, as its clients have it."""
-    async with api_at(system, clock) as url, live_api(url) as desk:
-        yield desk
+    async with api_at(system, clock) as url, live_api(url) as api:
+        yield api
 
 
 @asynccontextmanager
 async def api_at(system: SmallSystem, clock: Clock | None = None) -> AsyncIterator[str]:
     """Where the API is; there is a Scheduler behind it, that goes by the clock."""
-    async with scheduler_at(system, clock), open_api_service(system.addresses, system.data) as desk, served(desk, bound(HERE, 0)) as url:
+    async with (
+        scheduler_at(system, clock),
+        open_api_service(system.addresses, system.data) as api_service,
+        served(api_service, bound(LOOPBACK, 0)) as url,
+    ):
         yield url
 
 
 @asynccontextmanager
 async def scheduler_at(system: SmallSystem, clock: Clock | None = None) -> AsyncIterator[Node]:
     journal = orders_journal(system.data / ORDERS)
-    rim = Host(HERE, system.scheduler_port, clock=clock or TimeOfDay())
+    host = Host(LOOPBACK, system.scheduler_port, clock=clock or TimeOfDay())
     try:
-        await rim.start()
-        node = add_scheduler(rim, journal, system.addresses)
+        await host.start()
+        node = add_scheduler(host, journal, system.addresses)
         if isinstance(clock, Time):
             clock.drive(node)
         system.addresses = replace(system.addresses, scheduler=node.address)
@@ -195,16 +199,16 @@ async def scheduler_at(system: SmallSystem, clock: Clock | None = None) -> Async
             await asyncio.sleep(0.01)
         yield node
     finally:
-        await rim.stop()
+        await host.stop()
         journal.close()
 
 
 class Time(Clock):
     """A clock that goes when it is told to; a Scheduler that goes by it is woken when something is due."""
 
-    def __init__(self, at: float) -> None:
+    def __init__(self, start_time: float) -> None:
         super().__init__()
-        self._now = at
+        self._now = start_time
         self._node: Node | None = None
 
     def drive(self, node: Node) -> None:
@@ -214,19 +218,19 @@ class Time(Clock):
         return self._now
 
     async def pass_by(self, seconds: float) -> None:
-        at = self._now + seconds
+        end_time = self._now + seconds
         assert self._node is not None
         assert isinstance(self._node.component, Scheduler)
-        while (due := self._node.component.next_due) is not None and due <= at:
+        while (due := self._node.component.next_due) is not None and due <= end_time:
             self._now = max(self._now, due)
             self._node.feed(TimerFired(OrdersDue()))
-            await self._heard(self._node.component)
-        self._now = at
+            await self._wait_answered(self._node.component)
+        self._now = end_time
 
-    async def _heard(self, scheduler: Scheduler) -> None:
+    async def _wait_answered(self, scheduler: Scheduler) -> None:
         """Until the Task Manager has answered, if it is there: a message that is on its way must not be late by hours."""
-        until = asyncio.get_running_loop().time() + 5.0
-        while asyncio.get_running_loop().time() < until:
+        deadline = asyncio.get_running_loop().time() + 5.0
+        while asyncio.get_running_loop().time() < deadline:
             await asyncio.sleep(0.01)
             if not any(run.state is RunState.SUBMITTING for runs in scheduler.book.runs.values() for run in runs):
                 return

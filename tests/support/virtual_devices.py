@@ -26,7 +26,7 @@ class Pause:
         yield self.seconds
 
 
-def asking(component: Component, now: Callable[[], float]) -> Ask:
+def make_ask(component: Component, now: Callable[[], float]) -> Ask:
     """Asks a component on the spot."""
 
     numbers = itertools.count()
@@ -39,11 +39,11 @@ def asking(component: Component, now: Callable[[], float]) -> Ask:
     return ask
 
 
-async def _nobody(body: Body) -> Body:
+async def _no_repository(body: Body) -> Body:
     raise RemoteError("there is no Repository here")
 
 
-def in_virtual_time(device: Device, ask: Ask = _nobody, reports: list[Report] | None = None) -> CarryOut:
+def in_virtual_time(device: Device, ask: Ask = _no_repository, reports: list[Report] | None = None) -> CarryOut:
     """Carries out what a Service Manager asks of the device. An author's coroutines may wait with `Pause` only."""
 
     running: dict[str, Coroutine[Any, Any, object]] = {}

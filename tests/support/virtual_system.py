@@ -93,7 +93,7 @@ class Robot:
                 if self.works is not None:
                     yield from self.works(order)
                 else:
-                    yield self.duration, WorkDone(situation=done(order))
+                    yield self.duration, WorkDone(situation=transfer_effect(order))
             case Undo(order, situation) if self.undoes is not None:
                 yield from self.undoes(order, situation)
             case Halt() | Undo():
@@ -102,7 +102,7 @@ class Robot:
                 yield 0.0, None
 
 
-def done(order: Order) -> str:
+def transfer_effect(order: Order) -> str:
     """The effect of a TransferObject, as arranged."""
     return f"{order.inputs['Object']} isOn {order.inputs['Destination']}"
 
@@ -111,11 +111,11 @@ class Client:
     """Hears what is answered to clients."""
 
     def __init__(self) -> None:
-        self.heard: list[Message] = []
+        self.received: list[Message] = []
 
     def handle(self, event: Input, now: float) -> list[Effect]:
         if not isinstance(event, Started | Answered) and hasattr(event, "message"):
-            self.heard.append(event.message)
+            self.received.append(event.message)
         return []
 
 
@@ -147,7 +147,7 @@ class VirtualSystem:
         """What the planner was asked."""
         self.world.add("tm", self._new_manager(), self._plan, journaled=SCHEMA)
         self.world.run(settle)
-        self._asked = 0
+        self._question_count = 0
 
     def join(self, robot: Robot, type: str = "PioneerP3DX", service: str | ServiceType = "TransferObject") -> None:
         capability = Capability(type=service, method="work", stoppable=True, undoable=robot.undoes is not None)
@@ -194,24 +194,24 @@ class VirtualSystem:
 
     def ask(self, body: object) -> object:
         """A client's question, and what the Task Manager answers."""
-        self._asked += 1
-        id = message_id("client", self._asked)
+        self._question_count += 1
+        id = message_id("client", self._question_count)
         header = Header(sender="client", recipient="tm", message_id=id, reply_to="client")
         self.world.send(Message(header=header, body=body))  # type: ignore[arg-type]  # bodies, as the tests know
 
         def answers() -> list[Message]:
-            return [message for message in self.client.heard if message.header.relates_to == id]
+            return [message for message in self.client.received if message.header.relates_to == id]
 
         assert self.world.run(60, lambda: bool(answers())), f"no answer to {body}"
         return answers()[0].body
 
-    def submit(self, effect: str, **more: object) -> str:
-        answer = self.ask(Submit(effect=effect, **more))  # type: ignore[arg-type]  # keyword arguments of Submit
+    def submit(self, effect: str, **options: object) -> str:
+        answer = self.ask(Submit(effect=effect, **options))  # type: ignore[arg-type]  # keyword arguments of Submit
         assert isinstance(answer, Submitted), answer
         return answer.task
 
-    def rejected(self, effect: str, **more: object) -> str:
-        answer = self.ask(Submit(effect=effect, **more))  # type: ignore[arg-type]  # keyword arguments of Submit
+    def rejected(self, effect: str, **options: object) -> str:
+        answer = self.ask(Submit(effect=effect, **options))  # type: ignore[arg-type]  # keyword arguments of Submit
         assert isinstance(answer, TaskRejected), answer
         return answer.problem
 
@@ -225,7 +225,7 @@ class VirtualSystem:
         self.world.run(2)
         return [self.view(task) for task in tasks]
 
-    def said(self, task: str) -> list[tuple[str, str]]:
+    def protocol_messages(self, task: str) -> list[tuple[str, str]]:
         """The messages of the protocol in a task, by type and service, without Progress."""
         return [
             (type(message.body).__name__, (message.header.participant or "").partition("#")[0].partition(".")[0])

@@ -49,23 +49,23 @@ PID = struct.Struct("i")
 
 def launcher() -> Launcher:
     """One of its own for a system."""
-    return Launcher(begun())
+    return Launcher(begin_launcher())
 
 
-def begun() -> LauncherProcess:
-    here, there = socket.socketpair()
-    with there:
-        socket.send_fds(_warm(), [b"?"], [there.fileno()])
-    return LauncherProcess(here, PID.unpack(_warm().recv(PID.size))[0], lambda: None)
+def begin_launcher() -> LauncherProcess:
+    parent_end, child_end = socket.socketpair()
+    with child_end:
+        socket.send_fds(_warm(), [b"?"], [child_end.fileno()])
+    return LauncherProcess(parent_end, PID.unpack(_warm().recv(PID.size))[0], lambda: None)
 
 
 @functools.cache
 def _warm() -> socket.socket:
-    here, there = socket.socketpair()
-    with there:
+    parent_end, child_end = socket.socketpair()
+    with child_end:
         environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}  # no threads, so that it can be forked
-        subprocess.Popen([sys.executable, "-m", "tests.support.warm"], stdin=there.fileno(), start_new_session=True, env=environment)
-    return here
+        subprocess.Popen([sys.executable, "-m", "tests.support.warm"], stdin=child_end.fileno(), start_new_session=True, env=environment)
+    return parent_end
 
 
 class Program:
@@ -73,15 +73,15 @@ class Program:
 
     def __init__(self, arguments: Sequence[str], log: Path) -> None:
         """Run `somrs` with the arguments; what it says goes to the log."""
-        self._channel = begun().channel
+        self._channel = begin_launcher().channel
         request = Start(arguments=tuple(arguments), environment={**os.environ})
-        with log.open("wb") as said:
-            socket.send_fds(self._channel, [msgspec.json.encode(request) + b"\n"], [said.fileno(), said.fileno()])
-        self._told = self._channel.makefile("rb")
-        self.pid = msgspec.json.decode(self._told.readline(), type=Started).pid
+        with log.open("wb") as log_file:
+            socket.send_fds(self._channel, [msgspec.json.encode(request) + b"\n"], [log_file.fileno(), log_file.fileno()])
+        self._replies = self._channel.makefile("rb")
+        self.pid = msgspec.json.decode(self._replies.readline(), type=Started).pid
 
-    def send_signal(self, what: int) -> None:
-        os.kill(self.pid, what)
+    def send_signal(self, signal_number: int) -> None:
+        os.kill(self.pid, signal_number)
 
     @property
     def ended(self) -> bool:
@@ -89,8 +89,8 @@ class Program:
 
     def wait(self) -> None:
         """Return when it has ended."""
-        with self._channel, self._told:
-            self._told.readline()
+        with self._channel, self._replies:
+            self._replies.readline()
 
 
 def main() -> None:
@@ -99,16 +99,16 @@ def main() -> None:
         importlib.import_module(name)
     import_common()
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # nobody asks how a launcher ended
-    with socket.socket(fileno=os.dup(sys.stdin.fileno())) as asked:
+    with socket.socket(fileno=os.dup(sys.stdin.fileno())) as request_socket:
         while True:
-            _, files, _, _ = socket.recv_fds(asked, 1, 1)
+            _, files, _, _ = socket.recv_fds(request_socket, 1, 1)
             if not files:
                 return
             if (pid := os.fork()) == 0:
-                asked.close()
+                request_socket.close()
                 launch(socket.socket(fileno=files[0]))
             os.close(files[0])
-            asked.sendall(PID.pack(pid))
+            request_socket.sendall(PID.pack(pid))
 
 
 if __name__ == "__main__":

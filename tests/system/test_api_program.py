@@ -20,7 +20,7 @@ from somrs.protocol.messages.clients import Submit
 from tests.support import warm
 from tests.support.paths import SCENARIO_1
 
-WITHOUT = """
+CORE_ONLY_PROGRAM = """
 import sys
 
 for name in ("nicegui", "fastapi", "fastapi_swagger", "numpy", "rdflib", "mujoco", "scipy", "PIL"):
@@ -44,14 +44,14 @@ async def answering(url: str) -> None:
 def test_it_runs_with_the_core_alone(tmp_path: Path) -> None:
     async def run() -> None:
         async with System([SCENARIO_1], tmp_path / "run", speed="max", launcher=warm.launcher()) as system:
-            line = [sys.executable, "-c", WITHOUT, "run", "api", "--data", str(tmp_path / "run"), "--port", "0"]
+            line = [sys.executable, "-c", CORE_ONLY_PROGRAM, "run", "api", "--data", str(tmp_path / "run"), "--port", "0"]
             os.kill(system.programs["api"].process.pid, signal.SIGKILL)  # it has the file of orders
             await system.programs["api"].process.wait()
-            alone = subprocess.Popen(line, stdout=subprocess.PIPE, text=True)
+            process = subprocess.Popen(line, stdout=subprocess.PIPE, text=True)
             try:
-                assert alone.stdout is not None
-                said = await asyncio.wait_for(asyncio.to_thread(alone.stdout.readline), 60)
-                url = httpx.Response(200, text=said).json()["at"]
+                assert process.stdout is not None
+                first_line = await asyncio.wait_for(asyncio.to_thread(process.stdout.readline), 60)
+                url = httpx.Response(200, text=first_line).json()["at"]
                 async with httpx.AsyncClient(base_url=url) as client:
                     assert (await client.get("/scene")).json()["bodies"]
                     assert (await client.get("/", follow_redirects=True)).json()["openapi"] == "3.1.0"
@@ -60,8 +60,8 @@ def test_it_runs_with_the_core_alone(tmp_path: Path) -> None:
                 async with live_api(url) as api:
                     assert (await api.tasks.submit(Submit(effect="Jar002 isOn ?Shelf: Cupboard"))).task
             finally:
-                alone.terminate()
-                alone.wait(10)
+                process.terminate()
+                process.wait(10)
 
     asyncio.run(run())
 
@@ -99,12 +99,12 @@ def test_the_windows_and_the_api_do_not_take_each_other_along(tmp_path: Path) ->
 
 def test_addresses_of_before_there_was_an_api_can_be_read(tmp_path: Path) -> None:
     (tmp_path / "system.json").write_text('{"repository": "a", "registry": "b", "task_manager": "c", "gui": "d"}')
-    before = Addresses.read(tmp_path)
-    assert before.api is None
+    old_addresses = Addresses.read(tmp_path)
+    assert old_addresses.api is None
 
     async def run() -> None:
         with pytest.raises(SomrsError, match="without the API"):
-            async with api_of(before):
+            async with api_of(old_addresses):
                 pass
 
     asyncio.run(run())

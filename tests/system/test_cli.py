@@ -46,17 +46,17 @@ COMMANDS = [
 
 
 def test_help_names_every_command() -> None:
-    said = program("--help")
-    assert said.returncode == 0
+    result = program("--help")
+    assert result.returncode == 0
     for command in COMMANDS:
-        assert f"\n  {command} " in said.stdout, command
+        assert f"\n  {command} " in result.stdout, command
 
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_has_help(command: str) -> None:
-    said = somrs(command, "--help")
-    assert said.returncode == 0
-    assert "Usage:" in said.stdout
+    result = somrs(command, "--help")
+    assert result.returncode == 0
+    assert "Usage:" in result.stdout
 
 
 def test_help_needs_none_of_the_heavy_libraries() -> None:
@@ -67,14 +67,14 @@ def test_help_needs_none_of_the_heavy_libraries() -> None:
         "except SystemExit: pass\n"
         "print('HEAVY', [m for m in ('mujoco', 'numpy', 'aiohttp', 'uvicorn', 'lxml', 'pint', 'pydantic', 'lark') if m in sys.modules])"
     )
-    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=PATIENCE)
-    assert "HEAVY []" in said.stdout, said.stdout + said.stderr
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=PATIENCE)
+    assert "HEAVY []" in result.stdout, result.stdout + result.stderr
 
 
 def test_check_accepts_the_demo_site() -> None:
-    said = program("check", SCENARIO_1)
-    assert said.returncode == 0, said.stdout
-    assert "all is well" in said.stdout
+    result = program("check", SCENARIO_1)
+    assert result.returncode == 0, result.stdout
+    assert "all is well" in result.stdout
 
 
 def test_check_reports_every_error_at_once_with_its_line(tmp_path: Path) -> None:
@@ -89,41 +89,44 @@ def test_check_reports_every_error_at_once_with_its_line(tmp_path: Path) -> None
         "facts:\n"
         "  - Jar2 isOnn Floor1\n"
     )
-    said = program("check", site)
-    assert said.returncode == 1
+    result = program("check", site)
+    assert result.returncode == 1
     for line, part in ((4, "Jarr"), (5, "Weight"), (7, "isOnn")):
-        assert any(f"wrong.yaml:{line}:" in told and part in told for told in said.stdout.splitlines()), (line, said.stdout)
-    assert "Traceback" not in said.stdout + said.stderr
-    found = json.loads(somrs("check", site, "--json").stdout)
-    assert {problem["line"] for problem in found} == {4, 5, 7}
-    assert all(problem["file"] and problem["subject"] and problem["rule"] for problem in found)
+        assert any(f"wrong.yaml:{line}:" in output_line and part in output_line for output_line in result.stdout.splitlines()), (
+            line,
+            result.stdout,
+        )
+    assert "Traceback" not in result.stdout + result.stderr
+    problems = json.loads(somrs("check", site, "--json").stdout)
+    assert {problem["line"] for problem in problems} == {4, 5, 7}
+    assert all(problem["file"] and problem["subject"] and problem["rule"] for problem in problems)
 
 
 @pytest.mark.parametrize(
-    ("offered", "known"),
+    ("offered", "values"),
     [(PolicyOption, Policy), (OutcomeOption, Outcome), (FormatOption, Format), (TableOption, Table), (FaultOption, Fault)],
 )
-def test_whatever_there_is_can_be_chosen(offered: type[StrEnum], known: type[StrEnum]) -> None:
+def test_whatever_there_is_can_be_chosen(offered: type[StrEnum], values: type[StrEnum]) -> None:
     """The options are written down once more, so that --help need not import what they stand for."""
-    assert [option.value for option in offered] == [value.value for value in known]
+    assert [option.value for option in offered] == [value.value for value in values]
 
 
 def test_without_a_running_system_commands_say_how_to_start_one(tmp_path: Path) -> None:
     commands = ("do 'A isOn B'", "tasks", "task last", "export", "services", "plan 'A isOn B'", "map query 'A isOn B'")
     assert "somrs up" in program("tasks", cwd=tmp_path).stderr
     for arguments in map(shlex.split, commands):
-        said = somrs(*arguments, cwd=tmp_path)
-        assert said.returncode == 2
-        assert "somrs up" in said.stderr
-        assert "Traceback" not in said.stderr
+        result = somrs(*arguments, cwd=tmp_path)
+        assert result.returncode == 2
+        assert "somrs up" in result.stderr
+        assert "Traceback" not in result.stderr
 
 
 def test_a_file_that_is_not_there_is_said(tmp_path: Path) -> None:
     for arguments in (["check", "nowhere.yaml"], ["up", "nowhere.yaml"], ["import", "nowhere.building.yaml"], ["import", "some.txt"]):
-        said = somrs(*arguments, cwd=tmp_path)
-        assert said.returncode in (1, 2), arguments
-        assert arguments[1] in said.stdout + said.stderr
-        assert "Traceback" not in said.stderr, said.stderr
+        result = somrs(*arguments, cwd=tmp_path)
+        assert result.returncode in (1, 2), arguments
+        assert arguments[1] in result.stdout + result.stderr
+        assert "Traceback" not in result.stderr, result.stderr
 
 
 @pytest.mark.parametrize(
@@ -137,6 +140,6 @@ def test_import_writes_a_map_that_passes_the_check(building: Path | None, tmp_pa
     if building is None:
         building = tmp_path / "depot.building.yaml"
         building.write_text(SMALL)
-    said = somrs("import", building, "-o", "site.yaml", cwd=tmp_path)
-    assert said.returncode == 0, said.stdout + said.stderr
+    result = somrs("import", building, "-o", "site.yaml", cwd=tmp_path)
+    assert result.returncode == 0, result.stdout + result.stderr
     assert somrs("check", "site.yaml", cwd=tmp_path).returncode == 0

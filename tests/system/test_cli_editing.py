@@ -33,15 +33,15 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 def run(data: Path, *arguments: str | Path, code: int = 0) -> str:
     """What the command says; it exits with the code, and without a stack trace."""
-    said = somrs(*arguments, "--data", data)
-    assert said.returncode == code, said.stdout + said.stderr
-    assert "Traceback" not in said.stderr
-    return said.stdout + said.stderr
+    result = somrs(*arguments, "--data", data)
+    assert result.returncode == code, result.stdout + result.stderr
+    assert "Traceback" not in result.stderr
+    return result.stdout + result.stderr
 
 
-def plain(said: str) -> str:
+def plain(text: str) -> str:
     """A table's text, however its lines were broken."""
-    return " ".join(said.split())
+    return " ".join(text.split())
 
 
 def test_an_ontology_is_edited_and_what_was_done_is_undone(data: Path, tmp_path: Path) -> None:
@@ -51,25 +51,25 @@ def test_an_ontology_is_edited_and_what_was_done_is_undone(data: Path, tmp_path:
     assert "version 1" in run(data, "ontology", "import", file, "--author", "Anna")
     assert "version 2" in run(data, "ontology", "rename", "type", "Vat", "Tub")
     assert "version 3" in run(data, "ontology", "remove", "types", "Cup", "Bottle")
-    said = plain(run(data, "ontology", "history"))
+    history = plain(run(data, "ontology", "history"))
     for part in ("Anna", "added type Vat", "renamed type Vat to Tub", "removed type Cup"):
-        assert part in said, said
+        assert part in history, history
     events = json.loads(run(data, "ontology", "history", "--limit", "2", "--json"))
     assert [event["version"] for event in events] == [3, 2]
     assert "version 4" in run(data, "ontology", "undo", "3")
     assert "undid version 3" in plain(run(data, "ontology", "history", "--limit", "1"))
     assert "before version 4" in plain(run(data, "ontology", "history", "--limit", "1"))
-    out = tmp_path / "out.yaml"
-    run(data, "ontology", "export", out)
-    assert "Tub" in load_definitions(out.read_text(), "out.yaml", upper()).types
-    assert "Jar:" not in out.read_text()
-    run(data, "ontology", "export", out, "--whole")
-    assert "Jar:" in out.read_text()
+    target = tmp_path / "out.yaml"
+    run(data, "ontology", "export", target)
+    assert "Tub" in load_definitions(target.read_text(), "out.yaml", upper()).types
+    assert "Jar:" not in target.read_text()
+    run(data, "ontology", "export", target, "--whole")
+    assert "Jar:" in target.read_text()
 
 
 def test_what_cannot_be_done_is_said_with_all_that_stands_in_the_way(data: Path, tmp_path: Path) -> None:
-    said = run(data, "ontology", "remove", "type", "Jar", code=1)
-    assert "Jar002: no type is called Jar" in said
+    message = run(data, "ontology", "remove", "type", "Jar", code=1)
+    assert "Jar002: no type is called Jar" in message
     dry = run(data, "ontology", "remove", "type", "Jar", "--dry-run", code=1)
     assert "it would not be done" in dry
     assert "removed type Jar" in dry
@@ -85,9 +85,9 @@ def test_what_cannot_be_done_is_said_with_all_that_stands_in_the_way(data: Path,
 def test_a_map_is_looked_back_on_and_its_changes_undone(data: Path) -> None:
     run(data, "map", "update", "Jar002.Weight = 0.7", "--author", "Anna")
     run(data, "map", "rename", "Jar003", "Krug", "--author", "Ben")
-    said = plain(run(data, "map", "events", "--limit", "2"))
+    history = plain(run(data, "map", "events", "--limit", "2"))
     for part in ("Anna", "Jar002.Weight = 0.7", "Ben", "renamed object Jar003 to Krug"):
-        assert part in said, said
+        assert part in history, history
     renamed, weighed = json.loads(run(data, "map", "events", "--limit", "2", "--json"))
     assert "Jar002.Weight" in run(data, "map", "undo", str(weighed["version"]), "--dry-run")
     run(data, "map", "undo", str(weighed["version"]))

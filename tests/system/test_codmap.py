@@ -66,23 +66,23 @@ def test_the_referee_knows_a_plan_from_one_that_is_none(place: Path) -> None:
     assert read(*files).name == "two-towns"
     texts = classical(*files)
     legs = ["(load van1 red east)", "(drive van1 east depot)", "(drive van1 depot west)", "(unload van1 red west)"]
-    back = ["(load van1 blue west)", "(drive van1 west depot)", "(drive van1 depot east)", "(unload van1 blue east)"]
-    assert objections(*texts, "\n".join([*legs, *back])) == []
-    blue_is_where_it_was, red_was_never_loaded = legs, [*legs[1:], *back]
+    return_legs = ["(load van1 blue west)", "(drive van1 west depot)", "(drive van1 depot east)", "(unload van1 blue east)"]
+    assert objections(*texts, "\n".join([*legs, *return_legs])) == []
+    blue_is_where_it_was, red_was_never_loaded = legs, [*legs[1:], *return_legs]
     for wrong in (blue_is_where_it_was, red_was_never_loaded):
-        found = objections(*texts, "\n".join(wrong))
-        assert [one.partition(":")[0] for one in found] == judges()
+        complaints = objections(*texts, "\n".join(wrong))
+        assert [complaint.partition(":")[0] for complaint in complaints] == judges()
 
 
 def test_the_command_prints_a_table_and_a_closing_line(place: Path) -> None:
     folder = place.parents[1]
     shutil.copytree(place, place.parent / "other")
-    said = subprocess.run(
+    result = subprocess.run(
         [sys.executable, "-m", "verification.codmap", str(folder), "--limit", "30"], capture_output=True, text=True, check=False
     )
-    assert said.returncode == 0, said.stderr
-    assert "2 of 2" in said.stdout
-    assert said.stdout.strip().endswith("2 passed, 0 failed")
+    assert result.returncode == 0, result.stderr
+    assert "2 of 2" in result.stdout
+    assert result.stdout.strip().endswith("2 passed, 0 failed")
 
 
 @pytest.mark.skipif(not PUBLISHED.is_dir(), reason=f"there are no published problems in {PUBLISHED}")

@@ -44,7 +44,7 @@ from verification.fault_runs.story import (
 
 
 @pytest.fixture(scope="module")
-def many() -> Result:
+def many_runs() -> Result:
     total = Result()
     for seed in range(150):
         total.add(run(seed))
@@ -52,16 +52,16 @@ def many() -> Result:
 
 
 @pytest.mark.long
-def test_whatever_goes_wrong_the_properties_hold(many: Result) -> None:
-    assert not many.failed
-    assert many.runs == 150
+def test_whatever_goes_wrong_the_properties_hold(many_runs: Result) -> None:
+    assert not many_runs.failed
+    assert many_runs.runs == 150
 
 
 @pytest.mark.long
-def test_enough_goes_wrong_and_every_rung_of_the_ladder_is_used(many: Result) -> None:
-    assert sum(many.troubled.values()) > 150
+def test_enough_goes_wrong_and_every_rung_of_the_ladder_is_used(many_runs: Result) -> None:
+    assert sum(many_runs.troubled.values()) > 150
     for outcome in Outcome:
-        assert many.troubled[outcome]
+        assert many_runs.troubled[outcome]
     for rung in (
         "replaced",
         "planned anew",
@@ -72,7 +72,7 @@ def test_enough_goes_wrong_and_every_rung_of_the_ladder_is_used(many: Result) ->
         "undone by the participant",
         "stranded",
     ):
-        assert many.rungs[rung], f"nothing was {rung}"
+        assert many_runs.rungs[rung], f"nothing was {rung}"
 
 
 PRINTED = """
@@ -96,25 +96,25 @@ def test_a_seed_is_one_run_whatever_the_hashes_of_strings_are() -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "last"), [(["--runs", "4", "--jobs", "2"], "4 passed, 0 failed"), (["--seed", "7"], "1 passed, 0 failed")]
+    ("arguments", "last_line"), [(["--runs", "4", "--jobs", "2"], "4 passed, 0 failed"), (["--seed", "7"], "1 passed, 0 failed")]
 )
-def test_from_the_command_line(arguments: list[str], last: str) -> None:
+def test_from_the_command_line(arguments: list[str], last_line: str) -> None:
     line = [sys.executable, "-m", "verification.fault_runs", *arguments]
-    done = subprocess.run(line, cwd=ROOT, capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[-1] == last
+    result = subprocess.run(line, cwd=ROOT, capture_output=True, text=True, check=True)
+    assert result.stdout.splitlines()[-1] == last_line
 
 
 # Defects that are planted have to be noticed
 
 
-def carrier(number: int, **more: object) -> DeviceTraits:
-    return DeviceTraits(name=f"Robot{number}", services=("TransferObject",), price=number, **{"duration": 10.0, **more})  # type: ignore[arg-type]
+def carrier(number: int, **options: object) -> DeviceTraits:
+    return DeviceTraits(name=f"Robot{number}", services=("TransferObject",), price=number, **{"duration": 10.0, **options})  # type: ignore[arg-type]
 
 
 LOOKER = DeviceTraits(name="Robot9", services=("RecognizeSituation",), price=1, duration=3.0)
 
 
-def story(*faults: Fault, devices: tuple[DeviceTraits, ...] = (), wish: str = "Jar1 isOn Table2", **more: object) -> Scenario:
+def make_scenario(*faults: Fault, devices: tuple[DeviceTraits, ...] = (), wish: str = "Jar1 isOn Table2", **options: object) -> Scenario:
     return Scenario(
         seed=0,
         setting=Setting.FLAT,
@@ -124,12 +124,12 @@ def story(*faults: Fault, devices: tuple[DeviceTraits, ...] = (), wish: str = "J
         doors=(),
         things=(("Jar1", "Table1"), ("Jar2", "Table1"), ("Jar3", "Table1")),
         devices=devices or (carrier(1), carrier(2), LOOKER),
-        requests=(TaskRequest(at=0.0, task_manager="tm1", effect=wish, **more),),  # type: ignore[arg-type]
+        requests=(TaskRequest(at=0.0, task_manager="tm1", effect=wish, **options),),  # type: ignore[arg-type]
         faults=faults,
     )
 
 
-def noticed(played_story: Scenario, parts: ComponentFactory | None = None) -> Property | None:
+def violated_property(played_story: Scenario, parts: ComponentFactory | None = None) -> Property | None:
     _, violation = play_scenario(played_story, parts)
     return violation.property if violation is not None else None
 
@@ -151,7 +151,9 @@ class Managers(ComponentFactory):
         return self.kind(address, repository="repository", registry="registry")
 
 
-CUT_OFF = story(Cut(at=2.0, target=AT_WORK, seconds=100.0), devices=(carrier(1, duration=200.0), carrier(2, duration=200.0), LOOKER))
+CUT_OFF = make_scenario(
+    Cut(at=2.0, target=AT_WORK, seconds=100.0), devices=(carrier(1, duration=200.0), carrier(2, duration=200.0), LOOKER)
+)
 
 
 def test_a_device_that_goes_on_when_it_is_cut_off_is_noticed() -> None:
@@ -159,15 +161,15 @@ def test_a_device_that_goes_on_when_it_is_cut_off_is_noticed() -> None:
         def _undelivered(self, message: object, now: float) -> Effects:
             yield from ()
 
-    assert noticed(CUT_OFF) is None
-    assert noticed(CUT_OFF, Devices(Careless)) is Property.MUTUAL_EXCLUSION
+    assert violated_property(CUT_OFF) is None
+    assert violated_property(CUT_OFF, Devices(Careless)) is Property.MUTUAL_EXCLUSION
 
 
 def test_who_was_not_heard_to_begin_may_have_begun_late() -> None:
     """The device hears that it is to begin just before it is given up, and then is cut off again."""
     for reached in (20.0, 39.8):
         cuts = Cut(at=0.1105, target="devices/Robot1", seconds=reached), Cut(at=0.1120 + reached, target="devices/Robot1", seconds=30.0)
-        assert noticed(story(*cuts, devices=(carrier(1, duration=100.0), carrier(2), LOOKER))) is None
+        assert violated_property(make_scenario(*cuts, devices=(carrier(1, duration=100.0), carrier(2), LOOKER))) is None
 
 
 def test_a_device_that_works_on_terms_that_ran_out_is_noticed() -> None:
@@ -178,41 +180,41 @@ def test_a_device_that_works_on_terms_that_ran_out_is_noticed() -> None:
             accepted = isinstance(event, Received) and isinstance(event.message.body, Accept)
             return super().handle(event, now - 60.0 if accepted else now)
 
-    late = story(devices=(carrier(1, valid_for=2.0), carrier(2, mute=True)))
-    assert noticed(late) is None
-    assert noticed(late, Devices(Generous)) is Property.CONTRACT
+    late = make_scenario(devices=(carrier(1, valid_for=2.0), carrier(2, mute=True)))
+    assert violated_property(late) is None
+    assert violated_property(late, Devices(Generous)) is Property.CONTRACT
 
 
 def test_a_task_manager_that_waits_for_ever_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
-    dies = story(WorkFault(nth=0, kind=WorkFaultKind.DIE))
-    assert noticed(dies) is None
+    dies = make_scenario(WorkFault(nth=0, kind=WorkFaultKind.DIE))
+    assert violated_property(dies) is None
     monkeypatch.setattr(Participants, "silent", lambda *_: iter(()))
     monkeypatch.setattr(Participants, "overdue", lambda *_: iter(()))
-    assert noticed(dies) is Property.HOME
+    assert violated_property(dies) is Property.HOME
 
 
 DROPS = tuple(WorkFault(nth=number, kind=WorkFaultKind.DROP) for number in range(1, 9))
-HALF_DONE = story(*DROPS, devices=(carrier(1),), wish="Jar1 isOn Table2 AND Jar2 isOn Table2")
+HALF_DONE = make_scenario(*DROPS, devices=(carrier(1),), wish="Jar1 isOn Table2 AND Jar2 isOn Table2")
 
 
 def test_tasks_that_do_not_leave_each_other_what_they_were_promised_are_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
     wishes = [TaskRequest(at=2.0 * number, task_manager="tm1", effect=f"Jar1 isOn Table{number}", policy=Policy.TIME) for number in (2, 3)]
-    quarrel = replace(story(), wishes=tuple(wishes))
-    assert noticed(quarrel) is None
+    quarrel = replace(make_scenario(), wishes=tuple(wishes))
+    assert violated_property(quarrel) is None
     monkeypatch.setattr(Reservations, "conflicts", lambda *_: {})
     monkeypatch.setattr(Reservations, "taken", lambda *_: frozenset())
-    assert noticed(quarrel) is Property.MUTUAL_EXCLUSION
+    assert violated_property(quarrel) is Property.MUTUAL_EXCLUSION
 
 
 def test_a_task_manager_that_leaves_what_it_did_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert noticed(HALF_DONE) is None
+    assert violated_property(HALF_DONE) is None
     monkeypatch.setattr(ExecutionLog, "to_undo", lambda *_: [])
-    assert noticed(HALF_DONE) is Property.SILENCE
+    assert violated_property(HALF_DONE) is Property.SILENCE
 
 
 def test_a_task_manager_that_does_not_wait_for_the_map_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
-    slips = story(WorkFault(nth=0, kind=WorkFaultKind.DROP), Cut(at=5.0, target="repository", seconds=20.0))
-    assert noticed(slips) is None
+    slips = make_scenario(WorkFault(nth=0, kind=WorkFaultKind.DROP), Cut(at=5.0, target="repository", seconds=20.0))
+    assert violated_property(slips) is None
 
     reported = ParticipantEvents._reported
 
@@ -222,15 +224,15 @@ def test_a_task_manager_that_does_not_wait_for_the_map_is_noticed(monkeypatch: p
         return (yield from reported(self, member, None, trouble, now))
 
     monkeypatch.setattr(ParticipantEvents, "_reported", forgetful)
-    assert noticed(slips) is Property.MAP
+    assert violated_property(slips) is Property.MAP
 
 
 def test_a_task_manager_that_does_not_say_that_it_is_over_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert noticed(story()) is None
+    assert violated_property(make_scenario()) is None
     monkeypatch.setattr(Participants, "end", lambda *_: iter(()))
-    assert noticed(story()) is Property.HOME
-    gone = story(Kill(at=15.0, target="devices/Robot1", seconds=None), devices=(carrier(1), LOOKER))
-    assert noticed(gone) is Property.ORPHAN
+    assert violated_property(make_scenario()) is Property.HOME
+    lost_device = make_scenario(Kill(at=15.0, target="devices/Robot1", seconds=None), devices=(carrier(1), LOOKER))
+    assert violated_property(lost_device) is Property.ORPHAN
 
 
 @pytest.mark.parametrize("snapshot", [False, True])
@@ -241,9 +243,9 @@ def test_a_journal_that_loses_what_came_last_is_noticed(snapshot: bool) -> None:
                 del world._journal(address).entries[-1:]
             super().revive(world, address)
 
-    killed = story(Kill(at=4.0, target="tm1", moment=KillPoint.JOURNALED, snapshot=snapshot))
-    assert noticed(killed) is None
-    assert noticed(killed, Forgetful()) is Property.RESTART
+    killed = make_scenario(Kill(at=4.0, target="tm1", moment=KillPoint.JOURNALED, snapshot=snapshot))
+    assert violated_property(killed) is None
+    assert violated_property(killed, Forgetful()) is Property.RESTART
 
 
 def test_a_service_manager_whose_journal_is_lost_is_noticed() -> None:
@@ -253,9 +255,9 @@ def test_a_service_manager_whose_journal_is_lost_is_noticed() -> None:
                 world._journal(address).entries.clear()
             super().revive(world, address)
 
-    killed = story(Kill(at=4.0, target=AT_WORK))
-    assert noticed(killed) is None
-    assert noticed(killed, Blank()) is Property.RESTART
+    killed = make_scenario(Kill(at=4.0, target=AT_WORK))
+    assert violated_property(killed) is None
+    assert violated_property(killed, Blank()) is Property.RESTART
 
 
 def test_a_task_manager_that_cannot_handle_an_input_is_noticed() -> None:
@@ -265,8 +267,8 @@ def test_a_task_manager_that_cannot_handle_an_input_is_noticed() -> None:
                 raise KeyError("task")
             return super().handle(event, now)
 
-    assert noticed(story(cancelled=3.0)) is None
-    assert noticed(story(cancelled=3.0), Managers(Brittle)) is Property.BREAKS
+    assert violated_property(make_scenario(cancelled=3.0)) is None
+    assert violated_property(make_scenario(cancelled=3.0), Managers(Brittle)) is Property.BREAKS
 
 
 # How failures are told
@@ -274,9 +276,9 @@ def test_a_task_manager_that_cannot_handle_an_input_is_noticed() -> None:
 
 def test_a_failing_story_is_made_as_short_as_it_can_be(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ExecutionLog, "to_undo", lambda *_: [])
-    seed = next(seed for seed in range(300) if len(draw(seed).faults) >= 4 and noticed(draw(seed)) is Property.SILENCE)
-    short = shrink_scenario(draw(seed), lambda candidate: noticed(candidate) is Property.SILENCE)
-    assert noticed(short) is Property.SILENCE
+    seed = next(seed for seed in range(300) if len(draw(seed).faults) >= 4 and violated_property(draw(seed)) is Property.SILENCE)
+    short = shrink_scenario(draw(seed), lambda candidate: violated_property(candidate) is Property.SILENCE)
+    assert violated_property(short) is Property.SILENCE
     assert len(short.faults) <= 1
     assert len(short.requests) == 1
     assert len(short.devices) <= 3
@@ -284,9 +286,9 @@ def test_a_failing_story_is_made_as_short_as_it_can_be(monkeypatch: pytest.Monke
 
 
 def test_nothing_can_be_left_out_of_the_fewest() -> None:
-    assert minimize(range(100), lambda kept: {7, 61} <= set(kept)) == [7, 61]
-    assert minimize(range(100), lambda kept: True) == []
-    assert minimize([5], lambda kept: kept == [5]) == [5]
+    assert minimize(range(100), lambda items: {7, 61} <= set(items)) == [7, 61]
+    assert minimize(range(100), lambda items: True) == []
+    assert minimize([5], lambda items: items == [5]) == [5]
 
 
 def test_what_differs_is_found_wherever_it_is() -> None:

@@ -47,54 +47,61 @@ def test_every_message_is_brought_about_with_every_victim() -> None:
         assert 1 <= case.nth <= case.scenario.count(case.message, len(case.placements)), case
         assert draw_case(case.seed) == case
         assert draw_case(case.seed, 1).message == case.message
-        last = draw_case(case.seed, MAX_ATTEMPTS - 1)  # the surest of all to come in time
-        assert (last.message, last.victim, last.nth, last.delay) == (case.message, case.victim, 1, 0.0)
+        last_case = draw_case(case.seed, MAX_ATTEMPTS - 1)  # the surest of all to come in time
+        assert (last_case.message, last_case.victim, last_case.nth, last_case.delay) == (case.message, case.victim, 1, 0.0)
 
 
-def said(*messages: tuple[float, str, str]) -> list[LoggedMessage]:
-    return [LoggedMessage(at=at, type=type, participant=participant, id=f"{at}") for at, type, participant in messages]
+def make_messages(*messages: tuple[float, str, str]) -> list[LoggedMessage]:
+    return [LoggedMessage(at=time, type=type, participant=participant, id=f"{time}") for time, type, participant in messages]
 
 
-ONE, OTHER = "Robot1.TransferObject#step1", "Robot2.TransferObject#step1.2"
-CONTRACT = [(0.0, "Arrange", ONE), (0.1, "Terms", ONE), (0.2, "Accept", ONE), (0.3, "Execute", ONE)]
-RIVAL = [(0.0, "Arrange", OTHER), (0.1, "Terms", OTHER)]
-ENDS = [(90.0, "End", ONE), (90.1, "End", OTHER)]
-FAILED = (0.4, "Failed", ONE)
+FIRST_PARTICIPANT, SECOND_PARTICIPANT = "Robot1.TransferObject#step1", "Robot2.TransferObject#step1.2"
+CONTRACT = [
+    (0.0, "Arrange", FIRST_PARTICIPANT),
+    (0.1, "Terms", FIRST_PARTICIPANT),
+    (0.2, "Accept", FIRST_PARTICIPANT),
+    (0.3, "Execute", FIRST_PARTICIPANT),
+]
+RIVAL = [(0.0, "Arrange", SECOND_PARTICIPANT), (0.1, "Terms", SECOND_PARTICIPANT)]
+ENDS = [(90.0, "End", FIRST_PARTICIPANT), (90.1, "End", SECOND_PARTICIPANT)]
+FAILED = (0.4, "Failed", FIRST_PARTICIPANT)
 
 
-def taken_over(at: float) -> list[tuple[float, str, str]]:
-    return [(at, "Accept", OTHER), (at + 0.1, "Execute", OTHER), *ENDS]
+def takeover_messages(time: float) -> list[tuple[float, str, str]]:
+    return [(time, "Accept", SECOND_PARTICIPANT), (time + 0.1, "Execute", SECOND_PARTICIPANT), *ENDS]
 
 
 @pytest.mark.parametrize(
     ("messages", "wrong"),
     [
-        ([*CONTRACT, (1.0, "Completed", ONE), *ENDS], ""),
-        ([*CONTRACT, (1.0, "Completed", ONE)], "nobody sent it home"),
+        ([*CONTRACT, (1.0, "Completed", FIRST_PARTICIPANT), *ENDS], ""),
+        ([*CONTRACT, (1.0, "Completed", FIRST_PARTICIPANT)], "nobody sent it home"),
         ([*CONTRACT[:2], CONTRACT[3], *ENDS], "without a contract"),
-        ([*CONTRACT, (0.4, "Execute", ONE), *ENDS], "2 times"),
-        ([*CONTRACT, *RIVAL, *taken_over(0.5)], "worked at the same step"),
-        ([*CONTRACT, *RIVAL, FAILED, *taken_over(0.5)], ""),
-        ([*CONTRACT, *RIVAL, (20.3, "Query", ONE), *taken_over(30.0)], "worked at the same step"),
-        ([*CONTRACT, *RIVAL, (20.3, "Query", ONE), *taken_over(40.5)], ""),
+        ([*CONTRACT, (0.4, "Execute", FIRST_PARTICIPANT), *ENDS], "2 times"),
+        ([*CONTRACT, *RIVAL, *takeover_messages(0.5)], "worked at the same step"),
+        ([*CONTRACT, *RIVAL, FAILED, *takeover_messages(0.5)], ""),
+        ([*CONTRACT, *RIVAL, (20.3, "Query", FIRST_PARTICIPANT), *takeover_messages(30.0)], "worked at the same step"),
+        ([*CONTRACT, *RIVAL, (20.3, "Query", FIRST_PARTICIPANT), *takeover_messages(40.5)], ""),
     ],
 )
 def test_what_a_conversation_must_not_be_is_found(messages: list[tuple[float, str, str]], wrong: str) -> None:
-    found = [*truth.protocol(said(*messages))]
-    assert wrong in found[0] if wrong else not found, found
+    violations = [*truth.protocol(make_messages(*messages))]
+    assert wrong in violations[0] if wrong else not violations, violations
 
 
 def test_who_is_not_at_home_is_found() -> None:
-    assert not [*truth.at_home({ONE: State.ENDED, OTHER: State.NEW})]
-    assert [*truth.at_home({ONE: State.ENDED, OTHER: State.EXECUTING})] == [f"{OTHER} is Executing after the end"]
+    assert not [*truth.at_home({FIRST_PARTICIPANT: State.ENDED, SECOND_PARTICIPANT: State.NEW})]
+    assert [*truth.at_home({FIRST_PARTICIPANT: State.ENDED, SECOND_PARTICIPANT: State.EXECUTING})] == [
+        f"{SECOND_PARTICIPANT} is Executing after the end"
+    ]
 
 
 def test_what_was_acknowledged_and_is_lost_is_found() -> None:
     acknowledged = Acknowledged(versions={"a": 3, "b": 4}, tasks=["t", "u"])
-    both = [Event(version=v, at=0.0, author=AUTHOR, changes=(ValueSet(CHANGED, PATH, label),)) for label, v in (("a", 3), ("b", 4))]
-    assert not [*truth.lost_updates(acknowledged, both)]
-    assert len([*truth.lost_updates(acknowledged, both[:1])]) == 1
-    twice = [*both, Event(version=5, at=0.0, author=AUTHOR, changes=(ValueSet(CHANGED, PATH, "b"),))]
+    events = [Event(version=v, at=0.0, author=AUTHOR, changes=(ValueSet(CHANGED, PATH, label),)) for label, v in (("a", 3), ("b", 4))]
+    assert not [*truth.lost_updates(acknowledged, events)]
+    assert len([*truth.lost_updates(acknowledged, events[:1])]) == 1
+    twice = [*events, Event(version=5, at=0.0, author=AUTHOR, changes=(ValueSet(CHANGED, PATH, "b"),))]
     assert len([*truth.lost_updates(acknowledged, twice)]) == 1
     assert not [*truth.lost_tasks(acknowledged, dict.fromkeys(("t", "u"), Outcome.ACCOMPLISHED))]
     assert len([*truth.lost_tasks(acknowledged, {"t": Outcome.ACCOMPLISHED})]) == 1

@@ -18,7 +18,7 @@ from verification.model_check.system import Link, LostDisk, Model
 
 
 def _fallen(cells: dict[Property, object]) -> list[Property]:
-    return [which for which, broken in cells.items() if broken is not None]
+    return [checked_property for checked_property, broken in cells.items() if broken is not None]
 
 
 @pytest.mark.parametrize("medium", [OUTBOX if medium is LOSSY_FIFO else medium for medium in MEDIA], ids=str)
@@ -32,9 +32,9 @@ def test_two_participants() -> None:
     assert _fallen({**check_two(DUPLICATING).cells}) == []
 
 
-@pytest.mark.parametrize("whose", [LostDisk.COORDINATOR, LostDisk.PARTICIPANT])
-def test_everyone_goes_home_when_a_disk_is_lost(whose: LostDisk) -> None:
-    assert _fallen({**check_lost_disk(FIFO, whose).cells}) == []
+@pytest.mark.parametrize("disk_owner", [LostDisk.COORDINATOR, LostDisk.PARTICIPANT])
+def test_everyone_goes_home_when_a_disk_is_lost(disk_owner: LostDisk) -> None:
+    assert _fallen({**check_lost_disk(FIFO, disk_owner).cells}) == []
 
 
 @pytest.mark.parametrize(("cut_off", "clocks"), [(False, True), (True, False)])
@@ -61,10 +61,10 @@ WRONG = [
 
 @pytest.mark.parametrize("mutation", WRONG, ids=str)
 def test_a_wrong_table_is_noticed(mutation: Mutation) -> None:
-    before = repr(states.PARTICIPANT), repr(states.COORDINATOR), repr(states.RESUMES), states.HOLDING_STATES
+    tables_before = repr(states.PARTICIPANT), repr(states.COORDINATOR), repr(states.RESUMES), states.HOLDING_STATES
     assert mutation in all_mutations()
     assert find_violation(mutation)
-    assert before == (repr(states.PARTICIPANT), repr(states.COORDINATOR), repr(states.RESUMES), states.HOLDING_STATES), (
+    assert tables_before == (repr(states.PARTICIPANT), repr(states.COORDINATOR), repr(states.RESUMES), states.HOLDING_STATES), (
         "the tables are as before"
     )
 
@@ -77,8 +77,8 @@ def test_a_stop_that_crosses_a_report_may_not_be_an_error(monkeypatch: pytest.Mo
     for medium in (FIFO, UNORDERED):
         broken = check_one(medium).cells[Property.FITS]
         assert broken is not None
-        says, stop = (next(n for n, line in enumerate(broken.chart) if text in line) for text in ("says Completed", "| Stop"))
-        assert says < stop, "a shortest run that shows the crossing"
+        report_index, stop_index = (next(n for n, line in enumerate(broken.chart) if text in line) for text in ("says Completed", "| Stop"))
+        assert report_index < stop_index, "a shortest run that shows the crossing"
 
 
 def test_a_participant_that_nobody_sends_home_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -89,10 +89,10 @@ def test_a_participant_that_nobody_sends_home_is_found(monkeypatch: pytest.Monke
 
 
 def test_mutations_are_undone() -> None:
-    before = list(states.ABANDONED_STATES.items())
+    entries_before = list(states.ABANDONED_STATES.items())
     with altered(Mutation("GIVES_UP", "Executing", "", "ignored")):
         assert State.EXECUTING not in states.ABANDONED_STATES
-    assert before == list(states.ABANDONED_STATES.items())
+    assert entries_before == list(states.ABANDONED_STATES.items())
 
 
 def test_two_parts_joined_are_as_their_quotients_joined() -> None:
@@ -101,7 +101,8 @@ def test_two_parts_joined_are_as_their_quotients_joined() -> None:
     small = quotient(part)
     classes = [small.observations[block] for block in small.classes]
     moves = [
-        tuple({(part.kinds[part.labels[move]], part.targets[move]) for move in part.transitions(at)}) for at in range(len(part.states))
+        tuple({(part.kinds[part.labels[move]], part.targets[move]) for move in part.transitions(state_index)})
+        for state_index in range(len(part.states))
     ]
     whole = explore_pair(Quotient(part, list(range(len(part.states))), classes, moves))
     reduced = explore_pair(small)
@@ -115,16 +116,24 @@ def test_two_parts_joined_are_as_their_quotients_joined() -> None:
 
 def test_media() -> None:
     first, second = 0, 1
-    both = {medium: medium.send(medium.send(EMPTY, first), second) for medium in (*MEDIA, OUTBOX)}
-    arriving = {medium.name: {one.token for one in medium.arrivals(channel)} for medium, channel in both.items() if medium is not OUTBOX}
+    channels = {medium: medium.send(medium.send(EMPTY, first), second) for medium in (*MEDIA, OUTBOX)}
+    arriving = {
+        medium.name: {delivery.token for delivery in medium.arrivals(channel)}
+        for medium, channel in channels.items()
+        if medium is not OUTBOX
+    }
     assert arriving["FIFO"] == arriving["FIFO, lossy"] == {first}
     assert arriving["unordered"] == arriving["unordered, lossy"] == arriving["unordered, lossy, duplicating"] == {first, second}
-    (arrival,) = FIFO.arrivals(both[FIFO])
-    assert [one.token for one in FIFO.arrivals(arrival.channel_after)] == [second]
-    again = {medium.name for medium, channel in both.items() for one in medium.arrivals(channel) if one.channel_after == channel}
-    assert again == {"FIFO, lossy", "unordered, lossy"}, "an acknowledgement is lost, and the message comes again"
-    last = next(one for one in DUPLICATING.arrivals(both[DUPLICATING]) if one.token == first)
-    assert {one.token for one in DUPLICATING.arrivals(last.channel_after)} == {first, second}, "long acknowledged, and here again"
-    assert {one.word for one in LOSSY_FIFO.events(both[LOSSY_FIFO])} == {"is lost"}
-    lost = next(LOSSY_FIFO.events(both[LOSSY_FIFO])).channel_after
-    assert [(one.word, one.token) for one in LOSSY_FIFO.events(lost)] == [("is lost", second), ("is sent again", first)]
+    (arrival,) = FIFO.arrivals(channels[FIFO])
+    assert [delivery.token for delivery in FIFO.arrivals(arrival.channel_after)] == [second]
+    redelivering = {
+        medium.name for medium, channel in channels.items() for delivery in medium.arrivals(channel) if delivery.channel_after == channel
+    }
+    assert redelivering == {"FIFO, lossy", "unordered, lossy"}, "an acknowledgement is lost, and the message comes again"
+    late_delivery = next(delivery for delivery in DUPLICATING.arrivals(channels[DUPLICATING]) if delivery.token == first)
+    assert {delivery.token for delivery in DUPLICATING.arrivals(late_delivery.channel_after)} == {first, second}, (
+        "long acknowledged, and here again"
+    )
+    assert {event.word for event in LOSSY_FIFO.events(channels[LOSSY_FIFO])} == {"is lost"}
+    lost = next(LOSSY_FIFO.events(channels[LOSSY_FIFO])).channel_after
+    assert [(event.word, event.token) for event in LOSSY_FIFO.events(lost)] == [("is lost", second), ("is sent again", first)]

@@ -22,8 +22,8 @@ CORE = ("entish", "ontology", "protocol", "planner", "kernel", "repository", "re
 
 def changes(source: str) -> list[str]:
     """The lines that come instead."""
-    found = mutants("src/somrs/one.py", source.encode())
-    return [mutant.diff(source.encode()).partition("\n+ ")[2] for mutant in found]
+    found_mutants = mutants("src/somrs/one.py", source.encode())
+    return [mutant.diff(source.encode()).partition("\n+ ")[2] for mutant in found_mutants]
 
 
 @pytest.mark.parametrize(
@@ -55,9 +55,9 @@ def changes(source: str) -> list[str]:
     ],
 )
 def test_what_is_changed(line: str, changed: list[str]) -> None:
-    found = changes(f"def f():\n    {line}\n")
-    assert set(changed) <= set(found)
-    assert len([one for one in found if one not in changed]) == line.count("x()")  # which is left out, too
+    actual_changes = changes(f"def f():\n    {line}\n")
+    assert set(changed) <= set(actual_changes)
+    assert len([change for change in actual_changes if change not in changed]) == line.count("x()")  # which is left out, too
 
 
 def test_a_default_is_changed_and_judged_by_what_the_function_does() -> None:
@@ -94,11 +94,11 @@ def test_what_nobody_could_tell_is_left_alone(source: str) -> None:
 
 
 def test_every_mutant_of_the_core_is_python_and_another_program() -> None:
-    found = all_mutants(ROOT, CORE)
-    assert len({mutant.name for mutant in found}) == len(found) > 10_000
-    sources = {mutant.file: (ROOT / mutant.file).read_bytes() for mutant in found}
+    found_mutants = all_mutants(ROOT, CORE)
+    assert len({mutant.name for mutant in found_mutants}) == len(found_mutants) > 10_000
+    sources = {mutant.file: (ROOT / mutant.file).read_bytes() for mutant in found_mutants}
     programs = {file: ast.dump(ast.parse(source)) for file, source in sources.items()}
-    for mutant in found[::50]:
+    for mutant in found_mutants[::50]:
         assert ast.dump(ast.parse(mutant.applied(sources[mutant.file]))) != programs[mutant.file], mutant.name
 
 
@@ -165,14 +165,14 @@ def mutants_of(project: Path, *options: str) -> tuple[int, str, dict[str, str]]:
     """The exit status, what is printed, and what caught each change."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(project / "src"), str(project)]), "COLUMNS": "200"}
     command = [sys.executable, "-m", "verification.mutants", "--jobs", "1", "--floor", "3", *options]
-    said = subprocess.run(command, cwd=project, env=environment, capture_output=True, text=True, check=False)
+    result = subprocess.run(command, cwd=project, env=environment, capture_output=True, text=True, check=False)
     rows = [json.loads(line) for line in (project / "out" / "mutants" / "results.jsonl").read_text().splitlines()]
-    assert said.returncode < 2, said.stderr
-    return said.returncode, said.stdout, {row["diff"]: row["caught by"] for row in rows}
+    assert result.returncode < 2, result.stderr
+    return result.returncode, result.stdout, {row["diff"]: row["caught by"] for row in rows}
 
 
 def test_what_tests_notice_is_caught_and_the_rest_survives(project: Path) -> None:
-    status, said, caught_by = mutants_of(project, "--seed", "3")
+    status, output, caught_by = mutants_of(project, "--seed", "3")
     raised, low, nine, halved = (f"tests/unit/test_sums.py::test_{name}" for name in ("what_is_less_is_raised", "low", "nine", "halved"))
     assert caught_by == {
         '- LIMITS = {"low": 1}\n+ LIMITS = {"changed": 1}': low,
@@ -199,27 +199,27 @@ def test_what_tests_notice_is_caught_and_the_rest_survives(project: Path) -> Non
         "- NINE = squared(3)\n+ NINE = squared(4)": nine,
     }
     assert status == 1
-    assert re.search(r"SEED=3\b", said)
-    assert "return 7 / 6" in said
-    assert "none" in said
+    assert re.search(r"SEED=3\b", output)
+    assert "return 7 / 6" in output
+    assert "none" in output
 
-    kept = project / "out" / "mutants" / "tried.jsonl"
-    rows = kept.read_text().splitlines(keepends=True)
+    tried_file = project / "out" / "mutants" / "tried.jsonl"
+    rows = tried_file.read_text().splitlines(keepends=True)
     rows.sort(key=lambda row: "never reached" not in row)
-    kept.write_text("".join(rows[:20]) + rows[20][:20])  # as who is killed leaves it
-    again = mutants_of(project, "--seed", "3")
-    assert (again[0], again[2]) == (status, caught_by)
-    assert "20 of them were tried before" in again[1]
-    assert len(kept.read_text().splitlines()) == 22
-    assert {*map(len, kept.read_text().splitlines())} == {len(row) - 1 for row in rows}
+    tried_file.write_text("".join(rows[:20]) + rows[20][:20])  # as who is killed leaves it
+    second_run = mutants_of(project, "--seed", "3")
+    assert (second_run[0], second_run[2]) == (status, caught_by)
+    assert "20 of them were tried before" in second_run[1]
+    assert len(tried_file.read_text().splitlines()) == 22
+    assert {*map(len, tried_file.read_text().splitlines())} == {len(row) - 1 for row in rows}
     (project / "tests" / "unit" / "test_sums.py").write_text(f"{TESTS}\n")
     assert "were tried before" not in mutants_of(project, "--seed", "3", "--sample", "2")[1], "with other tests, all is open again"
 
 
 def test_one_can_be_played_alone(project: Path) -> None:
-    status, said, caught_by = mutants_of(project, "--only", "entish/sums.py:5:1")
+    status, output, caught_by = mutants_of(project, "--only", "entish/sums.py:5:1")
     assert (status, len(caught_by)) == (0, 1)
-    assert said.splitlines()[-2:] == [
+    assert output.splitlines()[-2:] == [
         "entish/sums.py:5:1 is caught by tests/unit/test_sums.py::test_what_is_less_is_raised",
         "1 caught, 0 survived",
     ]
@@ -228,18 +228,18 @@ def test_one_can_be_played_alone(project: Path) -> None:
 def test_a_copy_is_what_it_was_when_the_change_is_over(tmp_path: Path) -> None:
     tree = Tree(tmp_path / "copy")
     place = tree.root / "src" / "somrs" / "errors.py"
-    before, time = place.read_bytes(), place.stat().st_mtime_ns
+    old_bytes, time = place.read_bytes(), place.stat().st_mtime_ns
     with tree.changed("src/somrs/errors.py", b"another = 1\n"):
         assert place.read_bytes() == b"another = 1\n"
         assert place.stat().st_mtime_ns != time
-    assert (place.read_bytes(), place.stat().st_mtime_ns) == (before, time)
+    assert (place.read_bytes(), place.stat().st_mtime_ns) == (old_bytes, time)
 
 
 def test_a_copy_that_is_made_again_is_as_the_project_is(tmp_path: Path) -> None:
     tree = Tree(tmp_path / "copy")
-    changed, added = tree.root / "src" / "somrs" / "errors.py", tree.root / "src" / "somrs" / "added.py"
-    changed.write_text("another = 1\n")
-    added.write_text("another = 1\n")
+    changed_file, added_file = tree.root / "src" / "somrs" / "errors.py", tree.root / "src" / "somrs" / "added.py"
+    changed_file.write_text("another = 1\n")
+    added_file.write_text("another = 1\n")
     Tree(tmp_path / "copy")
-    assert changed.read_bytes() == (ROOT / "src" / "somrs" / "errors.py").read_bytes()
-    assert not added.exists()
+    assert changed_file.read_bytes() == (ROOT / "src" / "somrs" / "errors.py").read_bytes()
+    assert not added_file.exists()

@@ -18,10 +18,10 @@ from tests.support.paths import SCENARIO_1
 
 pytestmark = pytest.mark.long
 
-WISH = Submit(effect="Jar002 isOn Platform001")
+REQUEST = Submit(effect="Jar002 isOn Platform001")
 
 
-async def said(follower: Follower, kind: str) -> None:
+async def wait_for_message(follower: Follower, kind: str) -> None:
     """Return when a message of that kind passed, of those that were not looked at before."""
     while kind not in [line.type for line in follower.new()]:
         await asyncio.sleep(0.02)
@@ -39,25 +39,25 @@ def test_tasks_outlive_their_task_manager(tmp_path: Path) -> None:
 
     async def run() -> None:
         async with System([SCENARIO_1], tmp_path, speed="8", launcher=warm.launcher()) as system, Client(system.addresses) as client:
-            told: list[str] = []
-            keeping = asyncio.create_task(system.keep_running(told.append))
+            notices: list[str] = []
+            supervisor = asyncio.create_task(system.keep_running(notices.append))
             manager = system.programs["task-manager"]
-            before = manager.address
+            address_before = manager.address
             follower = Follower(tmp_path / "messages.jsonl")
             for number, (kind, effect) in enumerate(places.items(), start=1):
                 [*follower.new()]
                 task = await client.submit(Submit(effect=effect))
                 async with asyncio.timeout(120):
-                    await said(follower, kind)
+                    await wait_for_message(follower, kind)
                     manager.process.kill()
                     view = await ended(client, task)
                 assert view.outcome is Outcome.ACCOMPLISHED, view.explanation
-                assert told.count("task-manager is back") == number
-                assert manager.address == before
+                assert notices.count("task-manager is back") == number
+                assert manager.address == address_before
                 assert (await client.query(effect)).rows
-            again = await client.submit(Submit(effect="Jar003 isOn Table001"))
-            assert (await asyncio.wait_for(ended(client, again), 120)).outcome is Outcome.ACCOMPLISHED
-            keeping.cancel()
+            second_task = await client.submit(Submit(effect="Jar003 isOn Table001"))
+            assert (await asyncio.wait_for(ended(client, second_task), 120)).outcome is Outcome.ACCOMPLISHED
+            supervisor.cancel()
 
     asyncio.run(run())
 
@@ -72,9 +72,9 @@ def test_a_task_outlives_the_whole_system(tmp_path: Path) -> None:
             await system.start()
             addresses = system.addresses
             async with Client(addresses) as client:
-                task = await client.submit(WISH)
+                task = await client.submit(REQUEST)
                 async with asyncio.timeout(120):
-                    await said(Follower(tmp_path / "messages.jsonl"), "Execute")
+                    await wait_for_message(Follower(tmp_path / "messages.jsonl"), "Execute")
         finally:
             for program in system.programs.values():
                 program.process.kill()
@@ -83,10 +83,10 @@ def test_a_task_outlives_the_whole_system(tmp_path: Path) -> None:
         system.addresses.write(tmp_path)  # a power cut leaves it behind
         host, _, port = addresses.task_manager.removeprefix("http://").partition("/")[0].partition(":")
         async with await asyncio.start_server(lambda reader, writer: None, host, int(port)):
-            with pytest.raises(UsageError, match="1 task is open") as told:
+            with pytest.raises(UsageError, match="1 task is open") as raised:
                 async with System([SCENARIO_1], tmp_path, speed="8", launcher=warm.launcher()):
                     pass
-            assert f"belongs to {addresses.task_manager}" in str(told.value)
+            assert f"belongs to {addresses.task_manager}" in str(raised.value)
         async with System([SCENARIO_1], tmp_path, speed="8", launcher=warm.launcher()) as system, Client(system.addresses) as client:
             assert system.addresses.task_manager == addresses.task_manager
             view = await asyncio.wait_for(ended(client, task), 120)

@@ -30,15 +30,17 @@ def test_every_device_of_it_has_a_program() -> None:
 def test_one_robot_puts_all_three_things_on_the_platform() -> None:
     run = Run(site()[1])
     for thing in THINGS:
-        run.all("Robot1", Grip(object=thing), Place(support="Platform001"))
+        run.execute_all("Robot1", Grip(object=thing), Place(support="Platform001"))
     assert [run.simulation.observe(thing).support for thing in THINGS] == ["Platform001"] * 3
     assert not run.collisions
 
 
 def test_two_robots_do_it_at_the_same_time() -> None:
     run = Run(site()[1])
-    wanted = {"Robot1": ["Jar002"], "Robot2": ["Carton001", "Jar003"]}
-    todo = {name: [c for thing in things for c in (Grip(object=thing), Place(support="Platform001"))] for name, things in wanted.items()}
+    assignments = {"Robot1": ["Jar002"], "Robot2": ["Carton001", "Jar003"]}
+    todo = {
+        name: [c for thing in things for c in (Grip(object=thing), Place(support="Platform001"))] for name, things in assignments.items()
+    }
     ends: dict[str, list[CommandDone | CommandGivenUp]] = {}
     while any(todo.values()) or not all(ends.values()):
         for name, commands in todo.items():
@@ -53,36 +55,36 @@ def test_two_robots_do_it_at_the_same_time() -> None:
 
 def test_the_camera_sees_the_shelf_and_the_patrol_what_is_about_it() -> None:
     run = Run(site()[1])
-    camera, patrol = run.do("Camera001", Sense()), run.do("Patrol1", LookAround())
+    camera, patrol = run.execute("Camera001", Sense()), run.execute("Patrol1", LookAround())
     assert isinstance(camera, CommandDone)
     assert isinstance(patrol, CommandDone)
-    assert [one.object for one in camera.object_states] == ["Shelf001"]
-    assert "Platform001" in [one.object for one in patrol.object_states]
+    assert [object_state.object for object_state in camera.object_states] == ["Shelf001"]
+    assert "Platform001" in [object_state.object for object_state in patrol.object_states]
 
 
 def test_a_robot_that_is_parked_where_another_has_to_stand_makes_way() -> None:
     map = site()[1]
-    there = {"PositionX": 0.945, "PositionY": 5.537, "RotationZ": -2.993}
-    run = Run(map.changed([ValueSet("Robot1", path, value) for path, value in there.items()]))
-    run.all("Robot2", Grip(object="Jar002"), Place(support="Platform001"))
+    robot_pose = {"PositionX": 0.945, "PositionY": 5.537, "RotationZ": -2.993}
+    run = Run(map.changed([ValueSet("Robot1", path, value) for path, value in robot_pose.items()]))
+    run.execute_all("Robot2", Grip(object="Jar002"), Place(support="Platform001"))
     assert run.simulation.observe("Jar002").support == "Platform001"
     assert not run.collisions
 
 
 def test_who_makes_way_for_a_robot_that_is_stopped_meanwhile_goes_on() -> None:
     map = site()[1]
-    there = {"PositionX": 0.945, "PositionY": 5.537, "RotationZ": -2.993}
-    run = Run(map.changed([ValueSet("Robot1", path, value) for path, value in there.items()]))
+    robot_pose = {"PositionX": 0.945, "PositionY": 5.537, "RotationZ": -2.993}
+    run = Run(map.changed([ValueSet("Robot1", path, value) for path, value in robot_pose.items()]))
     parked = run.simulation.robots["Robot1"]
     gripping = run.start("Robot1", Grip(object="Jar002"))
-    run.until(lambda: parked.arm_out)
-    run.do("Robot1", Stop())
+    run.run_until(lambda: parked.arm_out)
+    run.execute("Robot1", Stop())
     assert gripping, "it was told that it was stopped"
-    run.until(lambda: not run.simulation.busy)
+    run.run_until(lambda: not run.simulation.busy)
     height = parked.joints["lift"]
     run.start("Robot2", Grip(object="Jar002"))
-    run.until(lambda: abs(parked.joints["lift"] - height) > 0.02)  # it draws its arm in, to make way
-    run.do("Robot2", Stop())
-    run.until(lambda: not run.simulation.busy)
-    run.all("Robot2", Grip(object="Jar002"), Place(support="Platform001"))
+    run.run_until(lambda: abs(parked.joints["lift"] - height) > 0.02)  # it draws its arm in, to make way
+    run.execute("Robot2", Stop())
+    run.run_until(lambda: not run.simulation.busy)
+    run.execute_all("Robot2", Grip(object="Jar002"), Place(support="Platform001"))
     assert not run.collisions

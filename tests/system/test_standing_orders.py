@@ -42,11 +42,11 @@ def test_an_order_is_stated_once_each_time_though_the_scheduler_is_killed(tmp_pa
             System([SCENARIO_1], tmp_path / "run", speed="max", launcher=warm.launcher()) as system,
             Client(system.addresses) as client,
         ):
-            keeping = asyncio.create_task(system.keep_running(lambda text: None))
+            supervisor = asyncio.create_task(system.keep_running(lambda text: None))
             async with api_of(system.addresses) as api:
-                wish = Submit(effect="Jar002 isOn ?Shelf: Cupboard")  # as it is
-                given = OrderSaved(name="Often", when=Every(minutes=PERIOD / 60), task=wish, by="Ada", skip=False)
-                order = await api.orders.add_order(given)
+                request = Submit(effect="Jar002 isOn ?Shelf: Cupboard")  # as it is
+                saved_order = OrderSaved(name="Often", when=Every(minutes=PERIOD / 60), task=request, by="Ada", skip=False)
+                order = await api.orders.add_order(saved_order)
                 assert order.next is not None
                 for number in range(TIMES):
                     # Just when the task is stated: before, and a moment after.
@@ -61,7 +61,7 @@ def test_an_order_is_stated_once_each_time_though_the_scheduler_is_killed(tmp_pa
                 while any(run.open for run in runs):
                     await asyncio.sleep(0.2)
                     runs = await answered(api, order.id)
-            keeping.cancel()
+            supervisor.cancel()
             stated = [run for run in runs if run.state is RunState.SUBMITTED]
             dues = [round((run.due - order.next) / PERIOD, 3) for run in runs]
             assert dues == [*map(float, reversed(range(len(runs))))], "each time is there once"
@@ -70,9 +70,9 @@ def test_an_order_is_stated_once_each_time_though_the_scheduler_is_killed(tmp_pa
                 "a time at which nobody was there is told as missed"
             )
             assert {run.outcome for run in stated} == {Outcome.ACCOMPLISHED}, [run.note for run in stated]
-            known = {view.task for view in await client.tasks()}
-            assert known == {run.task for run in stated}
-            assert len(known) == len(stated)
+            known_tasks = {view.task for view in await client.tasks()}
+            assert known_tasks == {run.task for run in stated}
+            assert len(known_tasks) == len(stated)
 
     asyncio.run(run())
 
@@ -84,8 +84,8 @@ def test_orders_are_stated_while_neither_the_api_nor_the_windows_run(tmp_path: P
             Client(system.addresses) as client,
         ):
             async with api_of(system.addresses) as api:
-                wish = Submit(effect="Jar002 isOn ?Shelf: Cupboard")
-                order = await api.orders.add_order(OrderSaved(name="Often", when=Every(minutes=PERIOD / 60), task=wish))
+                request = Submit(effect="Jar002 isOn ?Shelf: Cupboard")
+                order = await api.orders.add_order(OrderSaved(name="Often", when=Every(minutes=PERIOD / 60), task=request))
             os.kill(system.programs["api"].process.pid, signal.SIGKILL)
             await system.programs["api"].process.wait()
             async with asyncio.timeout(60):
@@ -93,8 +93,8 @@ def test_orders_are_stated_while_neither_the_api_nor_the_windows_run(tmp_path: P
                     await asyncio.sleep(0.2)
             await system.restart("api")
             async with api_of(system.addresses) as api:
-                known = {run.task for run in (await api.orders.runs(order.id)).runs if run.state is RunState.SUBMITTED}
-            assert {view.task for view in await client.tasks()} <= known | {None}
+                known_tasks = {run.task for run in (await api.orders.runs(order.id)).runs if run.state is RunState.SUBMITTED}
+            assert {view.task for view in await client.tasks()} <= known_tasks | {None}
 
     asyncio.run(run())
 
@@ -102,8 +102,8 @@ def test_orders_are_stated_while_neither_the_api_nor_the_windows_run(tmp_path: P
 def test_without_the_api_the_command_line_says_what_to_do() -> None:
     async def run() -> None:
         with Reservation("127.0.0.1", 1) as free:
-            nobody = Addresses(repository="", registry="", task_manager="", api=f"http://127.0.0.1:{free.ports[0]}/api")
-            async with api_of(nobody) as api:
+            dead_addresses = Addresses(repository="", registry="", task_manager="", api=f"http://127.0.0.1:{free.ports[0]}/api")
+            async with api_of(dead_addresses) as api:
                 with pytest.raises(RemoteError, match=r"does not answer.*`somrs up` starts it"):
                     await api.orders.runs("x")
         with pytest.raises(UsageError, match="without the API"):

@@ -50,7 +50,7 @@ def world(parcels: ImportedProblem) -> SymbolicWorld:
 
 
 @pytest.mark.parametrize(
-    ("service", "inputs", "provider", "why"),
+    ("service", "inputs", "provider", "reason"),
     [
         ("load", {"x": "letter", "p": "harbour"}, "van1", "van1 at harbour and letter lies harbour do not hold"),
         ("drive", {"from": "mill", "to": "harbour"}, "van1", "street(van1, mill, harbour) does not hold"),
@@ -62,20 +62,20 @@ def world(parcels: ImportedProblem) -> SymbolicWorld:
     ],
 )
 def test_what_cannot_be_done_changes_nothing_and_is_told_why(
-    world: SymbolicWorld, service: str, inputs: dict[str, str], provider: str, why: str
+    world: SymbolicWorld, service: str, inputs: dict[str, str], provider: str, reason: str
 ) -> None:
-    before = world.map
-    assert world.perform(service, inputs, provider) == why
-    assert world.map == before
+    map_before = world.map
+    assert world.perform(service, inputs, provider) == reason
+    assert world.map == map_before
     assert not world.actions
-    assert why in world.rejected[0]
+    assert reason in world.rejected[0]
 
 
 def test_what_is_done_holds(world: SymbolicWorld) -> None:
     assert world.perform("load", {"x": "letter", "p": "mill"}, "van1") is None
     assert world.map.has_fact("in", ("letter", "van1"))
     assert not world.map.has_fact("lies", ("letter", "mill"))
-    assert [(deed.service, deed.provider) for deed in world.actions] == [("load", "van1")]
+    assert [(action.service, action.provider) for action in world.actions] == [("load", "van1")]
     assert world.refusal("load", {"x": "letter", "p": "mill"}, "van1") == "letter lies mill does not hold"
 
 
@@ -151,8 +151,8 @@ def test_nothing_is_done_before_its_time_is_over(parcels: ImportedProblem, world
     assert seconds == 1
     assert not world.actions
     assert [*agent.carry_out(Halt(order("load", x="letter", p="mill")))] == [(0.0, WorkDone(situation="NOT letter in van1"))]
-    seconds, done = next(work)
-    assert isinstance(done, WorkDone)
+    seconds, report = next(work)
+    assert isinstance(report, WorkDone)
     assert len(world.actions) == 1
 
 
@@ -170,8 +170,8 @@ def test_a_device_that_leaves_is_not_heard_of_again(parcels: ImportedProblem, wo
 
     mishap = Mishap(select_changes=half, goes_offline=True)
     agent = SymbolicAgent(name="van1", world=world, services=parcels.agents["van1"], faults=lambda order: mishap)
-    said = [*agent.carry_out(Perform(order("load", x="letter", p="mill")))]
-    assert not any(isinstance(value, WorkDone | ServiceFailed) for _, value in said)
+    reports = [*agent.carry_out(Perform(order("load", x="letter", p="mill")))]
+    assert not any(isinstance(value, WorkDone | ServiceFailed) for _, value in reports)
     assert agent.is_offline
     assert [*agent.carry_out(Quote(order("load", x="letter", p="mill")))] == []
     assert Fact("in", ("letter", "van1")) in set(world.map.facts())
@@ -184,21 +184,21 @@ def test_all_devices_share_the_world_of_one_program(parcels: ImportedProblem, wo
     async def run() -> None:
         server = WorldServer(world, speed=2)
         await server.start()
-        where = f"127.0.0.1:{server.port}"
-        welcome = await ask(where, Hello(device="van1"), Welcome)
+        address = f"127.0.0.1:{server.port}"
+        welcome = await ask(address, Hello(device="van1"), Welcome)
         assert welcome == Welcome(type="van", services=("drive", "load", "unload"))
         drive = {"from": "mill", "to": "market"}
-        assert await ask(where, Estimate(device="van1", service="drive", inputs=drive), Estimated) == Estimated(cost=4, seconds=2)
-        assert (await ask(where, Begin(device="van1", service="drive", inputs=drive), Result)).refusal is None
+        assert await ask(address, Estimate(device="van1", service="drive", inputs=drive), Estimated) == Estimated(cost=4, seconds=2)
+        assert (await ask(address, Begin(device="van1", service="drive", inputs=drive), Result)).refusal is None
         assert not world.actions
-        came = await ask(where, Apply(device="van1", service="drive", inputs=drive), Result)
-        assert came == Result(situation="van1 at market AND NOT van1 at mill")
-        again = await ask(where, Apply(device="van1", service="drive", inputs=drive), Result)
-        assert again.refusal == "van1 at mill does not hold"
+        result = await ask(address, Apply(device="van1", service="drive", inputs=drive), Result)
+        assert result == Result(situation="van1 at market AND NOT van1 at mill")
+        second_result = await ask(address, Apply(device="van1", service="drive", inputs=drive), Result)
+        assert second_result.refusal == "van1 at mill does not hold"
         with pytest.raises(RemoteError, match="there is no van7 in this world"):
-            await ask(where, Hello(device="van7"), Welcome)
+            await ask(address, Hello(device="van7"), Welcome)
         with pytest.raises(RemoteError, match="no service type fly"):
-            await ask(where, Begin(device="van1", service="fly", inputs={}), Result)
+            await ask(address, Begin(device="van1", service="fly", inputs={}), Result)
         reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
         writer.write(b"what?\n")
         assert b"is no line of a symbolic world" in await reader.readline()
@@ -228,7 +228,7 @@ async def running(folder: Path) -> AsyncIterator[tuple[System, Client]]:
         yield system, client
 
 
-async def wish(client: Client, effect: str) -> TaskView:
+async def accomplish(client: Client, effect: str) -> TaskView:
     view: TaskView | None = None
     task = await client.submit(Submit(effect=effect))
     async with asyncio.timeout(120):
@@ -246,7 +246,7 @@ def test_a_whole_system_does_an_imported_task_though_its_map_is_wrong(tmp_path: 
             offered = {offer.service for offer in await client.services()}
             assert offered == {f"{van}.{service}" for van in ("van1", "van2") for service in ("drive", "load", "unload")}
             await client.update(UpdateMap(situation="van1 at market AND NOT van1 at mill", author="somebody who is wrong"))
-            view = await wish(client, parcels.task)
+            view = await accomplish(client, parcels.task)
             assert view.outcome is Outcome.ACCOMPLISHED, view.explanation
             assert "van1 at market does not hold" in (system.data / "logs" / "world.log").read_text()
             assert (await client.query(parcels.task, 1)).rows
@@ -257,9 +257,9 @@ def test_a_whole_system_does_an_imported_task_though_its_map_is_wrong(tmp_path: 
 
 def test_the_command_writes_a_site_and_says_what_to_do_next(tmp_path: Path) -> None:
     target = tmp_path / "parcels.yaml"
-    said = somrs("import", PARCELS / "domain.pddl", PARCELS / "problem.pddl", "-o", target)
-    assert said.returncode == 0, said.stderr
-    assert said.stdout.splitlines() == [
+    result = somrs("import", PARCELS / "domain.pddl", PARCELS / "problem.pddl", "-o", target)
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.splitlines() == [
         f"{target}: 8 objects, 2 devices, 3 service types, and all is well. Next: somrs up {target}",
         "and in another terminal: somrs do 'letter lies harbour AND crate lies mill'",
     ]
@@ -268,10 +268,10 @@ def test_the_command_writes_a_site_and_says_what_to_do_next(tmp_path: Path) -> N
 
 def test_the_command_names_what_it_cannot_read(tmp_path: Path) -> None:
     domain, problem = written(tmp_path, problem="(define (problem p) (:domain harbour)\n(:init (storms))\n(:goal (storm)))")
-    said = somrs("import", domain, problem)
-    assert said.returncode == 2
-    assert f"{problem}:2: init: there is no predicate storms" in said.stderr
-    assert "Traceback" not in said.stderr
-    alone = somrs("import", domain)
-    assert alone.returncode == 2
-    assert "first the domain, then the problem" in alone.stderr
+    result = somrs("import", domain, problem)
+    assert result.returncode == 2
+    assert f"{problem}:2: init: there is no predicate storms" in result.stderr
+    assert "Traceback" not in result.stderr
+    domain_only = somrs("import", domain)
+    assert domain_only.returncode == 2
+    assert "first the domain, then the problem" in domain_only.stderr

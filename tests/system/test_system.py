@@ -45,7 +45,7 @@ async def finished(client: Client, task: str) -> TaskView:
     return view
 
 
-async def wish(client: Client, effect: str) -> TaskView:
+async def accomplish(client: Client, effect: str) -> TaskView:
     return await asyncio.wait_for(finished(client, await client.submit(Submit(effect=effect))), 120)
 
 
@@ -57,58 +57,58 @@ async def running(data: Path, *site: Path) -> AsyncIterator[tuple[System, Client
             yield system, client, operator
 
 
-def lines_of(out: Path) -> list[Line]:
-    return [msgspec.json.decode(line, type=Line) for line in (out / "messages.jsonl").read_bytes().splitlines()]
+def lines_of(folder: Path) -> list[Line]:
+    return [msgspec.json.decode(line, type=Line) for line in (folder / "messages.jsonl").read_bytes().splitlines()]
 
 
 def test_a_transaction_survives_dead_robots_a_dead_task_manager_and_a_client_that_changes_its_mind(tmp_path: Path) -> None:
-    said = Console(file=(tmp_path / "said.txt").open("w"), width=150)
-    code = asyncio.run(play("2", tmp_path / "out", None, said, launcher=warm.launcher()))
+    console = Console(file=(tmp_path / "said.txt").open("w"), width=150)
+    code = asyncio.run(play("2", tmp_path / "out", None, console, launcher=warm.launcher()))
     assert code == 0, (tmp_path / "said.txt").read_text()
-    told = (tmp_path / "said.txt").read_text()
-    assert "NO" not in told.split("Seen to be so")[1]
+    output = (tmp_path / "said.txt").read_text()
+    assert "NO" not in output.split("Seen to be so")[1]
     assert "<svg" in (tmp_path / "out" / "timeline.svg").read_text()
 
 
-def conversation(out: Path) -> list[Line]:
+def conversation(folder: Path) -> list[Line]:
     """What was said but for Progress; first two are asked, and one of them gets the contract."""
-    lines = [line for line in lines_of(out) if line.type != "Progress"]
+    lines = [line for line in lines_of(folder) if line.type != "Progress"]
     types = [line.type for line in lines]
     assert types[:4] == ["Arrange", "Arrange", "Terms", "Terms"]
     assert sorted(types[4:6]) == ["Accept", "Cancel"]
     assert len({line.transaction for line in lines}) == 1
-    ET.parse(out / "messages.svg")
-    assert (out / "map-before.yaml").read_text() != (out / "map-after.yaml").read_text()
+    ET.parse(folder / "messages.svg")
+    assert (folder / "map-before.yaml").read_text() != (folder / "map-after.yaml").read_text()
     return lines
 
 
 def test_the_papers_scenario_as_a_program_without_opengl(tmp_path: Path) -> None:
     """All goes well; everything is there but the pictures."""
-    said = program("demo", "1", "--out", tmp_path / "out", MUJOCO_GL="disable", SOMRS_GRAPHICS="disable")
-    assert said.returncode == 0, said.stdout + said.stderr
-    assert "no pictures" in said.stdout
+    result = program("demo", "1", "--out", tmp_path / "out", MUJOCO_GL="disable", SOMRS_GRAPHICS="disable")
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert "no pictures" in result.stdout
     assert not list((tmp_path / "out").glob("*.png"))
     assert [line.type for line in conversation(tmp_path / "out")][6:] == ["Execute", "Completed", "End"]
 
 
 def test_the_papers_scenario_with_a_drive_that_breaks(tmp_path: Path) -> None:
-    said = Console(file=(tmp_path / "said.txt").open("w"), width=150)
-    out = tmp_path / "out"
-    code = asyncio.run(play("1b", out, None, said, launcher=warm.launcher()))
+    console = Console(file=(tmp_path / "said.txt").open("w"), width=150)
+    folder = tmp_path / "out"
+    code = asyncio.run(play("1b", folder, None, console, launcher=warm.launcher()))
     assert code == 0, (tmp_path / "said.txt").read_text()
-    lines = conversation(out)
+    lines = conversation(folder)
     types = [line.type for line in lines]
     assert types[6:] == ["Execute", "Failed", "Arrange", "Terms", "Accept", "Execute", "Completed", "End", "End"]
     failed = lines[types.index("Failed")]
-    again = lines[types.index("Arrange", 6)]
+    second_arrange = lines[types.index("Arrange", 6)]
     for axis in "XYZ":
-        found = re.search(rf"Jar002\.Position{axis} = [-\d.]+", str(failed.body["situation"]))
-        assert found is not None
-        assert found[0] in str(again.body["precondition"])
+        position_match = re.search(rf"Jar002\.Position{axis} = [-\d.]+", str(failed.body["situation"]))
+        assert position_match is not None
+        assert position_match[0] in str(second_arrange.body["precondition"])
     assert {line.recipient for line in lines if line.type == "End"} == {"Robot1.TransferObject", "Robot2.TransferObject"}
-    assert failed.sender != again.recipient
+    assert failed.sender != second_arrange.recipient
     if "no pictures" not in (tmp_path / "said.txt").read_text():
-        assert sorted(picture.stem for picture in out.glob("?.png")) == ["A", "B", "C", "D", "E", "F"]
+        assert sorted(picture.stem for picture in folder.glob("?.png")) == ["A", "B", "C", "D", "E", "F"]
 
 
 def test_an_unknown_scenario_is_named(tmp_path: Path) -> None:
@@ -119,10 +119,10 @@ def test_an_unknown_scenario_is_named(tmp_path: Path) -> None:
 @pytest.mark.skipif(not OFFICE.exists(), reason="the office is not in ../shared/sites")
 def test_the_office(tmp_path: Path) -> None:
     """Two delivery robots, two tasks at once, and one for something that is nowhere."""
-    bring_in = importer(OFFICE)
-    assert bring_in is not None
+    import_site = importer(OFFICE)
+    assert import_site is not None
     office = tmp_path / "office.map.yaml"
-    write_import(bring_in, OFFICE, office)
+    write_import(import_site, OFFICE, office)
     parcel = tmp_path / "parcel.yaml"
     parcel.write_text(
         "uses: [office.map.yaml]\n"
@@ -142,7 +142,7 @@ def test_the_office(tmp_path: Path) -> None:
             assert [view.outcome for view in views] == [Outcome.ACCOMPLISHED] * 2, views
             assert (await operator.observe("Coke001")).support == "lounge"
             assert (await operator.observe("Carton001")).support == "coe"
-            nowhere = await wish(client, "Carton002 isOn lounge")
+            nowhere = await accomplish(client, "Carton002 isOn lounge")
             assert nowhere.outcome is Outcome.FAILED
             assert "Carton002" in nowhere.explanation
             with pytest.raises(UsageError, match="Coke001"):
@@ -155,9 +155,9 @@ def test_a_new_kind_of_device_joins_while_the_system_runs(tmp_path: Path) -> Non
     """The tutorial docs/your-own-device.md, with the file that it is about."""
     data = tmp_path / "run"
     tutorial = (ROOT / "docs" / "your-own-device.md").read_text()
-    found = re.search(r'somrs do "(.+)"', tutorial)
-    assert found is not None
-    effect = found[1]
+    command_match = re.search(r'somrs do "(.+)"', tutorial)
+    assert command_match is not None
+    effect = command_match[1]
 
     async def run() -> None:
         async with running(data, SCENARIO_1) as (_, client, operator):
@@ -170,7 +170,7 @@ def test_a_new_kind_of_device_joins_while_the_system_runs(tmp_path: Path) -> Non
                 assert washer.stdout is not None
                 ready = json.loads(await asyncio.to_thread(washer.stdout.readline))
                 assert ready["ready"] == "Washer001"
-                view = await wish(client, effect)
+                view = await accomplish(client, effect)
                 assert view.outcome is Outcome.ACCOMPLISHED, view.explanation
                 assert [step.service_type for step in view.steps] == ["TransferObject", "WashJar", "TransferObject"]
                 assert view.steps[1].service == "Washer001.WashJar"
@@ -179,17 +179,17 @@ def test_a_new_kind_of_device_joins_while_the_system_runs(tmp_path: Path) -> Non
                 washer.send_signal(signal.SIGTERM)
                 assert await asyncio.to_thread(washer.wait, 20) == 0
             assert "Washer001.WashJar" not in {offer.service for offer in await client.services()}
-            gone = await wish(client, "Jar003 wasWashedBy Washer001")
-            assert gone.outcome is Outcome.FAILED
-            assert "wasWashedBy" in gone.explanation
+            late_view = await accomplish(client, "Jar003 wasWashedBy Washer001")
+            assert late_view.outcome is Outcome.FAILED
+            assert "wasWashedBy" in late_view.explanation
 
     asyncio.run(run())
 
 
 def test_the_repository_survives_a_kill_and_its_map_is_gone_on_with_by_its_own_site_only(tmp_path: Path) -> None:
     """What was acknowledged is there when the same data folder is started again."""
-    other = tmp_path / "other.yaml"
-    other.write_text(SCENARIO_1.read_text())
+    other_site = tmp_path / "other.yaml"
+    other_site.write_text(SCENARIO_1.read_text())
 
     async def run() -> None:
         async with running(tmp_path / "run", SCENARIO_1) as (system, client, _):
@@ -197,11 +197,11 @@ def test_the_repository_survives_a_kill_and_its_map_is_gone_on_with_by_its_own_s
                 async with System([SCENARIO_1], tmp_path / "run", launcher=warm.launcher()):
                     pass
             assert Addresses.read(tmp_path / "run") == system.addresses, "the one that runs can still be found"
-            view = await wish(client, "Jar002 isOn Platform001")
+            view = await accomplish(client, "Jar002 isOn Platform001")
             assert view.outcome is Outcome.ACCOMPLISHED
             system.programs["repository"].process.kill()
         with pytest.raises(UsageError, match="--fresh"):
-            async with System([other], tmp_path / "run", launcher=warm.launcher()):
+            async with System([other_site], tmp_path / "run", launcher=warm.launcher()):
                 pass
         async with running(tmp_path / "run", SCENARIO_1) as (_, client, operator):
             assert (await client.query("Jar002 isOn Platform001")).rows
@@ -214,13 +214,13 @@ def test_a_robot_that_falls_silent_with_the_jar_ends_the_task_and_is_not_asked_a
     async def run() -> None:
         async with running(tmp_path / "run", SCENARIO_1) as (_, client, operator):
             await operator.schedule("Robot1", Fault.SILENT, carried=1.0)
-            view = await wish(client, "Jar002 isOn Platform001")
+            view = await accomplish(client, "Jar002 isOn Platform001")
             assert view.outcome is Outcome.FAILED
             assert "said nothing" in view.explanation
             assert (await client.query("Robot1.Working = FALSE")).rows
-            other = await wish(client, "Jar003 isOn Platform001")
-            assert other.outcome is Outcome.ACCOMPLISHED, other.explanation
-            assert other.steps[0].service == "Robot2.TransferObject"
+            second_view = await accomplish(client, "Jar003 isOn Platform001")
+            assert second_view.outcome is Outcome.ACCOMPLISHED, second_view.explanation
+            assert second_view.steps[0].service == "Robot2.TransferObject"
 
     asyncio.run(run())
 
@@ -230,26 +230,26 @@ def test_whatever_is_killed_is_started_again(tmp_path: Path) -> None:
 
     async def run() -> None:
         async with running(tmp_path / "run", SCENARIO_1) as (system, client, _):
-            told: list[str] = []
-            keeping = asyncio.create_task(system.keep_running(told.append))
+            notices: list[str] = []
+            supervisor = asyncio.create_task(system.keep_running(notices.append))
             for name, program in system.programs.items():
                 program.process.kill()
                 async with asyncio.timeout(120):
-                    while f"{name} is back" not in told:
+                    while f"{name} is back" not in notices:
                         await asyncio.sleep(0.05)
             (launcher,) = {
-                int(Path(f"/proc/{one.process.pid}/stat").read_text().rpartition(")")[2].split()[1]) for one in system.programs.values()
+                int(Path(f"/proc/{child.process.pid}/stat").read_text().rpartition(")")[2].split()[1]) for child in system.programs.values()
             }
             os.kill(launcher, signal.SIGKILL)
             async with asyncio.timeout(120):
-                while {told.count(f"{name} is back") for name in system.programs} != {2}:
+                while {notices.count(f"{name} is back") for name in system.programs} != {2}:
                     await asyncio.sleep(0.05)
-            keeping.cancel()
-            assert f"Robot1 ended (signal SIGKILL; see {tmp_path / 'run' / 'logs' / 'Robot1.log'}); starting it again" in told
+            supervisor.cancel()
+            assert f"Robot1 ended (signal SIGKILL; see {tmp_path / 'run' / 'logs' / 'Robot1.log'}); starting it again" in notices
             async with asyncio.timeout(120):
                 while len(await client.services()) < 2:  # the robots' leases are with the Registry that was killed
                     await asyncio.sleep(0.1)
-            assert (await wish(client, "Jar002 isOn Platform001")).outcome is Outcome.ACCOMPLISHED
+            assert (await accomplish(client, "Jar002 isOn Platform001")).outcome is Outcome.ACCOMPLISHED
 
     asyncio.run(run())
 

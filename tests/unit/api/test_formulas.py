@@ -25,7 +25,7 @@ from tests.support.paths import SCENARIO_1
 SITE = SCENARIO_1
 ONTOLOGY = load([str(SITE)]).ontology
 MAP = load([str(SITE)]).map or Map()
-DESK = FormulaService(cast(Context, SimpleNamespace(ontology=ONTOLOGY, map=MAP)))
+FORMULAS = FormulaService(cast(Context, SimpleNamespace(ontology=ONTOLOGY, map=MAP)))
 
 
 def checking(text: str, **variables: str) -> CheckResult:
@@ -34,8 +34,8 @@ def checking(text: str, **variables: str) -> CheckResult:
 
 def completing(marked: str) -> Completions:
     """What can come at the `|` in the text, else at its end."""
-    at = marked.index("|") if "|" in marked else len(marked)
-    return complete(marked.replace("|", "", 1), at, ONTOLOGY, MAP)
+    cursor = marked.index("|") if "|" in marked else len(marked)
+    return complete(marked.replace("|", "", 1), cursor, ONTOLOGY, MAP)
 
 
 def words(marked: str) -> list[str]:
@@ -64,9 +64,9 @@ def words(marked: str) -> list[str]:
     ],
 )
 def test_every_mistake_has_its_place(text: str, wrong: list[str]) -> None:
-    found = checking(text)
-    assert [text[one.position : one.end] for one in found.problems] == wrong
-    assert found.ok == (not wrong)
+    result = checking(text)
+    assert [text[problem.position : problem.end] for problem in result.problems] == wrong
+    assert result.ok == (not wrong)
 
 
 def test_a_mistake_says_what_was_meant() -> None:
@@ -78,9 +78,9 @@ def test_a_mistake_says_what_was_meant() -> None:
     "text", ["", "  ", "Jar002", "Jar002 isOn ", "NOT", "Jar002 isOn Table001 AND", "(Jar002 isOn Table001", "Jar002.Color ="]
 )
 def test_what_ends_too_early_is_unfinished_rather_than_wrong(text: str) -> None:
-    found = checking(text)
-    assert found.unfinished
-    assert not found.ok
+    result = checking(text)
+    assert result.unfinished
+    assert not result.ok
 
 
 @pytest.mark.parametrize("text", ["Jar002 isOm", "Jar9 isOn Table001 AND", "Jar002 isOn isOn isOn", "Jar002 isOn Table001"])
@@ -90,7 +90,7 @@ def test_what_is_wrong_or_right_is_not_unfinished(text: str) -> None:
 
 def test_variables_may_have_types_from_elsewhere() -> None:
     assert checking("?Self.Weight <= 5 kg", Self="Jar").ok
-    assert [one.problem for one in checking("?Self.Speed <= 5", Self="Wall").problems] == ["a Wall has no attribute Speed"]
+    assert [problem.problem for problem in checking("?Self.Speed <= 5", Self="Wall").problems] == ["a Wall has no attribute Speed"]
 
 
 LETTERS = (
@@ -100,11 +100,11 @@ TEXTS = st.text(max_size=30) | st.lists(st.sampled_from([*LETTERS.split(" "), " 
 
 
 @given(TEXTS, st.integers(min_value=-3, max_value=60))
-def test_no_text_is_too_odd(text: str, at: int) -> None:
-    found = checking(text)
-    assert all(0 <= one.position <= one.end <= len(text) for one in found.problems)
-    assert found.ok or found.problems
-    offered = complete(text, at, ONTOLOGY, MAP)
+def test_no_text_is_too_odd(text: str, cursor: int) -> None:
+    result = checking(text)
+    assert all(0 <= problem.position <= problem.end <= len(text) for problem in result.problems)
+    assert result.ok or result.problems
+    offered = complete(text, cursor, ONTOLOGY, MAP)
     assert 0 <= offered.start <= offered.end <= len(text)
     assert len({item.text for item in offered.items}) == len(offered.items)
 
@@ -116,8 +116,8 @@ def test_the_first_mistake_is_the_one_that_check_raises(text: str) -> None:
         check(text, ONTOLOGY, MAP)
     except FormulaError as error:
         raised = error
-    found = {(one.position, one.problem) for one in checking(text).problems}
-    assert ((raised.position, raised.problem) in found) if raised is not None else not found
+    problems = {(problem.position, problem.problem) for problem in checking(text).problems}
+    assert ((raised.position, raised.problem) in problems) if raised is not None else not problems
 
 
 # What can come next
@@ -204,8 +204,8 @@ def test_what_comes_is_said_to_be_what_it_is(marked: str, kind: str) -> None:
     ],
 )
 def test_in_the_middle_of_a_text(marked: str, start: int, end: int, first: str) -> None:
-    found = completing(marked)
-    assert (found.start, found.end, found.items[0].text) == (start, end, first)
+    completions = completing(marked)
+    assert (completions.start, completions.end, completions.items[0].text) == (start, end, first)
 
 
 def test_only_what_fits_is_offered() -> None:
@@ -227,8 +227,8 @@ def test_what_is_offered_can_be_written(data: st.DataObject) -> None:
             break
         item = data.draw(st.sampled_from(items))
         text += item.text + item.suffix
-        found = checking(text)
-        assert found.ok or found.unfinished, (text, found.problems)
+        result = checking(text)
+        assert result.ok or result.unfinished, (text, result.problems)
 
 
 def test_many_objects_are_no_burden() -> None:
@@ -237,19 +237,19 @@ def test_many_objects_are_no_burden() -> None:
     map = Map(objects, [Fact("isOn", (f"Jar{number}", f"Shelf{number}")) for number in range(2500)])
     complete("Jar1 isOn ", 10, ONTOLOGY, map)
     for text in ("", "Jar24", "Jar1 isOn ", "Jar1 isOn aisle", "Jar1 isOn shelf2", "Jar1.Label = "):
-        began = time.process_time()
-        found = complete(text, len(text), ONTOLOGY, map)
-        took = time.process_time() - began
-        assert found.items
-        assert took < 0.5, f"{text!r} took {took * 1000:.0f} ms"
+        start_time = time.process_time()
+        completions = complete(text, len(text), ONTOLOGY, map)
+        elapsed = time.process_time() - start_time
+        assert completions.items
+        assert elapsed < 0.5, f"{text!r} took {elapsed * 1000:.0f} ms"
 
 
 # For those who do not write formulas
 
 
 def test_things_are_found_by_name_label_and_type() -> None:
-    async def names(**wanted: object) -> list[str]:
-        return [one.name for one in (await DESK.things(**wanted)).things]  # type: ignore[arg-type]
+    async def names(**query: object) -> list[str]:
+        return [thing.name for thing in (await FORMULAS.things(**query)).things]  # type: ignore[arg-type]
 
     async def run() -> None:
         assert await names(typed="jar") == ["Jar002", "Jar003"]
@@ -258,10 +258,10 @@ def test_things_are_found_by_name_label_and_type() -> None:
         assert await names(relation="isHeldBy", place=1) == ["Robot1", "Robot2"]
         assert (await names(relation="isOn", place=1))[:5] == ["Cupboard001", "Platform001", "Table001", "Table002", "Shelf001"]
         assert await names(type="Charger") == ["Charger001", "Charger002"]
-        found = await DESK.things(limit=2)
-        assert len(found.things) == 2
-        assert found.is_truncated
-        assert (await DESK.things(typed="Jar002")).things[0].location == "Cupboard001"
+        things = await FORMULAS.things(limit=2)
+        assert len(things.things) == 2
+        assert things.is_truncated
+        assert (await FORMULAS.things(typed="Jar002")).things[0].location == "Cupboard001"
         with pytest.raises(NotFound, match="did you mean isOn"):
             await names(relation="isOm")
         with pytest.raises(UsageError, match="no place 2"):
@@ -271,15 +271,15 @@ def test_things_are_found_by_name_label_and_type() -> None:
 
 
 def test_what_can_be_said_of_a_thing() -> None:
-    found = asyncio.run(DESK.sayable("Jar002"))
-    assert found.relations[0].name == "isOn"
-    assert found.relations[0].achievable
-    attributes = {one.path: one for one in found.attributes}
+    sayable = asyncio.run(FORMULAS.sayable("Jar002"))
+    assert sayable.relations[0].name == "isOn"
+    assert sayable.relations[0].achievable
+    attributes = {attribute.path: attribute for attribute in sayable.attributes}
     assert attributes["Weight"].units == ("kg", "g")
     assert attributes["Weight"].now == 0.3
     assert "Red" in attributes["Color"].values
     with pytest.raises(NotFound, match="did you mean"):
-        asyncio.run(DESK.sayable("Jar02"))
+        asyncio.run(FORMULAS.sayable("Jar02"))
 
 
 @pytest.mark.parametrize(
@@ -292,11 +292,11 @@ def test_what_can_be_said_of_a_thing() -> None:
     ],
 )
 def test_what_it_means_to_bring_a_thing_somewhere(thing: str, target: str, formula: str) -> None:
-    found = asyncio.run(DESK.placings(thing, target))
-    assert found.formulas[0] == formula
-    assert all(parse(one) for one in found.formulas)
+    placings = asyncio.run(FORMULAS.placings(thing, target))
+    assert placings.formulas[0] == formula
+    assert all(parse(text) for text in placings.formulas)
 
 
 def test_the_operations_answer_like_the_functions() -> None:
-    assert asyncio.run(DESK.check(CheckFormula(text="Jar9 isOn Table001"))) == checking("Jar9 isOn Table001")
-    assert asyncio.run(DESK.complete(CompleteFormula(text="jar", cursor=3))) == completing("jar")
+    assert asyncio.run(FORMULAS.check(CheckFormula(text="Jar9 isOn Table001"))) == checking("Jar9 isOn Table001")
+    assert asyncio.run(FORMULAS.complete(CompleteFormula(text="jar", cursor=3))) == completing("jar")

@@ -32,7 +32,7 @@ def test_what_can_be_said(text: str, expected: Handler) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "under"),
+    ("text", "column"),
     [
         ("TransferObject: ?Object isOn", len("TransferObject: ?Object isOn")),
         ("TransferObject: ?Object isOn ) WHEN A isOn B", len("TransferObject: ?Object isOn ")),
@@ -41,25 +41,25 @@ def test_what_can_be_said(text: str, expected: Handler) -> None:
         ("A isOn B WHEN", len("A isOn B WHEN")),
     ],
 )
-def test_the_caret_is_under_the_mistake_in_all_that_was_written(text: str, under: int) -> None:
+def test_the_caret_is_under_the_mistake_in_all_that_was_written(text: str, column: int) -> None:
     with pytest.raises(FormulaError) as caught:
         handler(FAILURE, text)
     problem, line, caret, *_ = str(caught.value).splitlines()
     assert problem
     assert line == f"  {text}"
-    assert caret == f"  {' ' * under}^"
+    assert caret == f"  {' ' * column}^"
 
 
 def test_the_option_is_named() -> None:
     with pytest.raises(FormulaError, match="--on-compensation"):
         handlers(["A isOn B"], ["A isOn"])
-    found = handlers(["A isOn B"], ["C isOn D"])
-    assert [one.on for one in found] == [Occasion.FAILURE, Occasion.COMPENSATION]
+    procedures = handlers(["A isOn B"], ["C isOn D"])
+    assert [procedure.on for procedure in procedures] == [Occasion.FAILURE, Occasion.COMPENSATION]
 
 
 def test_a_procedure_for_a_service_type_that_nobody_knows_is_rejected_with_a_hint() -> None:
     """It would never be called for, and nobody would notice."""
     system = VirtualSystem(Robot("Robot1", 1, 10))
-    told = system.rejected("Jar002 isOn Platform001", handlers=(handler(FAILURE, "TransferObjekt: ?Object isOn Cupboard001"),))
-    assert "TransferObjekt" in told
-    assert "did you mean TransferObject" in told
+    problem = system.rejected("Jar002 isOn Platform001", handlers=(handler(FAILURE, "TransferObjekt: ?Object isOn Cupboard001"),))
+    assert "TransferObjekt" in problem
+    assert "did you mean TransferObject" in problem

@@ -29,11 +29,11 @@ PROBLEM = Problem(file="a.yaml", line=3, subject="Jar", rule="types", message="t
     ids=lambda error: type(error).__name__,
 )
 def test_an_error_comes_as_it_was_raised(error: SomrsError) -> None:
-    sent = msgspec.json.encode(error_report(error))
-    again = refusal(status(error), msgspec.json.decode(sent, type=ErrorReport))
-    assert type(again) is type(error)
-    assert str(again) == str(error)
-    assert error_report(again) == error_report(error), "with all that is known of it"
+    encoded_report = msgspec.json.encode(error_report(error))
+    restored_error = refusal(status(error), msgspec.json.decode(encoded_report, type=ErrorReport))
+    assert type(restored_error) is type(error)
+    assert str(restored_error) == str(error)
+    assert error_report(restored_error) == error_report(error), "with all that is known of it"
 
 
 def test_what_is_not_known_here_keeps_its_sort() -> None:

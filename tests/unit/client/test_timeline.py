@@ -24,7 +24,7 @@ def test_what_stands_beside_the_last_bar_is_within_the_picture(seconds: float) -
 
 
 def test_words_are_drawn_over_the_lines() -> None:
-    marks = [Mark(at=at, subject="client", text="changes its mind") for at in (1.0, 2.0, 3.0)]
+    marks = [Mark(at=time, subject="client", text="changes its mind") for time in (1.0, 2.0, 3.0)]
     drawn = list(etree.fromstring(svg([bar(0.0, 10.0)], marks, "Who did what").encode()))
     lines = [number for number, part in enumerate(drawn) if part.tag == f"{SVG}line"]
     words = [number for number, part in enumerate(drawn) if (part.text or "").endswith(("Carton001", "changes its mind"))]

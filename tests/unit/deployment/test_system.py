@@ -36,18 +36,18 @@ def test_a_program_that_takes_long_is_waited_for_and_that_is_said(
     assert {*caplog.messages} == {f"repository is not ready yet; what it says is in {tmp_path / 'repository.log'}"}
 
 
-@pytest.mark.parametrize(("says", "told"), [("no disk\n", "no disk"), ("", "repository ended at once; see {log}")])
-def test_a_program_that_ends_before_it_is_ready_says_why(tmp_path: Path, says: str, told: str) -> None:
+@pytest.mark.parametrize(("output", "expected_text"), [("no disk\n", "no disk"), ("", "repository ended at once; see {log}")])
+def test_a_program_that_ends_before_it_is_ready_says_why(tmp_path: Path, output: str, expected_text: str) -> None:
     async def run() -> None:
         ends = program(tmp_path)
         waiting = asyncio.create_task(system._ready(ends))
         await asyncio.sleep(0)
         with ends.log.open("a", encoding="utf-8") as log:
-            log.write(says)
+            log.write(output)
         ends.process.stdout.feed_eof()
         ends.process.ended(2)
         with pytest.raises(UsageError) as refused:
             await waiting
-        assert str(refused.value) == told.format(log=ends.log)
+        assert str(refused.value) == expected_text.format(log=ends.log)
 
     asyncio.run(run())

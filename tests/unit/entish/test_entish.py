@@ -146,10 +146,10 @@ def test_alternatives_are_as_many_as_counted(formula: Formula) -> None:
 
 
 def test_and_binds_closer_than_or() -> None:
-    a, b, c = Relation("is", (Name("a"),)), Relation("is", (Name("b"),)), Relation("is", (Name("c"),))
-    assert parse("is(a) AND is(b) OR is(c)") == Or((And((a, b)), c))
-    assert parse("is(a) AND (is(b) OR is(c))") == And((a, Or((b, c))))
-    assert parse("NOT (is(a)) AND NOT is(b)") == And((Not(a), Not(b)))
+    first_atom, second_atom, third_atom = Relation("is", (Name("a"),)), Relation("is", (Name("b"),)), Relation("is", (Name("c"),))
+    assert parse("is(a) AND is(b) OR is(c)") == Or((And((first_atom, second_atom)), third_atom))
+    assert parse("is(a) AND (is(b) OR is(c))") == And((first_atom, Or((second_atom, third_atom))))
+    assert parse("NOT (is(a)) AND NOT is(b)") == And((Not(first_atom), Not(second_atom)))
 
 
 def test_keywords_may_begin_names() -> None:
@@ -250,8 +250,8 @@ def test_numbers_are_calculated_with(text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"), [("A.X = Red + 1", "Red is no number"), ("A.X = 2 * TRUE", "TRUE is no number"), ("A + B isOn C", "isOn")]
+    ("text", "problem"), [("A.X = Red + 1", "Red is no number"), ("A.X = 2 * TRUE", "TRUE is no number"), ("A + B isOn C", "isOn")]
 )
-def test_what_is_no_number_is_not_calculated_with(text: str, said: str) -> None:
-    with pytest.raises(FormulaError, match=said):
+def test_what_is_no_number_is_not_calculated_with(text: str, problem: str) -> None:
+    with pytest.raises(FormulaError, match=problem):
         parse(text)

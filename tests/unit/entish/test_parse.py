@@ -71,14 +71,14 @@ def test_what_is_said_of_what_is_no_formula(text: str, position: int, problem: s
 @pytest.mark.parametrize("read_", [parse, parse_beginning])
 def test_only_parentheses_that_are_open_and_no_part_of_a_text_count(read_: Callable[[str], object]) -> None:
     deep = "(" * MAX_DEPTH
-    before = f'{deep}a isOn b{")" * MAX_DEPTH} AND a.L = "((" AND # ((\n'
-    assert read_(f"{before}{deep}a isOn b{')' * MAX_DEPTH}")
-    said = f"more than {MAX_DEPTH} parentheses within each other"
-    assert refusal(read_, f"{before}{deep}(a isOn b") == (len(before) + MAX_DEPTH, said, "write it flatter")
+    prefix = f'{deep}a isOn b{")" * MAX_DEPTH} AND a.L = "((" AND # ((\n'
+    assert read_(f"{prefix}{deep}a isOn b{')' * MAX_DEPTH}")
+    problem = f"more than {MAX_DEPTH} parentheses within each other"
+    assert refusal(read_, f"{prefix}{deep}(a isOn b") == (len(prefix) + MAX_DEPTH, problem, "write it flatter")
 
 
 @pytest.mark.parametrize(
-    ("text", "tokens", "next_ones"),
+    ("text", "tokens", "next_kinds"),
     [
         ("", "", "LPAR NAME NUMBER STRING TRUTH VARIABLE _NOT"),
         ("a isOn", "NAME:a NAME:isOn", "NAME NUMBER STRING TRUTH VARIABLE"),
@@ -87,9 +87,9 @@ def test_only_parentheses_that_are_open_and_no_part_of_a_text_count(read_: Calla
         ("NOT f(?a", "_NOT:NOT NAME:f LPAR:( VARIABLE:?a", "COLON COMMA DOT RPAR"),
     ],
 )
-def test_what_can_come_next(text: str, tokens: str, next_ones: str) -> None:
-    said = [tuple(token.split(":")) for token in tokens.split()]
-    assert parse_beginning(text) == (said, frozenset(next_ones.split()))
+def test_what_can_come_next(text: str, tokens: str, next_kinds: str) -> None:
+    token_pairs = [tuple(token.split(":")) for token in tokens.split()]
+    assert parse_beginning(text) == (token_pairs, frozenset(next_kinds.split()))
 
 
 @pytest.mark.parametrize("text", ["a $", "isOn AND", "a isOn b c"])
@@ -121,42 +121,42 @@ def test_where_the_parts_of_a_formula_stand() -> None:
     text = "?x: Jar isOn b AND NOT a.b.c = f(?x, 5 kg) OR a.d < 2 * g() OR ?x isOn b OR a.L = TRUE"
     reading = read(text)
     places = {(str(atom), None if term is None else str(term)): place for (atom, term), place in reading.places.items()}
-    on, same, less, true = "?x: Jar isOn b", "a.b.c = f(?x: Jar, 5 kg)", "a.d < 2 * g()", "a.L = TRUE"
+    relation_text, equation_text, comparison_text, truth_text = "?x: Jar isOn b", "a.b.c = f(?x: Jar, 5 kg)", "a.d < 2 * g()", "a.L = TRUE"
     assert places == {
-        (on, None): 8,
-        (on, "?x: Jar"): 0,
-        (on, "b"): 13,
-        (same, None): 29,
-        (same, "a.b.c"): 25,
-        (same, "a"): 23,
-        (same, "f(?x: Jar, 5 kg)"): 31,
-        (same, "?x: Jar"): 33,
-        (same, "5 kg"): 37,
-        (less, None): 50,
-        (less, "a.d"): 48,
-        (less, "a"): 46,
-        (less, "2 * g()"): 54,
-        (less, "2"): 52,
-        (less, "g()"): 56,
-        (true, None): 80,
-        (true, "a.L"): 78,
-        (true, "a"): 76,
-        (true, "TRUE"): 82,
+        (relation_text, None): 8,
+        (relation_text, "?x: Jar"): 0,
+        (relation_text, "b"): 13,
+        (equation_text, None): 29,
+        (equation_text, "a.b.c"): 25,
+        (equation_text, "a"): 23,
+        (equation_text, "f(?x: Jar, 5 kg)"): 31,
+        (equation_text, "?x: Jar"): 33,
+        (equation_text, "5 kg"): 37,
+        (comparison_text, None): 50,
+        (comparison_text, "a.d"): 48,
+        (comparison_text, "a"): 46,
+        (comparison_text, "2 * g()"): 54,
+        (comparison_text, "2"): 52,
+        (comparison_text, "g()"): 56,
+        (truth_text, None): 80,
+        (truth_text, "a.L"): 78,
+        (truth_text, "a"): 76,
+        (truth_text, "TRUE"): 82,
     }
     assert reading.types == {"x": 4}
 
 
 def test_what_has_no_place_is_shown_at_the_beginning() -> None:
     reading = read("a isOn ?x: Jar")
-    other = Comparison(Name("b"), "=", Name("c"))
-    assert reading.error(other, None, "it is wrong").position == 0
+    comparison = Comparison(Name("b"), "=", Name("c"))
+    assert reading.error(comparison, None, "it is wrong").position == 0
     assert reading.type_error("y", "it is wrong", "mend it").position == 0
     error = reading.type_error("x", "it is wrong", "mend it")
     assert (error.text, error.position, error.problem, error.hint) == ("a isOn ?x: Jar", 11, "it is wrong", "mend it")
 
 
 @pytest.mark.parametrize(
-    ("name", "known", "hint"),
+    ("name", "known_names", "hint"),
     [
         ("Jar", ["Jar4", "JAR1", "Jar2", "Jar3"], "did you mean Jar4 or Jar3 or Jar2?"),
         ("abcde", ["abcXX"], "did you mean abcXX?"),  # just like enough
@@ -165,5 +165,5 @@ def test_what_has_no_place_is_shown_at_the_beginning() -> None:
         ("Robot", [*(f"Cupboard{n}" for n in range(2 * MAX_COMPARED_NAMES))], ""),
     ],
 )
-def test_which_names_are_nearest(name: str, known: list[str], hint: str) -> None:
-    assert nearest(name, known) == hint
+def test_which_names_are_nearest(name: str, known_names: list[str], hint: str) -> None:
+    assert nearest(name, known_names) == hint

@@ -17,7 +17,7 @@ class Server:
     """Answers all with what it has, in two pieces, and sets a cookie each time."""
 
     def __init__(self, body: bytes = b"var a", status: int = 200, cache: str = FOREVER, vary: str = "Accept-Encoding, Cookie") -> None:
-        self.body, self.status, self.asked = body, status, 0
+        self.body, self.status, self.request_count = body, status, 0
         self.headers = {"cache-control": cache, "vary": vary, "content-length": str(len(body))}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -26,44 +26,44 @@ class Server:
         await send({"type": "http.response.body", "body": self.body[3:]})
 
     async def begin(self, send: Send) -> None:
-        self.asked += 1
-        cookie = (b"set-cookie", f"session={self.asked}".encode())
+        self.request_count += 1
+        cookie = (b"set-cookie", f"session={self.request_count}".encode())
         headers = [*((name.encode(), value.encode()) for name, value in self.headers.items()), cookie]
         await send({"type": "http.response.start", "status": self.status, "headers": headers})
 
 
-def got(
+def get_file(
     app: Cache, path: str = "/_nicegui/a.js", method: str = "GET", query: str = "", **headers: str
 ) -> tuple[int, dict[str, str], bytes]:
     scope: dict[str, Any] = {"type": "http", "method": method, "path": path, "query_string": query.encode()}
     scope["headers"] = [(name.replace("_", "-").encode(), value.encode()) for name, value in headers.items()]
-    said: list[Message] = []
+    messages: list[Message] = []
 
     async def receive() -> Message:
         return {"type": "http.disconnect"}
 
     async def send(message: Message) -> None:
-        said.append(message)
+        messages.append(message)
 
     asyncio.run(app(scope, receive, send))
-    found = {name.decode(): value.decode() for name, value in said[0]["headers"]}
-    return said[0]["status"], found, b"".join(message.get("body", b"") for message in said[1:])
+    response_headers = {name.decode(): value.decode() for name, value in messages[0]["headers"]}
+    return messages[0]["status"], response_headers, b"".join(message.get("body", b"") for message in messages[1:])
 
 
 def test_what_never_changes_is_asked_for_once_and_is_anyones() -> None:
     server = Server()
     app = Cache(server)
-    first, again = got(app), got(app)
-    assert first == again == (200, {"cache-control": FOREVER, "content-length": "5", "vary": "Accept-Encoding"}, b"var a")
-    assert server.asked == 1
-    got(app, "/_nicegui/b.js")
-    got(app, accept_encoding="br, gzip")
-    got(app, accept_encoding="gzip")
-    assert server.asked == 3, "another file, and the same compressed"
+    first, second = get_file(app), get_file(app)
+    assert first == second == (200, {"cache-control": FOREVER, "content-length": "5", "vary": "Accept-Encoding"}, b"var a")
+    assert server.request_count == 1
+    get_file(app, "/_nicegui/b.js")
+    get_file(app, accept_encoding="br, gzip")
+    get_file(app, accept_encoding="gzip")
+    assert server.request_count == 3, "another file, and the same compressed"
 
 
 def test_what_varies_with_nothing_but_cookies_varies_with_nothing() -> None:
-    assert "vary" not in got(Cache(Server(vary="Cookie")))[1]
+    assert "vary" not in get_file(Cache(Server(vary="Cookie")))[1]
 
 
 @pytest.mark.parametrize(
@@ -73,42 +73,42 @@ def test_what_varies_with_nothing_but_cookies_varies_with_nothing() -> None:
 )
 def test_nothing_else_is_kept(server: Server) -> None:
     app = Cache(server)
-    before = server.asked
-    assert got(app)[2] == got(app)[2] == server.body
-    assert server.asked == before + 2
+    count_before = server.request_count
+    assert get_file(app)[2] == get_file(app)[2] == server.body
+    assert server.request_count == count_before + 2
 
 
 def test_no_more_is_kept_than_there_is_room_for() -> None:
     server = Server(body=bytes(MAX_BYTES // 2))
     app = Cache(server)
     for path in ("/_nicegui/a.js", "/_nicegui/./a.js", "/_nicegui/././a.js"):
-        got(app, path)
-        got(app, path)
-    assert server.asked == 4, "the first two are kept"
+        get_file(app, path)
+        get_file(app, path)
+    assert server.request_count == 4, "the first two are kept"
 
 
 def test_answers_for_one_who_asks_keep_their_cookie() -> None:
-    assert got(Cache(Server(cache="no-cache")))[1]["set-cookie"] == "session=1"
+    assert get_file(Cache(Server(cache="no-cache")))[1]["set-cookie"] == "session=1"
 
 
 @pytest.mark.parametrize("condition", CONDITIONS)
 def test_a_part_of_a_file_or_one_under_a_condition_is_asked_for(condition: str) -> None:
     server = Server()
     app = Cache(server)
-    got(app)
-    got(app, **{condition.replace("-", "_"): "x"})
-    assert server.asked == 2
+    get_file(app)
+    get_file(app, **{condition.replace("-", "_"): "x"})
+    assert server.request_count == 2
 
 
 def test_other_requests_pass() -> None:
     server = Server()
     app = Cache(server)
-    got(app)
-    got(app, method="HEAD")
-    got(app, query="a=1")
-    got(app, path="/map")
-    got(app, path="/map")
-    assert server.asked == 5
+    get_file(app)
+    get_file(app, method="HEAD")
+    get_file(app, query="a=1")
+    get_file(app, path="/map")
+    get_file(app, path="/map")
+    assert server.request_count == 5
 
 
 def test_a_file_is_whole_though_the_first_who_asked_for_it_left() -> None:
@@ -119,14 +119,14 @@ def test_a_file_is_whole_though_the_first_who_asked_for_it_left() -> None:
             await self.begin(send)
             waiting = asyncio.ensure_future(receive())
             await asyncio.sleep(0)
-            left = waiting.done() and waiting.result()["type"] == "http.disconnect"
+            is_disconnected = waiting.done() and waiting.result()["type"] == "http.disconnect"
             waiting.cancel()
-            await send({"type": "http.response.body", "body": b"" if left else self.body})
+            await send({"type": "http.response.body", "body": b"" if is_disconnected else self.body})
 
     server = Heeds()
     app = Cache(server)
-    assert got(app)[2] == got(app)[2] == b"var a"
-    assert server.asked == 1
+    assert get_file(app)[2] == get_file(app)[2] == b"var a"
+    assert server.request_count == 1
 
 
 def test_a_file_that_ended_too_early_is_not_kept() -> None:
@@ -137,6 +137,6 @@ def test_a_file_that_ended_too_early_is_not_kept() -> None:
 
     server = Dies()
     app = Cache(server)
-    got(app)
-    got(app)
-    assert server.asked == 2
+    get_file(app)
+    get_file(app)
+    assert server.request_count == 2

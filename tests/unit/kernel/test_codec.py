@@ -21,8 +21,8 @@ def test_an_ontology_is_read_as_it_was_written() -> None:
     ontology = contents().ontology
     assert all((ontology.attributes, ontology.relations, ontology.functions, ontology.types, ontology.services))
     document = encode({"a": ontology})
-    for found in (Codec[Any](dict[str, Ontology]).decode(document), Codec[Any](dict[str, Ontology]).convert(decode_untyped(document))):
-        assert [*found["a"]] == [*ontology]
+    for decoded in (Codec[Any](dict[str, Ontology]).decode(document), Codec[Any](dict[str, Ontology]).convert(decode_untyped(document))):
+        assert [*decoded["a"]] == [*ontology]
     assert [len(section) for section in decode_untyped(encode(ontology))] == [
         len(section) for section in (ontology.attributes, ontology.relations, ontology.functions, ontology.types, ontology.services)
     ]
@@ -49,9 +49,9 @@ def test_an_exception_in_words(error: BaseException, text: str) -> None:
     assert (trouble, str(trouble)) == (ErrorAnswer(text), text)
 
 
-def schema(**more: Any) -> Schema:
+def schema(**options: Any) -> Schema:
     return Schema(
-        component="c", version=3, state=int, timers=None, questions=None, tasks=None, answers=None, restore=lambda state: state, **more
+        component="c", version=3, state=int, timers=None, questions=None, tasks=None, answers=None, restore=lambda state: state, **options
     )
 
 

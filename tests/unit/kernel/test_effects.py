@@ -34,8 +34,8 @@ def forgotten(tree: ast.Module, names: set[str]) -> Iterator[ast.Call]:
     """Calls of such functions as statements by themselves."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Call):
-            called = node.value.func
-            if (called.attr if isinstance(called, ast.Attribute) else called.id if isinstance(called, ast.Name) else "") in names:
+            callee = node.value.func
+            if (callee.attr if isinstance(callee, ast.Attribute) else callee.id if isinstance(callee, ast.Name) else "") in names:
                 yield node.value
 
 
@@ -43,8 +43,10 @@ def test_no_effects_are_forgotten() -> None:
     # A name that means something else, too, says nothing.
     names = functions(yielding=True) - functions(yielding=False) - {*dir(dict), *dir(list), *dir(set)}
     assert {"proceed", "dismiss"} <= names
-    found = [f"{file.relative_to(SOURCE)}:{call.lineno} {ast.unparse(call)}" for file, tree in trees() for call in forgotten(tree, names)]
-    assert not found
+    ignored_calls = [
+        f"{file.relative_to(SOURCE)}:{call.lineno} {ast.unparse(call)}" for file, tree in trees() for call in forgotten(tree, names)
+    ]
+    assert not ignored_calls
 
 
 def test_a_call_whose_effects_are_forgotten_is_found() -> None:

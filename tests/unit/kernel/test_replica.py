@@ -21,7 +21,7 @@ from somrs.repository.component import Repository
 from somrs.repository.state import Contents
 from somrs.runtime.virtual import World
 from tests.support.examples import examples
-from tests.support.lab import REPOSITORY, contents, request, tell
+from tests.support.lab import REPOSITORY, contents, deliver_request, request
 
 OWNER = "http://here/owner"
 
@@ -43,17 +43,23 @@ class Owner:
         return news.effects
 
 
-def same(replica: Replica, repository: Repository) -> bool:
-    kept = repository.contents
-    ontology = {definition.name: definition for definition in kept.ontology}
-    return replica.map == kept.map and replica.version == kept.version and {d.name: d for d in replica.ontology} == ontology
+def has_same_contents(replica: Replica, repository: Repository) -> bool:
+    repository_contents = repository.contents
+    ontology = {definition.name: definition for definition in repository_contents.ontology}
+    return (
+        replica.map == repository_contents.map
+        and replica.version == repository_contents.version
+        and {d.name: d for d in replica.ontology} == ontology
+    )
 
 
 def many_jars(number: int) -> Contents:
-    kept = contents()
+    lab_contents = contents()
     values = {"PositionX": 8.0, "PositionY": 8.0, "PositionZ": 0.7}
-    kept.map = kept.map.changed(ObjectAdded(Object(name=f"Jar-{n:04}", type="Jar", values={**values})) for n in range(number))
-    return kept
+    lab_contents.map = lab_contents.map.changed(
+        ObjectAdded(Object(name=f"Jar-{n:04}", type="Jar", values={**values})) for n in range(number)
+    )
+    return lab_contents
 
 
 def test_it_reads_everything_and_follows() -> None:
@@ -61,17 +67,17 @@ def test_it_reads_everything_and_follows() -> None:
     world.add(REPOSITORY, repository)
     world.add(OWNER, owner)
     assert world.run(10.0, lambda: owner.replica.ready)
-    assert same(owner.replica, repository)
+    assert has_same_contents(owner.replica, repository)
     assert [news.reloaded for news in owner.news][-1]
     world.send(request(UpdateMap(situation="Jar1 isOn Table2")))
     world.run(1.0)
-    assert same(owner.replica, repository)
+    assert has_same_contents(owner.replica, repository)
     moved = (FactRemoved(Fact("isOn", ("Jar1", "Table1"))), FactAdded(Fact("isOn", ("Jar1", "Table2"))))
     assert owner.news[-1].changes == moved
     color = AttributeType(name="Smell", kind=Kind.TEXT)
     world.send(request(Define(definitions=Definitions(attributes=(color,)))))
     world.run(1.0)
-    assert same(owner.replica, repository)
+    assert has_same_contents(owner.replica, repository)
     assert owner.news[-1].definitions == (color,)
 
 
@@ -91,14 +97,14 @@ def test_what_changes_while_pages_are_read_is_on_the_copy() -> None:
         elif step == 3:
             changes = (*changes, ObjectRemoved("Jar-0003"), ObjectRemoved("Jar-0499"), ObjectAdded(Object(name="A1", type="Room")))
             changes = (*changes, FactAdded(Fact("isPartOf", ("A1", "Storey1"))))
-        effects += tell(repository, UpdateMap(changes=changes), 0.0)
+        effects += deliver_request(repository, UpdateMap(changes=changes), 0.0)
         for effect in effects:
             if isinstance(effect, Send) and effect.message.header.recipient == OWNER:
                 pages += isinstance(effect.message.body, MapPage)
                 waiting += [e.message for e in owner.handle(Received(effect.message), 0.0) if isinstance(e, Send)]
     assert pages >= 3
     assert owner.replica.ready
-    assert same(owner.replica, repository)
+    assert has_same_contents(owner.replica, repository)
 
 
 def test_a_message_that_was_lost_is_noticed_and_everything_read_again() -> None:
@@ -106,12 +112,12 @@ def test_a_message_that_was_lost_is_noticed_and_everything_read_again() -> None:
     world.add(REPOSITORY, repository)
     world.add(OWNER, owner)
     world.run(1.0)
-    tell(repository, UpdateMap(situation="Jar1 isOn Table2"), world.now)  # its MapChanged goes nowhere
+    deliver_request(repository, UpdateMap(situation="Jar1 isOn Table2"), world.now)  # its MapChanged goes nowhere
     world.send(request(UpdateMap(changes=(ValueSet("Jar2", "Color", "Red"),))))
     world.run(GAP_TIME / 2)
     assert owner.replica.version == 0
     world.run(GAP_TIME)
-    assert same(owner.replica, repository)
+    assert has_same_contents(owner.replica, repository)
     assert owner.news[-2].reloaded or owner.news[-1].reloaded
 
 
@@ -120,9 +126,9 @@ def test_a_last_message_that_was_lost_is_noticed_when_the_lease_is_renewed() -> 
     world.add(REPOSITORY, repository)
     world.add(OWNER, owner)
     world.run(1.0)
-    tell(repository, UpdateMap(situation="Jar1 isOn Table2"), world.now)
+    deliver_request(repository, UpdateMap(situation="Jar1 isOn Table2"), world.now)
     world.run(LEASE / 3 + 2 * GAP_TIME)
-    assert same(owner.replica, repository)
+    assert has_same_contents(owner.replica, repository)
 
 
 def test_it_goes_on_for_hours_and_waits_for_a_repository_that_is_away() -> None:
@@ -132,13 +138,13 @@ def test_it_goes_on_for_hours_and_waits_for_a_repository_that_is_away() -> None:
     assert not owner.replica.ready
     world.add(REPOSITORY, repository)
     world.run(7200.0)
-    assert same(owner.replica, repository)
+    assert has_same_contents(owner.replica, repository)
     world.remove(REPOSITORY)
     world.run(600.0)
-    tell(repository, UpdateMap(situation="Jar1 isOn Table2"), world.now)
+    deliver_request(repository, UpdateMap(situation="Jar1 isOn Table2"), world.now)
     world.add(REPOSITORY, Repository(REPOSITORY, repository.contents))
     world.run(10.0)
-    assert same(owner.replica, repository)
+    assert has_same_contents(owner.replica, repository)
 
 
 def test_a_repository_that_begins_anew_replaces_the_copy() -> None:
@@ -152,7 +158,7 @@ def test_a_repository_that_begins_anew_replaces_the_copy() -> None:
     anew = Repository(REPOSITORY, many_jars(3))
     world.add(REPOSITORY, anew)
     world.run(LEASE)
-    assert same(owner.replica, anew)
+    assert has_same_contents(owner.replica, anew)
 
 
 def test_a_repository_that_is_back_from_a_crash_says_so() -> None:
@@ -162,16 +168,16 @@ def test_a_repository_that_is_back_from_a_crash_says_so() -> None:
     world.add(OWNER, owner)
     world.run(1.0)
     world.remove(REPOSITORY)
-    tell(repository, UpdateMap(situation="Jar1 isOn Table2"), world.now)
+    deliver_request(repository, UpdateMap(situation="Jar1 isOn Table2"), world.now)
     world.add(REPOSITORY, Repository(REPOSITORY, repository.contents))
     world.run(2 * GAP_TIME)
-    assert same(owner.replica, repository)
+    assert has_same_contents(owner.replica, repository)
 
 
 def test_pages_of_two_repositories_are_not_mixed() -> None:
     old, owner = Repository(REPOSITORY, many_jars(500)), Owner()
     for n in range(5):
-        tell(old, UpdateMap(changes=(ValueSet("Jar1", "PositionX", float(n + 10)),)))
+        deliver_request(old, UpdateMap(changes=(ValueSet("Jar1", "PositionX", float(n + 10)),)))
     answering, anew = old, Repository(REPOSITORY, contents())
     waiting = [effect.message for effect in owner.handle(Started(OWNER), 0.0) if isinstance(effect, Send)]
     while waiting:
@@ -181,7 +187,7 @@ def test_pages_of_two_repositories_are_not_mixed() -> None:
         for effect in answering.handle(Received(message), 0.0):
             if isinstance(effect, Send):
                 waiting += [e.message for e in owner.handle(Received(effect.message), 0.0) if isinstance(e, Send)]
-    assert same(owner.replica, anew)
+    assert has_same_contents(owner.replica, anew)
 
 
 def test_its_questions_are_the_same_after_the_same_inputs_and_others_in_another_life() -> None:
@@ -207,20 +213,20 @@ def test_what_others_say_of_their_maps_is_left_to_the_owner() -> None:
 
 
 def test_what_could_not_be_delivered_is_asked_again_soon_unless_it_was_asked_again_already() -> None:
-    def wakes(effects: list[Effect]) -> list[float | None]:
+    def timer_times(effects: list[Effect]) -> list[float | None]:
         return [effect.at for effect in effects if isinstance(effect, SetTimer)]
 
     replica = Replica(OWNER, REPOSITORY)
     [first] = [effect.message for effect in replica.start(0.0) if isinstance(effect, Send)]
     lost = replica.handle(DeliveryFailed(first, "the line is dead"), 1.0)
     assert lost is not None
-    assert wakes(lost.effects) == [1.0 + GAP_TIME]
-    again = replica.handle(TimerFired(ReplicaDue()), 1.0 + GAP_TIME)
-    assert again is not None
-    assert [effect.message.body for effect in again.effects if isinstance(effect, Send)] == [first.body]
+    assert timer_times(lost.effects) == [1.0 + GAP_TIME]
+    retry_update = replica.handle(TimerFired(ReplicaDue()), 1.0 + GAP_TIME)
+    assert retry_update is not None
+    assert [effect.message.body for effect in retry_update.effects if isinstance(effect, Send)] == [first.body]
     old = replica.handle(DeliveryFailed(first, "the line is dead"), 1.5 + GAP_TIME)
     assert old is not None
-    assert wakes(old.effects) == wakes(again.effects)
+    assert timer_times(old.effects) == timer_times(retry_update.effects)
 
 
 # Any medium, any order
@@ -236,20 +242,20 @@ class Medium:
     bag: list[Message] = field(default_factory=list)
     timers: dict[tuple[str, Hashable], float] = field(default_factory=dict)
 
-    def feed(self, who: str, event: Input) -> None:
-        component = self.owner if who == OWNER else self.repository
+    def feed(self, address: str, event: Input) -> None:
+        component = self.owner if address == OWNER else self.repository
         for effect in component.handle(event, self.now):
             match effect:
                 case Send(message) if message.header.recipient in (OWNER, REPOSITORY):
                     self.bag.append(message)
-                case SetTimer(timer, at):
-                    self.timers.pop((who, timer), None)
-                    if at is not None:
-                        self.timers[who, timer] = at
+                case SetTimer(timer, fire_time):
+                    self.timers.pop((address, timer), None)
+                    if fire_time is not None:
+                        self.timers[address, timer] = fire_time
 
-    def deliver(self, index: int, *, keep: bool = False) -> None:
+    def deliver(self, index: int, *, duplicate: bool = False) -> None:
         message = self.bag[index % len(self.bag)]
-        if not keep:
+        if not duplicate:
             self.bag.remove(message)
         self.feed(message.header.recipient, Received(message))
 
@@ -258,10 +264,10 @@ class Medium:
 
     def ring(self) -> None:
         if self.timers:
-            (who, timer), at = min(self.timers.items(), key=lambda item: item[1])
-            del self.timers[who, timer]
-            self.now = max(self.now, at)
-            self.feed(who, TimerFired(timer))
+            (address, timer), fire_time = min(self.timers.items(), key=lambda item: item[1])
+            del self.timers[address, timer]
+            self.now = max(self.now, fire_time)
+            self.feed(address, TimerFired(timer))
 
 
 UPDATES: list[Body] = [
@@ -293,21 +299,21 @@ STEPS = st.one_of(
 def test_on_any_medium_it_comes_to_be_what_the_repository_has(steps: list[tuple[str, int]]) -> None:
     medium = Medium(Repository(REPOSITORY, many_jars(250)))
     medium.feed(OWNER, Started(OWNER))
-    for what, index in steps:
-        if what == "change":
+    for action, index in steps:
+        if action == "change":
             medium.change(UPDATES[index])
-        elif what == "ring":
+        elif action == "ring":
             medium.ring()
-        elif what == "restart":
+        elif action == "restart":
             medium.repository = Repository(REPOSITORY, medium.repository.contents)
             medium.feed(REPOSITORY, Started(REPOSITORY))
-        elif medium.bag and what == "lose":
+        elif medium.bag and action == "lose":
             medium.bag.pop(index % len(medium.bag))
         elif medium.bag:
-            medium.deliver(index, keep=what == "twice")
+            medium.deliver(index, duplicate=action == "twice")
         assert medium.owner.replica.version <= medium.repository.contents.version
     for _ in range(40):  # from here on the medium is fair: what is under way arrives, then time goes on
         while medium.bag:
             medium.deliver(0)
         medium.ring()
-    assert same(medium.owner.replica, medium.repository)
+    assert has_same_contents(medium.owner.replica, medium.repository)

@@ -43,9 +43,9 @@ class Reader:
         [message] = [effect.message for effect in effects if isinstance(effect, Send)]
         return message
 
-    def hear(self, body: Body, now: float = 0.0, about: Message | None = None, sender: str = REPOSITORY) -> ReplicaUpdate | None:
+    def hear(self, body: Body, now: float = 0.0, question: Message | None = None, sender: str = REPOSITORY) -> ReplicaUpdate | None:
         """What came of a message that answers that question, or None."""
-        relates_to = about.header.message_id if about is not None else None
+        relates_to = question.header.message_id if question is not None else None
         header = Header(sender=sender, recipient=OWNER, message_id="urn:x", relates_to=relates_to)
         return self.replica.handle(Received(Message(header=header, body=body)), now)
 
@@ -53,17 +53,17 @@ class Reader:
         """What it asks for next."""
         news = self.hear(body, now, self.question, sender)
         assert news is not None
-        asked = [effect.message for effect in news.effects if isinstance(effect, Send)]
-        for message in asked:
+        messages = [effect.message for effect in news.effects if isinstance(effect, Send)]
+        for message in messages:
             self.question = message
-        return asked[0].body if asked else None
+        return messages[0].body if messages else None
 
     def ring(self, now: float) -> list[Body]:
         news = self.replica.handle(TimerFired(ReplicaDue()), now)
         assert news is not None
-        asked = [effect.message for effect in news.effects if isinstance(effect, Send)]
-        self.question = asked[-1] if asked else self.question
-        return [message.body for message in asked]
+        messages = [effect.message for effect in news.effects if isinstance(effect, Send)]
+        self.question = messages[-1] if messages else self.question
+        return [message.body for message in messages]
 
     def read(self, version: int = 7, sender: str = REPOSITORY) -> None:
         """Read a map of one object, whole."""
@@ -73,18 +73,18 @@ class Reader:
         assert self.replica.version == version
 
 
-def ontology_page(version: int = 7, *, more: bool = False, changed_at: int = 3, following: int = 1) -> OntologyPage:
-    return OntologyPage(definitions=Definitions(types=(THING,)), version=version, next=following, more=more, changed_at=changed_at)
+def ontology_page(version: int = 7, *, more_pages: bool = False, changed_at: int = 3, following: int = 1) -> OntologyPage:
+    return OntologyPage(definitions=Definitions(types=(THING,)), version=version, next=following, more=more_pages, changed_at=changed_at)
 
 
 def changed(version: int, *changes: ValueSet | ObjectAdded | ObjectRemoved | FactAdded) -> MapChanged:
     return MapChanged(event=Event(version=version, at=0.0, author="a", changes=changes))
 
 
-def wake(news: ReplicaUpdate | None) -> float | None:
+def timer_time(news: ReplicaUpdate | None) -> float | None:
     assert news is not None
-    [at] = [effect.at for effect in news.effects if isinstance(effect, SetTimer)]
-    return at
+    [fire_time] = [effect.at for effect in news.effects if isinstance(effect, SetTimer)]
+    return fire_time
 
 
 def test_it_begins_with_a_subscription() -> None:
@@ -98,9 +98,9 @@ def test_it_begins_with_a_subscription() -> None:
 def test_it_reads_the_ontology_and_then_the_map_page_by_page() -> None:
     reader = Reader()
     assert reader.answer(MapSubscribed(version=7, until=60.0), now=1.0) == ReadOntology()
-    assert reader.answer(ontology_page(more=True, following=5), now=1.0) == ReadOntology(after=5)
-    last = OntologyPage(definitions=Definitions(attributes=(COLOR,)), version=7, next=6, more=False, changed_at=3)
-    assert reader.answer(last, now=1.0) == ReadMap()
+    assert reader.answer(ontology_page(more_pages=True, following=5), now=1.0) == ReadOntology(after=5)
+    last_page = OntologyPage(definitions=Definitions(attributes=(COLOR,)), version=7, next=6, more=False, changed_at=3)
+    assert reader.answer(last_page, now=1.0) == ReadMap()
     assert reader.answer(MapPage(objects=(BOX,), facts=(), version=7, more=True), now=1.0) == ReadMap(after="Box1")
     assert not reader.replica.ready
     fact = Fact("isOn", ("Jar1", "Box1"))
@@ -124,13 +124,13 @@ def test_each_question_has_an_id_of_its_own_and_some_seconds() -> None:
 
 @pytest.mark.parametrize(
     "second",
-    [ontology_page(6), ontology_page(8, changed_at=8), ontology_page(6, more=True)],
+    [ontology_page(6), ontology_page(8, changed_at=8), ontology_page(6, more_pages=True)],
     ids=["an older page", "the ontology changed between them", "an older page, and more"],
 )
 def test_pages_that_do_not_belong_together_make_it_begin_anew(second: OntologyPage) -> None:
     reader = Reader()
     reader.answer(MapSubscribed(version=7, until=60.0))
-    reader.answer(ontology_page(7, more=True))
+    reader.answer(ontology_page(7, more_pages=True))
     assert reader.answer(second) == SubscribeMap(lease=LEASE)
     assert (reader.replica.reading, reader.replica.question) == (None, None)
     assert reader.answer(MapSubscribed(version=7, until=60.0)) == ReadOntology()
@@ -139,7 +139,7 @@ def test_pages_that_do_not_belong_together_make_it_begin_anew(second: OntologyPa
 def test_a_page_that_is_as_old_as_the_one_before_belongs_to_it() -> None:
     reader = Reader()
     reader.answer(MapSubscribed(version=7, until=60.0))
-    reader.answer(ontology_page(7, more=True))
+    reader.answer(ontology_page(7, more_pages=True))
     reader.answer(ontology_page(9))
     assert reader.answer(MapPage(objects=(), facts=(), version=8, more=False)) == SubscribeMap(lease=LEASE), "older than the last one"
 
@@ -189,18 +189,18 @@ def test_what_follows_is_told_once_and_in_order() -> None:
 def test_values_of_what_is_not_there_are_left_out() -> None:
     reader = Reader()
     reader.read(7)
-    kept = (ValueSet("Jar1", "Color", "Red"), ObjectAdded(BOX), ValueSet("Box1", "Color", "Red"), ObjectRemoved("Jar1"))
-    news = reader.hear(changed(8, ValueSet("Jar9", "Color", "Red"), *kept, ValueSet("Jar1", "Color", "Blue")))
+    applied_changes = (ValueSet("Jar1", "Color", "Red"), ObjectAdded(BOX), ValueSet("Box1", "Color", "Red"), ObjectRemoved("Jar1"))
+    news = reader.hear(changed(8, ValueSet("Jar9", "Color", "Red"), *applied_changes, ValueSet("Jar1", "Color", "Blue")))
     assert news is not None
-    assert news.changes == kept
+    assert news.changes == applied_changes
     assert set(reader.replica.map.objects) == {"Box1"}
 
 
 def test_a_gap_that_does_not_close_has_everything_read_again() -> None:
     reader = Reader()
     reader.read(7)
-    assert wake(reader.hear(changed(9), 2.0)) == 2.0 + GAP_TIME
-    assert wake(reader.hear(changed(10), 2.5)) == 2.0 + GAP_TIME, "it is as old as it was"
+    assert timer_time(reader.hear(changed(9), 2.0)) == 2.0 + GAP_TIME
+    assert timer_time(reader.hear(changed(10), 2.5)) == 2.0 + GAP_TIME, "it is as old as it was"
     assert reader.ring(2.0 + GAP_TIME / 2) == []
     assert reader.ring(2.0 + GAP_TIME) == [ReadOntology()]
     assert reader.replica.version == 7, "until it is read, the copy stays"
@@ -211,8 +211,8 @@ def test_a_gap_that_closes_in_part_is_given_more_time() -> None:
     reader.read(7)
     reader.hear(changed(9), 2.0)
     reader.hear(changed(11), 2.2)
-    assert wake(reader.hear(changed(8), 2.5)) == 2.5 + GAP_TIME
-    assert wake(reader.hear(changed(10), 2.6)) == LEASE / 3
+    assert timer_time(reader.hear(changed(8), 2.5)) == 2.5 + GAP_TIME
+    assert timer_time(reader.hear(changed(10), 2.6)) == LEASE / 3
     assert reader.replica.version == 11
 
 
@@ -220,22 +220,22 @@ def test_a_subscription_that_tells_of_a_later_version_shows_a_gap() -> None:
     reader = Reader()
     reader.read(7)
     assert reader.ring(LEASE / 3) == [SubscribeMap(lease=LEASE)]
-    assert wake(reader.hear(MapSubscribed(version=8, until=99.0), 20.5, reader.question)) == 20.5 + GAP_TIME
+    assert timer_time(reader.hear(MapSubscribed(version=8, until=99.0), 20.5, reader.question)) == 20.5 + GAP_TIME
     assert reader.replica.subscription is None
     assert reader.replica.answer_by is None
 
 
-@pytest.mark.parametrize(("version", "asked"), [(6, [ReadOntology()]), (7, [])])
-def test_a_repository_that_is_at_an_earlier_version_is_another_one(version: int, asked: list[Body]) -> None:
+@pytest.mark.parametrize(("version", "questions"), [(6, [ReadOntology()]), (7, [])])
+def test_a_repository_that_is_at_an_earlier_version_is_another_one(version: int, questions: list[Body]) -> None:
     reader = Reader()
     reader.read(7)
     assert reader.ring(LEASE / 3) == [SubscribeMap(lease=LEASE)]
     reader.hear(changed(9), 20.5)
     news = reader.hear(MapSubscribed(version=version, until=99.0), 21.0, reader.question)
     assert news is not None
-    assert [effect.message.body for effect in news.effects if isinstance(effect, Send)] == asked
-    assert (reader.replica.version, reader.replica.announced_version) == ((-1, 6) if asked else (7, 9))
-    assert set(reader.replica.events) == (set() if asked else {9})
+    assert [effect.message.body for effect in news.effects if isinstance(effect, Send)] == questions
+    assert (reader.replica.version, reader.replica.announced_version) == ((-1, 6) if questions else (7, 9))
+    assert set(reader.replica.events) == (set() if questions else {9})
 
 
 def test_a_repository_that_came_up_again_is_asked_where_it_is() -> None:
@@ -258,8 +258,8 @@ def test_a_repository_that_came_up_again_is_asked_where_it_is() -> None:
 def test_answers_to_a_question_that_was_given_up_change_nothing(body: Body) -> None:
     reader = Reader()
     reader.read(7)
-    other = Message(header=structs.replace(reader.question.header, message_id="urn:old"), body=ReadMap())
-    assert reader.hear(body, 1.0, other) == ReplicaUpdate(effects=[SetTimer(ReplicaDue(), LEASE / 3)])
+    old_question = Message(header=structs.replace(reader.question.header, message_id="urn:old"), body=ReadMap())
+    assert reader.hear(body, 1.0, old_question) == ReplicaUpdate(effects=[SetTimer(ReplicaDue(), LEASE / 3)])
     assert (reader.replica.version, reader.replica.announced_version) == (7, 7)
 
 
@@ -276,15 +276,17 @@ def test_a_fault_is_the_replicas_if_it_answers_its_question() -> None:
 
 
 @pytest.mark.parametrize(
-    ("sender", "heard"), [(REPOSITORY, True), (ALIAS, True), ("http://there/other", False)], ids=["as asked", "as it is called", "another"]
+    ("sender", "accepted"),
+    [(REPOSITORY, True), (ALIAS, True), ("http://there/other", False)],
+    ids=["as asked", "as it is called", "another"],
 )
-def test_only_its_repository_is_listened_to_by_either_name(sender: str, heard: bool) -> None:
+def test_only_its_repository_is_listened_to_by_either_name(sender: str, accepted: bool) -> None:
     reader = Reader()
     reader.read(7, sender=ALIAS)
     assert reader.replica.source == ALIAS
     news = reader.hear(changed(8), sender=sender)
-    assert (news is not None) is heard
-    assert reader.replica.version == (8 if heard else 7)
+    assert (news is not None) is accepted
+    assert reader.replica.version == (8 if accepted else 7)
 
 
 @pytest.mark.parametrize(
@@ -320,9 +322,9 @@ def test_news_say_whether_the_ontology_may_be_another(news: ReplicaUpdate, redef
 def test_a_page_that_was_not_asked_for_is_none_of_those_being_read() -> None:
     reader = Reader()
     reader.answer(MapSubscribed(version=7, until=60.0))
-    other = Message(header=structs.replace(reader.question.header, message_id="urn:old"), body=ReadOntology())
-    for about in (other, None):
-        assert reader.hear(ontology_page(99), 1.0, about) == ReplicaUpdate(effects=[SetTimer(ReplicaDue(), PATIENCE)])
+    old_question = Message(header=structs.replace(reader.question.header, message_id="urn:old"), body=ReadOntology())
+    for question in (old_question, None):
+        assert reader.hear(ontology_page(99), 1.0, question) == ReplicaUpdate(effects=[SetTimer(ReplicaDue(), PATIENCE)])
     assert reader.answer(ontology_page(7)) == ReadMap()
     assert reader.answer(MapPage(objects=(JAR,), facts=(), version=7, more=False)) is None
     assert reader.replica.version == 7

@@ -11,8 +11,8 @@ from somrs.service_manager.sdk.orders import Failure, Perform, Report, ServiceFa
 
 def test_what_is_kept_and_how() -> None:
     assert [
-        (one.component, one.version, one.volatile, one.relocatable, one.irreplaceable, one.snapshot_after)
-        for one in (REPOSITORY, REGISTRY, SERVICE_MANAGER)
+        (schema.component, schema.version, schema.volatile, schema.relocatable, schema.irreplaceable, schema.snapshot_after)
+        for schema in (REPOSITORY, REGISTRY, SERVICE_MANAGER)
     ] == [
         ("repository", 1, (), True, True, 500),
         ("registry", 1, (), False, False, 5000),

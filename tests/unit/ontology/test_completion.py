@@ -26,9 +26,9 @@ JARS = [("Jar1", "object", "Jar, sugar", " "), ("Jar2", "object", "Jar", " ")]
 FUNCTIONS = [("weight", "function", "(Thing)", "("), ("distance", "function", "(Thing, Robot) in m", "(")]
 
 
-def any_of(*types: str, after: str = " ") -> list[tuple[str, str, str, str]]:
+def variable_offers(*types: str, suffix: str = " ") -> list[tuple[str, str, str, str]]:
     """Variables with their types."""
-    return [(f"?{name}: {name}", "variable", f"any {name}", after) for name in types]
+    return [(f"?{name}: {name}", "variable", f"any {name}", suffix) for name in types]
 
 
 @pytest.mark.parametrize(
@@ -154,13 +154,13 @@ def any_of(*types: str, after: str = " ") -> list[tuple[str, str, str, str]]:
             [
                 ("Jar1", "object", "Jar, sugar", ""),
                 ("Jar2", "object", "Jar", ""),
-                *any_of("Jar", "Thing", after=""),
+                *variable_offers("Jar", "Thing", suffix=""),
             ],
         ),
         ("weight(j|", [("Jar1", "object", "Jar, sugar", ""), ("Jar2", "object", "Jar", "")]),
         (
             "?x isAt Table1 AND ?z isOn Table1 AND weight(?|",
-            [("?z", "variable", "Thing", ""), *any_of("Jar", "Thing", after="")],
+            [("?z", "variable", "Thing", ""), *variable_offers("Jar", "Thing", suffix="")],
         ),
         (
             "?y: number = 3 AND ?t: Table = Table1 AND Jar1 isOn ?|",
@@ -171,7 +171,7 @@ def any_of(*types: str, after: str = " ") -> list[tuple[str, str, str, str]]:
             "Jar1.Weight < 3 AND ?y: number = ?|",
             [
                 ("?y", "variable", "number", " "),
-                *any_of("Jar", "Table", "Robot", "Object", "Thing"),
+                *variable_offers("Jar", "Table", "Robot", "Object", "Thing"),
             ],
         ),
         (
@@ -179,7 +179,7 @@ def any_of(*types: str, after: str = " ") -> list[tuple[str, str, str, str]]:
             [
                 ("?Jar", "variable", "Jar", " "),
                 ("?Jar2: Jar", "variable", "any Jar", " "),
-                *any_of("Table", "Robot", "Object", "Thing"),
+                *variable_offers("Table", "Robot", "Object", "Thing"),
             ],
         ),
         (
@@ -219,7 +219,7 @@ def any_of(*types: str, after: str = " ") -> list[tuple[str, str, str, str]]:
                 ("Table1", "object", "Table, desk", " "),
                 *JARS,
                 ("Robot1", "object", "Robot", " "),
-                *any_of("Table", "Jar", "Robot"),
+                *variable_offers("Table", "Jar", "Robot"),
             ],
         ),
         ("Jar1|", []),
@@ -240,11 +240,11 @@ def test_what_is_offered(marked: str, offered: list[tuple[str, str, str, str]]) 
     assert [(item.text, item.kind, item.detail, item.suffix) for item in completing(marked).items] == offered
 
 
-@pytest.mark.parametrize(("at", "typed"), [(-5, ""), (0, ""), (1, "J"), (99, "Jar")])
-def test_a_place_beyond_the_text_is_its_border(at: int, typed: str) -> None:
-    found = complete("Jar", at, ONTOLOGY, MAP)
-    assert (found.start, [item.text for item in found.items][:2]) == (0, ["Jar1", "Jar2"])
-    assert (found.end > 0) == (typed != "")
+@pytest.mark.parametrize(("position", "typed"), [(-5, ""), (0, ""), (1, "J"), (99, "Jar")])
+def test_a_place_beyond_the_text_is_its_border(position: int, typed: str) -> None:
+    completions = complete("Jar", position, ONTOLOGY, MAP)
+    assert (completions.start, [item.text for item in completions.items][:2]) == (0, ["Jar1", "Jar2"])
+    assert (completions.end > 0) == (typed != "")
 
 
 def test_no_more_than_sixty_are_offered() -> None:
@@ -265,7 +265,7 @@ def test_what_fits_best_comes_first() -> None:
             Object(name="Mug", type="Jar"),
         ]
     )
-    assert [one.name for one in fitting_objects(ONTOLOGY, map, Slot(), "table")] == [
+    assert [map_object.name for map_object in fitting_objects(ONTOLOGY, map, Slot(), "table")] == [
         "Tablet",
         "Old-table",
         "myTable",
@@ -273,8 +273,8 @@ def test_what_fits_best_comes_first() -> None:
         "Bottles",
         "Desk",
     ]
-    assert [one.name for one in fitting_objects(ONTOLOGY, map, Slot(type="Table"), "Tabl")] == ["myTable", "Bottles", "Desk"]
-    assert [one.name for one in fitting_objects(ONTOLOGY, map, Slot(relation="isAt", type="Object"))] == [*map.objects]
+    assert [map_object.name for map_object in fitting_objects(ONTOLOGY, map, Slot(type="Table"), "Tabl")] == ["myTable", "Bottles", "Desk"]
+    assert [map_object.name for map_object in fitting_objects(ONTOLOGY, map, Slot(relation="isAt", type="Object"))] == [*map.objects]
 
 
 def test_attributes_that_some_of_a_type_have_come_in_the_order_of_their_depth() -> None:
@@ -284,13 +284,13 @@ def test_attributes_that_some_of_a_type_have_come_in_the_order_of_their_depth() 
         ObjectType(name="Oldest", parent="Old", attributes=("Age",)),
     ]
     ontology = ONTOLOGY.extended([AttributeType(name="Age", kind=Kind.NUMBER), *types])
-    found = [item.text for item in complete("?x: Crate.", 10, ontology, MAP).items]
-    assert found == ["Label", "Shape", "Age", "Shape.Height", "Shape.Count"]
+    texts = [item.text for item in complete("?x: Crate.", 10, ontology, MAP).items]
+    assert texts == ["Label", "Shape", "Age", "Shape.Height", "Shape.Count"]
 
 
 def test_what_already_stands_there_is_likely_and_its_like() -> None:
     map = Map([*MAP.objects.values(), Object(name="Thing1", type="Thing")], [Fact("isAt", ("Robot1", "Jar1"))])
-    assert [one.name for one in fitting_objects(ONTOLOGY, map, Slot(relation="isAt", place=1))] == [
+    assert [map_object.name for map_object in fitting_objects(ONTOLOGY, map, Slot(relation="isAt", place=1))] == [
         "Jar1",
         "Jar2",
         "Thing1",

@@ -75,40 +75,40 @@ def edited(data: st.DataObject) -> tuple[list[DefinitionKey], list[Definition]]:
         return [], [structs.replace(relation, joins=joins, excludes=data.draw(st.sampled_from([None, "place"])))]
     if kind == "function":
         return [], [structs.replace(ONTOLOGY.functions["content"], attribute=data.draw(st.sampled_from(["Weight", "PositionX"])))]
-    every = {Section.TYPES: TYPES, Section.ATTRIBUTES: ["Weight", "Content", "Label"], Section.RELATIONS: ["belongsTo", "isOn"]}
-    section = data.draw(st.sampled_from([*every]))
-    return [DefinitionKey(section=section, name=data.draw(st.sampled_from(every[section])))], []
+    names_by_section = {Section.TYPES: TYPES, Section.ATTRIBUTES: ["Weight", "Content", "Label"], Section.RELATIONS: ["belongsTo", "isOn"]}
+    section = data.draw(st.sampled_from([*names_by_section]))
+    return [DefinitionKey(section=section, name=data.draw(st.sampled_from(names_by_section[section])))], []
 
 
 def without_broken_formulas(ontology: Ontology) -> bool:
-    return not any(one.section == "types" and one.path.startswith("constraints") for one in ontology_violations(ontology))
+    return not any(violation.section == "types" and violation.path.startswith("constraints") for violation in ontology_violations(ontology))
 
 
 @given(st.data())
 @examples(75)
 def test_looking_at_what_a_change_concerns_finds_what_looking_at_all_finds(data: st.DataObject) -> None:
-    before = ONTOLOGY
+    ontology_before = ONTOLOGY
     if data.draw(st.booleans()):  # rules that another change may break
         name, rule = data.draw(st.sampled_from(TYPES[:6])), data.draw(st.sampled_from(RULES))
-        before = before.extended([structs.replace(before.types[name], constraints=(rule,))])
-        assume(without_broken_formulas(before) and not violations(MAP, before))
+        ontology_before = ontology_before.extended([structs.replace(ontology_before.types[name], constraints=(rule,))])
+        assume(without_broken_formulas(ontology_before) and not violations(MAP, ontology_before))
     removed, definitions = edited(data)
-    after = revise_ontology(before, removed, definitions)
-    assume(without_broken_formulas(after))
-    found = violations_after(MAP, before, after, [*removed, *map(key_of, definitions)])
-    assert set(map(str, found)) == set(map(str, violations(MAP, after)))
+    ontology_after = revise_ontology(ontology_before, removed, definitions)
+    assume(without_broken_formulas(ontology_after))
+    found_violations = violations_after(MAP, ontology_before, ontology_after, [*removed, *map(key_of, definitions)])
+    assert set(map(str, found_violations)) == set(map(str, violations(MAP, ontology_after)))
 
 
 def test_a_rule_about_another_type_is_looked_at_when_that_moves() -> None:
     full = structs.replace(ONTOLOGY.types["Bench"], name="FullBench", parent="Bench", constraints=(RULES[2],))
-    before = ONTOLOGY.extended([full])
+    ontology_before = ONTOLOGY.extended([full])
     bench = structs.replace(MAP.objects["Bench1"], type="FullBench")
     facts = [FactAdded(fact) for fact in MAP.facts_about("Bench1") if "Tin1" not in fact.arguments]
     map = MAP.changed([ObjectRemoved("Bench1"), ObjectAdded(bench), *facts])
-    assert violations(map, before) == []
-    after = before.extended([structs.replace(ONTOLOGY.types["Tin"], name="SmallTin")])
-    found = violations_after(map, before, after, [DefinitionKey(section=Section.TYPES, name="SmallTin")])
-    assert [(violation.subject, violation.rule) for violation in found] == [("Bench1", "constraint")]
+    assert violations(map, ontology_before) == []
+    ontology_after = ontology_before.extended([structs.replace(ONTOLOGY.types["Tin"], name="SmallTin")])
+    found_violations = violations_after(map, ontology_before, ontology_after, [DefinitionKey(section=Section.TYPES, name="SmallTin")])
+    assert [(violation.subject, violation.rule) for violation in found_violations] == [("Bench1", "constraint")]
 
 
 VALUES = st.sampled_from([None, 0.1, 0.3, 2.0, math.pi])
@@ -140,11 +140,11 @@ def test_a_rule_about_an_objects_own_values_is_answered_as_any_formula_is(rule: 
         map = map.changed([ValueSet(name, "Unknown", data.draw(st.sampled_from([None, True, False])))])
         map = map.changed([ValueSet(name, "Label", data.draw(st.sampled_from([None, "x", "y"])))])
     broken = {violation.subject for violation in violations(map, ontology) if rule in violation.message}
-    naive = {name for name in ("Tin1", "Tin2") if not formula_holds(_of(rule, name), map, ontology)}
+    naive = {name for name in ("Tin1", "Tin2") if not formula_holds(_rule_for(rule, name), map, ontology)}
     assert broken == naive
 
 
-def _of(rule: str, name: str) -> Formula:
+def _rule_for(rule: str, name: str) -> Formula:
     return substitute(parse(rule), {SELF_VARIABLE: Name(name)})
 
 
@@ -180,7 +180,7 @@ TYPE = UNMARKED.types
 
 
 @pytest.mark.parametrize(
-    ("new", "gone", "looked_at"),
+    ("new", "removed_names", "checked_subjects"),
     [
         ([AttributeType(name="Weight", kind=Kind.NUMBER, unit="kg")], (), "Box1 Box11 Cup1 Thing1"),
         ([AttributeType(name="Weight", kind=Kind.NUMBER, doc="other")], (), ""),
@@ -202,8 +202,8 @@ TYPE = UNMARKED.types
         ([structs.replace(TYPE["Site"], parent="Object")], (), "Box1 Box11 Cup1 Lid1 Pin1 Ring1 Site1 Thing1 map"),
     ],
 )
-def test_only_what_is_concerned_is_looked_at(new: list[Definition], gone: tuple[str, ...], looked_at: str) -> None:
-    removed = [DefinitionKey(section=Section.TYPES, name=name) for name in gone]
-    after = revise_ontology(UNMARKED, removed, new)
-    found = violations_after(UNMARKED_MAP, UNMARKED, after, [*removed, *map(key_of, new)])
-    assert " ".join(sorted({violation.subject for violation in found})) == looked_at
+def test_only_what_is_concerned_is_looked_at(new: list[Definition], removed_names: tuple[str, ...], checked_subjects: str) -> None:
+    removed = [DefinitionKey(section=Section.TYPES, name=name) for name in removed_names]
+    ontology_after = revise_ontology(UNMARKED, removed, new)
+    found_violations = violations_after(UNMARKED_MAP, UNMARKED, ontology_after, [*removed, *map(key_of, new)])
+    assert " ".join(sorted({violation.subject for violation in found_violations})) == checked_subjects

@@ -62,28 +62,31 @@ UPDATES: list[tuple[list[Change], set[tuple[str, str]]]] = [
 ]
 
 
-def said(found: list[Violation]) -> set[tuple[str, str]]:
-    return {(violation.subject, violation.rule) for violation in found}
+def subjects_and_rules(found_violations: list[Violation]) -> set[tuple[str, str]]:
+    return {(violation.subject, violation.rule) for violation in found_violations}
 
 
 @pytest.mark.parametrize(("changes", "expected"), UPDATES, ids=lambda value: str(sorted(value) if isinstance(value, set) else value)[:60])
 def test_update_breaks_just_these_rules(demo: Map, changes: list[Change], expected: set[tuple[str, str]]) -> None:
-    after = demo.changed(changes)
-    assert said(violations_of(after, upper(), touched_objects(demo, changes))) == expected
-    assert said(violations(after, upper())) - {("map", "root")} == expected
+    map_after = demo.changed(changes)
+    assert subjects_and_rules(violations_of(map_after, upper(), touched_objects(demo, changes))) == expected
+    assert subjects_and_rules(violations(map_after, upper())) - {("map", "root")} == expected
 
 
 def some_changes(map: Map) -> st.SearchStrategy[list[Change]]:
     names = st.sampled_from([*map.objects, "Ghost"])
-    known = st.sampled_from([*map.objects])
+    known_names = st.sampled_from([*map.objects])
     facts = st.builds(
-        lambda relation, a, b: Fact(relation, (a, b)), st.sampled_from(["isOn", "isIn", PART_OF, "isAdjacentTo"]), names, names
+        lambda relation, first_name, second_name: Fact(relation, (first_name, second_name)),
+        st.sampled_from(["isOn", "isIn", PART_OF, "isAdjacentTo"]),
+        names,
+        names,
     )
     values = st.sampled_from([0.1, 9.0, -1.0, "Red", True, None])
     paths = st.sampled_from(["Weight", "PositionX", "Color", "Shape.Width", "Shape.Form", "Speed", "Nonsense"])
     return st.lists(
         st.one_of(
-            st.builds(ValueSet, known, paths, values),
+            st.builds(ValueSet, known_names, paths, values),
             facts.map(FactAdded),
             st.sampled_from([*map.facts()]).map(FactRemoved),
             st.builds(
@@ -101,11 +104,13 @@ def test_checking_what_an_update_touched_finds_what_checking_all_finds(demo: Map
     changes = data.draw(some_changes(demo))
     if data.draw(st.booleans()):
         changes = [*changes, ObjectRemoved(data.draw(st.sampled_from([*demo.objects])))]
-    after = demo.changed(changes)
+    map_after = demo.changed(changes)
     # That the map lacks a root at all is said of the map, not of an object.
-    expected = said(violations(after, upper())) - {("map", "root")}
-    assert said(violations_of(after, upper(), touched_objects(demo, changes))) == expected
-    assert said(violations_of(after, upper(), touched_objects(demo, changes), demo)) == expected, "what did not change is in order"
+    expected = subjects_and_rules(violations(map_after, upper())) - {("map", "root")}
+    assert subjects_and_rules(violations_of(map_after, upper(), touched_objects(demo, changes))) == expected
+    assert subjects_and_rules(violations_of(map_after, upper(), touched_objects(demo, changes), demo)) == expected, (
+        "what did not change is in order"
+    )
 
 
 def test_constraint_speaks_of_sub_objects(demo: Map) -> None:
@@ -132,14 +137,14 @@ def test_constraint_speaks_of_sub_objects(demo: Map) -> None:
     mended = low.changed(changes)
     assert violations(mended, ontology) == []
     raised = mended.changed([ValueSet("LowWall", "Shape.Height", 2.5)])
-    assert said(violations_of(raised, ontology, ["LowWall"])) == {("Cellar", "constraint")}
-    assert said(violations_of(raised, ontology, ["LowWall"], mended)) == {("Cellar", "constraint")}
+    assert subjects_and_rules(violations_of(raised, ontology, ["LowWall"])) == {("Cellar", "constraint")}
+    assert subjects_and_rules(violations_of(raised, ontology, ["LowWall"], mended)) == {("Cellar", "constraint")}
 
 
 def test_ontology_made_by_a_program_is_checked_too() -> None:
     broken = upper().extended([ObjectType(name="Vase", parent="Pot", required=("Glaze",))])
-    found = [(v.section, v.subject, v.path, v.message) for v in ontology_violations(broken)]
-    assert [item[:3] for item in found] == [("types", "Vase", "parent"), ("types", "Vase", "required.0")]
-    assert "no type is called Pot" in found[0][3]
-    assert "no attribute is called Glaze" in found[1][3]
+    found_problems = [(v.section, v.subject, v.path, v.message) for v in ontology_violations(broken)]
+    assert [item[:3] for item in found_problems] == [("types", "Vase", "parent"), ("types", "Vase", "required.0")]
+    assert "no type is called Pot" in found_problems[0][3]
+    assert "no attribute is called Glaze" in found_problems[1][3]
     assert ontology_violations(Ontology()) == []

@@ -30,28 +30,28 @@ def broken(section: str, rule: str, path: str, message: str) -> Violation:
     return Violation(subject="New", rule=rule, message=message, path=path, section=section)
 
 
-def number(**more: object) -> AttributeType:
-    return AttributeType(name="New", kind=Kind.NUMBER, **more)  # type: ignore[arg-type]
+def number(**fields: object) -> AttributeType:
+    return AttributeType(name="New", kind=Kind.NUMBER, **fields)  # type: ignore[arg-type]
 
 
-def text(**more: object) -> AttributeType:
-    return AttributeType(name="New", kind=Kind.TEXT, **more)  # type: ignore[arg-type]
+def text(**fields: object) -> AttributeType:
+    return AttributeType(name="New", kind=Kind.TEXT, **fields)  # type: ignore[arg-type]
 
 
-def type_(**more: object) -> ObjectType:
-    return ObjectType(name="New", **{"parent": "Box", **more})  # type: ignore[arg-type]
+def type_(**fields: object) -> ObjectType:
+    return ObjectType(name="New", **{"parent": "Box", **fields})  # type: ignore[arg-type]
 
 
-def service(**more: object) -> ServiceType:
-    return ServiceType(name="New", **{"inputs": X, "effect": "?x isOn ?Provider", **more})  # type: ignore[arg-type]
+def service(**fields: object) -> ServiceType:
+    return ServiceType(name="New", **{"inputs": X, "effect": "?x isOn ?Provider", **fields})  # type: ignore[arg-type]
 
 
-def function(*parameters: str, **more: object) -> FunctionType:
-    return FunctionType(name="New", parameters=parameters, **more)  # type: ignore[arg-type]
+def function(*parameters: str, **fields: object) -> FunctionType:
+    return FunctionType(name="New", parameters=parameters, **fields)  # type: ignore[arg-type]
 
 
-def limited(**more: object) -> ObjectType:
-    return type_(constraints=(Constraint(attribute="Load", minimum=1), Constraint(**more)))  # type: ignore[arg-type]
+def limited(**fields: object) -> ObjectType:
+    return type_(constraints=(Constraint(attribute="Load", minimum=1), Constraint(**fields)))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -369,9 +369,9 @@ def test_what_is_said_of_a_definition(new: Definition, expected: list[Violation]
 
 
 def test_an_attribute_is_not_called_as_what_every_object_has() -> None:
-    found = ontology_violations(ONTOLOGY.extended([text(), AttributeType(name="parts", kind=Kind.TEXT)]))
+    found_violations = ontology_violations(ONTOLOGY.extended([text(), AttributeType(name="parts", kind=Kind.TEXT)]))
     message = "objects have a key parts of their own; give the attribute another name"
-    assert found == [Violation(subject="parts", rule="reserved", message=message, section="attributes")]
+    assert found_violations == [Violation(subject="parts", rule="reserved", message=message, section="attributes")]
 
 
 def test_attributes_made_of_each_other_are_a_cycle_of_both() -> None:
@@ -379,8 +379,8 @@ def test_attributes_made_of_each_other_are_a_cycle_of_both() -> None:
         AttributeType(name=name, kind=Kind.COMPLEX, attributes=attributes)
         for name, attributes in (("Above", ("Note", "A")), ("A", ("B", "Note")), ("B", ("Note", "Shape", "A")))
     ]
-    found = [(v.subject, v.rule, v.path, v.message) for v in ontology_violations(ONTOLOGY.extended(complexes))]
-    assert found == [
+    found_problems = [(v.subject, v.rule, v.path, v.message) for v in ontology_violations(ONTOLOGY.extended(complexes))]
+    assert found_problems == [
         ("A", "cycle", "attributes.0", "is made of itself, through B; leave it out there"),
         ("B", "cycle", "attributes.2", "is made of itself, through A; leave it out there"),
     ]
@@ -388,8 +388,8 @@ def test_attributes_made_of_each_other_are_a_cycle_of_both() -> None:
 
 def test_a_cycle_of_parents_is_told_of_those_in_it() -> None:
     types = [ObjectType(name=name, parent=parent) for name, parent in (("A", "B"), ("B", "C"), ("C", "A"), ("Below", "B"))]
-    found = [(v.subject, v.rule, v.path, v.message) for v in ontology_violations(ONTOLOGY.extended(types))]
-    assert found == [
+    found_problems = [(v.subject, v.rule, v.path, v.message) for v in ontology_violations(ONTOLOGY.extended(types))]
+    assert found_problems == [
         ("A", "cycle", "parent", "is its own ancestor (A below B below C below A); give one of them another parent"),
         ("B", "cycle", "parent", "is its own ancestor (B below C below A below B); give one of them another parent"),
         ("C", "cycle", "parent", "is its own ancestor (C below A below B below C); give one of them another parent"),
@@ -398,6 +398,6 @@ def test_a_cycle_of_parents_is_told_of_those_in_it() -> None:
 
 def test_a_service_needs_no_type_of_devices() -> None:
     new = ServiceType(name="Rest", effect="?Provider isOn ?Provider")
-    ontology = Ontology([one for one in ONTOLOGY if one.name not in ("Device", "Put")])
+    ontology = Ontology([definition for definition in ONTOLOGY if definition.name not in ("Device", "Put")])
     assert ontology_violations(ontology.extended([new])) == []
     assert ontology_violations(Ontology()) == []

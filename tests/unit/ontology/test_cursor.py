@@ -48,15 +48,15 @@ MAP = Map(
 )
 
 
-def cursor(where: Spot, **known: Any) -> Cursor:
-    return Cursor(spot=where, start=0, end=0, **known)
+def cursor(place: Spot, **fields: Any) -> Cursor:
+    return Cursor(spot=place, start=0, end=0, **fields)
 
 
 def number(name: str, unit: str | None) -> AttributeType:
     return AttributeType(name=name, kind=Kind.NUMBER, unit=unit)
 
 
-def at(marked: str, **variables: str) -> Cursor:
+def cursor_at(marked: str, **variables: str) -> Cursor:
     """Where the `|` is in the text."""
     return locate_cursor(marked.replace("|", "", 1), marked.index("|"), ONTOLOGY, MAP, variables)
 
@@ -211,7 +211,7 @@ def at(marked: str, **variables: str) -> Cursor:
     ],
 )
 def test_where_one_is(marked: str, expected: Cursor) -> None:
-    assert structs.replace(at(marked), start=0, end=0, typed="") == expected
+    assert structs.replace(cursor_at(marked), start=0, end=0, typed="") == expected
 
 
 @pytest.mark.parametrize(
@@ -240,12 +240,12 @@ def test_where_one_is(marked: str, expected: Cursor) -> None:
     ],
 )
 def test_what_is_being_written(marked: str, start: int, end: int, typed: str) -> None:
-    found = at(marked)
-    assert (found.start, found.end, found.typed) == (start, end, typed)
+    found_cursor = cursor_at(marked)
+    assert (found_cursor.start, found_cursor.end, found_cursor.typed) == (start, end, typed)
 
 
 @pytest.mark.parametrize(
-    ("marked", "given", "known"),
+    ("marked", "given_variables", "expected_variables"),
     [
         ("?x |", {"x": "Robot"}, {"x": "Robot"}),
         ("?x: Jar isOn Table1 AND ?x |", {"x": "Robot"}, {"x": "Jar"}),
@@ -262,5 +262,5 @@ def test_what_is_being_written(marked: str, start: int, end: int, typed: str) ->
         ("NOT | AND ?x isOn ?y", {}, {"x": "Thing", "y": "Table"}),
     ],
 )
-def test_which_variables_are_known(marked: str, given: dict[str, str], known: dict[str, str | None]) -> None:
-    assert at(marked, **given).variables == known
+def test_which_variables_are_known(marked: str, given_variables: dict[str, str], expected_variables: dict[str, str | None]) -> None:
+    assert cursor_at(marked, **given_variables).variables == expected_variables

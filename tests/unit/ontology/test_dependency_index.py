@@ -19,7 +19,7 @@ from somrs.ontology.types import AttributeType, Definition, FunctionType, Kind, 
 
 SOURCE = Path(somrs.__file__).parent
 PROGRAMS = ("ontology", "planner", "protocol", "registry", "repository", "task_manager", "service_manager", "devices", "entish")
-LOOKS = ("looks.py", "colours.py", "appearance.py")
+APPEARANCE_FILES = ("looks.py", "colours.py", "appearance.py")
 """Say how things of some types look: of others, they look plainer."""
 
 EXAMPLES = {
@@ -41,22 +41,22 @@ def strings(file: Path) -> Iterator[str]:
 
 def test_programs_rely_on_nothing_else_of_the_upper_ontology() -> None:
     names = {definition.name for definition in upper()}
-    kept = {name for section in REQUIRED_NAMES.values() for name in section}
-    found: dict[str, set[str]] = {}
+    required_names = {name for section in REQUIRED_NAMES.values() for name in section}
+    mentions: dict[str, set[str]] = {}
     for part in PROGRAMS:
         for file in (SOURCE / part).rglob("*.py"):
-            if file.name in (*LOOKS, "relied.py"):
+            if file.name in (*APPEARANCE_FILES, "relied.py"):
                 continue
             for text in strings(file):
-                for word in set(re.findall(r"[A-Za-z]\w*", text)) & names - kept - EXAMPLES:
-                    found.setdefault(word, set()).add(f"{file.relative_to(SOURCE)}: {text[:60]}")
-    assert found == {}
+                for word in set(re.findall(r"[A-Za-z]\w*", text)) & names - required_names - EXAMPLES:
+                    mentions.setdefault(word, set()).add(f"{file.relative_to(SOURCE)}: {text[:60]}")
+    assert mentions == {}
 
 
 def test_all_of_it_is_in_the_upper_ontology() -> None:
-    known = set(map(key_of, upper()))
+    upper_keys = set(map(key_of, upper()))
     listed = {DefinitionKey(section=section, name=name) for section, names in REQUIRED_NAMES.items() for name in names}
-    assert listed <= known
+    assert listed <= upper_keys
     assert set(required_definitions(upper())) == listed
 
 
@@ -70,23 +70,29 @@ def test_a_file_cannot_take_it_away_either() -> None:
 
 
 JOINED = ("PhysicalObject", "Object")
-IS_IN = upper().relations["isIn"]
+IS_IN_RELATION = upper().relations["isIn"]
 
 
 @pytest.mark.parametrize(
-    ("section", "definition", "kept"),
+    ("section", "definition", "required_values"),
     [
         (Section.ATTRIBUTES, AttributeType(name="Weight", kind=Kind.TEXT), [("kind", "number"), ("unit", "kg")]),
         (Section.ATTRIBUTES, AttributeType(name="Label", kind=Kind.TEXT, unit="m", doc="other"), [("unit", "left out")]),
         (Section.ATTRIBUTES, AttributeType(name="Label", kind=Kind.TEXT, doc="other"), []),
         (
             Section.RELATIONS,
-            RelationType(name="isIn", joins=("Object",), symmetric=not IS_IN.symmetric, functional=not IS_IN.functional, excludes="other"),
+            RelationType(
+                name="isIn",
+                joins=("Object",),
+                symmetric=not IS_IN_RELATION.symmetric,
+                functional=not IS_IN_RELATION.functional,
+                excludes="other",
+            ),
             [
                 ("joins", "a list of 2 types"),
-                ("symmetric", str(IS_IN.symmetric)),
-                ("functional", str(IS_IN.functional)),
-                ("excludes", str(IS_IN.excludes)),
+                ("symmetric", str(IS_IN_RELATION.symmetric)),
+                ("functional", str(IS_IN_RELATION.functional)),
+                ("excludes", str(IS_IN_RELATION.excludes)),
             ],
         ),
         (Section.FUNCTIONS, FunctionType(name="distance", parameters=("Object",)), [("parameters", "a list of 2 types")]),
@@ -96,22 +102,22 @@ IS_IN = upper().relations["isIn"]
         (Section.TYPES, ObjectType(name="Jar", parent="Object"), []),
     ],
 )
-def test_what_has_to_stay_of_a_definition(section: Section, definition: Definition, kept: list[tuple[str, str]]) -> None:
-    found = list(lost_dependencies(upper(), revise_ontology(upper(), (), [definition])))
-    assert found == [
+def test_what_has_to_stay_of_a_definition(section: Section, definition: Definition, required_values: list[tuple[str, str]]) -> None:
+    found_violations = list(lost_dependencies(upper(), revise_ontology(upper(), (), [definition])))
+    assert found_violations == [
         Violation(
             subject=definition.name,
             rule="relied",
-            message=f"SO-MRS itself relies on what it is, so {path} stays {shown}; define another beside it",
+            message=f"SO-MRS itself relies on what it is, so {path} stays {required_value}; define another beside it",
             path=path,
             section=section,
         )
-        for path, shown in kept
+        for path, required_value in required_values
     ]
 
 
 def test_what_is_relied_on_stays_and_the_rest_need_not() -> None:
-    gone = [DefinitionKey(section=Section.RELATIONS, name="isOn"), DefinitionKey(section=Section.TYPES, name="Jar")]
-    (found,) = lost_dependencies(upper(), revise_ontology(upper(), gone, ()))
-    assert (found.subject, found.rule, found.path, found.section) == ("isOn", "relied", "", Section.RELATIONS)
-    assert list(lost_dependencies(revise_ontology(upper(), gone, ()), upper())) == []
+    removed_keys = [DefinitionKey(section=Section.RELATIONS, name="isOn"), DefinitionKey(section=Section.TYPES, name="Jar")]
+    (violation,) = lost_dependencies(upper(), revise_ontology(upper(), removed_keys, ()))
+    assert (violation.subject, violation.rule, violation.path, violation.section) == ("isOn", "relied", "", Section.RELATIONS)
+    assert list(lost_dependencies(revise_ontology(upper(), removed_keys, ()), upper())) == []

@@ -27,11 +27,11 @@ MAP = Map(
 )
 
 
-def added(relation: str, *arguments: str) -> Change:
+def fact_added(relation: str, *arguments: str) -> Change:
     return FactAdded(Fact(relation, arguments))
 
 
-def removed(relation: str, *arguments: str) -> Change:
+def fact_removed(relation: str, *arguments: str) -> Change:
     return FactRemoved(Fact(relation, arguments))
 
 
@@ -39,16 +39,16 @@ def removed(relation: str, *arguments: str) -> Change:
     ("effect", "expected"),
     [
         ("A isOn B", []),
-        ("A isOn C", [removed("isOn", "A", "B"), added("isOn", "A", "C")]),
-        ("A isIn C", [removed("isOn", "A", "B"), added("isIn", "A", "C")]),
-        ("D isOn B", [added("isOn", "D", "B")]),
-        ("NOT A isOn B", [removed("isOn", "A", "B")]),
+        ("A isOn C", [fact_removed("isOn", "A", "B"), fact_added("isOn", "A", "C")]),
+        ("A isIn C", [fact_removed("isOn", "A", "B"), fact_added("isIn", "A", "C")]),
+        ("D isOn B", [fact_added("isOn", "D", "B")]),
+        ("NOT A isOn B", [fact_removed("isOn", "A", "B")]),
         ("NOT A isOn C", []),
         ("C isNear B", []),
-        ("NOT C isNear B", [removed("isNear", "B", "C")]),
-        ("C isNear A", [added("isNear", "C", "A")]),
-        ("A isPairedWith C", [removed("isPairedWith", "D", "A"), added("isPairedWith", "A", "C")]),
-        ("between(A, C, B)", [added("between", "A", "C", "B")]),
+        ("NOT C isNear B", [fact_removed("isNear", "B", "C")]),
+        ("C isNear A", [fact_added("isNear", "C", "A")]),
+        ("A isPairedWith C", [fact_removed("isPairedWith", "D", "A"), fact_added("isPairedWith", "A", "C")]),
+        ("between(A, C, B)", [fact_added("between", "A", "C", "B")]),
         ("A.Size = 3", [ValueSet("A", "Size", 3.0)]),
         ("A.Size = 300 cm", [ValueSet("A", "Size", 3.0)]),
         ("A.Size = 1.4", []),  # within the tolerance
@@ -60,9 +60,14 @@ def removed(relation: str, *arguments: str) -> Change:
         ("B.Size = D.Size", [ValueSet("B", "Size", 2.0)]),
         (
             "A isOn C AND NOT B isNear C AND A.Color = Blue",
-            [removed("isOn", "A", "B"), added("isOn", "A", "C"), removed("isNear", "B", "C"), ValueSet("A", "Color", "Blue")],
+            [
+                fact_removed("isOn", "A", "B"),
+                fact_added("isOn", "A", "C"),
+                fact_removed("isNear", "B", "C"),
+                ValueSet("A", "Color", "Blue"),
+            ],
         ),
-        ("NOT A isOn B AND A isOn C", [removed("isOn", "A", "B"), added("isOn", "A", "C")]),
+        ("NOT A isOn B AND A isOn C", [fact_removed("isOn", "A", "B"), fact_added("isOn", "A", "C")]),
     ],
 )
 def test_changes(effect: str, expected: list[Change]) -> None:
@@ -132,7 +137,7 @@ def test_what_is_said_of_no_effect(effect: str, position: int, problem: str, hin
 
 
 @pytest.mark.parametrize(
-    ("effect", "said", "expected"),
+    ("effect", "evaluated_effect", "expected"),
     [
         ("A.Size = A.Size + 2", "A.Size = 3 m", [ValueSet("A", "Size", 3.0)]),
         ("A.Size = A.Size - 50 cm", "A.Size = 0.5 m", []),  # within the tolerance
@@ -142,12 +147,12 @@ def test_what_is_said_of_no_effect(effect: str, position: int, problem: str, hin
         (
             "A.Size = A.Size + 1 AND D isOn C",
             "A.Size = 2 m AND D isOn C",
-            [ValueSet("A", "Size", 2.0), added("isOn", "D", "C")],
+            [ValueSet("A", "Size", 2.0), fact_added("isOn", "D", "C")],
         ),
     ],
 )
-def test_what_is_calculated_is_settled_before(effect: str, said: str, expected: list[Change]) -> None:
-    assert str(evaluate_effect(parse(effect), MAP, ONTOLOGY)) == said
+def test_what_is_calculated_is_settled_before(effect: str, evaluated_effect: str, expected: list[Change]) -> None:
+    assert str(evaluate_effect(parse(effect), MAP, ONTOLOGY)) == evaluated_effect
     assert changes(parse(effect), MAP, ONTOLOGY) == expected
     assert apply_effect(parse(effect), MAP, ONTOLOGY) == MAP.changed(expected)
 
@@ -159,8 +164,8 @@ def test_what_is_not_settled_stays() -> None:
 
 
 def test_a_place_by_relation_gives_no_position() -> None:
-    after = MAP.changed(changes(parse("A isOn C"), MAP, ONTOLOGY))
-    assert after.objects["A"] == MAP.objects["A"]
+    map_after = MAP.changed(changes(parse("A isOn C"), MAP, ONTOLOGY))
+    assert map_after.objects["A"] == MAP.objects["A"]
 
 
 # In general
@@ -173,27 +178,27 @@ equations = st.builds(
     constants,
 )
 parts: st.SearchStrategy[Literal] = st.one_of(atoms, st.builds(Not, atoms), equations)
-effects: st.SearchStrategy[Formula] = st.lists(parts, min_size=1, max_size=4).map(lambda found: conjunction(*found))
+effects: st.SearchStrategy[Formula] = st.lists(parts, min_size=1, max_size=4).map(lambda effect_parts: conjunction(*effect_parts))
 
 
 @examples(100)
 @given(effects, maps())
 def test_an_effect_becomes_true_or_is_refused(effect: Formula, map: Map) -> None:
     try:
-        found = changes(effect, map, ONTOLOGY)
+        found_changes = changes(effect, map, ONTOLOGY)
     except FormulaError:
         return
-    after = map.changed(found)
-    assert formula_holds(effect, after, ONTOLOGY)
-    assert changes(effect, after, ONTOLOGY) == []
-    if found:
-        assert after != map
-    for change in found:
+    map_after = map.changed(found_changes)
+    assert formula_holds(effect, map_after, ONTOLOGY)
+    assert changes(effect, map_after, ONTOLOGY) == []
+    if found_changes:
+        assert map_after != map
+    for change in found_changes:
         assert map.changed([change]) != map, "only real changes"
     for part in conjuncts(effect):
         if isinstance(part, Relation) and part.relation in ("isOn", "isIn"):
             first = str(part.arguments[0])
-            assert [f for f in after.facts() if f.relation in ("isOn", "isIn") and f.arguments[0] == first] == [
+            assert [f for f in map_after.facts() if f.relation in ("isOn", "isIn") and f.arguments[0] == first] == [
                 Fact(part.relation, tuple(str(argument) for argument in part.arguments))
             ]
 
@@ -214,7 +219,7 @@ def test_indexes_follow_the_changes(sequence: list[Formula], map: Map) -> None:
 
 
 NAMES = ("A", "B", "C")
-anything = st.one_of(
+any_change = st.one_of(
     st.builds(
         ObjectAdded,
         st.builds(
@@ -232,7 +237,7 @@ anything = st.one_of(
 
 
 @examples(75)
-@given(st.lists(st.lists(anything, max_size=4), max_size=4))
+@given(st.lists(st.lists(any_change, max_size=4), max_size=4))
 def test_every_index_follows_any_change(sequence: list[list[Change]]) -> None:
     """Each map of a history, asked when it was new and when all of its successors are there."""
     maps = [Map([Object(name=name, type="Jar", values={"Open": True}) for name in NAMES])]
@@ -252,10 +257,10 @@ def test_every_index_follows_any_change(sequence: list[list[Change]]) -> None:
 
 
 def _answers(map: Map) -> list[set[object]]:
-    asked: list[set[object]] = [set(map.of_type(name)) for name in ("Jar", "Shelf")]
-    asked += [set(map.with_value(path, value)) for path in ("Open", "Weight") for value in (True, False)]
-    asked += [set(map.facts_with("near", place, name)) for place in (0, 1) for name in NAMES]
-    return asked
+    answers: list[set[object]] = [set(map.of_type(name)) for name in ("Jar", "Shelf")]
+    answers += [set(map.with_value(path, value)) for path in ("Open", "Weight") for value in (True, False)]
+    answers += [set(map.facts_with("near", place, name)) for place in (0, 1) for name in NAMES]
+    return answers
 
 
 def test_an_index_that_changed_much_is_right() -> None:
@@ -264,8 +269,8 @@ def test_an_index_that_changed_much_is_right() -> None:
     map = Map((Object(name=f"O{n}", type="Jar") for n in range(count)), [Fact("near", (f"O{n}", "O0")) for n in range(0, count, 2)])
     assert len(map.facts_with("near", 1, "O0")) == count / 2
     for n in range(count):
-        added = FactAdded(Fact("near", (f"O{n}", "O1")))
-        map = map.changed([added] if n % 2 else [added, FactRemoved(Fact("near", (f"O{n}", "O0")))])
+        addition = FactAdded(Fact("near", (f"O{n}", "O1")))
+        map = map.changed([addition] if n % 2 else [addition, FactRemoved(Fact("near", (f"O{n}", "O0")))])
     assert len(map.facts_with("near", 1, "O0")) == 0
     assert len(map.facts_with("near", 1, "O1")) == count
     assert set(map.objects_at("near", 1)) == {"O1"}

@@ -41,7 +41,7 @@ def service(effect: str, outputs: tuple[Parameter, ...] = (), **inputs: str) -> 
 
 TRANSFER = service("?Object isOn ?Destination", Object="Graspable", Destination="Object")
 PICK = service("?Object isHeldBy ?Provider", Object="Graspable")
-GO = service("?Provider isAt ?Place", Place="Place")
+MOVE = service("?Provider isAt ?Place", Place="Place")
 OPEN = service("?Door.Open = ?Open", Door="Door", Open="truth")
 FILL = service("?Object.Weight = 500 g AND ?Object.Color = ?Color", Object="Graspable", Color="text")
 WEIGH = service("?Object.Weight = ?w", outputs=(Parameter(name="w", type="number"),), Object="Graspable")
@@ -49,7 +49,7 @@ JOIN = service("?A isAdjacentTo ?B", A="Object", B="Object")
 
 
 @pytest.mark.parametrize(
-    ("offered", "wanted", "able", "rows"),
+    ("offered", "goal", "able", "rows"),
     [
         (TRANSFER, "Jar1 isOn Table1", True, [{"Object": "Jar1", "Destination": "Table1"}]),
         (TRANSFER, "Table1 isOn Table2", False, []),  # too heavy for its input's type
@@ -70,8 +70,8 @@ JOIN = service("?A isAdjacentTo ?B", A="Object", B="Object")
         (PICK, "Jar1 isHeldBy Robot1", True, [{"Object": "Jar1", "Provider": "Robot1"}]),
         (PICK, "Jar1 isHeldBy Table1", False, []),
         (PICK, "NOT Jar1 isOn Table1", True, [{"Object": "Jar1"}]),
-        (GO, "Robot1 isAt Spot1", True, [{"Provider": "Robot1", "Place": "Spot1"}]),
-        (GO, "Robot1 isAt ?where AND Jar1 isHeldBy Robot1", True, []),
+        (MOVE, "Robot1 isAt Spot1", True, [{"Provider": "Robot1", "Place": "Spot1"}]),
+        (MOVE, "Robot1 isAt ?where AND Jar1 isHeldBy Robot1", True, []),
         (OPEN, "Door1.Open = TRUE", True, [{"Door": "Door1", "Open": "TRUE"}]),
         (OPEN, "Door1.Open = Red", False, []),
         (OPEN, "NOT Door1.Open = TRUE", True, []),
@@ -88,20 +88,20 @@ JOIN = service("?A isAdjacentTo ?B", A="Object", B="Object")
         (JOIN, "NOT Table1 isAdjacentTo Table2", False, []),  # it may be beside many
     ],
 )
-def test_matches(offered: ServiceType, wanted: str, able: bool, rows: list[dict[str, str]]) -> None:
-    formula = parse(wanted)
+def test_matches(offered: ServiceType, goal: str, able: bool, rows: list[dict[str, str]]) -> None:
+    formula = parse(goal)
     assert can_achieve(offered, formula, upper(), MAP) is able
-    found = [{name: str(term) for name, term in row.items()} for row in achieving_bindings(offered, formula, upper(), MAP)]
-    assert sorted(found, key=str) == sorted(rows, key=str)
+    found_rows = [{name: str(term) for name, term in row.items()} for row in achieving_bindings(offered, formula, upper(), MAP)]
+    assert sorted(found_rows, key=str) == sorted(rows, key=str)
 
 
 LIGHTEN = service("?Object.Weight = ?Object.Weight - 1 kg", Object="Graspable")
-SAY = service("?Object.Label = ?Words", Object="Graspable", Words="text")
-MORE = service("?Object.Weight > 1 kg", Object="Graspable")
+LABEL = service("?Object.Label = ?Words", Object="Graspable", Words="text")
+HEAVIER = service("?Object.Weight > 1 kg", Object="Graspable")
 
 
 @pytest.mark.parametrize(
-    ("offered", "wanted", "able"),
+    ("offered", "goal", "able"),
     [
         (FILL, "0.5 = Jar1.Weight", True),
         (FILL, "0.6 = Jar1.Weight", False),
@@ -130,22 +130,22 @@ MORE = service("?Object.Weight > 1 kg", Object="Graspable")
         (FILL, "Jar1.Elevation = 0.5", False),
         (FILL, "Door1.Weight = 0.5", False),
         (FILL, "?x = Jar1", False),
-        (MORE, "Jar1.Weight > 1 kg", False),
-        (SAY, 'Jar1.Label = "x"', True),
-        (SAY, "Jar1.Label = Red", True),
-        (SAY, "Jar1.Label = 3", False),
-        (SAY, "Jar1.Label = TRUE", False),
+        (HEAVIER, "Jar1.Weight > 1 kg", False),
+        (LABEL, 'Jar1.Label = "x"', True),
+        (LABEL, "Jar1.Label = Red", True),
+        (LABEL, "Jar1.Label = 3", False),
+        (LABEL, "Jar1.Label = TRUE", False),
         (WEIGH, "Jar1.Weight = Red", False),
         (OPEN, "Door1.Open = 3", False),
         (LIGHTEN, "Jar1.Weight < 3 kg", True),
     ],
 )
-def test_an_effect_on_a_value_reaches_a_limit(offered: ServiceType, wanted: str, able: bool) -> None:
-    assert can_achieve(offered, parse(wanted), upper(), MAP) is able
+def test_an_effect_on_a_value_reaches_a_limit(offered: ServiceType, goal: str, able: bool) -> None:
+    assert can_achieve(offered, parse(goal), upper(), MAP) is able
 
 
 @pytest.mark.parametrize(
-    ("offered", "wanted", "rows"),
+    ("offered", "goal", "rows"),
     [
         (LIGHTEN, "Jar1.Weight = Jar1.Weight - 1 kg", [{"Object": "Jar1"}]),
         (LIGHTEN, "Jar1.Weight = Jar2.Weight - 1 kg", []),
@@ -156,13 +156,13 @@ def test_an_effect_on_a_value_reaches_a_limit(offered: ServiceType, wanted: str,
         (TRANSFER, "Jar1 isOn ?y: Table", [{"Object": "Jar1", "Destination": "?y: Table"}]),
         (TRANSFER, "NOT Jar1 isIn Table1", [{"Object": "Jar1"}]),
         (TRANSFER, "NOT Jar1 isAdjacentTo Table1", []),
-        (SAY, "Jar1.Label = ?w: text", [{"Object": "Jar1", "Words": "?w: text"}]),
-        (SAY, "Jar1.Label = ?w: number", []),
+        (LABEL, "Jar1.Label = ?w: text", [{"Object": "Jar1", "Words": "?w: text"}]),
+        (LABEL, "Jar1.Label = ?w: number", []),
     ],
 )
-def test_what_is_sure_to_bring_about_all(offered: ServiceType, wanted: str, rows: list[dict[str, str]]) -> None:
-    found = achieving_bindings(offered, parse(wanted), upper(), MAP)
-    assert [{name: str(term) for name, term in row.items()} for row in found] == rows
+def test_what_is_sure_to_bring_about_all(offered: ServiceType, goal: str, rows: list[dict[str, str]]) -> None:
+    found_rows = achieving_bindings(offered, parse(goal), upper(), MAP)
+    assert [{name: str(term) for name, term in row.items()} for row in found_rows] == rows
 
 
 PLACES = small.ONTOLOGY.extended(
@@ -176,7 +176,7 @@ PLACES = small.ONTOLOGY.extended(
 
 
 @pytest.mark.parametrize(
-    ("effect", "wanted", "able", "rows"),
+    ("effect", "goal", "able", "rows"),
     [
         ("?P hangs ?Q", "NOT A leans B", True, [{"P": "A"}]),
         ("?P hangs C", "NOT A hangs B", False, []),  # it may hang on both
@@ -202,10 +202,10 @@ PLACES = small.ONTOLOGY.extended(
         ("?P isOn ?Q", "isOn(A)", False, []),
     ],
 )
-def test_what_displaces_what(effect: str, wanted: str, able: bool, rows: list[dict[str, str]]) -> None:
-    offered, asked = service(effect, P="Object", Q="Object"), parse(wanted)
-    assert can_achieve(offered, asked, PLACES) is able
-    assert [{name: str(term) for name, term in row.items()} for row in achieving_bindings(offered, asked, PLACES)] == rows
+def test_what_displaces_what(effect: str, goal: str, able: bool, rows: list[dict[str, str]]) -> None:
+    offered, goal_formula = service(effect, P="Object", Q="Object"), parse(goal)
+    assert can_achieve(offered, goal_formula, PLACES) is able
+    assert [{name: str(term) for name, term in row.items()} for row in achieving_bindings(offered, goal_formula, PLACES)] == rows
 
 
 def test_without_a_map_constants_may_be_anything() -> None:
@@ -214,9 +214,9 @@ def test_without_a_map_constants_may_be_anything() -> None:
 
 
 def test_variables_of_both_sides_may_have_the_same_name() -> None:
-    wanted = parse("?Destination isOn ?Object")
-    assert isinstance(wanted, Relation)
-    assert list(unifiers(parse(TRANSFER.effect), wanted, upper(), types_of(TRANSFER, upper()))) == [
+    goal = parse("?Destination isOn ?Object")
+    assert isinstance(goal, Relation)
+    assert list(unifiers(parse(TRANSFER.effect), goal, upper(), types_of(TRANSFER, upper()))) == [
         {"Object": Variable("Destination", "Graspable"), "Destination": Variable("Object", "Object")}
     ]
 
@@ -229,8 +229,8 @@ effect_relations = small.facts.flatmap(
     )
 )
 effects = st.lists(effect_relations | st.builds(Not, effect_relations), min_size=1, max_size=2).map(lambda parts: conjunction(*parts))
-wanted_relations = small.facts.map(lambda fact: Relation(fact.relation, tuple(Name(name) for name in fact.arguments)))
-wishes = st.lists(wanted_relations | st.builds(Not, wanted_relations), min_size=1, max_size=2).map(lambda parts: conjunction(*parts))
+goal_relations = small.facts.map(lambda fact: Relation(fact.relation, tuple(Name(name) for name in fact.arguments)))
+goals = st.lists(goal_relations | st.builds(Not, goal_relations), min_size=1, max_size=2).map(lambda parts: conjunction(*parts))
 
 
 PAIRED = Map([Object(name="A", type="Object"), Object(name="B", type="Jar")], [Fact("isPairedWith", ("A", "B"))])
@@ -244,19 +244,19 @@ def made_true(effect: Formula, map: Map, inputs: dict[str, Term]) -> Map | None:
 
 
 @examples(60)
-@given(effects, wishes, small.maps(), st.sampled_from(["Object", "Thing", "Jar"]))
+@given(effects, goals, small.maps(), st.sampled_from(["Object", "Thing", "Jar"]))
 @example(parse("?P isPairedWith ?P"), parse("NOT A isPairedWith B"), PAIRED, "Thing")
-def test_matches_agree_with_the_effects_made_true(effect: Formula, wanted: Formula, map: Map, type_name: str) -> None:
+def test_matches_agree_with_the_effects_made_true(effect: Formula, goal: Formula, map: Map, type_name: str) -> None:
     offered = service(str(effect), P=type_name, Q="Object")
     fitting = [Name(o.name) for o in map.objects.values() if small.ONTOLOGY.is_subtype(o.type, type_name)]
-    everything = [Name(name) for name in map.objects]
-    assignments: list[dict[str, Term]] = [{"P": p, "Q": q} for p, q in itertools.product(fitting, everything)]
-    for row in achieving_bindings(offered, wanted, small.ONTOLOGY, map):
+    all_names = [Name(name) for name in map.objects]
+    assignments: list[dict[str, Term]] = [{"P": p, "Q": q} for p, q in itertools.product(fitting, all_names)]
+    for row in achieving_bindings(offered, goal, small.ONTOLOGY, map):
         for assignment in assignments:
             if all(assignment[name] == term for name, term in row.items()):
-                after = made_true(effect, map, assignment)
-                assert after is None or formula_holds(wanted, after, small.ONTOLOGY)
+                map_after = made_true(effect, map, assignment)
+                assert map_after is None or formula_holds(goal, map_after, small.ONTOLOGY)
     for assignment in assignments:
-        after = made_true(effect, map, assignment) if variables(effect) else None
-        if after is not None and formula_holds(wanted, after, small.ONTOLOGY) and not formula_holds(wanted, map, small.ONTOLOGY):
-            assert can_achieve(offered, wanted, small.ONTOLOGY, map)
+        map_after = made_true(effect, map, assignment) if variables(effect) else None
+        if map_after is not None and formula_holds(goal, map_after, small.ONTOLOGY) and not formula_holds(goal, map, small.ONTOLOGY):
+            assert can_achieve(offered, goal, small.ONTOLOGY, map)

@@ -27,7 +27,7 @@ ONTOLOGY = Ontology(
 
 
 def renamer(*renamings: tuple[Section, str, str]) -> Renamer:
-    return Renamer((Renaming(section=section, name=name, to=to) for section, name, to in renamings), ONTOLOGY)
+    return Renamer((Renaming(section=section, name=name, to=new_name) for section, name, new_name in renamings), ONTOLOGY)
 
 
 SWAPPED = renamer(
@@ -91,9 +91,12 @@ def test_types() -> None:
 
 
 def test_what_becomes_of_a_map() -> None:
-    a, c = Object(name="A", type="Room", values={"Color": "A"}), Object(name="C", type="Room", values={"Color": "Blue", "Owner": "A"})
-    jar, other = Object(name="D", type="Jar"), Object(name="E", type="Room", values={"Owner": "A"})
-    map = Map([a, c, jar, other], [Fact("isOn", ("A", "C")), Fact("isNew", ("C",))])
+    room_a, room_c = (
+        Object(name="A", type="Room", values={"Color": "A"}),
+        Object(name="C", type="Room", values={"Color": "Blue", "Owner": "A"}),
+    )
+    jar, other_room = Object(name="D", type="Jar"), Object(name="E", type="Room", values={"Owner": "A"})
+    map = Map([room_a, room_c, jar, other_room], [Fact("isOn", ("A", "C")), Fact("isNew", ("C",))])
     expected: list[Change] = [
         FactRemoved(Fact("isOn", ("A", "C"))),
         ObjectRemoved("A"),
@@ -104,13 +107,13 @@ def test_what_becomes_of_a_map() -> None:
         FactAdded(Fact("standsOn", ("B", "C"))),
     ]
     assert list(SWAPPED.changes(map)) == expected
-    assert SWAPPED.object(other) is other
+    assert SWAPPED.object(other_room) is other_room
 
 
 def test_whether_something_is_spoken_of() -> None:
     formula = parse("A isOn B")
-    asked = [(Section.OBJECTS, "A"), (Section.RELATIONS, "isOn"), (Section.OBJECTS, "C"), (Section.TYPES, "A")]
-    assert [speaks_of(formula, DefinitionKey(section=section, name=name), ONTOLOGY) for section, name in asked] == [
+    mentions = [(Section.OBJECTS, "A"), (Section.RELATIONS, "isOn"), (Section.OBJECTS, "C"), (Section.TYPES, "A")]
+    assert [speaks_of(formula, DefinitionKey(section=section, name=name), ONTOLOGY) for section, name in mentions] == [
         True,
         True,
         False,

@@ -56,7 +56,7 @@ ONTOLOGY = Ontology(
 )
 
 
-def at(name: str, type: str, **values: Value) -> Object:
+def object_at(name: str, type: str, **values: Value) -> Object:
     return Object(name=name, type=type, values={"PositionX": 0.0, "PositionY": 0.0, **{k.replace("__", "."): v for k, v in values.items()}})
 
 
@@ -68,7 +68,7 @@ def part(name: str, whole: str = "Site1") -> Fact:
     return Fact(PART_OF, (name, whole))
 
 
-HAS = "it has Color, Load, Note, Open, PositionX, PositionY, Power, Shape"
+KNOWN_ATTRIBUTES = "it has Color, Load, Note, Open, PositionX, PositionY, Power, Shape"
 NOWHERE = "is nowhere: it is part of nothing, has no position, and no fact such as isOn says where it is"
 
 
@@ -102,17 +102,23 @@ def broken(subject: str, rule: str, message: str, path: str = "") -> Violation:
 def test_what_is_said_of_a_value(name: str, value: Value, problem: str) -> None:
     assert value_problem(ONTOLOGY.attributes[name], value) == problem
     expected = [broken("A", "value", problem, name)] if problem else []
-    assert violations(site(at("A", "Box", **{name: value})), ONTOLOGY) == expected
+    assert violations(site(object_at("A", "Box", **{name: value})), ONTOLOGY) == expected
 
 
 @pytest.mark.parametrize(
     ("object", "expected"),
     [
-        (at("A", "Box", Unused="x"), [broken("A", "unknown-attribute", f"a Box has no attribute Unused; {HAS}", "Unused")]),
-        (at("A", "Box", Shape__Hight=1.0), [broken("A", "unknown-attribute", f"a Box has no attribute Shape.Hight; {HAS}", "Shape.Hight")]),
-        (at("A", "Box", Lod=1.0), [broken("A", "unknown-attribute", "no attribute is called Lod; did you mean Load?", "Lod")]),
         (
-            at("A", "Box", Qwertz=1.0),
+            object_at("A", "Box", Unused="x"),
+            [broken("A", "unknown-attribute", f"a Box has no attribute Unused; {KNOWN_ATTRIBUTES}", "Unused")],
+        ),
+        (
+            object_at("A", "Box", Shape__Hight=1.0),
+            [broken("A", "unknown-attribute", f"a Box has no attribute Shape.Hight; {KNOWN_ATTRIBUTES}", "Shape.Hight")],
+        ),
+        (object_at("A", "Box", Lod=1.0), [broken("A", "unknown-attribute", "no attribute is called Lod; did you mean Load?", "Lod")]),
+        (
+            object_at("A", "Box", Qwertz=1.0),
             [
                 broken(
                     "A",
@@ -122,50 +128,50 @@ def test_what_is_said_of_a_value(name: str, value: Value, problem: str) -> None:
                 )
             ],
         ),
-        (at("A", "Bxo"), [broken("A", "unknown-type", "no type is called Bxo; did you mean Box?", "type")]),
-        (at("A", "Fixed"), [broken("A", "required", "a Fixed must have Open; write Open: and its value")]),
-        (at("A", "Crate"), [broken("A", "required", "a Crate must have Open; write Open: and its value")]),
-        (at("A", "Crate", Open=True), []),
-        (at("A", "Tower"), [broken("A", "required", "a Tower must have Shape; write Shape: and its value")]),
-        (at("A", "Tower", Shape__Form="x"), []),
-        (at("A", "Stool"), []),
+        (object_at("A", "Bxo"), [broken("A", "unknown-type", "no type is called Bxo; did you mean Box?", "type")]),
+        (object_at("A", "Fixed"), [broken("A", "required", "a Fixed must have Open; write Open: and its value")]),
+        (object_at("A", "Crate"), [broken("A", "required", "a Crate must have Open; write Open: and its value")]),
+        (object_at("A", "Crate", Open=True), []),
+        (object_at("A", "Tower"), [broken("A", "required", "a Tower must have Shape; write Shape: and its value")]),
+        (object_at("A", "Tower", Shape__Form="x"), []),
+        (object_at("A", "Stool"), []),
         (
-            at("A", "Tower", Shaper="x"),
+            object_at("A", "Tower", Shaper="x"),
             [
                 broken("A", "unknown-attribute", "no attribute is called Shaper; did you mean Shape or Shape.Form?", "Shaper"),
                 broken("A", "required", "a Tower must have Shape; write Shape: and its value"),
             ],
         ),
-        (at("A", "Tank"), []),
-        (at("A", "Tank", Load=2.0, Color="Blue"), []),
-        (at("A", "Tank", Load=4.0), []),
-        (at("A", "Tank", Load=1.0), [broken("A", "constraint", "for a Tank, Load is at least 2, not 1", "Load")]),
-        (at("A", "Tank", Load=5.0), [broken("A", "constraint", "for a Tank, Load is at most 4, not 5", "Load")]),
-        (at("A", "Tank", Load=20.0), [broken("A", "value", "Load is at most 10, not 20", "Load")]),
+        (object_at("A", "Tank"), []),
+        (object_at("A", "Tank", Load=2.0, Color="Blue"), []),
+        (object_at("A", "Tank", Load=4.0), []),
+        (object_at("A", "Tank", Load=1.0), [broken("A", "constraint", "for a Tank, Load is at least 2, not 1", "Load")]),
+        (object_at("A", "Tank", Load=5.0), [broken("A", "constraint", "for a Tank, Load is at most 4, not 5", "Load")]),
+        (object_at("A", "Tank", Load=20.0), [broken("A", "value", "Load is at most 10, not 20", "Load")]),
         (
-            at("A", "Tank", Load=20.0, Color="Green", Open=True),  # of the formula nothing is said while a value is wrong
+            object_at("A", "Tank", Load=20.0, Color="Green", Open=True),  # of the formula nothing is said while a value is wrong
             [
                 broken("A", "value", "Load is at most 10, not 20", "Load"),
                 broken("A", "constraint", "for a Tank, Color is one of Red, Blue, not Green", "Color"),
             ],
         ),
-        (at("A", "Tank", Open=True), [broken("A", "constraint", "An open tank needs power; this one does not")]),
-        (at("A", "Tank", Open=True, Power=1.0), [broken("A", "constraint", "An open tank needs power; this one does not")]),
-        (at("A", "Tank", Open=True, Power=2.0), []),
+        (object_at("A", "Tank", Open=True), [broken("A", "constraint", "An open tank needs power; this one does not")]),
+        (object_at("A", "Tank", Open=True, Power=1.0), [broken("A", "constraint", "An open tank needs power; this one does not")]),
+        (object_at("A", "Tank", Open=True, Power=2.0), []),
         (
-            at("A", "Barrel", Shape__Height=1.0),  # the default of its own type
+            object_at("A", "Barrel", Shape__Height=1.0),  # the default of its own type
             [broken("A", "constraint", "for a Tank, Load is at most 4, not 5", "Load")],
         ),
-        (at("A", "Keg", Shape__Height=1.0), []),
+        (object_at("A", "Keg", Shape__Height=1.0), []),
         (
-            at("A", "Keg", Shape__Height=3.0),
+            object_at("A", "Keg", Shape__Height=3.0),
             [broken("A", "constraint", "every Barrel obeys ?Self.Shape.Height < 3; this one does not")],
         ),
-        (at("A", "Mate"), [broken("A", "constraint", "every Mate obeys ?Box: Box isOn ?Self; this one does not")]),
-        (at("A", "Twin", Load=2.0), [broken("A", "constraint", "every Twin obeys ?Self.Load = Model.Load; this one does not")]),
-        (at("A", "Twin", Load=1.0), []),
+        (object_at("A", "Mate"), [broken("A", "constraint", "every Mate obeys ?Box: Box isOn ?Self; this one does not")]),
+        (object_at("A", "Twin", Load=2.0), [broken("A", "constraint", "every Twin obeys ?Self.Load = Model.Load; this one does not")]),
+        (object_at("A", "Twin", Load=1.0), []),
         (
-            at("A", "Lid", Load=1.0),
+            object_at("A", "Lid", Load=1.0),
             [broken("A", "constraint", "every Lid obeys ?Self.Load < 3 AND ?Self isOn Model; this one does not")],
         ),
         (Object(name="A", type="Box"), [broken("A", "place", NOWHERE)]),
@@ -180,7 +186,7 @@ def test_what_is_said_of_a_value(name: str, value: Value, problem: str) -> None:
     ids=str,
 )
 def test_what_is_said_of_an_object(object: Object, expected: list[Violation]) -> None:
-    map = site(at("Model", "Box", Load=1.0), object)
+    map = site(object_at("Model", "Box", Load=1.0), object)
     assert violations(map, ONTOLOGY) == expected
     assert violations_of(map, ONTOLOGY, ["A"]) == expected
     assert violations_of(map, ONTOLOGY, ["Model"]) == []
@@ -247,17 +253,17 @@ def test_a_relation_that_excludes_others_says_where_a_thing_is(fact: Fact, expec
     ids=str,
 )
 def test_what_is_said_of_facts(facts: list[Fact], expected: list[Violation]) -> None:
-    map = site(at("A", "Box"), at("B", "Box"), at("T", "Thing"), facts=tuple(facts))
+    map = site(object_at("A", "Box"), object_at("B", "Box"), object_at("T", "Thing"), facts=tuple(facts))
     assert violations(map, ONTOLOGY) == expected
     assert violations_of(map, ONTOLOGY, ["Site1"]) == []
 
 
 def test_parts_of_parts_count() -> None:
-    boxes = [at(name, "Box") for name in "ABC"]
+    boxes = [object_at(name, "Box") for name in "ABC"]
     halls = [Object(name=name, type="Hall") for name in ("H0", "H1", "H2", "H3")]
-    within = [part("A", "H1"), part("B", "H2"), part("C", "B")]
+    part_facts = [part("A", "H1"), part("B", "H2"), part("C", "B")]
     rest = [Object(name="Y1", type="Yard"), Object(name="L1", type="Lot")]
-    map = site(*halls, *boxes, *rest, facts=(*(part(one.name) for one in (*halls, *rest)), *within))
+    map = site(*halls, *boxes, *rest, facts=(*(part(map_object.name) for map_object in (*halls, *rest)), *part_facts))
     assert violations(map, ONTOLOGY) == [
         broken("H0", "parts", "a Hall has 1 to 2 of type Box among its parts; this one has 0", "parts"),
         broken("H3", "parts", "a Hall has 1 to 2 of type Box among its parts; this one has 0", "parts"),
@@ -265,9 +271,9 @@ def test_parts_of_parts_count() -> None:
         broken("L1", "parts", "a Lot has at least 2 of type Box among its parts; this one has 0", "parts"),
     ]
     fuller = map.changed([FactRemoved(part("A", "H1")), FactAdded(part("A", "C"))])
-    found = [broken("H2", "parts", "a Hall has 1 to 2 of type Box among its parts; this one has 3", "parts")]
-    assert violations_of(fuller, ONTOLOGY, ["C"]) == found, "what it is part of is looked at too"
-    assert violations_of(fuller, ONTOLOGY, ["B"]) == found
+    expected = [broken("H2", "parts", "a Hall has 1 to 2 of type Box among its parts; this one has 3", "parts")]
+    assert violations_of(fuller, ONTOLOGY, ["C"]) == expected, "what it is part of is looked at too"
+    assert violations_of(fuller, ONTOLOGY, ["B"]) == expected
     assert violations_of(fuller, ONTOLOGY, ["H3", "H0"]) == [
         broken("H0", "parts", "a Hall has 1 to 2 of type Box among its parts; this one has 0", "parts"),
         broken("H3", "parts", "a Hall has 1 to 2 of type Box among its parts; this one has 0", "parts"),
@@ -275,7 +281,7 @@ def test_parts_of_parts_count() -> None:
 
 
 def test_a_cycle_is_told_once() -> None:
-    map = site(at("A", "Box"), at("B", "Box"), at("C", "Box"), facts=(part("C", "B"), part("A", "C"), part("B", "A")))
+    map = site(object_at("A", "Box"), object_at("B", "Box"), object_at("C", "Box"), facts=(part("C", "B"), part("A", "C"), part("B", "A")))
     expected = [broken("A", "cycle", "is a part of itself: A isPartOf C isPartOf B isPartOf A")]
     assert violations(map, ONTOLOGY) == expected
     assert violations_of(map, ONTOLOGY, ["C"]) == expected
@@ -286,7 +292,7 @@ def test_a_cycle_is_told_once() -> None:
     [
         (Map(), [broken("map", "root", "the map has no object; one must hold all others")]),
         (
-            Map([at("A", "Box")]),
+            Map([object_at("A", "Box")]),
             [
                 broken(
                     "map",
@@ -295,7 +301,7 @@ def test_a_cycle_is_told_once() -> None:
                 )
             ],
         ),
-        (Map([at("A", "Bxo")]), [broken("A", "unknown-type", "no type is called Bxo; did you mean Box?", "type")]),
+        (Map([object_at("A", "Bxo")]), [broken("A", "unknown-type", "no type is called Bxo; did you mean Box?", "type")]),
         (site(), []),
     ],
     ids=["nothing", "no root", "it may be the unknown one", "one root"],
@@ -307,7 +313,7 @@ def test_a_map_has_a_root(map: Map, expected: list[Violation]) -> None:
 @pytest.mark.parametrize(
     ("change", "names"),
     [
-        (ObjectAdded(at("N", "Box")), {"N"}),
+        (ObjectAdded(object_at("N", "Box")), {"N"}),
         (ValueSet("A", "Load", 1.0), {"A"}),
         (FactAdded(Fact("isOn", ("A", "B"))), {"A", "B"}),
         (FactRemoved(Fact("isOn", ("A", "B"))), {"A", "B"}),
@@ -317,13 +323,21 @@ def test_a_map_has_a_root(map: Map, expected: list[Violation]) -> None:
     ids=["added", "set", "fact added", "fact removed", "removed", "removed from below others"],
 )
 def test_what_a_change_touches(change: Change, names: set[str]) -> None:
-    map = site(at("A", "Box"), at("B", "Box"), at("T", "Thing"), facts=(Fact("isOn", ("A", "B")), Fact("isOn", ("B", "T"))))
+    map = site(
+        object_at("A", "Box"), object_at("B", "Box"), object_at("T", "Thing"), facts=(Fact("isOn", ("A", "B")), Fact("isOn", ("B", "T")))
+    )
     assert touched_objects(map, [change]) == names
     assert touched_objects(map, [ValueSet("Site1", "Note", "x"), change]) == {*names, "Site1"}
 
 
 def test_values_that_are_as_they_were_are_not_looked_at_again() -> None:
-    map = site(at("A", "Box", Load=11.0), at("B", "Tank", Load=1.0), at("C", "Mate"), at("D", "Box"), facts=(Fact("isOn", ("D", "C")),))
+    map = site(
+        object_at("A", "Box", Load=11.0),
+        object_at("B", "Tank", Load=1.0),
+        object_at("C", "Mate"),
+        object_at("D", "Box"),
+        facts=(Fact("isOn", ("D", "C")),),
+    )
     names = ["A", "B", "C"]
     assert [v.subject for v in violations_of(map, ONTOLOGY, names)] == ["A", "B"]
     assert violations_of(map, ONTOLOGY, names, map) == []

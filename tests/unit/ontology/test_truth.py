@@ -50,21 +50,23 @@ def read_plain(term: Term, map: Map, chosen: Assignment) -> tuple[Term, float] |
         case Call("size", (argument,)):
             assert isinstance(argument, Name | Variable)
             return read_plain(Attribute(argument, "Size"), map, chosen)
-        case Call(_, (a, b)):
-            assert isinstance(a, Name | Variable)
-            assert isinstance(b, Name | Variable)
+        case Call(_, (first_object, second_object)):
+            assert isinstance(first_object, Name | Variable)
+            assert isinstance(second_object, Name | Variable)
             total = 0.0
             for path in ("PositionX", "PositionY", "PositionZ"):
-                one, other = (read_plain(Attribute(of, path), map, chosen) for of in (a, b))
-                if one is not None and other is not None:
-                    assert isinstance(one[0], Number)
-                    assert isinstance(other[0], Number)
-                    total += (one[0].value - other[0].value) ** 2
+                first_value, second_value = (
+                    read_plain(Attribute(endpoint, path), map, chosen) for endpoint in (first_object, second_object)
+                )
+                if first_value is not None and second_value is not None:
+                    assert isinstance(first_value[0], Number)
+                    assert isinstance(second_value[0], Number)
+                    total += (first_value[0].value - second_value[0].value) ** 2
                 elif path != "PositionZ":
                     return None
             return Number(math.sqrt(total), "m"), 0.0
-        case Attribute(of, path):
-            owner = chosen[of.name] if isinstance(of, Variable) else of
+        case Attribute(owner_term, path):
+            owner = chosen[owner_term.name] if isinstance(owner_term, Variable) else owner_term
             assert isinstance(owner, Name)
             if owner.name not in map.objects:
                 return None
@@ -99,39 +101,46 @@ def literal_holds(literal: Literal, map: Map, chosen: Assignment) -> bool:
                 for choice in itertools.product(*(domain(variables(atom)[name], map) for name in hidden))
             )
         case Relation(relation, arguments):
-            found = tuple(str(chosen[a.name] if isinstance(a, Variable) else a) for a in arguments)
+            object_names = tuple(str(chosen[argument.name] if isinstance(argument, Variable) else argument) for argument in arguments)
             symmetric = relation in ("isNear", "isPairedWith")
-            return Fact(relation, found) in [*map.facts()] or (symmetric and Fact(relation, found[::-1]) in [*map.facts()])
-        case Comparison(left, operator, right):
-            one, other = read_plain(left, map, chosen), read_plain(right, map, chosen)
-            if one is None or other is None:
+            return Fact(relation, object_names) in [*map.facts()] or (symmetric and Fact(relation, object_names[::-1]) in [*map.facts()])
+        case Comparison(left_term, operator, right_term):
+            left_value, right_value = read_plain(left_term, map, chosen), read_plain(right_term, map, chosen)
+            if left_value is None or right_value is None:
                 return False
-            (a, a_tolerance), (b, b_tolerance) = one, other
-            if isinstance(a, Number) and isinstance(b, Number):
-                gap = metres(a) - metres(b)
-                if abs(gap) <= max(a_tolerance, b_tolerance) + 1e-7:
+            (left_constant, left_tolerance), (right_constant, right_tolerance) = left_value, right_value
+            if isinstance(left_constant, Number) and isinstance(right_constant, Number):
+                gap = metres(left_constant) - metres(right_constant)
+                if abs(gap) <= max(left_tolerance, right_tolerance) + 1e-7:
                     gap = 0.0
                 return {"=": gap == 0, "!=": gap != 0, "<": gap < 0, "<=": gap <= 0, ">": gap > 0, ">=": gap >= 0}[operator]
-            if isinstance(a, Truth) != isinstance(b, Truth) or isinstance(a, Number) or isinstance(b, Number):
+            if (
+                isinstance(left_constant, Truth) != isinstance(right_constant, Truth)
+                or isinstance(left_constant, Number)
+                or isinstance(right_constant, Number)
+            ):
                 return False
-            return {"=": str(a).strip('"') == str(b).strip('"'), "!=": str(a).strip('"') != str(b).strip('"')}.get(operator, False)
+            return {
+                "=": str(left_constant).strip('"') == str(right_constant).strip('"'),
+                "!=": str(left_constant).strip('"') != str(right_constant).strip('"'),
+            }.get(operator, False)
 
 
 def domain(variable: Variable, map: Map) -> list[Term]:
-    below = {"Thing": ("Thing", "Jar"), "Shelf": ("Shelf",)}
-    return [Name(o.name) for o in map.objects.values() if variable.type is None or o.type in below[variable.type]]
+    subtypes = {"Thing": ("Thing", "Jar"), "Shelf": ("Shelf",)}
+    return [Name(o.name) for o in map.objects.values() if variable.type is None or o.type in subtypes[variable.type]]
 
 
 def equations_of(branch: tuple[Literal, ...], name: str) -> list[Term]:
     """What `?name` is said to equal: terms that read something first, then variables, as they are written."""
-    found = [
-        other
+    equal_terms = [
+        other_side
         for part in branch
         if isinstance(part, Comparison) and part.operator == "="
-        for one, other in ((part.left, part.right), (part.right, part.left))
-        if one == Variable(name)
+        for side, other_side in ((part.left, part.right), (part.right, part.left))
+        if side == Variable(name)
     ]
-    return sorted(found, key=lambda term: isinstance(term, Variable))
+    return sorted(equal_terms, key=lambda term: isinstance(term, Variable))
 
 
 def plain_rows(formula: Formula, map: Map) -> Iterator[Assignment]:
@@ -156,9 +165,9 @@ def assign_values(branch: tuple[Literal, ...], names: list[str], map: Map, chose
                 continue
             if not isinstance(sources[0], Variable):
                 sources = sources[:1]
-            known = [source for source in sources if all(v in chosen for v in variables(source))]
-            if known:
-                value = read_plain(known[0], map, chosen)
+            known_sources = [source for source in sources if all(v in chosen for v in variables(source))]
+            if known_sources:
+                value = read_plain(known_sources[0], map, chosen)
                 if value is None:
                     return False
                 chosen[name] = value[0]
@@ -173,10 +182,10 @@ def undefined(formula: Formula) -> bool:
     """Whether in some branch nothing gives a value variable its value."""
     free = [n for part in literals(formula) if not isinstance(part, Not) for n in variables(part) if n in "vw"]
     for branch in alternatives(formula):
-        known: set[str] = set("xyz")
+        known_names: set[str] = set("xyz")
         for _ in free:
-            known |= {n for n in free for source in equations_of(branch, n) if set(variables(source)) <= known}
-        if not set(free) <= known:
+            known_names |= {n for n in free for source in equations_of(branch, n) if set(variables(source)) <= known_names}
+        if not set(free) <= known_names:
             return True
     return False
 
@@ -186,13 +195,13 @@ def says_what_x_is(formula: Formula) -> bool:
     if Variable("x") not in terms(formula):
         return True
     atoms = [part.atom if isinstance(part, Not) else part for part in literals(formula)]
-    inside = [
+    inner_terms = [
         t for atom in atoms for t in ([atom] if isinstance(atom, Relation) else [atom.left, atom.right]) if not isinstance(t, Variable)
     ]
-    return any(Variable("x") in terms(t) for t in inside)
+    return any(Variable("x") in terms(t) for t in inner_terms)
 
 
-def shown(row: Assignment) -> frozenset[tuple[str, str]]:
+def row_key(row: Assignment) -> frozenset[tuple[str, str]]:
     return frozenset((name, f"{metres(term):.6f}" if isinstance(term, Number) else str(term)) for name, term in row.items())
 
 
@@ -205,7 +214,7 @@ def test_bindings_are_those_of_the_plain_twin(formula: Formula, map: Map) -> Non
             list(bindings(formula, map, ONTOLOGY))
         return
     rows = list(bindings(formula, map, ONTOLOGY))
-    assert {shown(row) for row in rows} == {shown(row) for row in plain_rows(formula, map)}
+    assert {row_key(row) for row in rows} == {row_key(row) for row in plain_rows(formula, map)}
     assert len({tuple(sorted((n, str(t)) for n, t in row.items())) for row in rows}) == len(rows)
     assert formula_holds(formula, map, ONTOLOGY) == bool(rows)
 
@@ -218,7 +227,7 @@ def test_given_bindings_select_among_the_rows(formula: Formula, map: Map) -> Non
     rows = list(bindings(formula, map, ONTOLOGY))
     for name in map.objects:
         selected = list(bindings(formula, map, ONTOLOGY, {"x": Name(name)}))
-        assert {shown(row) for row in selected} == {shown(row) for row in rows if row["x"] == Name(name)}
+        assert {row_key(row) for row in selected} == {row_key(row) for row in rows if row["x"] == Name(name)}
 
 
 # By example
@@ -290,8 +299,8 @@ def lab() -> tuple[Ontology, Map]:
 )
 def test_rows(lab: tuple[Ontology, Map], formula: str, rows: list[dict[str, str]]) -> None:
     ontology, map = lab
-    found = [{name: str(term) for name, term in row.items()} for row in bindings(parse(formula), map, ontology)]
-    assert sorted(found, key=str) == sorted(rows, key=str)
+    found_rows = [{name: str(term) for name, term in row.items()} for row in bindings(parse(formula), map, ontology)]
+    assert sorted(found_rows, key=str) == sorted(rows, key=str)
 
 
 @pytest.mark.parametrize(
@@ -321,8 +330,8 @@ def test_rows(lab: tuple[Ontology, Map], formula: str, rows: list[dict[str, str]
 )
 def test_variables_stand_for_what_their_types_say(lab: tuple[Ontology, Map], formula: str, rows: list[dict[str, str]]) -> None:
     ontology, map = lab
-    found = [{name: str(term) for name, term in row.items()} for row in bindings(parse(formula), map, ontology)]
-    assert sorted(found, key=_by_name) == sorted(rows, key=_by_name)
+    found_rows = [{name: str(term) for name, term in row.items()} for row in bindings(parse(formula), map, ontology)]
+    assert sorted(found_rows, key=_by_name) == sorted(rows, key=_by_name)
 
 
 def _by_name(row: dict[str, str]) -> list[tuple[str, str]]:
@@ -330,7 +339,7 @@ def _by_name(row: dict[str, str]) -> list[tuple[str, str]]:
 
 
 @pytest.mark.parametrize(
-    ("formula", "given", "rows"),
+    ("formula", "initial_bindings", "rows"),
     [
         ("?x isOn Table1", {"x": Name("Jar1")}, [{"x": "Jar1"}]),
         ("?x isOn Table1", {"x": Name("Table1")}, []),
@@ -350,10 +359,10 @@ def _by_name(row: dict[str, str]) -> list[tuple[str, str]]:
     ],
 )
 def test_given_terms_are_kept_or_are_no_answer(
-    lab: tuple[Ontology, Map], formula: str, given: dict[str, Term], rows: list[dict[str, str]]
+    lab: tuple[Ontology, Map], formula: str, initial_bindings: dict[str, Term], rows: list[dict[str, str]]
 ) -> None:
     ontology, map = lab
-    assert [{name: str(term) for name, term in row.items()} for row in bindings(parse(formula), map, ontology, given)] == rows
+    assert [{name: str(term) for name, term in row.items()} for row in bindings(parse(formula), map, ontology, initial_bindings)] == rows
 
 
 @pytest.mark.parametrize(

@@ -12,18 +12,33 @@ LOAD = AttributeType(name="Load", kind=Kind.NUMBER)
 FORM = AttributeType(name="Form", kind=Kind.TEXT)
 SHAPE = AttributeType(name="Shape", kind=Kind.COMPLEX, attributes=("Form", "Size"))
 SIZE = AttributeType(name="Size", kind=Kind.COMPLEX, attributes=("Load", "Missing"))
-NEAR = RelationType(name="near", joins=("Box", "Box"))
+NEAR_RELATION = RelationType(name="near", joins=("Box", "Box"))
 FAR = FunctionType(name="far", parameters=("Box",))
 OBJECT = ObjectType(name=ROOT, parent=None)
 BOX = ObjectType(name="Box", parent=ROOT, attributes=("Load",), defaults={"Load": 1.0, "Shape.Form": "flat"}, driver="a:A")
 CRATE = ObjectType(name="Crate", parent="Box", required=("Shape",), defaults={"Load": 0.0}, attributes=("Missing",))
 VAT = ObjectType(name="Vat", parent="Crate", driver="b:B")
-ONE = ObjectType(name="One", parent="Other")
-OTHER = ObjectType(name="Other", parent="One")
+ONE_TYPE = ObjectType(name="One", parent="Other")
+OTHER_TYPE = ObjectType(name="Other", parent="One")
 STRAY = ObjectType(name="Stray", parent="Gone")
 OPEN = ServiceType(name="Open", effect="A near B")
-ALL: list[Definition] = [LOAD, FORM, SHAPE, SIZE, NEAR, FAR, OBJECT, BOX, CRATE, VAT, ONE, OTHER, STRAY, OPEN]
-ONTOLOGY = Ontology(reversed(ALL))
+ALL_DEFINITIONS: list[Definition] = [
+    LOAD,
+    FORM,
+    SHAPE,
+    SIZE,
+    NEAR_RELATION,
+    FAR,
+    OBJECT,
+    BOX,
+    CRATE,
+    VAT,
+    ONE_TYPE,
+    OTHER_TYPE,
+    STRAY,
+    OPEN,
+]
+ONTOLOGY = Ontology(reversed(ALL_DEFINITIONS))
 
 
 @pytest.mark.parametrize(
@@ -68,18 +83,20 @@ def test_defaults_and_drivers_are_those_of_the_nearest_ancestor() -> None:
 
 
 def test_definitions_are_found_by_section_and_name() -> None:
-    assert {key_of(one) for one in ONTOLOGY} == {key_of(one) for one in ALL}
-    sections = [key_of(one).section for one in ONTOLOGY]
+    assert {key_of(definition) for definition in ONTOLOGY} == {key_of(definition) for definition in ALL_DEFINITIONS}
+    sections = [key_of(definition).section for definition in ONTOLOGY]
     assert list(dict.fromkeys(sections)) == [section for section in Section if section is not Section.OBJECTS]
-    assert all(find_definition(ONTOLOGY, key_of(one)) is one for one in ALL)
+    assert all(find_definition(ONTOLOGY, key_of(definition)) is definition for definition in ALL_DEFINITIONS)
     assert find_definition(ONTOLOGY, DefinitionKey(section=Section.OBJECTS, name="Box")) is None
     assert find_definition(ONTOLOGY, DefinitionKey(section=Section.RELATIONS, name="Box")) is None
 
 
 def test_an_ontology_is_revised() -> None:
     new = ObjectType(name="Box", parent=ROOT)
-    changed = revise_ontology(ONTOLOGY, [key_of(VAT), key_of(NEAR)], [new])
-    assert {key_of(one): one for one in changed} == {key_of(one): one for one in ALL if one not in (VAT, NEAR, BOX)} | {key_of(new): new}
+    changed = revise_ontology(ONTOLOGY, [key_of(VAT), key_of(NEAR_RELATION)], [new])
+    assert {key_of(definition): definition for definition in changed} == {
+        key_of(definition): definition for definition in ALL_DEFINITIONS if definition not in (VAT, NEAR_RELATION, BOX)
+    } | {key_of(new): new}
     assert [*revise_ontology(ONTOLOGY, [], [])] == [*ONTOLOGY]
     assert [*ONTOLOGY.extended([new])][-1] == ONTOLOGY.services["Open"]
     assert ONTOLOGY.types["Box"] is BOX, "the old one is as it was"

@@ -14,9 +14,9 @@ from tests.support.paths import SCENARIO_1
 
 
 @given(value=st.floats(-1e4, 1e4, allow_nan=False))
-@pytest.mark.parametrize(("unit", "to"), USUAL_FACTORS)
-def test_the_usual_units_are_as_pint_has_them(unit: str, to: str, value: float) -> None:
-    assert convert_unit(value, unit, to) == float(_registry().convert(value, unit, to))
+@pytest.mark.parametrize(("unit", "target_unit"), USUAL_FACTORS)
+def test_the_usual_units_are_as_pint_has_them(unit: str, target_unit: str, value: float) -> None:
+    assert convert_unit(value, unit, target_unit) == float(_registry().convert(value, unit, target_unit))
 
 
 @pytest.mark.parametrize("unit", sorted({*COMMON, *(unit for pair in USUAL_FACTORS for unit in pair)}))
@@ -30,7 +30,7 @@ def test_a_map_in_usual_units_is_read_without_pint() -> None:
 
 
 @pytest.mark.parametrize(
-    ("value", "unit", "to", "expected"),
+    ("value", "unit", "target_unit", "expected"),
     [
         (2.0, "wibble", "wibble", 2.0),
         (2.0, "wibble", "m", None),
@@ -42,11 +42,11 @@ def test_a_map_in_usual_units_is_read_without_pint() -> None:
         (3.0, "euro", "EUR", 3.0),
     ],
 )
-def test_what_can_be_expressed_in_another_unit(value: float, unit: str, to: str, expected: float | None) -> None:
-    assert convert_unit(value, unit, to) == expected
-    assert is_convertible(unit, to) is (expected is not None)
+def test_what_can_be_expressed_in_another_unit(value: float, unit: str, target_unit: str, expected: float | None) -> None:
+    assert convert_unit(value, unit, target_unit) == expected
+    assert is_convertible(unit, target_unit) is (expected is not None)
 
 
-@pytest.mark.parametrize(("unit", "there"), [("km/h", True), ("EUR", True), ("euro", True), ("wibble", False), ("m/", False)])
-def test_which_units_are_known(unit: str, there: bool) -> None:
-    assert is_known_unit(unit) is there
+@pytest.mark.parametrize(("unit", "is_unit"), [("km/h", True), ("EUR", True), ("euro", True), ("wibble", False), ("m/", False)])
+def test_which_units_are_known(unit: str, is_unit: bool) -> None:
+    assert is_known_unit(unit) is is_unit

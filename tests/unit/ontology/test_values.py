@@ -113,7 +113,7 @@ def test_what_variables_stand_for(text: str, bound: dict[str, Term], measured: M
 
 
 @pytest.mark.parametrize(
-    ("left", "right", "holding"),
+    ("left_constant", "right_constant", "holding"),
     [
         (Number(1), Number(1), {"=", "<=", ">="}),
         (Number(1), Number(2), {"!=", "<", "<="}),
@@ -138,12 +138,14 @@ def test_what_variables_stand_for(text: str, bound: dict[str, Term], measured: M
         (Truth(True), Name("TRUE"), set()),
     ],
 )
-def test_what_holds_between_two(left: Constant, right: Constant, holding: set[str]) -> None:
-    assert {sign for sign in ("=", "!=", "<", "<=", ">", ">=") if compare(MeasuredValue(left), sign, MeasuredValue(right))} == holding
+def test_what_holds_between_two(left_constant: Constant, right_constant: Constant, holding: set[str]) -> None:
+    assert {
+        sign for sign in ("=", "!=", "<", "<=", ">", ">=") if compare(MeasuredValue(left_constant), sign, MeasuredValue(right_constant))
+    } == holding
 
 
 @pytest.mark.parametrize(
-    ("left", "right", "same"),
+    ("left_value", "right_value", "is_equal"),
     [
         (MeasuredValue(Number(1), 0.5), MeasuredValue(Number(1.5)), True),
         (MeasuredValue(Number(1)), MeasuredValue(Number(1.5), 0.5), True),
@@ -155,9 +157,9 @@ def test_what_holds_between_two(left: Constant, right: Constant, holding: set[st
         (MeasuredValue(Number(1, "m"), 0.4), MeasuredValue(Number(150, "cm"), 30), False),
     ],
 )
-def test_the_greater_tolerance_decides(left: MeasuredValue, right: MeasuredValue, same: bool) -> None:
-    assert compare(left, "=", right) is same
-    assert compare(left, "<", right) is not same
+def test_the_greater_tolerance_decides(left_value: MeasuredValue, right_value: MeasuredValue, is_equal: bool) -> None:
+    assert compare(left_value, "=", right_value) is is_equal
+    assert compare(left_value, "<", right_value) is not is_equal
 
 
 def test_own_values_come_before_defaults() -> None:

@@ -13,7 +13,7 @@ from somrs.planner.model.plan import NoPlan, Obstacle
 from somrs.planner.model.problem import AvailableService, LostService, Problem
 from somrs.planner.planning import plan, plan_quickly
 from tests.integration.test_planner_engine import tower
-from tests.unit.planner.test_planning import DRIVE, FACTS, LABEL, MAP, TRANSFER, WASH, laboratory, problem
+from tests.unit.planner.test_planning import DRIVE, FACTS, LABEL, MAP, TRANSFER, WASH, laboratory, make_problem
 
 CELLAR: Ontology = upper().extended(
     [
@@ -47,57 +47,60 @@ def cellar(goal: str, matches: tuple[str, ...] = ("Robot1",), excluded: frozense
     return Problem(ontology=CELLAR, map=map, goal=parse(goal), services=offered, excluded=excluded)
 
 
-def refused(asked: Problem) -> NoPlan:
-    found = plan(asked)
-    assert isinstance(found, NoPlan), found
-    return found
+def refused(problem: Problem) -> NoPlan:
+    result = plan(problem)
+    assert isinstance(result, NoPlan), result
+    return result
 
 
 def test_of_a_long_wish_the_two_parts_that_exclude_each_other_are_named() -> None:
     wish = "Jar002 isOn Platform001 AND Jar001 isOn Shelf2 AND Jar002.Clean = TRUE AND Jar001 isOn Platform001"
-    found = refused(problem(wish, TRANSFER, WASH))
-    assert set(found.unreachable) == {"Jar001 isOn Shelf2", "Jar001 isOn Platform001"}
-    assert "Jar001 would be in two places at a time" in found.explanation
-    assert found.obstacles == (Obstacle.TWO_PLACES,)
-    assert not found.undecided
+    result = refused(make_problem(wish, TRANSFER, WASH))
+    assert set(result.unreachable) == {"Jar001 isOn Shelf2", "Jar001 isOn Platform001"}
+    assert "Jar001 would be in two places at a time" in result.explanation
+    assert result.obstacles == (Obstacle.TWO_PLACES,)
+    assert not result.undecided
 
 
 def test_parts_that_use_up_the_same_thing_are_named() -> None:
-    found = refused(cellar("Lamp1.Lit = TRUE AND Door1.Open = FALSE AND Lamp3.Lit = TRUE"))
-    assert set(found.unreachable) == {"Lamp1.Lit = TRUE", "Lamp3.Lit = TRUE"}
-    assert "can each be brought about, but not all together" in found.explanation
-    assert plan(cellar("Lamp1.Lit = TRUE AND Door1.Open = FALSE AND Lamp3.Lit = TRUE", ("Robot1", "Robot2"))) != found
+    result = refused(cellar("Lamp1.Lit = TRUE AND Door1.Open = FALSE AND Lamp3.Lit = TRUE"))
+    assert set(result.unreachable) == {"Lamp1.Lit = TRUE", "Lamp3.Lit = TRUE"}
+    assert "can each be brought about, but not all together" in result.explanation
+    assert plan(cellar("Lamp1.Lit = TRUE AND Door1.Open = FALSE AND Lamp3.Lit = TRUE", ("Robot1", "Robot2"))) != result
 
 
 def test_one_part_that_no_order_of_services_makes_true_is_explained_by_what_it_needs() -> None:
-    found = refused(cellar("Door1.Open = TRUE"))
-    assert found.unreachable == ("Door1.Open = TRUE",)
-    needs = "Lamp1.Lit = TRUE and Lamp2.Lit = TRUE"
-    assert f"OpenDoor could bring about Door1.Open = TRUE, but needs {needs}, and no order of services leads to that" in found.explanation
-    assert found.missing == (needs,)
+    result = refused(cellar("Door1.Open = TRUE"))
+    assert result.unreachable == ("Door1.Open = TRUE",)
+    conflict_text = "Lamp1.Lit = TRUE and Lamp2.Lit = TRUE"
+    assert (
+        f"OpenDoor could bring about Door1.Open = TRUE, but needs {conflict_text}, and no order of services leads to that"
+        in result.explanation
+    )
+    assert result.missing == (conflict_text,)
 
 
 def test_a_provider_that_is_taken_is_named() -> None:
-    found = refused(cellar("Lamp1.Lit = TRUE", ("Robot1", "Robot2"), frozenset({"Robot1", "Robot2"})))
-    assert "could be brought about by LightLamp, but Robot1 and Robot2 are promised to other tasks" in found.explanation
-    assert found.unoffered == ()
-    assert found.obstacles == (Obstacle.PROMISED,)
+    result = refused(cellar("Lamp1.Lit = TRUE", ("Robot1", "Robot2"), frozenset({"Robot1", "Robot2"})))
+    assert "could be brought about by LightLamp, but Robot1 and Robot2 are promised to other tasks" in result.explanation
+    assert result.unoffered == ()
+    assert result.obstacles == (Obstacle.PROMISED,)
 
 
 def test_what_is_too_large_is_not_said_to_be_impossible(monkeypatch: pytest.MonkeyPatch) -> None:
     jars = [Object(name=f"Jar{n:03}", type="Jar") for n in range(3, 40)]
-    asked = problem("Jar001 isOn Shelf1 AND Shelf2 isOn Shelf1", TRANSFER)
-    many = Problem(
-        ontology=asked.ontology,
-        map=Map([*asked.map.objects.values(), *jars], [*asked.map.facts(), *(Fact("isOn", (jar.name, "Shelf2")) for jar in jars)]),
+    problem = make_problem("Jar001 isOn Shelf1 AND Shelf2 isOn Shelf1", TRANSFER)
+    large_problem = Problem(
+        ontology=problem.ontology,
+        map=Map([*problem.map.objects.values(), *jars], [*problem.map.facts(), *(Fact("isOn", (jar.name, "Shelf2")) for jar in jars)]),
         goal=parse("NOT ?x: Jar isOn Shelf2 AND NOT ?x: Jar isOn Shelf1"),
-        services=asked.services,
+        services=problem.services,
     )
     monkeypatch.setattr("somrs.planner.grounding.grounding.ACTIONS", 20)
-    found = refused(many)
-    assert found.undecided
-    assert "too large to be searched: there are more than 20 ways to use services" in found.explanation
-    assert found.unreachable == ()
+    result = refused(large_problem)
+    assert result.undecided
+    assert "too large to be searched: there are more than 20 ways to use services" in result.explanation
+    assert result.unreachable == ()
 
 
 def test_values_that_nobody_named_leave_it_open_whether_there_is_a_plan() -> None:
@@ -107,19 +110,19 @@ def test_values_that_nobody_named_leave_it_open_whether_there_is_a_plan() -> Non
     ontology = laboratory().extended(
         [AttributeType(name="Shipped", kind=Kind.TRUTH), ObjectType(name="Jar", parent="Graspable", attributes=("Clean", "Shipped"))]
     )
-    asked = problem("Jar001.Shipped = TRUE", LABEL, WASH, TRANSFER)
-    found = refused(
-        Problem(ontology=ontology, map=asked.map, goal=asked.goal, services=(*asked.services, AvailableService(ship, ("Robot1",))))
+    problem = make_problem("Jar001.Shipped = TRUE", LABEL, WASH, TRANSFER)
+    result = refused(
+        Problem(ontology=ontology, map=problem.map, goal=problem.goal, services=(*problem.services, AvailableService(ship, ("Robot1",))))
     )
-    assert found.undecided
-    assert "any number or text" in found.explanation
+    assert result.undecided
+    assert "any number or text" in result.explanation
 
 
 def test_a_search_that_was_not_finished_says_how_far_it_got() -> None:
-    found = refused(tower(40))
-    assert found.undecided
-    assert "states were looked at; at best" in found.explanation
-    assert "of the goal's 39 parts held at once" in found.explanation
+    result = refused(tower(40))
+    assert result.undecided
+    assert "states were looked at; at best" in result.explanation
+    assert "of the goal's 39 parts held at once" in result.explanation
 
 
 def test_at_once_nothing_is_said_to_be_impossible() -> None:
@@ -139,46 +142,46 @@ GOAL = "Jar001 isOn Platform001"
 
 def missed(goal: str, *losses: tuple[ServiceType, str, str], services: tuple[ServiceType, ...] = ()) -> Problem:
     """A problem for which these services are lost."""
-    asked = problem(goal, *services)
+    problem = make_problem(goal, *services)
     lost = tuple(LostService(*loss) for loss in losses)
-    return Problem(ontology=asked.ontology, map=asked.map, goal=asked.goal, services=asked.services, lost=lost)
+    return Problem(ontology=problem.ontology, map=problem.map, goal=problem.goal, services=problem.services, lost=lost)
 
 
 @pytest.mark.parametrize(
-    ("asked", "said", "rest"),
+    ("problem", "reasons", "rest"),
     [
         (
-            problem("Jar001.Clean = TRUE", TRANSFER),
+            make_problem("Jar001.Clean = TRUE", TRANSFER),
             [f"Jar001.Clean = TRUE {DENIED}"],
             {"missing": ("Jar001.Clean = TRUE",), "obstacles": (Obstacle.NO_SERVICE_TYPE,)},
         ),
         (
-            problem(GOAL),
+            make_problem(GOAL),
             [f"{GOAL} could be brought about by TransferObject, which nobody offers now"],
             {"unoffered": ("TransferObject",), "obstacles": (Obstacle.NOT_OFFERED,)},
         ),
         (
-            problem("Shelf1 isOn Platform001", TRANSFER),
+            make_problem("Shelf1 isOn Platform001", TRANSFER),
             [f"Shelf1 isOn Platform001 {DENIED}: TransferObject takes only a Graspable as its Object, and Shelf1 is a Shelf"],
             {"missing": ("Shelf1 isOn Platform001",), "obstacles": (Obstacle.NO_SERVICE_TYPE,)},
         ),
         (
-            problem("Zzzzzzzzzz isOn Shelf1", TRANSFER),
+            make_problem("Zzzzzzzzzz isOn Shelf1", TRANSFER),
             ["Zzzzzzzzzz isOn Shelf1: there is no object Zzzzzzzzzz on the map"],
             {"obstacles": (Obstacle.NO_OBJECT,)},
         ),
         (
-            problem("Jar009 isOn Shelf1", TRANSFER),
+            make_problem("Jar009 isOn Shelf1", TRANSFER),
             ["Jar009 isOn Shelf1: there is no object Jar009 on the map; did you mean Jar002 or Jar001?"],
             {"obstacles": (Obstacle.NO_OBJECT,)},
         ),
         (
-            problem(GOAL, TRANSFER, excluded=frozenset({"Platform001"})),
+            make_problem(GOAL, TRANSFER, excluded=frozenset({"Platform001"})),
             [f"{GOAL}: Platform001 is promised to another task, or nobody knows what state it is in"],
             {"obstacles": (Obstacle.PROMISED,)},
         ),
         (
-            problem(GOAL, TRANSFER, excluded=frozenset({"Robot1"})),
+            make_problem(GOAL, TRANSFER, excluded=frozenset({"Robot1"})),
             [
                 f"{GOAL} could be brought about by TransferObject, but Robot1 is promised to another task, "
                 "or nobody knows what state it is in"
@@ -196,7 +199,7 @@ def missed(goal: str, *losses: tuple[ServiceType, str, str], services: tuple[Ser
             {"lost": ("w1",)},
         ),
         (
-            problem("Jar001.Clean = TRUE", WASH),
+            make_problem("Jar001.Clean = TRUE", WASH),
             [
                 "WashJar could bring about Jar001.Clean = TRUE, but needs Jar001 isOn Washer1, and the map says Jar001 isOn Shelf1",
                 "Jar001 isOn Washer1 could be brought about by TransferObject, which nobody offers now",
@@ -204,12 +207,12 @@ def missed(goal: str, *losses: tuple[ServiceType, str, str], services: tuple[Ser
             {"missing": ("Jar001 isOn Washer1",), "unoffered": ("TransferObject",), "obstacles": (Obstacle.NOT_OFFERED,)},
         ),
         (
-            problem('Jar001.Label = "x"', LABEL),
+            make_problem('Jar001.Label = "x"', LABEL),
             ['PrintLabel could bring about Jar001.Label = "x", but needs Jar001.Clean = TRUE', f"Jar001.Clean = TRUE {DENIED}"],
             {"missing": ("Jar001.Clean = TRUE",), "obstacles": (Obstacle.NO_SERVICE_TYPE,)},
         ),
         (
-            problem("Jar001.Clean = TRUE", TRANSFER, WASH, map=JAR_IS_NOWHERE),
+            make_problem("Jar001.Clean = TRUE", TRANSFER, WASH, map=JAR_IS_NOWHERE),
             [
                 f"WashJar could bring about Jar001.Clean = TRUE, but needs Jar001 isOn Washer1, {NOWHERE}",
                 f"TransferObject could bring about Jar001 isOn Washer1, but needs Jar001 isOn ?, {NOWHERE}",
@@ -217,13 +220,13 @@ def missed(goal: str, *losses: tuple[ServiceType, str, str], services: tuple[Ser
             {"missing": ("Jar001 isOn Washer1", "Jar001 isOn ?")},
         ),
         (
-            problem("Robot1 isInside RoomB", DRIVE, map=SHUT),
+            make_problem("Robot1 isInside RoomB", DRIVE, map=SHUT),
             ["DriveTo could bring about Robot1 isInside RoomB, but needs DoorAB.Open = TRUE", f"DoorAB.Open = TRUE {DENIED}"],
             {"missing": ("DoorAB.Open = TRUE",), "obstacles": (Obstacle.NO_SERVICE_TYPE,)},
         ),
-        (problem("Jar001 isOn Jar001", TRANSFER), ["TransferObject brings about such things, but not Jar001 isOn Jar001"], {}),
+        (make_problem("Jar001 isOn Jar001", TRANSFER), ["TransferObject brings about such things, but not Jar001 isOn Jar001"], {}),
         (
-            problem("Jar001.Clean = TRUE", READ, WRITE),
+            make_problem("Jar001.Clean = TRUE", READ, WRITE),
             [
                 'Read could bring about Jar001.Clean = TRUE, but needs Jar001.Label = "a"',
                 'Write could bring about Jar001.Label = "a", but needs Jar001.Clean = TRUE',
@@ -251,15 +254,19 @@ def missed(goal: str, *losses: tuple[ServiceType, str, str], services: tuple[Ser
         ),
     ],
 )
-def test_all_that_is_said_of_a_wish_that_nothing_brings_about(asked: Problem, said: list[str], rest: dict[str, tuple[str, ...]]) -> None:
-    assert refused(asked) == NoPlan(explanation="; ".join(said), separate_reasons=tuple(said), unreachable=(str(asked.goal),), **rest)  # type: ignore[arg-type]
+def test_all_that_is_said_of_a_wish_that_nothing_brings_about(
+    problem: Problem, reasons: list[str], rest: dict[str, tuple[str, ...]]
+) -> None:
+    assert refused(problem) == NoPlan(
+        explanation="; ".join(reasons), separate_reasons=tuple(reasons), unreachable=(str(problem.goal),), **rest
+    )  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
-    ("asked", "parts", "because"),
+    ("problem", "parts", "cause"),
     [
         (
-            problem("Jar001 isOn Shelf2 AND Jar002.Clean = TRUE AND Jar001 isOn Platform001", TRANSFER, WASH),
+            make_problem("Jar001 isOn Shelf2 AND Jar002.Clean = TRUE AND Jar001 isOn Platform001", TRANSFER, WASH),
             ("Jar001 isOn Shelf2", "Jar001 isOn Platform001"),
             ": Jar001 would be in two places at a time",
         ),
@@ -270,29 +277,29 @@ def test_all_that_is_said_of_a_wish_that_nothing_brings_about(asked: Problem, sa
         ),
     ],
 )
-def test_all_that_is_said_of_parts_that_exclude_each_other(asked: Problem, parts: tuple[str, ...], because: str) -> None:
-    said = f"{' and '.join(parts)} can each be brought about, but not all together{because}"
-    obstacles = (Obstacle.TWO_PLACES,) if "places" in because else ()
-    assert refused(asked) == NoPlan(explanation=said, separate_reasons=(said,), unreachable=parts, obstacles=obstacles)
+def test_all_that_is_said_of_parts_that_exclude_each_other(problem: Problem, parts: tuple[str, ...], cause: str) -> None:
+    explanation = f"{' and '.join(parts)} can each be brought about, but not all together{cause}"
+    obstacles = (Obstacle.TWO_PLACES,) if "places" in cause else ()
+    assert refused(problem) == NoPlan(explanation=explanation, separate_reasons=(explanation,), unreachable=parts, obstacles=obstacles)
 
 
 def test_of_alternatives_the_one_that_lacks_least_is_explained() -> None:
     lacking = "Jar001.Clean = TRUE AND Jar009 isOn Shelf1"
     washed = "Jar002.Clean = TRUE"
     for goal in (f"({lacking}) OR {washed}", f"{washed} OR ({lacking})", f"{washed} OR Jar001.Clean = TRUE"):
-        assert refused(problem(goal, TRANSFER)).separate_reasons == (f"Jar002.Clean = TRUE {DENIED}",)
+        assert refused(make_problem(goal, TRANSFER)).separate_reasons == (f"Jar002.Clean = TRUE {DENIED}",)
 
 
 def test_services_that_cannot_be_planned_with_are_named_where_they_matter_and_elsewhere() -> None:
     place = Parameter(name="Place", type="Object")
-    find = ServiceType(name="Find", inputs=WASH.inputs, outputs=(place,), effect="?Jar isOn ?Place")
-    why = "Find: ?Jar: Jar isOn ?Place: ?Place is known only when the service is done"
-    near = refused(problem(GOAL, find))
-    assert near.separate_reasons == (f"{GOAL} could be brought about by Find, which cannot be planned with: {why}",)
-    assert near.undecided
-    far = refused(problem("Jar001.Clean = TRUE", find))
-    assert far.separate_reasons == (f"Jar001.Clean = TRUE {DENIED}", f"not considered: {why}")
-    assert far.undecided
+    find_service = ServiceType(name="Find", inputs=WASH.inputs, outputs=(place,), effect="?Jar isOn ?Place")
+    reason = "Find: ?Jar: Jar isOn ?Place: ?Place is known only when the service is done"
+    near_result = refused(make_problem(GOAL, find_service))
+    assert near_result.separate_reasons == (f"{GOAL} could be brought about by Find, which cannot be planned with: {reason}",)
+    assert near_result.undecided
+    far_result = refused(make_problem("Jar001.Clean = TRUE", find_service))
+    assert far_result.separate_reasons == (f"Jar001.Clean = TRUE {DENIED}", f"not considered: {reason}")
+    assert far_result.undecided
 
 
 @pytest.mark.parametrize(
@@ -306,10 +313,12 @@ def test_services_that_cannot_be_planned_with_are_named_where_they_matter_and_el
     ],
 )
 def test_what_the_map_denies_of_the_beginning(precondition: str, denied: tuple[str, ...]) -> None:
-    asked = problem(GOAL, TRANSFER)
-    wrong = Problem(ontology=asked.ontology, map=asked.map, goal=asked.goal, services=asked.services, precondition=parse(precondition))
-    said = f"the task starts from {' and '.join(denied)}, which does not hold on the map"
-    assert refused(wrong) == NoPlan(explanation=said, missing=denied, obstacles=(Obstacle.PRECONDITION,))
+    problem = make_problem(GOAL, TRANSFER)
+    wrong = Problem(
+        ontology=problem.ontology, map=problem.map, goal=problem.goal, services=problem.services, precondition=parse(precondition)
+    )
+    explanation = f"the task starts from {' and '.join(denied)}, which does not hold on the map"
+    assert refused(wrong) == NoPlan(explanation=explanation, missing=denied, obstacles=(Obstacle.PRECONDITION,))
 
 
 def chain(length: int) -> Problem:
@@ -318,16 +327,16 @@ def chain(length: int) -> Problem:
     services = [
         ServiceType(name=f"Do{n}", inputs=WASH.inputs, precondition=f"is{n + 1}(?Jar)", effect=f"is{n}(?Jar)") for n in range(length)
     ]
-    asked = problem("Jar001 isOn Shelf2")
-    offered = tuple(AvailableService(one, ("Robot1",)) for one in services)
-    return Problem(ontology=ontology, map=asked.map, goal=parse("is0(Jar001)"), services=offered)
+    problem = make_problem("Jar001 isOn Shelf2")
+    offered = tuple(AvailableService(service_type, ("Robot1",)) for service_type in services)
+    return Problem(ontology=ontology, map=problem.map, goal=parse("is0(Jar001)"), services=offered)
 
 
 @pytest.mark.parametrize("length", [1, 4, 5, 9])
 def test_reasons_are_looked_for_so_many_services_back(length: int) -> None:
-    told = min(length, 5)
-    said = [f"Do{n} could bring about is{n}(Jar001), but needs is{n + 1}(Jar001)" for n in range(told)]
-    last = [f"is{length}(Jar001) {DENIED}"] if length < 5 else []
-    found = refused(chain(length))
-    assert list(found.separate_reasons) == [*said, *last]
-    assert found.missing == tuple(f"is{n + 1}(Jar001)" for n in range(told))
+    explained_count = min(length, 5)
+    reasons = [f"Do{n} could bring about is{n}(Jar001), but needs is{n + 1}(Jar001)" for n in range(explained_count)]
+    last_reasons = [f"is{length}(Jar001) {DENIED}"] if length < 5 else []
+    result = refused(chain(length))
+    assert list(result.separate_reasons) == [*reasons, *last_reasons]
+    assert result.missing == tuple(f"is{n + 1}(Jar001)" for n in range(explained_count))

@@ -9,13 +9,13 @@ from somrs.planner.memory import SIZE, PlanCache
 from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
-from tests.unit.planner.test_planning import DRIVE, MAP, OPEN, TRANSFER, laboratory, problem
+from tests.unit.planner.test_planning import DRIVE, MAP, OPEN, TRANSFER, laboratory, make_problem
 
 ONTOLOGY = laboratory()
 
 
-def asked(goal: str, *changes: Change) -> Problem:
-    stated = problem(goal, TRANSFER, DRIVE, OPEN, map=MAP.changed(changes))
+def changed_problem(goal: str, *changes: Change) -> Problem:
+    stated = make_problem(goal, TRANSFER, DRIVE, OPEN, map=MAP.changed(changes))
     return Problem(ontology=ONTOLOGY, map=stated.map, goal=stated.goal, services=stated.services)
 
 
@@ -29,9 +29,9 @@ def asked(goal: str, *changes: Change) -> Problem:
 )
 def test_what_no_service_speaks_of_changes_no_plan(changes: list[Change]) -> None:
     memory, goal = PlanCache(), "Jar001 isOn Platform001"
-    found = plan(asked(goal))
-    memory.store(asked(goal), found)
-    assert memory.recall(asked(goal, *changes)) == found == plan(asked(goal, *changes))
+    result = plan(changed_problem(goal))
+    memory.store(changed_problem(goal), result)
+    assert memory.recall(changed_problem(goal, *changes)) == result == plan(changed_problem(goal, *changes))
 
 
 @pytest.mark.parametrize(
@@ -45,20 +45,20 @@ def test_what_no_service_speaks_of_changes_no_plan(changes: list[Change]) -> Non
 )
 def test_other_facts_are_planned_for_anew(changes: list[Change]) -> None:
     memory, goal = PlanCache(), "Jar001 isOn Platform001"
-    memory.store(asked(goal), plan(asked(goal)))
-    assert memory.recall(asked(goal, *changes)) is None
+    memory.store(changed_problem(goal), plan(changed_problem(goal)))
+    assert memory.recall(changed_problem(goal, *changes)) is None
 
 
 def test_another_task_or_other_services_are_another_question() -> None:
     memory, goal = PlanCache(), "Jar001 isOn Platform001"
-    memory.store(asked(goal), plan(asked(goal)))
-    assert memory.recall(asked("Jar002 isOn Platform001")) is None
-    fewer = Problem(ontology=ONTOLOGY, map=MAP, goal=asked(goal).goal, services=asked(goal).services[:1])
+    memory.store(changed_problem(goal), plan(changed_problem(goal)))
+    assert memory.recall(changed_problem("Jar002 isOn Platform001")) is None
+    fewer = Problem(ontology=ONTOLOGY, map=MAP, goal=changed_problem(goal).goal, services=changed_problem(goal).services[:1])
     assert memory.recall(fewer) is None
 
 
 def test_that_nothing_was_found_in_time_is_not_remembered() -> None:
-    memory, stated = PlanCache(), asked("Jar001 isOn Platform001")
+    memory, stated = PlanCache(), changed_problem("Jar001 isOn Platform001")
     memory.store(stated, NoPlan(explanation="no plan was found in 1 s, nor that there is none", undecided=True))
     assert memory.recall(stated) is None
     memory.store(stated, NoPlan(explanation="there is none"))
@@ -68,6 +68,6 @@ def test_that_nothing_was_found_in_time_is_not_remembered() -> None:
 def test_the_oldest_answers_are_forgotten() -> None:
     memory = PlanCache()
     for number in range(SIZE + 1):
-        memory.store(asked(f"Jar001.PositionX = {number}"), Plan())
-    assert memory.recall(asked("Jar001.PositionX = 0")) is None
-    assert memory.recall(asked(f"Jar001.PositionX = {SIZE}")) == Plan()
+        memory.store(changed_problem(f"Jar001.PositionX = {number}"), Plan())
+    assert memory.recall(changed_problem("Jar001.PositionX = 0")) is None
+    assert memory.recall(changed_problem(f"Jar001.PositionX = {SIZE}")) == Plan()

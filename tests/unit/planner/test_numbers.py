@@ -14,7 +14,7 @@ from somrs.ontology.types import AttributeType, FunctionType, Kind, ObjectType, 
 from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import AvailableService, Problem
 from somrs.planner.planning import plan
-from tests.support.planned import sound
+from tests.support.planned import make_sound_plan
 
 ONTOLOGY: Ontology = upper().extended(
     [
@@ -63,12 +63,12 @@ def corridor(length: int, charge: float, charger: int = 2) -> Map:
         Object(name=f"Hall{n}", type="Hall", values={"Charger": n == charger, "PositionX": 10.0 * n, "PositionY": 0.0})
         for n in range(length)
     ]
-    ways = [Fact("leads", (f"Hall{a}", f"Hall{b}")) for n in range(length - 1) for a, b in ((n, n + 1), (n + 1, n))]
+    ways = [Fact("leads", (f"Hall{source}", f"Hall{target}")) for n in range(length - 1) for source, target in ((n, n + 1), (n + 1, n))]
     robot = Object(name="Robot1", type="Rover", values={"Charge": charge, "Consumption": 1.5})
     return Map([*halls, robot], [Fact("isInside", ("Robot1", "Hall0")), *ways])
 
 
-def problem(map: Map, goal: str, *services: ServiceType) -> Problem:
+def make_problem(map: Map, goal: str, *services: ServiceType) -> Problem:
     for service in services:
         types = {parameter.name: parameter.type for parameter in service.inputs} | {"Provider": "Rover"}
         for text in (service.precondition, service.effect):
@@ -79,12 +79,12 @@ def problem(map: Map, goal: str, *services: ServiceType) -> Problem:
     )
 
 
-def planned(asked: Problem) -> list[str]:
-    return [str(step).removesuffix(" by Robot1") for step in sound(asked).steps]
+def planned(problem: Problem) -> list[str]:
+    return [str(step).removesuffix(" by Robot1") for step in make_sound_plan(problem).steps]
 
 
 def test_a_robot_recharges_to_get_there() -> None:
-    assert planned(problem(corridor(6, 60), "Robot1 isInside Hall5", DRIVE, RECHARGE)) == [
+    assert planned(make_problem(corridor(6, 60), "Robot1 isInside Hall5", DRIVE, RECHARGE)) == [
         "DriveTo(To: Hall1)",
         "DriveTo(To: Hall2)",
         "Recharge()",
@@ -95,42 +95,42 @@ def test_a_robot_recharges_to_get_there() -> None:
 
 
 def test_a_robot_with_enough_does_not_recharge() -> None:
-    assert "Recharge()" not in planned(problem(corridor(6, 100), "Robot1 isInside Hall5", DRIVE, RECHARGE))
+    assert "Recharge()" not in planned(make_problem(corridor(6, 100), "Robot1 isInside Hall5", DRIVE, RECHARGE))
 
 
 def test_a_charger_out_of_reach_is_no_help() -> None:
-    found = plan(problem(corridor(6, 35), "Robot1 isInside Hall5", DRIVE, RECHARGE))
-    assert isinstance(found, NoPlan)
-    assert not found.undecided
-    assert "DriveTo could bring about Robot1 isInside Hall5, but needs" in found.explanation
-    assert "?From leads Hall5, and no order of services leads to that" in found.explanation
+    result = plan(make_problem(corridor(6, 35), "Robot1 isInside Hall5", DRIVE, RECHARGE))
+    assert isinstance(result, NoPlan)
+    assert not result.undecided
+    assert "DriveTo could bring about Robot1 isInside Hall5, but needs" in result.explanation
+    assert "?From leads Hall5, and no order of services leads to that" in result.explanation
 
 
 def test_what_is_left_in_the_end_can_be_wished_for() -> None:
-    steps = planned(problem(corridor(6, 100), "Robot1 isInside Hall5 AND Robot1.Charge >= 40 %", DRIVE, RECHARGE))
+    steps = planned(make_problem(corridor(6, 100), "Robot1 isInside Hall5 AND Robot1.Charge >= 40 %", DRIVE, RECHARGE))
     assert steps.count("Recharge()") == 1
     assert steps.index("Recharge()") == 2
 
 
 def test_a_way_costs_what_it_is_long() -> None:
-    asked = problem(corridor(9, 40), "Robot1 isInside Hall8", FAR, RECHARGE)
-    assert planned(asked).index("Recharge()") == 2
-    assert isinstance(plan(problem(corridor(11, 40), "Robot1 isInside Hall10", FAR, RECHARGE)), NoPlan), "100 % are for 66 m"
+    problem = make_problem(corridor(9, 40), "Robot1 isInside Hall8", FAR, RECHARGE)
+    assert planned(problem).index("Recharge()") == 2
+    assert isinstance(plan(make_problem(corridor(11, 40), "Robot1 isInside Hall10", FAR, RECHARGE)), NoPlan), "100 % are for 66 m"
 
 
 def test_the_steps_say_what_is_left_after_them() -> None:
-    found = plan(problem(corridor(3, 60), "Robot1 isInside Hall2", DRIVE, RECHARGE))
-    assert isinstance(found, Plan)
-    assert [str(step.effect) for step in found.steps] == [
+    result = plan(make_problem(corridor(3, 60), "Robot1 isInside Hall2", DRIVE, RECHARGE))
+    assert isinstance(result, Plan)
+    assert [str(step.effect) for step in result.steps] == [
         "Robot1 isInside Hall1 AND Robot1.Charge = 40 %",
         "Robot1 isInside Hall2 AND Robot1.Charge = 20 %",
     ]
-    assert "Robot1.Charge = 40 %" in {link.fact for link in found.links}
+    assert "Robot1.Charge = 40 %" in {link.fact for link in result.links}
 
 
 def test_a_counter_without_an_end_counts_as_far_as_it_has_to() -> None:
     map = Map([Object(name="Box1", type="Box", values={"Count": 2.0}), Object(name="Robot1", type="Rover")])
-    assert planned(problem(map, "Box1.Count = 5", FILL)) == ["Fill(Box: Box1)"] * 3
+    assert planned(make_problem(map, "Box1.Count = 5", FILL)) == ["Fill(Box: Box1)"] * 3
 
 
 def test_two_counters_without_an_end_are_made_the_same() -> None:
@@ -142,7 +142,7 @@ def test_two_counters_without_an_end_are_made_the_same() -> None:
     )
     boxes = [Object(name=f"Box{n}", type="Box", values={"Count": float(n)}) for n in (1, 4)]
     map = Map([*boxes, Object(name="Robot1", type="Rover")])
-    steps = planned(problem(map, "Box1.Closed = TRUE AND Box1.Count >= 4", FILL, pair))
+    steps = planned(make_problem(map, "Box1.Closed = TRUE AND Box1.Count >= 4", FILL, pair))
     assert steps.count("Fill(Box: Box1)") >= 3
     assert any(step.startswith("Pair") for step in steps)
 
@@ -155,7 +155,7 @@ def test_numbers_are_the_same_within_the_tolerance_of_their_attribute(goal: str,
         effect="?Box.Level = ?Height",
     )
     map = Map([Object(name="Box1", type="Box", values={"Level": 12.0}), Object(name="Robot1", type="Rover")])
-    assert len(planned(problem(map, goal, pour))) == count
+    assert len(planned(make_problem(map, goal, pour))) == count
 
 
 def test_what_does_not_change_is_settled_before_the_search() -> None:
@@ -174,8 +174,8 @@ def test_what_does_not_change_is_settled_before_the_search() -> None:
         box = Object(name="Box1", type="Box", values={"Weight": weight})
         map = Map([*shelves, *robots, box], [Fact("isOn", ("Box1", "Shelf0"))])
         goal: Formula = parse("Box1 isOn Shelf3")
-        asked = Problem(ontology=ONTOLOGY, map=map, goal=goal, services=(AvailableService(carry, ("Robot1", "Robot2")),))
-        assert len(planned(asked)) == expected
+        problem = Problem(ontology=ONTOLOGY, map=map, goal=goal, services=(AvailableService(carry, ("Robot1", "Robot2")),))
+        assert len(planned(problem)) == expected
 
 
 def test_decimals_are_counted_as_they_are_written() -> None:
@@ -186,7 +186,7 @@ def test_decimals_are_counted_as_they_are_written() -> None:
         effect="?Box.Count = ?Box.Count - 0.1",
     )
     map = Map([Object(name="Box1", type="Box", values={"Count": 0.3}), Object(name="Robot1", type="Rover")])
-    assert len(planned(problem(map, "Box1.Count = 0", sip))) == 3
+    assert len(planned(make_problem(map, "Box1.Count = 0", sip))) == 3
 
 
 @pytest.mark.parametrize("length", [3, 5])
@@ -194,12 +194,12 @@ def test_decimals_are_counted_as_they_are_written() -> None:
 @pytest.mark.parametrize("charger", [0, 1, 4])
 def test_counting_finds_what_listing_the_values_finds(length: int, charge: float, charger: int, monkeypatch: pytest.MonkeyPatch) -> None:
     for service in (DRIVE, FAR):
-        asked = problem(corridor(length, charge, charger), f"Robot1 isInside Hall{length - 1}", service, RECHARGE)
-        listed = plan(asked)
+        problem = make_problem(corridor(length, charge, charger), f"Robot1 isInside Hall{length - 1}", service, RECHARGE)
+        listed = plan(problem)
         monkeypatch.setattr("somrs.planner.planning.VALUES", 0)
         monkeypatch.setattr("somrs.planner.search.matching.FACTS", 0)
         if isinstance(listed, Plan):
-            assert len(planned(asked)) <= len(listed.steps) + 2
+            assert len(planned(problem)) <= len(listed.steps) + 2
         else:
-            assert isinstance(plan(asked), NoPlan)
+            assert isinstance(plan(problem), NoPlan)
         monkeypatch.undo()

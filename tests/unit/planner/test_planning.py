@@ -15,7 +15,7 @@ from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import AvailableService, Problem
 from somrs.planner.model.validation import validate
 from somrs.planner.planning import plan
-from tests.support.planned import sound
+from tests.support.planned import make_sound_plan
 
 TRANSFER = ServiceType(
     name="TransferObject",
@@ -75,22 +75,22 @@ FACTS = [
 MAP = Map((Object(name=name, type=type_name) for name, type_name in OBJECTS.items()), FACTS)
 
 
-def problem(goal: str, *services: ServiceType, map: Map = MAP, excluded: frozenset[str] = frozenset()) -> Problem:
+def make_problem(goal: str, *services: ServiceType, map: Map = MAP, excluded: frozenset[str] = frozenset()) -> Problem:
     offered = tuple(AvailableService(service, ("Washer1",) if service is WASH else ("Robot1",)) for service in services)
     return Problem(ontology=laboratory(), map=map, goal=parse(goal), services=offered, excluded=excluded)
 
 
-def names(found: Plan) -> list[str]:
-    return [str(step) for step in found.steps]
+def names(result: Plan) -> list[str]:
+    return [str(step) for step in result.steps]
 
 
 def test_what_holds_already_needs_no_step() -> None:
-    assert sound(problem("Jar001 isOn Shelf1", TRANSFER)) == Plan()
+    assert make_sound_plan(make_problem("Jar001 isOn Shelf1", TRANSFER)) == Plan()
 
 
 def test_one_service_brings_the_jar() -> None:
-    found = sound(problem("Jar001 isOn Platform001", TRANSFER))
-    (step,) = found.steps
+    result = make_sound_plan(make_problem("Jar001 isOn Platform001", TRANSFER))
+    (step,) = result.steps
     assert step.service_type == "TransferObject"
     assert step.inputs == {"Object": Name("Jar001"), "Destination": Name("Platform001")}
     assert str(step.precondition) == "Jar001 isOn Shelf1"
@@ -99,54 +99,54 @@ def test_one_service_brings_the_jar() -> None:
 
 
 def test_a_jar_is_washed_before_it_is_put_on_the_platform() -> None:
-    found = sound(problem("Jar001.Clean = TRUE AND Jar001 isOn Platform001", TRANSFER, WASH))
-    assert names(found) == [
+    result = make_sound_plan(make_problem("Jar001.Clean = TRUE AND Jar001 isOn Platform001", TRANSFER, WASH))
+    assert names(result) == [
         "TransferObject(Object: Jar001, Destination: Washer1)",
         "WashJar(Jar: Jar001) by Washer1",
         "TransferObject(Object: Jar001, Destination: Platform001)",
     ]
-    assert ("step1", "step2", "Jar001 isOn Washer1") in {(link.before, link.after, link.fact) for link in found.links}
-    assert [step.id for step in found.topological()] == ["step1", "step2", "step3"]
-    assert [step.id for step in found.ready({"step1"})] == ["step2"]
+    assert ("step1", "step2", "Jar001 isOn Washer1") in {(link.before, link.after, link.fact) for link in result.links}
+    assert [step.id for step in result.topological()] == ["step1", "step2", "step3"]
+    assert [step.id for step in result.ready({"step1"})] == ["step2"]
 
 
 def test_two_jars_are_transferred_side_by_side() -> None:
-    found = sound(problem("Jar001 isOn Platform001 AND Jar002 isOn Shelf2", TRANSFER))
-    assert len(found.steps) == 2
-    assert found.links == ()
+    result = make_sound_plan(make_problem("Jar001 isOn Platform001 AND Jar002 isOn Shelf2", TRANSFER))
+    assert len(result.steps) == 2
+    assert result.links == ()
 
 
 def test_the_door_is_opened_before_the_robot_drives_through() -> None:
     shut = MAP.changed([ValueSet("DoorAB", "Open", False)])
-    found = sound(problem("Robot1 isInside RoomB", DRIVE, OPEN, map=shut))
-    assert names(found) == ["OpenDoor(Door: DoorAB)", "DriveTo(To: RoomB) by Robot1"]
-    assert [link.fact for link in found.links] == ["DoorAB.Open = TRUE"]
-    assert names(sound(problem("Robot1 isInside RoomB", DRIVE, OPEN))) == ["DriveTo(To: RoomB) by Robot1"]
+    result = make_sound_plan(make_problem("Robot1 isInside RoomB", DRIVE, OPEN, map=shut))
+    assert names(result) == ["OpenDoor(Door: DoorAB)", "DriveTo(To: RoomB) by Robot1"]
+    assert [link.fact for link in result.links] == ["DoorAB.Open = TRUE"]
+    assert names(make_sound_plan(make_problem("Robot1 isInside RoomB", DRIVE, OPEN))) == ["DriveTo(To: RoomB) by Robot1"]
 
 
 def test_an_input_can_be_a_value() -> None:
-    found = sound(problem('Jar001.Label = "fragile"', TRANSFER, WASH, LABEL))
-    assert names(found)[-1] == 'PrintLabel(Jar: Jar001, Text: "fragile")'
-    assert len(found.steps) == 3
+    result = make_sound_plan(make_problem('Jar001.Label = "fragile"', TRANSFER, WASH, LABEL))
+    assert names(result)[-1] == 'PrintLabel(Jar: Jar001, Text: "fragile")'
+    assert len(result.steps) == 3
 
 
 def test_a_goal_may_leave_the_place_open() -> None:
-    (step,) = sound(problem("Jar001 isOn ?Shelf: Platform", TRANSFER)).steps
+    (step,) = make_sound_plan(make_problem("Jar001 isOn ?Shelf: Platform", TRANSFER)).steps
     assert str(step.effect) == "Jar001 isOn Platform001"
 
 
 def test_of_alternatives_the_nearer_one_is_taken() -> None:
-    found = sound(problem("Jar001.Clean = TRUE OR Jar001 isOn Shelf2", TRANSFER, WASH))
-    assert names(found) == ["TransferObject(Object: Jar001, Destination: Shelf2)"]
+    result = make_sound_plan(make_problem("Jar001.Clean = TRUE OR Jar001 isOn Shelf2", TRANSFER, WASH))
+    assert names(result) == ["TransferObject(Object: Jar001, Destination: Shelf2)"]
 
 
 def test_nothing_is_put_on_itself_and_types_are_respected() -> None:
-    assert isinstance(plan(problem("Jar001 isOn Jar001", TRANSFER)), NoPlan)
-    assert isinstance(plan(problem("Shelf1 isOn Platform001", TRANSFER)), NoPlan)
+    assert isinstance(plan(make_problem("Jar001 isOn Jar001", TRANSFER)), NoPlan)
+    assert isinstance(plan(make_problem("Shelf1 isOn Platform001", TRANSFER)), NoPlan)
 
 
 @pytest.mark.parametrize(
-    ("goal", "services", "said"),
+    ("goal", "services", "message"),
     [
         ("Jar001.Clean = TRUE", (TRANSFER,), "no service type"),
         ("Jar001 isOn Platform001", (), "TransferObject, which nobody offers"),
@@ -154,41 +154,41 @@ def test_nothing_is_put_on_itself_and_types_are_respected() -> None:
         ("Jar009 isOn Platform001", (TRANSFER,), "there is no object Jar009"),
     ],
 )
-def test_no_plan_is_explained(goal: str, services: tuple[ServiceType, ...], said: str) -> None:
-    found = plan(problem(goal, *services))
-    assert isinstance(found, NoPlan)
-    assert said in found.explanation
-    assert found.unreachable == (goal,)
+def test_no_plan_is_explained(goal: str, services: tuple[ServiceType, ...], message: str) -> None:
+    result = plan(make_problem(goal, *services))
+    assert isinstance(result, NoPlan)
+    assert message in result.explanation
+    assert result.unreachable == (goal,)
 
 
 def test_a_thing_that_is_nowhere_is_said_to_be_missing() -> None:
     lost = Map(MAP.objects.values(), [fact for fact in FACTS if fact.arguments[0] != "Jar001"])
-    found = plan(problem("Jar001 isOn Platform001", TRANSFER, map=lost))
-    assert isinstance(found, NoPlan)
-    assert found.missing == ("Jar001 isOn ?",)
-    assert "needs Jar001 isOn ?" in found.explanation
+    result = plan(make_problem("Jar001 isOn Platform001", TRANSFER, map=lost))
+    assert isinstance(result, NoPlan)
+    assert result.missing == ("Jar001 isOn ?",)
+    assert "needs Jar001 isOn ?" in result.explanation
 
 
 def test_objects_promised_elsewhere_are_left_alone() -> None:
-    found = plan(problem("Jar001 isOn Platform001", TRANSFER, excluded=frozenset({"Platform001"})))
-    assert isinstance(found, NoPlan)
-    assert "Platform001 is promised" in found.explanation
+    result = plan(make_problem("Jar001 isOn Platform001", TRANSFER, excluded=frozenset({"Platform001"})))
+    assert isinstance(result, NoPlan)
+    assert "Platform001 is promised" in result.explanation
 
 
 def test_a_precondition_that_does_not_hold_is_named() -> None:
-    asked = problem("Jar001 isOn Platform001", TRANSFER)
+    problem = make_problem("Jar001 isOn Platform001", TRANSFER)
     denied = Problem(
-        ontology=asked.ontology, map=asked.map, goal=asked.goal, services=asked.services, precondition=parse("Jar001 isOn Shelf2")
+        ontology=problem.ontology, map=problem.map, goal=problem.goal, services=problem.services, precondition=parse("Jar001 isOn Shelf2")
     )
-    found = plan(denied)
-    assert isinstance(found, NoPlan)
-    assert found.missing == ("Jar001 isOn Shelf2",)
+    result = plan(denied)
+    assert isinstance(result, NoPlan)
+    assert result.missing == ("Jar001 isOn Shelf2",)
 
 
 def test_problems_can_be_sent_to_another_process() -> None:
-    asked = Codec[Problem](Problem).decode(encode(problem("Jar001 isOn Platform001", TRANSFER)))
-    assert len(sound(asked).steps) == 1
-    assert Codec[Plan](Plan).decode(encode(sound(asked))) == sound(asked)
+    problem = Codec[Problem](Problem).decode(encode(make_problem("Jar001 isOn Platform001", TRANSFER)))
+    assert len(make_sound_plan(problem).steps) == 1
+    assert Codec[Plan](Plan).decode(encode(make_sound_plan(problem))) == make_sound_plan(problem)
 
 
 @pytest.mark.parametrize(
@@ -204,15 +204,17 @@ def test_plans_on_a_map_of_five_thousand_objects(goal: str, count: int) -> None:
     shelves = [Object(name=f"Shelf{n}", type="Shelf") for n in range(2499)]
     jars = [Object(name=f"Jar{n}", type="Jar") for n in range(2500)]
     map = Map([*shelves, *jars, Object(name="Washer1", type="Washer")], [Fact("isOn", (f"Jar{n}", f"Shelf{n % 100}")) for n in range(2500)])
-    asked = problem(goal, TRANSFER, WASH, map=map)
-    found = plan(asked)
-    assert isinstance(found, Plan), found
-    assert len(found.steps) == count
-    assert validate(found, asked) == []
+    problem = make_problem(goal, TRANSFER, WASH, map=map)
+    result = plan(problem)
+    assert isinstance(result, Plan), result
+    assert len(result.steps) == count
+    assert validate(result, problem) == []
 
 
 def test_things_are_put_where_such_things_stand() -> None:
-    (step,) = sound(problem("NOT Jar001 isOn Shelf1", TRANSFER, map=MAP.changed([FactAdded(Fact("isOn", ("Jar002", "Shelf2")))]))).steps
+    (step,) = make_sound_plan(
+        make_problem("NOT Jar001 isOn Shelf1", TRANSFER, map=MAP.changed([FactAdded(Fact("isOn", ("Jar002", "Shelf2")))]))
+    ).steps
     assert step.inputs["Destination"] in (Name("Shelf2"), Name("Platform001"))
 
 
@@ -226,41 +228,41 @@ def test_a_heavy_thing_goes_to_the_device_that_can_carry_it() -> None:
     robots = [Object(name=f"Robot{n}", type="MobileRobot", values={"Payload": float(n)}) for n in (1, 2, 3)]
     heavy = Object(name="Jar001", type="Jar", values={"Weight": 2.5})
     map = MAP.changed([ObjectAdded(object) for object in (*robots, heavy)])
-    asked = Problem(
+    problem = Problem(
         ontology=laboratory(),
         map=map,
         goal=parse("Jar001 isOn Platform001"),
         services=(AvailableService(carry, ("Robot1", "Robot2", "Robot3")),),
     )
-    assert [step.provider for step in sound(asked).steps] == ["Robot3"]
+    assert [step.provider for step in make_sound_plan(problem).steps] == ["Robot3"]
     too_heavy = map.changed([ObjectAdded(Object(name="Jar001", type="Jar", values={"Weight": 4.0}))])
-    found = plan(Problem(ontology=asked.ontology, map=too_heavy, goal=asked.goal, services=asked.services))
-    assert isinstance(found, NoPlan)
-    assert "Jar001.Weight <= Robot1.Payload" in found.explanation
+    result = plan(Problem(ontology=problem.ontology, map=too_heavy, goal=problem.goal, services=problem.services))
+    assert isinstance(result, NoPlan)
+    assert "Jar001.Weight <= Robot1.Payload" in result.explanation
 
 
 def test_what_cannot_be_expressed_is_named() -> None:
-    find = ServiceType(
+    find_service = ServiceType(
         name="Find",
         inputs=(Parameter(name="Jar", type="Jar"),),
         outputs=(Parameter(name="Place", type="Object"),),
         effect="?Jar isOn ?Place",
     )
-    found = plan(problem("Jar001 isOn Platform001", find))
-    assert isinstance(found, NoPlan)
-    assert "?Place is known only when the service is done" in found.explanation
+    result = plan(make_problem("Jar001 isOn Platform001", find_service))
+    assert isinstance(result, NoPlan)
+    assert "?Place is known only when the service is done" in result.explanation
 
 
 def test_where_the_likely_places_will_not_do_all_places_are_tried() -> None:
-    put = ServiceType(
+    put_service = ServiceType(
         name="PutAway", inputs=TRANSFER.inputs, precondition='?Object isOn ?Source AND ?Destination.Label != "full"', effect=TRANSFER.effect
     )
     shelves = [Object(name=f"Shelf{n:02}", type="Shelf", values={"Label": "full" if n < 35 else "free"}) for n in range(40)]
     jars = [Object(name=f"Jar{n:02}", type="Jar") for n in range(35)]
     map = Map([*shelves, *jars], [Fact("isOn", (f"Jar{n:02}", f"Shelf{n:02}")) for n in range(35)])
-    (step,) = sound(problem("NOT Jar00 isOn Shelf00", put, map=map)).steps
+    (step,) = make_sound_plan(make_problem("NOT Jar00 isOn Shelf00", put_service, map=map)).steps
     assert str(step.inputs["Destination"]) in {f"Shelf{n}" for n in range(35, 40)}
     full = map.changed(ValueSet(shelf.name, "Label", "full") for shelf in shelves)
-    found = plan(problem("NOT Jar00 isOn Shelf00", put, map=full))
-    assert isinstance(found, NoPlan)
-    assert not found.undecided
+    result = plan(make_problem("NOT Jar00 isOn Shelf00", put_service, map=full))
+    assert isinstance(result, NoPlan)
+    assert not result.undecided

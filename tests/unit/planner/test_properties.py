@@ -102,7 +102,7 @@ FACTS = st.one_of(
     st.builds(Fact, st.just("near"), st.sampled_from([("P1", "P2"), ("P2", "P3"), ("P1", "P3")])),
     st.builds(Fact, st.just("marked"), st.tuples(st.sampled_from(["T1", "T2"]))),
 )
-AT_ONCE = [{"?T on ?P", "?T heldBy ?Provider"}, {"?T tiedTo ?P", "?T gluedTo ?P"}]
+CONTRADICTIONS = [{"?T on ?P", "?T heldBy ?Provider"}, {"?T tiedTo ?P", "?T gluedTo ?P"}]
 """Effects that contradict each other."""
 STATES = 60
 """The plain search gives up after so many maps."""
@@ -111,7 +111,7 @@ STATES = 60
 @st.composite
 def service_types(draw: st.DrawFn, name: str) -> ServiceType:
     conditions = draw(st.lists(st.sampled_from(CONDITIONS), max_size=2, unique=True))
-    effects = draw(st.lists(st.sampled_from(EFFECTS), min_size=1, max_size=2, unique=True).filter(lambda e: set(e) not in AT_ONCE))
+    effects = draw(st.lists(st.sampled_from(EFFECTS), min_size=1, max_size=2, unique=True).filter(lambda e: set(e) not in CONTRADICTIONS))
     inputs = tuple(p for p in INPUTS if any(f"?{p.name}" in text for text in (*conditions, *effects)))
     return ServiceType(name=name, inputs=inputs, precondition=" AND ".join(conditions) or None, effect=" AND ".join(effects))
 
@@ -126,14 +126,14 @@ def maps(draw: st.DrawFn) -> Map:
 
 
 def _values(draw: st.DrawFn) -> dict[str, float | str | bool]:
-    found: dict[str, float | str | bool] = {}
+    values: dict[str, float | str | bool] = {}
     if (clean := draw(st.sampled_from([None, True, False]))) is not None:
-        found["Clean"] = clean
+        values["Clean"] = clean
     if (level := draw(st.sampled_from([None, 1.0, 2.0]))) is not None:
-        found["Level"] = level
+        values["Level"] = level
     if (weight := draw(st.sampled_from([None, 1.0, 2.0]))) is not None:
-        found["Weight"] = weight
-    return found
+        values["Weight"] = weight
+    return values
 
 
 @st.composite
@@ -157,14 +157,14 @@ def _wishes(draw: st.DrawFn) -> Formula:
 
 @st.composite
 def _outcomes(draw: st.DrawFn, problem: Problem) -> Formula:
-    later = problem.map
+    later_map = problem.map
     for _ in range(draw(st.integers(2, 5))):
-        choices = list(islice(successors(problem, later), 12))
+        choices = list(islice(successors(problem, later_map), 12))
         if choices:
-            later = draw(st.sampled_from(choices))
-    new = [str(fact) for fact in later.facts() if not problem.map.has_fact(fact.relation, fact.arguments)]
-    new += [f"NOT {fact}" for fact in problem.map.facts() if not later.has_fact(fact.relation, fact.arguments)]
-    for object in later.objects.values():
+            later_map = draw(st.sampled_from(choices))
+    new = [str(fact) for fact in later_map.facts() if not problem.map.has_fact(fact.relation, fact.arguments)]
+    new += [f"NOT {fact}" for fact in problem.map.facts() if not later_map.has_fact(fact.relation, fact.arguments)]
+    for object in later_map.objects.values():
         for path, value in object.values.items():
             if problem.map.objects[object.name].values.get(path) != value:
                 new.append(f"{object.name}.{path} = {str(value).upper() if isinstance(value, bool) else value}")
@@ -182,8 +182,8 @@ def successors(problem: Problem, map: Map) -> Iterator[Map]:
             for p in service.inputs
         ]
         for values in product(*domains):
-            given = {PROVIDER: Name("R1"), **{p.name: value for p, value in zip(service.inputs, values, strict=True)}}
-            for row in _ways(service, given, map):
+            substitution = {PROVIDER: Name("R1"), **{p.name: value for p, value in zip(service.inputs, values, strict=True)}}
+            for row in _ways(service, substitution, map):
                 effect = substitute(parse(service.effect), row)
                 if any(isinstance(part, Relation) and len(set(part.arguments)) < len(part.arguments) for part in conjuncts(effect)):
                     continue  # nothing is put on itself
@@ -193,32 +193,35 @@ def successors(problem: Problem, map: Map) -> Iterator[Map]:
                     continue  # an effect that contradicts itself, or a value that is not there
 
 
-def _ways(service: ServiceType, given: dict[str, Term], map: Map) -> Iterator[dict[str, Term]]:
+def _ways(service: ServiceType, substitution: dict[str, Term], map: Map) -> Iterator[dict[str, Term]]:
     if service.precondition is None:
-        return iter([given])
-    wanted = parse(service.precondition)
-    rows = bindings(wanted, map, ONTOLOGY, {name: term for name, term in given.items() if name in variables(wanted)})
-    return ({**given, **row} for row in rows)
+        return iter([substitution])
+    precondition = parse(service.precondition)
+    rows = bindings(precondition, map, ONTOLOGY, {name: term for name, term in substitution.items() if name in variables(precondition)})
+    return ({**substitution, **row} for row in rows)
 
 
 def reachable(problem: Problem) -> bool | None:
     """Whether a plain breadth-first search through maps finds the goal; None when it gave up."""
-    waiting, seen = [problem.map], [problem.map]
+    waiting, seen_maps = [problem.map], [problem.map]
     while waiting:
         map = waiting.pop(0)
         if formula_holds(problem.goal, map, ONTOLOGY):
             return True
         for new in successors(problem, map):
-            if new not in seen:
-                if len(seen) >= STATES:
+            if new not in seen_maps:
+                if len(seen_maps) >= STATES:
                     return None
-                seen.append(new)
+                seen_maps.append(new)
                 waiting.append(new)
     return False
 
 
 def described(problem: Problem) -> str:
-    services = [f"{a.service_type.name}: {a.service_type.precondition} -> {a.service_type.effect}" for a in problem.services]
+    services = [
+        f"{available.service_type.name}: {available.service_type.precondition} -> {available.service_type.effect}"
+        for available in problem.services
+    ]
     facts = [*map(str, problem.map.facts())]
     return "\n".join([*services, "; ".join(facts), str({o.name: o.values for o in problem.map.objects.values()}), f"goal: {problem.goal}"])
 
@@ -227,18 +230,18 @@ def described(problem: Problem) -> str:
 @given(problems())
 def test_plans_are_valid_and_a_plain_search_agrees(problem: Problem) -> None:
     note(described(problem))
-    found = plan(problem)
+    result = plan(problem)
     expected = reachable(problem)
-    event(f"plan: {len(found.steps) if isinstance(found, Plan) else 'none'}, expected: {expected}")
-    if isinstance(found, NoPlan):
-        assert expected is not True, f"{found}\n{described(problem)}"
-        assert found.explanation
+    event(f"plan: {len(result.steps) if isinstance(result, Plan) else 'none'}, expected: {expected}")
+    if isinstance(result, NoPlan):
+        assert expected is not True, f"{result}\n{described(problem)}"
+        assert result.explanation
         return
     assert expected is not False
-    assert validate(found, problem) == []
-    for order in islice(linearisations(found), 50):
+    assert validate(result, problem) == []
+    for order in islice(linearisations(result), 50):
         map = problem.map
         for step in order:
-            assert step.precondition is None or formula_holds(step.precondition, map, ONTOLOGY), (str(found), [s.id for s in order])
+            assert step.precondition is None or formula_holds(step.precondition, map, ONTOLOGY), (str(result), [s.id for s in order])
             map = apply_step(step, map, problem)
-        assert formula_holds(problem.goal, map, ONTOLOGY), (str(found), [s.id for s in order])
+        assert formula_holds(problem.goal, map, ONTOLOGY), (str(result), [s.id for s in order])

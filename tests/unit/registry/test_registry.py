@@ -31,7 +31,7 @@ from somrs.registry.component import SCHEMA, Registry, only_reads
 from somrs.registry.state import LeasesDue
 from somrs.repository.component import Repository
 from somrs.runtime.virtual import World
-from tests.support.lab import REPOSITORY, ask, contents, lab, request, sent, tell
+from tests.support.lab import REPOSITORY, ask, contents, deliver_request, lab, request, sent_bodies
 
 REGISTRY = "http://here/registry"
 FOLLOWER = "http://here/follower"
@@ -61,8 +61,8 @@ def publish(provider: str, *offers: Offer, lease: float = 30.0) -> Publish:
     return Publish(provider=provider, offers=offers or (offer(provider),), lease=lease)
 
 
-def names(found: Discovered) -> list[str]:
-    return [each.service for each in found.offers]
+def names(discovered: Discovered) -> list[str]:
+    return [listed_offer.service for listed_offer in discovered.offers]
 
 
 @pytest.fixture
@@ -77,7 +77,7 @@ def followed(registry: Registry) -> Registry:
 
 
 def news(effects: list[Effect]) -> list[ServicesJoined | ServicesLeft]:
-    return [*sent(effects, ServicesJoined), *sent(effects, ServicesLeft)]
+    return [*sent_bodies(effects, ServicesJoined), *sent_bodies(effects, ServicesLeft)]
 
 
 # Leases
@@ -109,8 +109,8 @@ def test_leases_are_kept_within_limits(registry: Registry) -> None:
 
 
 def test_the_timer_is_set_for_the_next_lease_that_ends(registry: Registry) -> None:
-    assert tell(registry, publish("Robot1", lease=30.0), now=0.0)[-1] == SetTimer(LeasesDue(), 30.0)
-    assert tell(registry, publish("Robot2", lease=10.0), now=0.0)[-1] == SetTimer(LeasesDue(), 10.0)
+    assert deliver_request(registry, publish("Robot1", lease=30.0), now=0.0)[-1] == SetTimer(LeasesDue(), 30.0)
+    assert deliver_request(registry, publish("Robot2", lease=10.0), now=0.0)[-1] == SetTimer(LeasesDue(), 10.0)
     assert registry.handle(TimerFired(LeasesDue()), 10.0)[-1] == SetTimer(LeasesDue(), 30.0)
     assert registry.handle(TimerFired(LeasesDue()), 30.0)[-1] == SetTimer(LeasesDue(), None)
 
@@ -121,12 +121,12 @@ def test_the_timer_is_set_for_the_next_lease_that_ends(registry: Registry) -> No
 @pytest.mark.parametrize("effect", [None, "Jar1 isOn", "Jar1 isOn Table1"])
 def test_who_asks_on_a_connection_leaves_the_registry_as_it_was(registry: Registry, effect: str | None) -> None:
     ask(registry, publish("Robot1", lease=5.0), Published, now=0.0)
-    before = encode(registry.state)
-    asked = Received(request(Discover(effect=effect), ANONYMOUS))
+    state_before = encode(registry.state)
+    received = Received(request(Discover(effect=effect), ANONYMOUS))
     for now in (4.0, 6.0):
-        assert len(registry.handle(asked, now)) == 1
-    assert only_reads(asked)
-    assert encode(registry.state) == before
+        assert len(registry.handle(received, now)) == 1
+    assert only_reads(received)
+    assert encode(registry.state) == state_before
     assert not only_reads(Received(request(Discover(effect=effect)))), "somebody who has an address waits for it"
     assert not only_reads(Received(request(publish("Robot1"), ANONYMOUS)))
     assert not only_reads(TimerFired(LeasesDue()))
@@ -140,7 +140,7 @@ def busy(registry: Registry) -> Registry:
 
 
 @pytest.mark.parametrize(
-    ("wanted", "found"),
+    ("query", "services"),
     [
         (Discover(), ["Robot1.OpenDoor", "Robot1.TransferObject", "Robot2.CarefulTransfer"]),
         (Discover(service_type="OpenDoor"), ["Robot1.OpenDoor"]),
@@ -158,8 +158,8 @@ def busy(registry: Registry) -> Registry:
         (Discover(effect="Jar1 isOn Table2", attributes={"Price": 25.0}), ["Robot2.CarefulTransfer"]),
     ],
 )
-def test_what_is_found_fits_all_that_is_asked(busy: Registry, wanted: Discover, found: list[str]) -> None:
-    assert names(ask(busy, wanted, Discovered)) == found
+def test_what_is_found_fits_all_that_is_asked(busy: Registry, query: Discover, services: list[str]) -> None:
+    assert names(ask(busy, query, Discovered)) == services
 
 
 def test_a_formula_that_is_none_is_a_fault(busy: Registry) -> None:
@@ -169,39 +169,39 @@ def test_a_formula_that_is_none_is_a_fault(busy: Registry) -> None:
 def test_many_services_are_found_page_by_page(registry: Registry) -> None:
     for n in range(300):
         ask(registry, publish(f"Robot{n:03}"), Published)
-    found = [ask(registry, Discover(service_type="TransferObject"), Discovered)]
-    while found[-1].more:
-        found.append(ask(registry, Discover(service_type="TransferObject", after=found[-1].offers[-1].service), Discovered))
-    assert [name for page in found for name in names(page)] == [f"Robot{n:03}.TransferObject" for n in range(300)]
-    assert all(len(msgspec.json.encode(page)) < 50_000 for page in found)
+    pages = [ask(registry, Discover(service_type="TransferObject"), Discovered)]
+    while pages[-1].more:
+        pages.append(ask(registry, Discover(service_type="TransferObject", after=pages[-1].offers[-1].service), Discovered))
+    assert [name for page in pages for name in names(page)] == [f"Robot{n:03}.TransferObject" for n in range(300)]
+    assert all(len(msgspec.json.encode(page)) < 50_000 for page in pages)
 
 
 # Telling
 
 
 def test_followers_hear_who_comes_and_who_goes(followed: Registry) -> None:
-    both = (offer("Robot1"), offer("Robot1", OPEN))
-    assert news(tell(followed, publish("Robot1", *both))) == [ServicesJoined(offers=both)]
-    gone = tell(followed, Retract(provider="Robot1", services=("Robot1.OpenDoor", "Robot9.Cook")))
-    assert sent(gone, Retracted) == [Retracted(services=("Robot1.OpenDoor",))]
-    assert news(gone) == [ServicesLeft(services=("Robot1.OpenDoor",), provider="Robot1", reason="retracted")]
+    offers = (offer("Robot1"), offer("Robot1", OPEN))
+    assert news(deliver_request(followed, publish("Robot1", *offers))) == [ServicesJoined(offers=offers)]
+    effects = deliver_request(followed, Retract(provider="Robot1", services=("Robot1.OpenDoor", "Robot9.Cook")))
+    assert sent_bodies(effects, Retracted) == [Retracted(services=("Robot1.OpenDoor",))]
+    assert news(effects) == [ServicesLeft(services=("Robot1.OpenDoor",), provider="Robot1", reason="retracted")]
     assert news(followed.handle(TimerFired(LeasesDue()), 30.0)) == [
         ServicesLeft(services=("Robot1.TransferObject",), provider="Robot1", reason="expired")
     ]
 
 
 def test_all_services_are_retracted_when_none_is_named(followed: Registry) -> None:
-    tell(followed, publish("Robot1", offer("Robot1"), offer("Robot1", OPEN)))
+    deliver_request(followed, publish("Robot1", offer("Robot1"), offer("Robot1", OPEN)))
     assert ask(followed, Retract(provider="Robot1"), Retracted).services == ("Robot1.TransferObject", "Robot1.OpenDoor")
     assert ask(followed, Retract(provider="Robot1"), Retracted).services == ()
     assert ask(followed, Discover(), Discovered).offers == ()
 
 
 def test_of_a_second_publication_only_the_difference_is_told(followed: Registry) -> None:
-    tell(followed, publish("Robot1", offer("Robot1", Price=10.0), offer("Robot1", OPEN)))
-    assert news(tell(followed, publish("Robot1", offer("Robot1", Price=10.0), offer("Robot1", OPEN)), now=5.0)) == []
+    deliver_request(followed, publish("Robot1", offer("Robot1", Price=10.0), offer("Robot1", OPEN)))
+    assert news(deliver_request(followed, publish("Robot1", offer("Robot1", Price=10.0), offer("Robot1", OPEN)), now=5.0)) == []
     dearer = offer("Robot1", Price=12.0)
-    assert news(tell(followed, publish("Robot1", dearer), now=6.0)) == [
+    assert news(deliver_request(followed, publish("Robot1", dearer), now=6.0)) == [
         ServicesJoined(offers=(dearer,)),
         ServicesLeft(services=("Robot1.OpenDoor",), provider="Robot1", reason="retracted"),
     ]
@@ -209,11 +209,11 @@ def test_of_a_second_publication_only_the_difference_is_told(followed: Registry)
 
 def test_a_follower_hears_nothing_after_its_lease_or_when_it_cannot_be_reached(registry: Registry) -> None:
     ask(registry, SubscribeServices(lease=10), ServicesSubscribed, now=0.0, sender=FOLLOWER)
-    assert news(tell(registry, publish("Robot1"), now=10.0)) == []
+    assert news(deliver_request(registry, publish("Robot1"), now=10.0)) == []
     ask(registry, SubscribeServices(lease=100), ServicesSubscribed, now=10.0, sender=FOLLOWER)
-    told = [e.message for e in tell(registry, publish("Robot2"), now=11.0) if isinstance(e, Send)]
-    registry.handle(DeliveryFailed(told[-1], "refused"), 41.0)
-    assert news(tell(registry, publish("Robot3"), now=42.0)) == []
+    messages = [e.message for e in deliver_request(registry, publish("Robot2"), now=11.0) if isinstance(e, Send)]
+    registry.handle(DeliveryFailed(messages[-1], "refused"), 41.0)
+    assert news(deliver_request(registry, publish("Robot3"), now=42.0)) == []
 
 
 def test_who_has_no_address_cannot_follow(registry: Registry) -> None:
@@ -226,15 +226,15 @@ def test_who_has_no_address_cannot_follow(registry: Registry) -> None:
 def test_an_old_message_that_comes_again_undoes_nothing(followed: Registry) -> None:
     first = request(publish("Robot1"))
     followed.handle(Received(first), 0.0)
-    tell(followed, Retract(provider="Robot1"), now=1.0)
-    again = followed.handle(Received(first), 2.0)
-    assert sent(again, Published) == [Published(until=30.0, renew_within=10.0)]
-    assert news(again) == []
+    deliver_request(followed, Retract(provider="Robot1"), now=1.0)
+    repeated_effects = followed.handle(Received(first), 2.0)
+    assert sent_bodies(repeated_effects, Published) == [Published(until=30.0, renew_within=10.0)]
+    assert news(repeated_effects) == []
     assert ask(followed, Discover(), Discovered, now=3.0).offers == ()
 
 
 @pytest.mark.parametrize(
-    ("wrong", "said"),
+    ("wrong", "expected_text"),
     [
         (publish("Robot2", offer("Robot1")), "Robot2 cannot offer it"),
         (publish("Robot2", msgspec.structs.replace(offer("Robot2"), service="Robot1.TransferObject")), "offered by Robot1 already"),
@@ -243,15 +243,15 @@ def test_an_old_message_that_comes_again_undoes_nothing(followed: Registry) -> N
         (publish("", offer("")), "provider"),
     ],
 )
-def test_offers_that_nobody_could_use_are_refused(registry: Registry, wrong: Publish, said: str) -> None:
+def test_offers_that_nobody_could_use_are_refused(registry: Registry, wrong: Publish, expected_text: str) -> None:
     ask(registry, publish("Robot1"), Published)
-    assert said in ask(registry, wrong, Fault).text
+    assert expected_text in ask(registry, wrong, Fault).text
     assert names(ask(registry, Discover(), Discovered)) == ["Robot1.TransferObject"]
 
 
 def test_what_is_no_business_of_a_registry_is_a_fault_and_faults_are_not_answered(registry: Registry) -> None:
     assert ask(registry, QueryMap(formula="Jar1 isOn Table1"), Fault).code == "ActionNotSupported"
-    assert sent(tell(registry, Fault(code="Sender", text="no")), object) == []
+    assert sent_bodies(deliver_request(registry, Fault(code="Sender", text="no")), object) == []
 
 
 def test_it_learns_what_services_can_do_from_the_repository() -> None:
@@ -268,7 +268,7 @@ def test_it_learns_what_services_can_do_from_the_repository() -> None:
     world.send(request(Define(definitions=Definitions(types=(box,), relations=(packed,), services=(pack,)))))
     world.run(2.0)
     assert "Pack" in registry.ontology.services
-    tell(registry, publish("Robot1", offer("Robot1", pack)), now=world.now)
+    deliver_request(registry, publish("Robot1", offer("Robot1", pack)), now=world.now)
     assert names(ask(registry, Discover(effect="Jar1 isPackedIn ?Box: Box"), Discovered, now=world.now)) == ["Robot1.Pack"]
     assert names(ask(registry, Discover(effect="Table1 isPackedIn ?Box: Box"), Discovered, now=world.now)) == []
 
@@ -278,16 +278,16 @@ def test_what_was_listed_is_listed_after_a_restart_until_its_lease_is_over(snaps
     world = World(start=0.0)
     world.add(REGISTRY, Registry(REGISTRY, lab()[0]), journaled=SCHEMA)
 
-    def told(body: Body) -> None:
-        world.send(request(body, to=REGISTRY))
+    def send_request(body: Body) -> None:
+        world.send(request(body, recipient=REGISTRY))
         world.run(1.0)
 
-    told(publish("Robot1", lease=30.0))
-    told(publish("Robot2", lease=30.0))
+    send_request(publish("Robot1", lease=30.0))
+    send_request(publish("Robot2", lease=30.0))
     if snapshot:
         world.snapshot(REGISTRY)
-    told(Retract(provider="Robot2"))
-    told(Renew(provider="Robot1", lease=60.0))
+    send_request(Retract(provider="Robot2"))
+    send_request(Renew(provider="Robot1", lease=60.0))
     world.revive(REGISTRY)
     registry = world.components[REGISTRY]
     assert isinstance(registry, Registry)

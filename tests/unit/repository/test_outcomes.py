@@ -52,11 +52,11 @@ def removed(*names: str, section: Section = TYPES) -> tuple[DefinitionKey, ...]:
 
 
 def renamed(*pairs: tuple[str, str], section: Section = TYPES) -> tuple[Renaming, ...]:
-    return tuple(Renaming(section=section, name=name, to=to) for name, to in pairs)
+    return tuple(Renaming(section=section, name=name, to=new_name) for name, new_name in pairs)
 
 
-def shown(broken: Iterable[Violation]) -> list[tuple[str, str, str, str, str]]:
-    return [(one.section, one.subject, one.path, one.rule, one.message) for one in broken]
+def violation_rows(broken: Iterable[Violation]) -> list[tuple[str, str, str, str, str]]:
+    return [(problem.section, problem.subject, problem.path, problem.rule, problem.message) for problem in broken]
 
 
 # The ontology
@@ -117,7 +117,7 @@ def shown(broken: Iterable[Violation]) -> list[tuple[str, str, str, str, str]]:
 )  # fmt: skip
 def test_what_cannot_be_done_to_the_ontology_leaves_everything_as_it_is(define: Define, broken: list[tuple[str, ...]]) -> None:
     outcome = define_outcome(MAP, ONTOLOGY, define)
-    assert shown(outcome.broken) == broken
+    assert violation_rows(outcome.broken) == broken
     assert outcome == Outcome(map=MAP, ontology=ONTOLOGY, broken=outcome.broken)
 
 
@@ -135,7 +135,9 @@ def test_names_that_become_free_may_be_taken(define: Define) -> None:
     assert (outcome.broken, outcome.renamed, outcome.changes, outcome.map) == ((), define.renamed, (), MAP)
     assert outcome.revision is not None
     assert [*outcome.ontology] == [*apply_revision(ONTOLOGY, outcome.revision)]
-    assert {one.name for one in outcome.revision.after.all_definitions()} >= {one.name for one in define.definitions.all_definitions()}
+    assert {definition.name for definition in outcome.revision.after.all_definitions()} >= {
+        definition.name for definition in define.definitions.all_definitions()
+    }
 
 
 def test_a_change_that_says_what_is_changes_nothing() -> None:
@@ -154,7 +156,7 @@ def test_a_formula_that_does_not_fit_its_ontology_is_told_and_not_asked_whether_
 def test_a_problem_is_told_once() -> None:
     jar = structs.replace(ONTOLOGY.types["Jar"], constraints=(Constraint(attribute="PositionX", maximum=1.1),))
     outcome = define_outcome(MAP, ONTOLOGY, Define(definitions=types(jar)))
-    assert [(one.subject, one.path, one.rule) for one in outcome.broken] == [("Jar2", "PositionX", "constraint")]
+    assert [(problem.subject, problem.path, problem.rule) for problem in outcome.broken] == [("Jar2", "PositionX", "constraint")]
     assert (outcome.map, outcome.revision) == (MAP, Revision(before=types(ONTOLOGY.types["Jar"]), after=types(jar)))
 
 
@@ -162,7 +164,7 @@ def test_a_problem_is_told_once() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "to", "broken"),
+    ("name", "new_name", "broken"),
     [
         ("Jar9", "Jar8", [("unknown-object", "there is no object Jar9 on the map; did you mean Jar2 or Jar1?")]),
         ("Qqqq", "Jar8", [("unknown-object", "there is no object Qqqq on the map; add it first")]),
@@ -175,9 +177,9 @@ def test_a_problem_is_told_once() -> None:
         ("Jar1", "A b", [("name", NO_NAME)]),
     ],
 )
-def test_why_an_object_cannot_get_a_name(name: str, to: str, broken: list[tuple[str, str]]) -> None:
-    outcome = rename_outcome(MAP, ONTOLOGY, RenameObject(name=name, to=to))
-    assert shown(outcome.broken) == [("objects", name, "", rule, message) for rule, message in broken]
+def test_why_an_object_cannot_get_a_name(name: str, new_name: str, broken: list[tuple[str, str]]) -> None:
+    outcome = rename_outcome(MAP, ONTOLOGY, RenameObject(name=name, to=new_name))
+    assert violation_rows(outcome.broken) == [("objects", name, "", rule, message) for rule, message in broken]
     assert outcome == Outcome(map=MAP, ontology=ONTOLOGY, broken=outcome.broken)
 
 
@@ -190,8 +192,8 @@ def test_an_object_is_renamed_in_the_ontology_too_and_gets_no_name_of_which_that
     now = structs.replace(SPEAKS, constraints=(Constraint(formula="NOT ?Self isOn Table3"),))
     assert (outcome.revision, outcome.broken) == (Revision(before=types(SPEAKS), after=types(now)), ())
     assert (outcome.ontology.types["Jar"], outcome.renamed) == (now, renamed(("Table2", "Table3"), section=OBJECTS))
-    without = MAP.changed((ObjectRemoved("Table2"),))
-    [violation] = rename_outcome(without, SPEAKING, RenameObject(name="Table1", to="Table2")).broken
+    reduced_map = MAP.changed((ObjectRemoved("Table2"),))
+    [violation] = rename_outcome(reduced_map, SPEAKING, RenameObject(name="Table1", to="Table2")).broken
     message = "cannot be called Table2: the type Jar speaks of another Table2; take another name"
     assert violation == Violation(subject="Table1", rule="duplicate", message=message)
 
@@ -246,7 +248,7 @@ def test_an_object_is_renamed_with_its_facts_and_the_ontology_stays_as_it_is() -
 )
 def test_what_cannot_be_done_to_the_map_leaves_it_as_it_is(changes: tuple[Change, ...], broken: list[tuple[str, str, str]]) -> None:
     outcome = update_outcome(MAP, ONTOLOGY, UpdateMap(changes=changes))
-    assert shown(outcome.broken) == [("objects", subject, "", rule, message) for subject, rule, message in broken]
+    assert violation_rows(outcome.broken) == [("objects", subject, "", rule, message) for subject, rule, message in broken]
     assert outcome == Outcome(map=MAP, ontology=ONTOLOGY, broken=outcome.broken)
 
 
@@ -292,15 +294,15 @@ def test_an_update_comes_to_the_least_changes(update: UpdateMap, changes: tuple[
 
 def test_rules_that_an_update_breaks_are_told_with_what_it_comes_to() -> None:
     outcome = update_outcome(MAP, ONTOLOGY, UpdateMap(changes=(ValueSet("Jar1", "Color", "Mauve"), ValueSet("Jar2", "Label", "\x01"))))
-    assert shown(outcome.broken) == [
+    assert violation_rows(outcome.broken) == [
         ("objects", "Jar2", "Label", "text", "Label: the character U+0001 cannot be sent to anybody; leave it out")
     ], "values are looked at once they can be said"
     bad = Object(name="Jar9", type="Jar", values={"Label": "\x02", "PositionX": 1.0, "Color": "Red"})
-    assert [(one.subject, one.path) for one in update_outcome(MAP, ONTOLOGY, UpdateMap(changes=(ObjectAdded(bad),))).broken] == [
-        ("Jar9", "Label")
-    ]
+    assert [
+        (problem.subject, problem.path) for problem in update_outcome(MAP, ONTOLOGY, UpdateMap(changes=(ObjectAdded(bad),))).broken
+    ] == [("Jar9", "Label")]
     colour = update_outcome(MAP, ONTOLOGY, UpdateMap(changes=(ValueSet("Jar1", "Color", "Mauve"),)))
-    assert [(one.subject, one.path, one.rule) for one in colour.broken] == [("Jar1", "Color", "value")]
+    assert [(problem.subject, problem.path, problem.rule) for problem in colour.broken] == [("Jar1", "Color", "value")]
     assert colour.changes == (ValueSet("Jar1", "Color", "Mauve"),)
 
 
@@ -308,17 +310,17 @@ def test_rules_that_an_update_breaks_are_told_with_what_it_comes_to() -> None:
 
 
 def test_what_followers_hear_of_a_change_of_the_ontology() -> None:
-    both = renamed(("Cup", "Mug"))
-    outcome = define_outcome(MAP, ONTOLOGY, Define(removed=removed("Can"), renamed=both, definitions=types(CRATE)))
+    renamings = renamed(("Cup", "Mug"))
+    outcome = define_outcome(MAP, ONTOLOGY, Define(removed=removed("Can"), renamed=renamings, definitions=types(CRATE)))
     mug = structs.replace(ONTOLOGY.types["Cup"], name="Mug")
     assert outcome.broken == ()
-    told = outcome.change_notice(4)
-    assert {one.name for one in told.definitions.types} == {"Crate", "Mug"}
-    assert mug in told.definitions.types
-    gone = set(removed("Can", "Cup"))
-    assert told == OntologyChanged(definitions=told.definitions, version=4, removed=told.removed, changes=(), renamed=both)
-    assert set(told.removed) == gone
-    assert set(outcome.definitions) == gone | set(removed("Mug", "Crate"))
+    notice = outcome.change_notice(4)
+    assert {definition.name for definition in notice.definitions.types} == {"Crate", "Mug"}
+    assert mug in notice.definitions.types
+    removed_keys = set(removed("Can", "Cup"))
+    assert notice == OntologyChanged(definitions=notice.definitions, version=4, removed=notice.removed, changes=(), renamed=renamings)
+    assert set(notice.removed) == removed_keys
+    assert set(outcome.definitions) == removed_keys | set(removed("Mug", "Crate"))
     assert len(outcome.definitions) == 4
     assert Outcome(map=MAP, ontology=ONTOLOGY).definitions == ()
     assert Outcome(map=MAP, ontology=ONTOLOGY, changes=(RED,)).change_notice(4) == OntologyChanged(
@@ -327,13 +329,18 @@ def test_what_followers_hear_of_a_change_of_the_ontology() -> None:
 
 
 def test_a_revision_leads_there_and_back() -> None:
-    after = ONTOLOGY.extended((CRATE, structs.replace(ONTOLOGY.types["Jar"], doc="new")))
-    found = revision(ONTOLOGY, after)
-    assert found == Revision(
-        before=types(ONTOLOGY.types["Jar"]), after=types(*(after.types[name] for name in after.types if name in ("Jar", "Crate")))
+    ontology_after = ONTOLOGY.extended((CRATE, structs.replace(ONTOLOGY.types["Jar"], doc="new")))
+    found_revision = revision(ONTOLOGY, ontology_after)
+    assert found_revision == Revision(
+        before=types(ONTOLOGY.types["Jar"]),
+        after=types(*(ontology_after.types[name] for name in ontology_after.types if name in ("Jar", "Crate"))),
     )
-    assert {one.name: one for one in apply_revision(ONTOLOGY, found)} == {one.name: one for one in after}
-    assert {one.name: one for one in revert_revision(after, found)} == {one.name: one for one in ONTOLOGY}
+    assert {definition.name: definition for definition in apply_revision(ONTOLOGY, found_revision)} == {
+        definition.name: definition for definition in ontology_after
+    }
+    assert {definition.name: definition for definition in revert_revision(ontology_after, found_revision)} == {
+        definition.name: definition for definition in ONTOLOGY
+    }
     assert revision(ONTOLOGY, lab()[0]) is None
 
 
@@ -342,58 +349,60 @@ def violation(number: int, section: str = "objects") -> Violation:
 
 
 @pytest.mark.parametrize(
-    ("count", "told", "rest"), [(2, 2, []), (50, 50, []), (51, 50, ["and 1 more problems"]), (70, 50, ["and 20 more problems"])]
+    ("count", "problem_count", "rest"), [(2, 2, []), (50, 50, []), (51, 50, ["and 1 more problems"]), (70, 50, ["and 20 more problems"])]
 )
-def test_so_many_problems_are_told_at_once(count: int, told: int, rest: list[str]) -> None:
+def test_so_many_problems_are_told_at_once(count: int, problem_count: int, rest: list[str]) -> None:
     broken = [violation(number) for number in range(count)]
     assert rejected([*broken, *broken[:1]], 7) == Rejected(
-        problems=(*map(str, broken[:told]), *rest),
+        problems=(*map(str, broken[:problem_count]), *rest),
         version=7,
-        broken=tuple(BrokenRule(subject=f"A{n}", rule="r", message=f"m{n}", path="p") for n in range(told)),
+        broken=tuple(BrokenRule(subject=f"A{n}", rule="r", message=f"m{n}", path="p") for n in range(problem_count)),
     )
 
 
 def test_what_is_wrong_with_a_request_is_said_without_repeating_what_that_was() -> None:
-    found = rejected([violation(1, "situation"), violation(2, "version"), violation(3, "types")], 7)
-    assert found.problems == ("m1", "m2", str(violation(3, "types")))
-    assert [rule.section for rule in found.broken] == ["situation", "version", "types"]
+    rejection = rejected([violation(1, "situation"), violation(2, "version"), violation(3, "types")], 7)
+    assert rejection.problems == ("m1", "m2", str(violation(3, "types")))
+    assert [rule.section for rule in rejection.broken] == ["situation", "version", "types"]
 
 
 def test_what_would_come_of_a_change_as_much_as_goes_into_a_message() -> None:
     changes = tuple(ValueSet(f"Jar{n}", "Color", "Red") for n in range(300))
-    many = types(*(ObjectType(name=f"T{n}", parent="Jar", doc="x" * 50) for n in range(300)))
+    many_types = types(*(ObjectType(name=f"T{n}", parent="Jar", doc="x" * 50) for n in range(300)))
     broken = tuple(violation(n) for n in range(250))
-    found = considered(
-        Outcome(map=MAP, ontology=ONTOLOGY, changes=changes, revision=Revision(before=many, after=types(CRATE)), broken=(*broken, *broken)),
+    answer = considered(
+        Outcome(
+            map=MAP, ontology=ONTOLOGY, changes=changes, revision=Revision(before=many_types, after=types(CRATE)), broken=(*broken, *broken)
+        ),
         5,
     )
-    assert (found.version, found.all_broken, found.all_changes) == (5, 250, 300)
-    assert found.broken == tuple(BrokenRule(subject=f"A{n}", rule="r", message=f"m{n}", path="p") for n in range(len(found.broken)))
-    assert found.changes == changes[: len(found.changes)]
-    assert found.revision is not None
-    assert found.revision.before.types == many.types[: len(found.revision.before.types)]
-    assert found.revision.after == types(CRATE)
+    assert (answer.version, answer.all_broken, answer.all_changes) == (5, 250, 300)
+    assert answer.broken == tuple(BrokenRule(subject=f"A{n}", rule="r", message=f"m{n}", path="p") for n in range(len(answer.broken)))
+    assert answer.changes == changes[: len(answer.changes)]
+    assert answer.revision is not None
+    assert answer.revision.before.types == many_types.types[: len(answer.revision.before.types)]
+    assert answer.revision.after == types(CRATE)
     parts: list[tuple[Sequence[object], Sequence[object]]] = [
-        (found.broken, [*map(broken_rule, broken)]),
-        (found.changes, changes),
-        (found.revision.before.types, many.types),
+        (answer.broken, [*map(broken_rule, broken)]),
+        (answer.changes, changes),
+        (answer.revision.before.types, many_types.types),
     ]
-    for told, everything in parts:
-        room = PAGE_BYTES // 4 - sum(map(size, told))
-        assert 0 <= room < size(everything[len(told)])
+    for sent_items, all_items in parts:
+        room = PAGE_BYTES // 4 - sum(map(size, sent_items))
+        assert 0 <= room < size(all_items[len(sent_items)])
     assert considered(Outcome(map=MAP, ontology=ONTOLOGY), 5) == Considered(version=5)
 
 
 # Others who were quicker
 
 
-def known(**changed_at: int) -> Contents:
-    kept = contents()
-    kept.version, kept.changed_at = 7, changed_at
-    kept.defined_at = {
+def make_contents(**changed_at: int) -> Contents:
+    repository_contents = contents()
+    repository_contents.version, repository_contents.changed_at = 7, changed_at
+    repository_contents.defined_at = {
         TYPES: {"Jar": DefinitionChange(version=5, author="urn:so-mrs:client:Anna"), "Gone": DefinitionChange(version=6, author="")}
     }
-    return kept
+    return repository_contents
 
 
 WHAT_CHANGED = "changed in version {}, after version {} that was expected; read it again and decide anew"
@@ -432,15 +441,17 @@ NEW_JAR = structs.replace(ONTOLOGY.types["Jar"], doc="new")
 )
 def test_who_was_quicker(alteration: UpdateMap | RenameObject | Define | Undo, broken: list[tuple[str, str, str]]) -> None:
     changes = alteration.changes if isinstance(alteration, UpdateMap) else ()
-    found = [*version_conflicts(alteration, Outcome(map=MAP, ontology=ONTOLOGY, changes=changes), known(Jar1=3))]
-    assert shown(found) == [(section, subject, "", "overtaken", message) for section, subject, message in broken]
+    conflicts = [*version_conflicts(alteration, Outcome(map=MAP, ontology=ONTOLOGY, changes=changes), make_contents(Jar1=3))]
+    assert violation_rows(conflicts) == [(section, subject, "", "overtaken", message) for section, subject, message in broken]
 
 
 # Undoing
 
 
-def event(before: Definitions, after: Definitions, *renamings: Renaming) -> Event:
-    return Event(version=4, at=0.0, author="a", changes=(), revision=Revision(before=before, after=after), renamed=renamings)
+def event(old_definitions: Definitions, new_definitions: Definitions, *renamings: Renaming) -> Event:
+    return Event(
+        version=4, at=0.0, author="a", changes=(), revision=Revision(before=old_definitions, after=new_definitions), renamed=renamings
+    )
 
 
 @pytest.mark.parametrize(
@@ -453,10 +464,10 @@ def event(before: Definitions, after: Definitions, *renamings: Renaming) -> Even
     ],
 )
 def test_what_stands_in_the_way_of_undoing_a_change_of_the_ontology(undo: Event, subject: str, message: str) -> None:
-    kept = known()
-    outcome = undo_outcome(undo, kept)
-    assert shown(outcome.broken) == [("types", subject, "", "changed-since", f"version 4 cannot be undone: {message}")]
-    assert outcome == Outcome(map=kept.map, ontology=kept.ontology, broken=outcome.broken)
+    repository_contents = make_contents()
+    outcome = undo_outcome(undo, repository_contents)
+    assert violation_rows(outcome.broken) == [("types", subject, "", "changed-since", f"version 4 cannot be undone: {message}")]
+    assert outcome == Outcome(map=repository_contents.map, ontology=repository_contents.ontology, broken=outcome.broken)
 
 
 # The past
@@ -464,22 +475,22 @@ def test_what_stands_in_the_way_of_undoing_a_change_of_the_ontology(undo: Event,
 
 def test_the_map_as_it_was() -> None:
     now = Map([Object(name="A", type="Jar", values={"Size": 2.0})], [Fact("isNew", ("A",))])
-    back: list[list[Change]] = [
+    inverse_changes: list[list[Change]] = [
         [ValueSet("A", "Size", 1.0), FactRemoved(Fact("isNew", ("A",))), ObjectAdded(Object(name="B", type="Jar"))],
         [ValueSet("A", "Size", None), FactAdded(Fact("isOld", ("B",))), FactRemoved(Fact("isBig", ("B",)))],
         [ObjectRemoved("A"), ObjectRemoved("C")],
     ]
-    assert rewind_map(now, back) == Map([Object(name="B", type="Jar")], [Fact("isOld", ("B",))])
-    assert rewind_map(now, back[:2]).objects["A"] == Object(name="A", type="Jar")
+    assert rewind_map(now, inverse_changes) == Map([Object(name="B", type="Jar")], [Fact("isOld", ("B",))])
+    assert rewind_map(now, inverse_changes[:2]).objects["A"] == Object(name="A", type="Jar")
     assert now.objects["A"].values == {"Size": 2.0}
 
 
 def test_of_an_event_that_is_too_long_a_revision_that_is_too_long_is_left_out() -> None:
     short, long = (Revision(after=types(structs.replace(CRATE, doc="x" * length))) for length in (10, 1000))
-    for known, told in ((short, short), (long, Revision())):
-        found = shorten_event(Event(version=1, at=0.0, author="a", changes=(RED,) * 40, revision=known, before=(RED,)), 1000)
-        assert found.revision == told
-        assert (found.all_changes, found.before) == (40, ())
+    for full_revision, sent_revision in ((short, short), (long, Revision())):
+        short_event = shorten_event(Event(version=1, at=0.0, author="a", changes=(RED,) * 40, revision=full_revision, before=(RED,)), 1000)
+        assert short_event.revision == sent_revision
+        assert (short_event.all_changes, short_event.before) == (40, ())
 
 
 # Names and texts
@@ -504,15 +515,15 @@ def test_what_is_a_name(text: str, name: bool) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "problem"),
     [
         ("a\tb\r\nc ł\U0001f916\ud7ff\ue000\ufffd", ""),
         ("a\x0b", "the character U+000B cannot be sent to anybody; leave it out"),
         ("\ud800", "the character U+D800 cannot be sent to anybody; leave it out"),
     ],
 )
-def test_what_cannot_be_said(text: str, said: str) -> None:
-    assert text_problem(text) == said
+def test_what_cannot_be_said(text: str, problem: str) -> None:
+    assert text_problem(text) == problem
 
 
 def test_all_texts_of_a_definition_with_where_they_are() -> None:

@@ -20,15 +20,15 @@ REVISION = Revision(after=Definitions(attributes=(AttributeType(name="Smell", ki
 @pytest.mark.parametrize("room", [500, 2_000])
 def test_of_what_is_too_long_the_beginning_is_told_and_how_much_there_is(revision: Revision | None, room: int) -> None:
     event = Event(version=7, at=1.0, author="a person", changes=CHANGES, before=CHANGES, revision=revision)
-    told = shorten_event(event, room)
-    assert size(told) < room + 100
-    assert 1 < len(told.changes) < len(CHANGES)
-    left = room // 2 - sum(map(size, told.changes))
-    assert 0 <= left < size(CHANGES[len(told.changes)]), "changes take half of the room"
-    assert told.changes == CHANGES[: len(told.changes)]
-    assert (told.before, told.all_changes) == ((), len(CHANGES))
-    assert (told.version, told.author) == (7, "a person")
-    assert (told.revision is not None) == (revision is not None)
+    short_event = shorten_event(event, room)
+    assert size(short_event) < room + 100
+    assert 1 < len(short_event.changes) < len(CHANGES)
+    room_left = room // 2 - sum(map(size, short_event.changes))
+    assert 0 <= room_left < size(CHANGES[len(short_event.changes)]), "changes take half of the room"
+    assert short_event.changes == CHANGES[: len(short_event.changes)]
+    assert (short_event.before, short_event.all_changes) == ((), len(CHANGES))
+    assert (short_event.version, short_event.author) == (7, "a person")
+    assert (short_event.revision is not None) == (revision is not None)
 
 
 def test_what_fits_is_told_as_it_is() -> None:
@@ -51,7 +51,7 @@ CHANGED = Map(
 
 def possible(map: Map, changes: list[Change]) -> list[Change]:
     """Without what speaks of objects that are not there; objects that go have no facts by then, as where rules are kept."""
-    left: list[Change] = []
+    possible_changes: list[Change] = []
     for change in changes:
         match change:
             case ObjectRemoved(name) if name not in map.objects or [*map.facts_about(name)]:
@@ -60,38 +60,38 @@ def possible(map: Map, changes: list[Change]) -> list[Change]:
                 continue
             case FactAdded(fact) if not set(fact.arguments) <= set(map.objects):
                 continue
-        left.append(change)
+        possible_changes.append(change)
         map = map.changed([change])
-    return left
+    return possible_changes
 
 
 @given(st.lists(one_change, max_size=8))
 def test_what_leads_back_leads_to_the_map_as_it_was(changes: list[Change]) -> None:
-    made = possible(CHANGED, changes)
-    after = CHANGED.changed(made)
-    back = inverse(CHANGED, made)
-    assert after.changed(back) == CHANGED
-    assert rewind_map(after, [back]) == CHANGED
+    possible_changes = possible(CHANGED, changes)
+    map_after = CHANGED.changed(possible_changes)
+    inverse_changes = inverse(CHANGED, possible_changes)
+    assert map_after.changed(inverse_changes) == CHANGED
+    assert rewind_map(map_after, [inverse_changes]) == CHANGED
 
 
-NEW_A, ONLY_A = FactRemoved(Fact("isNew", ("A",))), CHANGED.objects["A"]
+NEW_A, OBJECT_A = FactRemoved(Fact("isNew", ("A",))), CHANGED.objects["A"]
 
 
 @pytest.mark.parametrize(
-    ("changes", "back"),
+    ("changes", "inverse_changes"),
     [
         ([ValueSet("A", "Size", 2.0), ValueSet("A", "Size", 3.0)], [ValueSet("A", "Size", 2.0), ValueSet("A", "Size", 1.0)]),
         ([ValueSet("A", "Size", None), ValueSet("A", "Size", 3.0)], [ValueSet("A", "Size", None), ValueSet("A", "Size", 1.0)]),
-        ([NEW_A, ObjectRemoved("A")], [ObjectAdded(ONLY_A), FactAdded(NEW_A.fact)]),
+        ([NEW_A, ObjectRemoved("A")], [ObjectAdded(OBJECT_A), FactAdded(NEW_A.fact)]),
         ([NEW_A, NEW_A], [FactAdded(NEW_A.fact)]),
         ([FactAdded(NEW_A.fact), FactRemoved(Fact("isNew", ("B",)))], []),
         ([FactAdded(Fact("isNew", ("B",))), FactAdded(Fact("isNew", ("B",)))], [FactRemoved(Fact("isNew", ("B",)))]),
-        ([ObjectAdded(Object(name="A", type="Thing"))], [ObjectAdded(ONLY_A)]),
+        ([ObjectAdded(Object(name="A", type="Thing"))], [ObjectAdded(OBJECT_A)]),
         ([ObjectAdded(Object(name="C", type="Jar")), ValueSet("C", "Size", 2.0)], [ValueSet("C", "Size", None), ObjectRemoved("C")]),
         ([ObjectAdded(Object(name="C", type="Jar")), ObjectRemoved("C")], [ObjectAdded(Object(name="C", type="Jar")), ObjectRemoved("C")]),
-        ([NEW_A, ObjectRemoved("A"), ObjectAdded(ONLY_A)], [ObjectRemoved("A"), ObjectAdded(ONLY_A), FactAdded(NEW_A.fact)]),
+        ([NEW_A, ObjectRemoved("A"), ObjectAdded(OBJECT_A)], [ObjectRemoved("A"), ObjectAdded(OBJECT_A), FactAdded(NEW_A.fact)]),
         ([ObjectRemoved("C"), ValueSet("C", "Size", 2.0)], []),
     ],
 )
-def test_what_leads_back_from_each_change(changes: list[Change], back: list[Change]) -> None:
-    assert [*inverse(CHANGED, changes)] == back
+def test_what_leads_back_from_each_change(changes: list[Change], inverse_changes: list[Change]) -> None:
+    assert [*inverse(CHANGED, changes)] == inverse_changes

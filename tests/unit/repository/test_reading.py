@@ -23,7 +23,7 @@ from somrs.protocol.messages.knowledge import (
 )
 from somrs.repository.component import Repository, only_reads
 from somrs.repository.state import ArchivedEvents, ArchiveWanted
-from tests.support.lab import CLIENT, REPOSITORY, contents, request, tell
+from tests.support.lab import CLIENT, REPOSITORY, contents, deliver_request, request
 
 
 @pytest.mark.parametrize(
@@ -35,8 +35,8 @@ from tests.support.lab import CLIENT, REPOSITORY, contents, request, tell
 )  # fmt: skip
 def test_what_is_read_on_a_connection_leaves_everything_as_it_is(body: Body) -> None:
     repository = Repository(REPOSITORY, contents())
-    tell(repository, UpdateMap(situation="Jar1 isOn Table2"))
-    before = encode(repository.state)
+    deliver_request(repository, UpdateMap(situation="Jar1 isOn Table2"))
+    state_before = encode(repository.state)
     message = Message(header=Header(sender=CLIENT, recipient=REPOSITORY, message_id="urn:uuid:1"), body=body)
     assert only_reads(Received(message))
     (effect,) = repository.handle(Received(message), 2.0)
@@ -46,7 +46,7 @@ def test_what_is_read_on_a_connection_leaves_everything_as_it_is(body: Body) -> 
         (effect,) = repository.handle(answered, 2.0)
     assert isinstance(effect, Send)
     assert effect.message.header.recipient == ANONYMOUS, "nobody is owed it once the connection is gone"
-    assert encode(repository.state) == before
+    assert encode(repository.state) == state_before
     assert not only_reads(Received(request(body))), "somebody who has an address waits for it"
 
 

@@ -81,15 +81,15 @@ def keeper(tmp_path: Path) -> Iterator[Keeper]:
     keeper.settle()
     assert keeper.replica.map == keeper.contents.map
     assert definitions(keeper.replica.ontology) == definitions(keeper.contents.ontology)
-    kept = keeper.contents
+    contents_before = keeper.contents
     keeper.restart()
-    assert ([*keeper.contents.ontology], keeper.contents.defined_at) == ([*kept.ontology], kept.defined_at)
+    assert ([*keeper.contents.ontology], keeper.contents.defined_at) == ([*contents_before.ontology], contents_before.defined_at)
     assert keeper.replica.map == keeper.contents.map
     keeper.close()
 
 
-def rename(section: Section, name: str, to: str) -> Define:
-    return Define(renamed=(Renaming(section=section, name=name, to=to),), author="Anna")
+def rename(section: Section, name: str, new_name: str) -> Define:
+    return Define(renamed=(Renaming(section=section, name=name, to=new_name),), author="Anna")
 
 
 def remove(section: Section, *names: str) -> Define:
@@ -104,7 +104,7 @@ def types(*types: ObjectType, expected: int | None = None, author: str = "Anna")
 
 
 def test_a_type_is_renamed_wherever_it_is_spoken_of(keeper: Keeper) -> None:
-    assert keeper.say(rename(Section.TYPES, "Tin", "PaintTin"), Defined) == Defined(version=1)
+    assert keeper.ask(rename(Section.TYPES, "Tin", "PaintTin"), Defined) == Defined(version=1)
     ontology, map = keeper.contents.ontology, keeper.contents.map
     assert "Tin" not in ontology.types
     assert ontology.types["SmallTin"].parent == "PaintTin"
@@ -117,16 +117,16 @@ def test_a_type_is_renamed_wherever_it_is_spoken_of(keeper: Keeper) -> None:
 
 
 def test_types_in_formulas_and_parts_are_renamed(keeper: Keeper) -> None:
-    keeper.say(rename(Section.TYPES, "Bench", "Workbench"), Defined)
-    keeper.say(rename(Section.TYPES, "Vice", "Clamp"), Defined)
+    keeper.ask(rename(Section.TYPES, "Bench", "Workbench"), Defined)
+    keeper.ask(rename(Section.TYPES, "Vice", "Clamp"), Defined)
     ontology = keeper.contents.ontology
     assert "?Bench: Workbench" in (ontology.services["Refill"].precondition or "")
     assert ontology.types["Workbench"].parts[0].type == "Clamp"
 
 
 def test_an_attribute_is_renamed_wherever_it_is_spoken_of(keeper: Keeper) -> None:
-    keeper.say(rename(Section.ATTRIBUTES, "Volume", "Litres"), Defined)
-    keeper.say(rename(Section.ATTRIBUTES, "Package", "Packing"), Defined)
+    keeper.ask(rename(Section.ATTRIBUTES, "Volume", "Litres"), Defined)
+    keeper.ask(rename(Section.ATTRIBUTES, "Package", "Packing"), Defined)
     ontology, tin = keeper.contents.ontology, keeper.contents.ontology.types["Tin"]
     assert ontology.attributes["Packing"].attributes == ("Litres", "Content")
     assert tin.attributes == ("Packing",)
@@ -141,35 +141,35 @@ def test_an_attribute_is_renamed_wherever_it_is_spoken_of(keeper: Keeper) -> Non
 
 
 def test_a_relation_is_renamed_with_its_facts(keeper: Keeper) -> None:
-    keeper.say(rename(Section.RELATIONS, "belongsTo", "standsAt"), Defined)
+    keeper.ask(rename(Section.RELATIONS, "belongsTo", "standsAt"), Defined)
     assert "?Tin standsAt ?Bench" in (keeper.contents.ontology.services["Refill"].precondition or "")
     assert [*keeper.contents.map.facts("standsAt")] == [Fact("standsAt", ("Tin1", "Bench1"))]
     assert [*keeper.contents.map.facts("belongsTo")] == []
 
 
 def test_functions_and_services_are_renamed(keeper: Keeper) -> None:
-    keeper.say(rename(Section.FUNCTIONS, "content", "fill"), Defined)
-    keeper.say(rename(Section.SERVICES, "Refill", "TopUp"), Defined)
+    keeper.ask(rename(Section.FUNCTIONS, "content", "fill"), Defined)
+    keeper.ask(rename(Section.SERVICES, "Refill", "TopUp"), Defined)
     services = keeper.contents.ontology.services
     assert parse(f"{services['TopUp'].cost} = 0") == parse("2 * fill(?Tin) + way(?At, ?At) = 0")
     assert services["RefillQuickly"].parent == "TopUp"
 
 
 def test_what_a_formula_says_besides_is_left_as_it_was_written(keeper: Keeper) -> None:
-    before = keeper.contents.ontology.types["Tin"].constraints[1].formula
-    keeper.say(rename(Section.ATTRIBUTES, "Color", "Colour"), Rejected)
-    keeper.say(rename(Section.RELATIONS, "belongsTo", "standsAt"), Defined)
-    assert keeper.contents.ontology.types["Tin"].constraints[1].formula == before
+    formula_before = keeper.contents.ontology.types["Tin"].constraints[1].formula
+    keeper.ask(rename(Section.ATTRIBUTES, "Color", "Colour"), Rejected)
+    keeper.ask(rename(Section.RELATIONS, "belongsTo", "standsAt"), Defined)
+    assert keeper.contents.ontology.types["Tin"].constraints[1].formula == formula_before
 
 
 def test_two_definitions_may_swap_their_names(keeper: Keeper) -> None:
-    both = Define(
+    swap = Define(
         renamed=(
             Renaming(section=Section.TYPES, name="Tin", to="SmallTin"),
             Renaming(section=Section.TYPES, name="SmallTin", to="Tin"),
         )
     )
-    keeper.say(both, Defined)
+    keeper.ask(swap, Defined)
     assert keeper.contents.ontology.types["Tin"].parent == "SmallTin"
     assert keeper.contents.map.objects["Tin1"].type == "SmallTin"
     assert keeper.contents.map.objects["Tin2"].type == "Tin"
@@ -178,13 +178,13 @@ def test_two_definitions_may_swap_their_names(keeper: Keeper) -> None:
 def test_renaming_and_redefining_come_together(keeper: Keeper) -> None:
     new = structs.replace(keeper.contents.ontology.types["Tin"], name="PaintTin", constraints=(), doc="With paint in it")
     change = Define(renamed=(Renaming(section=Section.TYPES, name="Tin", to="PaintTin"),), definitions=Definitions(types=(new,)))
-    keeper.say(change, Defined)
+    keeper.ask(change, Defined)
     assert keeper.contents.ontology.types["PaintTin"] == new
     assert keeper.contents.map.objects["Tin1"].type == "PaintTin"
 
 
 @pytest.mark.parametrize(
-    ("define", "said"),
+    ("define", "problem"),
     [
         (rename(Section.TYPES, "Tim", "Can1"), "there is no type Tim; did you mean Tin?"),
         (rename(Section.TYPES, "Tin", "Jar"), "there is a type Jar already"),
@@ -202,43 +202,43 @@ def test_renaming_and_redefining_come_together(keeper: Keeper) -> None:
         (types(ObjectType(name="MobileRobot", parent="Furniture")), "parent stays Device"),
     ],
 )
-def test_what_cannot_be_done_is_said_clearly(keeper: Keeper, define: Define, said: str) -> None:
-    assert any(said in rule.message for rule in keeper.broken(define)), keeper.broken(define)
+def test_what_cannot_be_done_is_said_clearly(keeper: Keeper, define: Define, problem: str) -> None:
+    assert any(problem in rule.message for rule in keeper.broken(define)), keeper.broken(define)
 
 
 # Removing
 
 
 def test_what_nothing_speaks_of_is_removed(keeper: Keeper) -> None:
-    assert keeper.say(remove(Section.SERVICES, "RefillQuickly"), Defined) == Defined(version=1)
-    assert keeper.say(remove(Section.TYPES, "Bottle", "Cup"), Defined) == Defined(version=2)
+    assert keeper.ask(remove(Section.SERVICES, "RefillQuickly"), Defined) == Defined(version=1)
+    assert keeper.ask(remove(Section.TYPES, "Bottle", "Cup"), Defined) == Defined(version=2)
     assert "Bottle" not in keeper.contents.ontology.types
-    assert keeper.say(remove(Section.FUNCTIONS, "range"), Defined) == Defined(version=3)
+    assert keeper.ask(remove(Section.FUNCTIONS, "range"), Defined) == Defined(version=3)
 
 
 def test_the_consequences_of_removing_are_all_told_where_they_are(keeper: Keeper) -> None:
-    told = keeper.broken(remove(Section.TYPES, "Tin"))
-    where = {(rule.section, rule.subject, rule.path) for rule in told}
-    assert ("types", "SmallTin", "parent") in where
-    assert ("relations", "belongsTo", "joins.0") in where
-    assert ("functions", "content", "parameters.0") in where
-    assert ("services", "Refill", "inputs.Tin") in where
-    assert ("objects", "Tin1", "type") in where
+    broken_rules = keeper.broken(remove(Section.TYPES, "Tin"))
+    places = {(rule.section, rule.subject, rule.path) for rule in broken_rules}
+    assert ("types", "SmallTin", "parent") in places
+    assert ("relations", "belongsTo", "joins.0") in places
+    assert ("functions", "content", "parameters.0") in places
+    assert ("services", "Refill", "inputs.Tin") in places
+    assert ("objects", "Tin1", "type") in places
 
 
 def test_removing_an_attribute_tells_which_objects_have_it(keeper: Keeper) -> None:
-    told = keeper.broken(remove(Section.ATTRIBUTES, "Content"))
-    where = {(rule.section, rule.subject, rule.path) for rule in told}
-    assert ("attributes", "Package", "attributes.1") in where
-    assert ("objects", "Tin1", "Package.Content") in where
-    assert ("services", "Refill", "effect") in where
+    broken_rules = keeper.broken(remove(Section.ATTRIBUTES, "Content"))
+    places = {(rule.section, rule.subject, rule.path) for rule in broken_rules}
+    assert ("attributes", "Package", "attributes.1") in places
+    assert ("objects", "Tin1", "Package.Content") in places
+    assert ("services", "Refill", "effect") in places
 
 
 def test_something_may_take_the_place_of_what_is_removed_unless_there_is_any_on_the_map(keeper: Keeper) -> None:
     cup = Define(
         removed=(DefinitionKey(section=Section.TYPES, name="Cup"),), renamed=(Renaming(section=Section.TYPES, name="Bottle", to="Cup"),)
     )
-    keeper.say(cup, Defined)
+    keeper.ask(cup, Defined)
     assert keeper.contents.ontology.types["Cup"].defaults["Shape.Height"] == 0.22
     tin = Define(
         removed=(DefinitionKey(section=Section.TYPES, name="SmallTin"),),
@@ -248,7 +248,7 @@ def test_something_may_take_the_place_of_what_is_removed_unless_there_is_any_on_
 
 
 def test_what_was_said_of_something_removed_is_not_said_of_what_takes_its_name(keeper: Keeper) -> None:
-    before = definitions(keeper.contents.ontology)
+    definitions_before = definitions(keeper.contents.ontology)
     bench = keeper.contents.ontology.types["Bench"]
     vice = Define(
         removed=(DefinitionKey(section=Section.TYPES, name="Vice"),), renamed=(Renaming(section=Section.TYPES, name="Tin", to="Vice"),)
@@ -257,9 +257,9 @@ def test_what_was_said_of_something_removed_is_not_said_of_what_takes_its_name(k
         (rule,) = keeper.broken(change)
         assert (rule.section, rule.subject, rule.rule) == (Section.TYPES, "Bench", "replaced")
     with_bench = structs.replace(vice, definitions=Definitions(types=(structs.replace(bench, doc="holds tins by their vice"),)))
-    keeper.say(with_bench, Defined)
-    keeper.say(Undo(version=1), Updated)
-    assert definitions(keeper.contents.ontology) == before
+    keeper.ask(with_bench, Defined)
+    keeper.ask(Undo(version=1), Updated)
+    assert definitions(keeper.contents.ontology) == definitions_before
 
 
 # Redefining
@@ -274,24 +274,24 @@ def test_a_narrower_rule_tells_which_objects_break_it(keeper: Keeper) -> None:
 
 def test_moving_a_type_is_defining_it_with_another_parent(keeper: Keeper) -> None:
     bench = keeper.contents.ontology.types["Bench"]
-    told = keeper.broken(types(structs.replace(bench, parent="Shelf")))
-    assert [(rule.section, rule.subject, rule.path) for rule in told] == [("services", "Refill", "cost")]
-    keeper.say(remove(Section.SERVICES, "Refill", "RefillQuickly"), Defined)
-    assert keeper.say(types(structs.replace(bench, parent="Shelf")), Defined) == Defined(version=2)
-    told = keeper.broken(types(structs.replace(bench, parent="Space")))
-    assert {"Bench1", "Bench2"} <= {rule.subject for rule in told if rule.section == "objects"}
+    broken_rules = keeper.broken(types(structs.replace(bench, parent="Shelf")))
+    assert [(rule.section, rule.subject, rule.path) for rule in broken_rules] == [("services", "Refill", "cost")]
+    keeper.ask(remove(Section.SERVICES, "Refill", "RefillQuickly"), Defined)
+    assert keeper.ask(types(structs.replace(bench, parent="Shelf")), Defined) == Defined(version=2)
+    broken_rules = keeper.broken(types(structs.replace(bench, parent="Space")))
+    assert {"Bench1", "Bench2"} <= {rule.subject for rule in broken_rules if rule.section == "objects"}
 
 
 def test_a_rule_about_other_types_is_looked_at_when_those_move(keeper: Keeper) -> None:
     rule = Constraint(formula="NOT ?T: Graspable isOn ?Self OR ?Self.PositionX >= 0", doc="What holds things stands right of the middle")
     bench = structs.replace(keeper.contents.ontology.types["Bench"], constraints=(rule,))
-    keeper.say(types(bench), Defined)
-    assert keeper.say(UpdateMap(changes=(ValueSet("Bench2", "PositionX", -1.0),)), object)
+    keeper.ask(types(bench), Defined)
+    assert keeper.ask(UpdateMap(changes=(ValueSet("Bench2", "PositionX", -1.0),)), object)
 
 
 def test_two_people_who_edit_the_same_type_hear_of_each_other(keeper: Keeper) -> None:
     tin = keeper.contents.ontology.types["Tin"]
-    keeper.say(types(structs.replace(tin, doc="Anna's"), expected=0, author="Anna"), Defined)
+    keeper.ask(types(structs.replace(tin, doc="Anna's"), expected=0, author="Anna"), Defined)
     (rule,) = keeper.broken(types(structs.replace(tin, doc="Ben's"), expected=0, author="Ben"))
     assert (rule.section, rule.subject, rule.rule) == ("types", "Tin", "overtaken")
     assert "Anna changed it in version 1, after version 0 that was expected" in rule.message
@@ -299,19 +299,19 @@ def test_two_people_who_edit_the_same_type_hear_of_each_other(keeper: Keeper) ->
     assert "Anna" in keeper.broken(types(structs.replace(tin, doc="Ben's"), expected=0))[0].message
     # Another type is nobody's business, nor is what says the same.
     vice = structs.replace(keeper.contents.ontology.types["Vice"], doc="Ben's")
-    assert keeper.say(types(vice, structs.replace(tin, doc="Anna's"), expected=0), Defined) == Defined(version=2)
-    assert keeper.say(types(structs.replace(tin, doc="Ben's"), expected=2), Defined) == Defined(version=3)
+    assert keeper.ask(types(vice, structs.replace(tin, doc="Anna's"), expected=0), Defined) == Defined(version=2)
+    assert keeper.ask(types(structs.replace(tin, doc="Ben's"), expected=2), Defined) == Defined(version=3)
 
 
 def test_what_was_removed_or_renamed_meanwhile_is_said_to_be(keeper: Keeper) -> None:
-    keeper.say(rename(Section.TYPES, "SmallTin", "TinyTin"), Defined)
-    told = keeper.broken(types(ObjectType(name="SmallTin", parent="Tin"), expected=0))
-    assert "Anna removed or renamed it in version 1" in told[0].message
+    keeper.ask(rename(Section.TYPES, "SmallTin", "TinyTin"), Defined)
+    broken_rules = keeper.broken(types(ObjectType(name="SmallTin", parent="Tin"), expected=0))
+    assert "Anna removed or renamed it in version 1" in broken_rules[0].message
 
 
 def test_a_renaming_minds_what_others_did_to_the_same_thing_only(keeper: Keeper) -> None:
-    keeper.say(types(structs.replace(keeper.contents.ontology.types["Tin"], doc="Anna's")), Defined)
-    assert keeper.say(structs.replace(rename(Section.ATTRIBUTES, "Volume", "Litres"), expected_version=0), Defined)
+    keeper.ask(types(structs.replace(keeper.contents.ontology.types["Tin"], doc="Anna's")), Defined)
+    assert keeper.ask(structs.replace(rename(Section.ATTRIBUTES, "Volume", "Litres"), expected_version=0), Defined)
     assert keeper.broken(structs.replace(rename(Section.TYPES, "Tin", "Box1"), expected_version=0))
 
 
@@ -319,15 +319,15 @@ def test_a_renaming_minds_what_others_did_to_the_same_thing_only(keeper: Keeper)
 
 
 def test_considering_tells_what_would_change_and_changes_nothing(keeper: Keeper) -> None:
-    found = keeper.say(Consider(change=rename(Section.TYPES, "Tin", "PaintTin")), Considered)
-    assert found.broken == ()
-    assert found.revision is not None
-    assert "Tin" in [type.name for type in found.revision.before.types]
-    assert "PaintTin" in [type.name for type in found.revision.after.types]
-    assert [change.object.name for change in found.changes if isinstance(change, ObjectAdded)] == ["Tin1"]
-    assert (found.all_broken, found.all_changes) == (0, 1)
+    considered = keeper.ask(Consider(change=rename(Section.TYPES, "Tin", "PaintTin")), Considered)
+    assert considered.broken == ()
+    assert considered.revision is not None
+    assert "Tin" in [type.name for type in considered.revision.before.types]
+    assert "PaintTin" in [type.name for type in considered.revision.after.types]
+    assert [change.object.name for change in considered.changes if isinstance(change, ObjectAdded)] == ["Tin1"]
+    assert (considered.all_broken, considered.all_changes) == (0, 1)
     assert keeper.contents.version == 0
-    moved = keeper.say(Consider(change=UpdateMap(situation="Tin1 isOn Bench2")), Considered)
+    moved = keeper.ask(Consider(change=UpdateMap(situation="Tin1 isOn Bench2")), Considered)
     assert len(moved.changes) == 2
     assert keeper.contents.map.has_fact("isOn", ("Tin1", "Bench1"))
 
@@ -335,18 +335,18 @@ def test_considering_tells_what_would_change_and_changes_nothing(keeper: Keeper)
 def test_of_very_many_consequences_the_first_are_told_and_how_many_there_are(keeper: Keeper) -> None:
     values = {"PositionX": 1.0, "PositionY": 1.0, "PositionZ": 0.9, "Package.Volume": 2.0}
     for start in range(0, 1000, 100):
-        added = (ObjectAdded(Object(name=f"Tin-{n}", type="Tin", values={**values})) for n in range(start, start + 100))
-        keeper.say(UpdateMap(changes=tuple(added)), Updated)
-    found = keeper.say(Consider(change=remove(Section.TYPES, "Tin")), Considered)
-    assert found.all_broken > 1000
-    assert 20 < len(found.broken) <= 200
-    rejected = keeper.say(remove(Section.TYPES, "Tin"), Rejected)
+        additions = (ObjectAdded(Object(name=f"Tin-{n}", type="Tin", values={**values})) for n in range(start, start + 100))
+        keeper.ask(UpdateMap(changes=tuple(additions)), Updated)
+    considered = keeper.ask(Consider(change=remove(Section.TYPES, "Tin")), Considered)
+    assert considered.all_broken > 1000
+    assert 20 < len(considered.broken) <= 200
+    rejected = keeper.ask(remove(Section.TYPES, "Tin"), Rejected)
     assert len(rejected.broken) == 50
     assert "more problems" in rejected.problems[-1]
-    renamed = keeper.say(Consider(change=rename(Section.TYPES, "Tin", "T")), Considered)
+    renamed = keeper.ask(Consider(change=rename(Section.TYPES, "Tin", "T")), Considered)
     assert renamed.all_changes == 1001
     assert 20 < len(renamed.changes) <= 200
-    keeper.say(rename(Section.TYPES, "Tin", "T"), Defined)
+    keeper.ask(rename(Section.TYPES, "Tin", "T"), Defined)
     assert keeper.events(ReadEvents(limit=1))[0].all_changes == 1001
 
 
@@ -355,9 +355,9 @@ def test_of_very_many_consequences_the_first_are_told_and_how_many_there_are(kee
 
 def test_the_history_of_the_ontology_tells_who_changed_what_from_what(keeper: Keeper) -> None:
     tin = keeper.contents.ontology.types["Tin"]
-    keeper.say(types(structs.replace(tin, doc="Anna's")), Defined)
-    keeper.say(UpdateMap(situation="Tin1 isOn Bench2"), Updated)
-    keeper.say(rename(Section.TYPES, "SmallTin", "TinyTin"), Defined)
+    keeper.ask(types(structs.replace(tin, doc="Anna's")), Defined)
+    keeper.ask(UpdateMap(situation="Tin1 isOn Bench2"), Updated)
+    keeper.ask(rename(Section.TYPES, "SmallTin", "TinyTin"), Defined)
     renamed, redefined = keeper.events(ReadEvents(ontology=True))
     assert (renamed.version, redefined.version, redefined.author) == (3, 1, "Anna")
     assert redefined.revision is not None
@@ -385,45 +385,45 @@ def test_the_history_of_the_ontology_tells_who_changed_what_from_what(keeper: Ke
     ],
 )
 def test_undoing_brings_back_what_was_and_undoing_that_what_came(keeper: Keeper, define: Define) -> None:
-    before, map = definitions(keeper.contents.ontology), keeper.contents.map
-    keeper.say(define, Defined)
-    after, map_after = definitions(keeper.contents.ontology), keeper.contents.map
-    assert after != before
-    assert keeper.say(Undo(version=1, author="Ben"), Updated) == Updated(version=2)
-    assert (definitions(keeper.contents.ontology), keeper.contents.map) == (before, map)
+    definitions_before, map = definitions(keeper.contents.ontology), keeper.contents.map
+    keeper.ask(define, Defined)
+    definitions_after, map_after = definitions(keeper.contents.ontology), keeper.contents.map
+    assert definitions_after != definitions_before
+    assert keeper.ask(Undo(version=1, author="Ben"), Updated) == Updated(version=2)
+    assert (definitions(keeper.contents.ontology), keeper.contents.map) == (definitions_before, map)
     assert keeper.events()[0].undoes == 1
-    assert keeper.say(Undo(version=2), Updated) == Updated(version=3)
-    assert (definitions(keeper.contents.ontology), keeper.contents.map) == (after, map_after)
-    assert (definitions(keeper.at(0)[0]), keeper.at(0)[1]) == (before, map)
-    assert (definitions(keeper.at(1)[0]), keeper.at(1)[1]) == (after, map_after)
+    assert keeper.ask(Undo(version=2), Updated) == Updated(version=3)
+    assert (definitions(keeper.contents.ontology), keeper.contents.map) == (definitions_after, map_after)
+    assert (definitions(keeper.read_version(0)[0]), keeper.read_version(0)[1]) == (definitions_before, map)
+    assert (definitions(keeper.read_version(1)[0]), keeper.read_version(1)[1]) == (definitions_after, map_after)
 
 
 def test_undoing_a_renaming_takes_along_what_came_since(keeper: Keeper) -> None:
-    keeper.say(rename(Section.TYPES, "Tin", "PaintTin"), Defined)
-    keeper.say(types(ObjectType(name="HugeTin", parent="PaintTin")), Defined)
-    keeper.say(UpdateMap(changes=(ValueSet("Tin1", "PositionX", 1.3),)), Updated)
-    keeper.say(Undo(version=1), Updated)
+    keeper.ask(rename(Section.TYPES, "Tin", "PaintTin"), Defined)
+    keeper.ask(types(ObjectType(name="HugeTin", parent="PaintTin")), Defined)
+    keeper.ask(UpdateMap(changes=(ValueSet("Tin1", "PositionX", 1.3),)), Updated)
+    keeper.ask(Undo(version=1), Updated)
     assert keeper.contents.ontology.types["HugeTin"].parent == "Tin"
     assert keeper.contents.map.objects["Tin1"].values["PositionX"] == 1.3
 
 
 def test_what_was_changed_since_stands_in_the_way_of_undoing(keeper: Keeper) -> None:
     tin = keeper.contents.ontology.types["Tin"]
-    keeper.say(types(structs.replace(tin, doc="Anna's")), Defined)
-    keeper.say(types(structs.replace(tin, doc="Ben's"), author="Ben"), Defined)
+    keeper.ask(types(structs.replace(tin, doc="Anna's")), Defined)
+    keeper.ask(types(structs.replace(tin, doc="Ben's"), author="Ben"), Defined)
     (rule,) = keeper.broken(Undo(version=1))
     assert (rule.section, rule.subject, rule.rule) == ("types", "Tin", "changed-since")
     assert "Ben in version 2" in rule.message
-    keeper.say(Undo(version=2), Updated)
-    keeper.say(Undo(version=1), Updated)
+    keeper.ask(Undo(version=2), Updated)
+    keeper.ask(Undo(version=1), Updated)
     assert keeper.contents.ontology.types["Tin"] == tin
 
 
 def test_what_speaks_of_it_since_stands_in_the_way_of_undoing(keeper: Keeper) -> None:
-    keeper.say(types(ObjectType(name="Drill", parent="Furniture")), Defined)
-    keeper.say(types(ObjectType(name="HandDrill", parent="Drill")), Defined)
-    told = keeper.broken(Undo(version=1))
-    assert ("types", "HandDrill", "parent") in {(rule.section, rule.subject, rule.path) for rule in told}
+    keeper.ask(types(ObjectType(name="Drill", parent="Furniture")), Defined)
+    keeper.ask(types(ObjectType(name="HandDrill", parent="Drill")), Defined)
+    broken_rules = keeper.broken(Undo(version=1))
+    assert ("types", "HandDrill", "parent") in {(rule.section, rule.subject, rule.path) for rule in broken_rules}
 
 
 def test_a_version_that_is_not_there_is_not_undone(keeper: Keeper) -> None:
@@ -432,9 +432,9 @@ def test_a_version_that_is_not_there_is_not_undone(keeper: Keeper) -> None:
 
 
 def test_a_request_to_undo_that_comes_again_is_answered_again(keeper: Keeper) -> None:
-    keeper.say(types(ObjectType(name="Drill", parent="Furniture")), Defined)
-    assert keeper.say(Undo(version=1), Updated, identity="urn:uuid:1") == Updated(version=2)
-    assert keeper.say(Undo(version=1), Updated, identity="urn:uuid:1") == Updated(version=2)
+    keeper.ask(types(ObjectType(name="Drill", parent="Furniture")), Defined)
+    assert keeper.ask(Undo(version=1), Updated, identity="urn:uuid:1") == Updated(version=2)
+    assert keeper.ask(Undo(version=1), Updated, identity="urn:uuid:1") == Updated(version=2)
     assert keeper.contents.version == 2
 
 
@@ -442,8 +442,8 @@ def test_a_request_to_undo_that_comes_again_is_answered_again(keeper: Keeper) ->
 
 
 def test_pages_say_when_the_ontology_changed_last(keeper: Keeper) -> None:
-    assert keeper.say(ReadOntology(), OntologyPage).changed_at == 0
-    keeper.say(types(ObjectType(name="Drill", parent="Furniture")), Defined)
-    keeper.say(UpdateMap(situation="Tin1 isOn Bench2"), Updated)
-    page = keeper.say(ReadOntology(), OntologyPage)
+    assert keeper.ask(ReadOntology(), OntologyPage).changed_at == 0
+    keeper.ask(types(ObjectType(name="Drill", parent="Furniture")), Defined)
+    keeper.ask(UpdateMap(situation="Tin1 isOn Bench2"), Updated)
+    page = keeper.ask(ReadOntology(), OntologyPage)
     assert (page.changed_at, page.version) == (1, 2)

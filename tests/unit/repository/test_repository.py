@@ -48,7 +48,7 @@ from somrs.protocol.messages.knowledge import (
 )
 from somrs.repository.component import Repository
 from somrs.repository.state import ArchivedEvents, Contents, HistoryOf, LeasesDue, Subscription
-from tests.support.lab import CLIENT, REPOSITORY, SITE, ask, contents, records, request, sent, tell
+from tests.support.lab import CLIENT, REPOSITORY, SITE, ask, contents, deliver_request, records, request, sent_bodies
 
 JAR = Object(name="Jar9", type="Jar", values={"PositionX": 1.0, "PositionY": 1.1, "PositionZ": 0.7})
 
@@ -60,17 +60,17 @@ def repository() -> Repository:
 
 def update(repository: Repository, *changes: Change, situation: str | None = None, expected: int | None = None, now: float = 1.0) -> Body:
     """The answer to an update."""
-    effects = tell(repository, UpdateMap(changes=changes, situation=situation, expected_version=expected, author="test"), now)
+    effects = deliver_request(repository, UpdateMap(changes=changes, situation=situation, expected_version=expected, author="test"), now)
     (answer,) = [effect.message.body for effect in effects if isinstance(effect, Send) and effect.message.header.recipient == CLIENT]
     return answer
 
 
 def problems(repository: Repository, *changes: Change, situation: str | None = None, expected: int | None = None) -> str:
     """Why an update is rejected; and that it left no trace."""
-    before, version = repository.contents.map, repository.contents.version
+    map_before, version = repository.contents.map, repository.contents.version
     answer = update(repository, *changes, situation=situation, expected=expected)
     assert isinstance(answer, Rejected), answer
-    assert (repository.contents.map, repository.contents.version) == (before, version)
+    assert (repository.contents.map, repository.contents.version) == (map_before, version)
     return "\n".join(answer.problems)
 
 
@@ -93,9 +93,9 @@ def test_what_is_read_page_by_page_is_the_ontology_and_the_map(repository: Repos
 
 
 def test_a_large_map_comes_in_pages_that_a_node_accepts() -> None:
-    ontology, few = contents().ontology, contents().map
+    ontology, small_map = contents().ontology, contents().map
     jars = [Object(name=f"Jar-{n}", type="Jar", values={**JAR.values, "Label": "x" * (n % 300)}) for n in range(3000)]
-    map = few.changed([*map_of(jars), *(FactAdded(Fact("isOn", (jar.name, "Table2"))) for jar in jars)])
+    map = small_map.changed([*map_of(jars), *(FactAdded(Fact("isOn", (jar.name, "Table2"))) for jar in jars)])
     repository = Repository(REPOSITORY, Contents(ontology=ontology, map=map))
     pages, read = read_map(repository)
     assert read == map
@@ -123,11 +123,11 @@ def test_a_query_says_when_there_is_more_than_it_may_tell(repository: Repository
 
 
 @pytest.mark.parametrize(
-    ("formula", "said"),
+    ("formula", "problem"),
     [("Jar1 isOn", "^"), ("Jar1 isOm Table1", "isOn"), ("Jar11 isOn Table1", "Jar1"), ("?Thing isOn Table1 AND", "ends too early")],
 )
-def test_a_query_that_is_none_is_a_fault_that_shows_the_place(repository: Repository, formula: str, said: str) -> None:
-    assert said in ask(repository, QueryMap(formula=formula), Fault).text
+def test_a_query_that_is_none_is_a_fault_that_shows_the_place(repository: Repository, formula: str, problem: str) -> None:
+    assert problem in ask(repository, QueryMap(formula=formula), Fault).text
 
 
 # Updates
@@ -146,15 +146,15 @@ def test_a_situation_changes_what_it_says_and_what_follows_from_the_relations(re
 def test_an_update_is_recorded_before_it_is_answered_and_answered_before_it_is_told(repository: Repository) -> None:
     ask(repository, SubscribeMap(lease=60), MapSubscribed, sender="http://follower")
     message = request(UpdateMap(situation="Jar1 isOn Table2", author="Robot1"))
-    record, answer, told = repository.handle(Received(message), 5.0)
+    record, answer, notification = repository.handle(Received(message), 5.0)
     changes = (FactRemoved(Fact("isOn", ("Jar1", "Table1"))), FactAdded(Fact("isOn", ("Jar1", "Table2"))))
     event = Event(version=1, at=5.0, author="Robot1", changes=changes)
-    kept = msgspec.structs.replace(event, before=tuple(reversed([FactAdded(changes[0].fact), FactRemoved(changes[1].fact)])))
-    assert record == Record(kept)
+    stored_event = msgspec.structs.replace(event, before=tuple(reversed([FactAdded(changes[0].fact), FactRemoved(changes[1].fact)])))
+    assert record == Record(stored_event)
     assert isinstance(answer, Send)
     assert answer.message.body == Updated(version=1)
-    assert isinstance(told, Send)
-    assert (told.message.header.recipient, told.message.body) == ("http://follower", MapChanged(event=event))
+    assert isinstance(notification, Send)
+    assert (notification.message.header.recipient, notification.message.body) == ("http://follower", MapChanged(event=event))
 
 
 def test_single_changes_and_a_situation_are_one_update(repository: Repository) -> None:
@@ -163,17 +163,17 @@ def test_single_changes_and_a_situation_are_one_update(repository: Repository) -
 
 
 def test_everything_that_is_wrong_is_said_and_nothing_is_done(repository: Repository) -> None:
-    told = problems(
+    problem_text = problems(
         repository,
         ValueSet("Jar1", "PositionX", 5.0),
         ValueSet("Jra2", "Color", "Red"),
         ObjectAdded(Object(name="Table1", type="Table")),
         FactRemoved(Fact("isAt0", ("Robot1", "Jar1"))),
     )
-    assert "no object Jra2" in told
-    assert "Jar2" in told
-    assert "Table1: is on the map already" in told
-    assert "no relation isAt0" in told
+    assert "no object Jra2" in problem_text
+    assert "Jar2" in problem_text
+    assert "Table1: is on the map already" in problem_text
+    assert "no relation isAt0" in problem_text
 
 
 @pytest.mark.parametrize(
@@ -220,9 +220,9 @@ def test_texts_are_such_that_messages_can_carry_them(repository: Repository) -> 
 
 
 def test_many_problems_are_told_in_part(repository: Repository) -> None:
-    told = problems(repository, *(ValueSet(f"Thing{n}", "Color", "Red") for n in range(200))).splitlines()
-    assert len(told) == 51
-    assert told[-1] == "and 150 more problems"
+    problem_lines = problems(repository, *(ValueSet(f"Thing{n}", "Color", "Red") for n in range(200))).splitlines()
+    assert len(problem_lines) == 51
+    assert problem_lines[-1] == "and 150 more problems"
 
 
 def test_an_update_that_changes_nothing_makes_no_version(repository: Repository) -> None:
@@ -230,11 +230,11 @@ def test_an_update_that_changes_nothing_makes_no_version(repository: Repository)
     assert update(repository, situation="Jar1 isOn Table1") == Updated(version=0)
     assert update(repository, ValueSet("Table2", "Color", "Red")) == Updated(version=0)
     assert update(repository, ObjectAdded(JAR), ObjectRemoved("Jar9")) == Updated(version=0)
-    assert sent(tell(repository, UpdateMap(situation="Jar1 isOn Table1")), MapChanged) == []
+    assert sent_bodies(deliver_request(repository, UpdateMap(situation="Jar1 isOn Table1")), MapChanged) == []
 
 
 def test_what_is_removed_leaves_with_every_fact_about_it(repository: Repository) -> None:
-    effects = tell(repository, UpdateMap(changes=(ObjectRemoved("Jar1"),)))
+    effects = deliver_request(repository, UpdateMap(changes=(ObjectRemoved("Jar1"),)))
     (event,) = records(effects)
     assert isinstance(event, Event)
     assert event.changes == (FactRemoved(Fact("isOn", ("Jar1", "Table1"))), ObjectRemoved("Jar1"))
@@ -259,20 +259,20 @@ def test_an_object_may_be_replaced_by_one_of_another_type(repository: Repository
 
 def test_a_repeated_message_is_answered_again_and_not_done_again(repository: Repository) -> None:
     first = request(UpdateMap(situation="Jar1 isOn Table2"))
-    same = request(first.body, identity=first.header.message_id.upper().replace("URN:UUID", "uuid"))
-    assert sent(repository.handle(Received(first), 1.0), Updated) == [Updated(version=1)]
+    repeated_request = request(first.body, identity=first.header.message_id.upper().replace("URN:UUID", "uuid"))
+    assert sent_bodies(repository.handle(Received(first), 1.0), Updated) == [Updated(version=1)]
     update(repository, situation="Jar1 isOn Table1")
-    effects = repository.handle(Received(same), 2.0)
-    assert sent(effects, Updated) == [Updated(version=1)]
+    effects = repository.handle(Received(repeated_request), 2.0)
+    assert sent_bodies(effects, Updated) == [Updated(version=1)]
     assert len(effects) == 1
     assert repository.contents.map.has_fact("isOn", ("Jar1", "Table1"))
 
 
 def test_a_rejected_message_stays_rejected(repository: Repository) -> None:
     message = request(UpdateMap(situation="Jar9 isOn Table2"))
-    assert sent(repository.handle(Received(message), 1.0), Rejected)
+    assert sent_bodies(repository.handle(Received(message), 1.0), Rejected)
     update(repository, ObjectAdded(JAR))
-    assert sent(repository.handle(Received(message), 2.0), Rejected)
+    assert sent_bodies(repository.handle(Received(message), 2.0), Rejected)
 
 
 def test_an_expected_version_holds_for_the_objects_that_are_touched(repository: Repository) -> None:
@@ -291,9 +291,9 @@ FILL = ServiceType(name="Fill", inputs=(Parameter(name="Jar", type="Jar"),), eff
 
 def test_definitions_are_added_and_told(repository: Repository) -> None:
     ask(repository, SubscribeMap(lease=60), MapSubscribed, sender="http://follower")
-    effects = tell(repository, Define(definitions=Definitions(types=(TRAY,), services=(FILL,))))
-    assert sent(effects, Defined) == [Defined(version=1)]
-    assert sent(effects, OntologyChanged) == [OntologyChanged(definitions=Definitions(types=(TRAY,), services=(FILL,)), version=1)]
+    effects = deliver_request(repository, Define(definitions=Definitions(types=(TRAY,), services=(FILL,))))
+    assert sent_bodies(effects, Defined) == [Defined(version=1)]
+    assert sent_bodies(effects, OntologyChanged) == [OntologyChanged(definitions=Definitions(types=(TRAY,), services=(FILL,)), version=1)]
     assert isinstance(effects[0], Record)
     size: dict[str, Value] = {"Shape.Form": "Box", "Shape.Width": 0.5, "Shape.Depth": 0.4, "Shape.Height": 0.1}
     tray = Object(name="Tray1", type="Tray", values={"PositionX": 0.0, "PositionY": 0.0, "PositionZ": 0.0, **size})
@@ -302,7 +302,7 @@ def test_definitions_are_added_and_told(repository: Repository) -> None:
 
 
 @pytest.mark.parametrize(
-    ("definitions", "said"),
+    ("definitions", "problem"),
     [
         (Definitions(types=(ObjectType(name="Tray", parent="Suport"),)), "Support"),
         (Definitions(services=(ServiceType(name="Fill", effect="?Jar isOm Table1"),)), "isOn"),
@@ -314,14 +314,16 @@ def test_definitions_are_added_and_told(repository: Repository) -> None:
         ),
     ],
 )
-def test_definitions_that_break_the_ontology_or_the_map_are_rejected(repository: Repository, definitions: Definitions, said: str) -> None:
-    before = [*repository.contents.ontology]
+def test_definitions_that_break_the_ontology_or_the_map_are_rejected(
+    repository: Repository, definitions: Definitions, problem: str
+) -> None:
+    definitions_before = [*repository.contents.ontology]
     with_good_one = msgspec.structs.replace(
         definitions, types=(*definitions.types, TRAY) if "Tray" not in str(definitions) else definitions.types
     )
     answer = ask(repository, Define(definitions=with_good_one), Rejected)
-    assert said in "\n".join(answer.problems)
-    assert [*repository.contents.ontology] == before
+    assert problem in "\n".join(answer.problems)
+    assert [*repository.contents.ontology] == definitions_before
     assert repository.contents.version == 0
 
 
@@ -336,17 +338,17 @@ def test_history_comes_from_the_store(repository: Repository) -> None:
     assert repository.handle(Received(message), 1.0) == [question], "it waits for the same answer"
     event = Event(version=3, at=1.0, author="Robot1", changes=(ValueSet("Jar1", "Color", "Red"),))
     effects = repository.handle(Answered(question.question, ArchivedEvents((event,))), 2.0)
-    assert sent(effects, History) == [History(object="Jar1", events=(event,))]
+    assert sent_bodies(effects, History) == [History(object="Jar1", events=(event,))]
 
 
 def test_history_of_what_never_was_and_from_a_broken_store(repository: Repository) -> None:
-    (question,) = tell(repository, ReadHistory(object="Jra1"))
+    (question,) = deliver_request(repository, ReadHistory(object="Jra1"))
     assert isinstance(question, Ask)
-    (fault,) = sent(repository.handle(Answered(question.question, ArchivedEvents(())), 2.0), Fault)
+    (fault,) = sent_bodies(repository.handle(Answered(question.question, ArchivedEvents(())), 2.0), Fault)
     assert "Jar1" in fault.text
-    (question,) = tell(repository, ReadHistory(object="Jar1"))
+    (question,) = deliver_request(repository, ReadHistory(object="Jar1"))
     assert isinstance(question, Ask)
-    (fault,) = sent(repository.handle(Answered(question.question, OSError("disk gone")), 2.0), Fault)
+    (fault,) = sent_bodies(repository.handle(Answered(question.question, OSError("disk gone")), 2.0), Fault)
     assert (fault.code, "disk gone" in fault.text) == ("Receiver", True)
 
 
@@ -354,17 +356,17 @@ def test_history_of_what_never_was_and_from_a_broken_store(repository: Repositor
 
 
 def test_followers_hear_every_version_in_order_until_their_lease_ends(repository: Repository) -> None:
-    effects = tell(repository, SubscribeMap(lease=10), now=100.0, sender="http://follower")
-    assert sent(effects, MapSubscribed) == [MapSubscribed(version=0, until=110.0)]
+    effects = deliver_request(repository, SubscribeMap(lease=10), now=100.0, sender="http://follower")
+    assert sent_bodies(effects, MapSubscribed) == [MapSubscribed(version=0, until=110.0)]
     assert effects[-1] == SetTimer(LeasesDue(), 110.0)
     versions = []
     for n in range(5):
-        effects = tell(repository, UpdateMap(changes=(ValueSet("Jar1", "PositionX", float(n)),)), now=101.0)
-        versions += [news.event.version for news in sent(effects, MapChanged)]
+        effects = deliver_request(repository, UpdateMap(changes=(ValueSet("Jar1", "PositionX", float(n)),)), now=101.0)
+        versions += [news.event.version for news in sent_bodies(effects, MapChanged)]
     assert versions == [1, 2, 3, 4, 5]
     ended = repository.handle(TimerFired(LeasesDue()), 110.0)
     assert ended == [SetTimer(LeasesDue(), None)]
-    assert sent(tell(repository, UpdateMap(changes=(ValueSet("Jar1", "PositionX", 9.0),)), now=111.0), MapChanged) == []
+    assert sent_bodies(deliver_request(repository, UpdateMap(changes=(ValueSet("Jar1", "PositionX", 9.0),)), now=111.0), MapChanged) == []
 
 
 def test_leases_are_kept_within_limits(repository: Repository) -> None:
@@ -377,35 +379,35 @@ def test_leases_are_kept_within_limits(repository: Repository) -> None:
 def test_a_follower_that_cannot_be_reached_is_dropped(repository: Repository) -> None:
     ask(repository, SubscribeMap(lease=600), MapSubscribed, sender="http://gone")
     ask(repository, SubscribeMap(lease=600), MapSubscribed, sender="http://there")
-    told = [e for e in tell(repository, UpdateMap(situation="Jar1 isOn Table2")) if isinstance(e, Send)]
-    lost = next(send.message for send in told if send.message.header.recipient == "http://gone")
+    send_effects = [e for e in deliver_request(repository, UpdateMap(situation="Jar1 isOn Table2")) if isinstance(e, Send)]
+    lost = next(send.message for send in send_effects if send.message.header.recipient == "http://gone")
     repository.handle(DeliveryFailed(lost, "refused"), 31.0)
-    told = [e for e in tell(repository, UpdateMap(situation="Jar1 isOn Table1")) if isinstance(e, Send)]
-    assert [send.message.header.recipient for send in told] == [CLIENT, "http://there"]
+    send_effects = [e for e in deliver_request(repository, UpdateMap(situation="Jar1 isOn Table1")) if isinstance(e, Send)]
+    assert [send.message.header.recipient for send in send_effects] == [CLIENT, "http://there"]
 
 
 def test_a_follower_that_came_back_is_not_dropped_for_what_it_missed(repository: Repository) -> None:
     ask(repository, SubscribeMap(lease=600), MapSubscribed, sender="http://back")
-    told = [e for e in tell(repository, UpdateMap(situation="Jar1 isOn Table2")) if isinstance(e, Send)]
-    lost = told[-1].message
+    send_effects = [e for e in deliver_request(repository, UpdateMap(situation="Jar1 isOn Table2")) if isinstance(e, Send)]
+    lost = send_effects[-1].message
     assert ask(repository, SubscribeMap(lease=600), MapSubscribed, sender="http://back").version == 1
     assert repository.handle(DeliveryFailed(lost, "refused"), 31.0) == []
-    assert sent(tell(repository, UpdateMap(situation="Jar1 isOn Table1")), MapChanged)
+    assert sent_bodies(deliver_request(repository, UpdateMap(situation="Jar1 isOn Table1")), MapChanged)
 
 
 def test_a_change_too_large_for_a_message_is_announced_by_its_version(repository: Repository) -> None:
     ask(repository, SubscribeMap(lease=600), MapSubscribed, sender="http://follower")
     jars = tuple(ObjectAdded(Object(name=f"Jar-{n}", type="Jar", values=JAR.values)) for n in range(1000))
-    effects = tell(repository, UpdateMap(changes=jars))
-    assert [news.version for news in sent(effects, MapSubscribed)] == [1]
-    assert sent(effects, MapChanged) == []
+    effects = deliver_request(repository, UpdateMap(changes=jars))
+    assert [news.version for news in sent_bodies(effects, MapSubscribed)] == [1]
+    assert sent_bodies(effects, MapChanged) == []
 
 
 def test_after_a_restart_followers_learn_where_the_repository_is() -> None:
-    kept = contents()
-    kept.version, kept.subscriptions = 7, {"http://follower": Subscription(until=500.0, version=3)}
-    effects = Repository(REPOSITORY, kept).handle(Started(REPOSITORY), 100.0)
-    assert sent(effects, MapSubscribed) == [MapSubscribed(version=7, until=500.0)]
+    repository_contents = contents()
+    repository_contents.version, repository_contents.subscriptions = 7, {"http://follower": Subscription(until=500.0, version=3)}
+    effects = Repository(REPOSITORY, repository_contents).handle(Started(REPOSITORY), 100.0)
+    assert sent_bodies(effects, MapSubscribed) == [MapSubscribed(version=7, until=500.0)]
     assert effects[-1] == SetTimer(LeasesDue(), 500.0)
 
 
@@ -419,8 +421,8 @@ def test_who_has_no_address_cannot_follow(repository: Repository) -> None:
 def test_what_is_no_business_of_a_repository_is_a_fault_and_faults_are_not_answered(repository: Repository) -> None:
     fault = ask(repository, Discover(), Fault)
     assert (fault.code, "Discover" in fault.text) == ("ActionNotSupported", True)
-    assert sent(tell(repository, Discovered(offers=())), Fault)
-    assert tell(repository, Fault(code="Sender", text="no")) == []
+    assert sent_bodies(deliver_request(repository, Discovered(offers=())), Fault)
+    assert deliver_request(repository, Fault(code="Sender", text="no")) == []
 
 
 def test_answers_go_where_the_message_says(repository: Repository) -> None:

@@ -14,12 +14,12 @@ JAR = contents().map.objects["Jar1"]
 ON_TABLE = FactAdded(Fact("isOn", ("Jar1", "Table1")))
 
 
-def event(*changes: Change, before: tuple[Change, ...] = ()) -> Event:
-    return Event(version=3, at=0.0, author="a", changes=changes, before=before)
+def event(*changes: Change, inverse_changes: tuple[Change, ...] = ()) -> Event:
+    return Event(version=3, at=0.0, author="a", changes=changes, before=inverse_changes)
 
 
 @pytest.mark.parametrize(
-    ("changes", "before", "subject", "message"),
+    ("changes", "inverse_changes", "subject", "message"),
     [
         ((ValueSet("Jar9", "Color", "Red"),), (), "Jar9", "Jar9 is not on the map any more"),
         ((ValueSet("Jar2", "Color", "Red"),), (), "Jar2", "Color was Red after it, and is Blue now"),
@@ -41,19 +41,19 @@ def event(*changes: Change, before: tuple[Change, ...] = ()) -> Event:
 )
 @pytest.mark.parametrize(("latest", "hint"), [(None, False), (3, False), (4, True)])
 def test_what_is_not_as_the_change_left_it_stands_in_the_way(
-    changes: tuple[Change, ...], before: tuple[Change, ...], subject: str, message: str, latest: int | None, hint: bool
+    changes: tuple[Change, ...], inverse_changes: tuple[Change, ...], subject: str, message: str, latest: int | None, hint: bool
 ) -> None:
-    kept = contents()
+    repository_contents = contents()
     if latest is not None:
-        kept.changed_at[subject] = latest
-    [violation] = undo_outcome(event(*changes, before=before), kept).broken
-    when = f"; {subject} changed in version 4: undo that first" if hint else ""
-    assert violation.message == f"version 3 cannot be undone: {message}{when}"
+        repository_contents.changed_at[subject] = latest
+    [violation] = undo_outcome(event(*changes, inverse_changes=inverse_changes), repository_contents).broken
+    expected_hint = f"; {subject} changed in version 4: undo that first" if hint else ""
+    assert violation.message == f"version 3 cannot be undone: {message}{expected_hint}"
     assert (violation.subject, violation.rule) == (subject, "changed-since")
 
 
 @pytest.mark.parametrize(
-    ("changes", "before"),
+    ("changes", "inverse_changes"),
     [
         ((ValueSet("Jar2", "Color", "Blue"),), (ValueSet("Jar2", "Color", "Red"),)),
         ((ValueSet("Jar2", "Color", "Blue"),), (ValueSet("Jar2", "Color", None),)),
@@ -66,10 +66,10 @@ def test_what_is_not_as_the_change_left_it_stands_in_the_way(
         ),
     ],
 )
-def test_what_is_as_the_change_left_it_is_put_back(changes: tuple[Change, ...], before: tuple[Change, ...]) -> None:
-    kept = contents()
-    outcome = undo_outcome(event(*changes, before=before), kept)
+def test_what_is_as_the_change_left_it_is_put_back(changes: tuple[Change, ...], inverse_changes: tuple[Change, ...]) -> None:
+    repository_contents = contents()
+    outcome = undo_outcome(event(*changes, inverse_changes=inverse_changes), repository_contents)
     assert outcome.broken == ()
-    assert sorted(outcome.changes, key=str) == sorted(before, key=str)
-    assert outcome.map == kept.map.changed(before)
+    assert sorted(outcome.changes, key=str) == sorted(inverse_changes, key=str)
+    assert outcome.map == repository_contents.map.changed(inverse_changes)
     assert outcome.revision is None

@@ -21,10 +21,10 @@ def test_a_clock_does_not_go_back_before_what_a_journal_holds(kind: type[Clock])
 
 def test_the_time_of_day_stands_still_while_the_machine_s_is_put_back(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = TimeOfDay()
-    begun = clock.now()
-    for machine, said in ((begun - 3600, begun), (begun - 1, begun), (begun + 3600, begun + 3600)):
+    start_time = clock.now()
+    for machine, expected in ((start_time - 3600, start_time), (start_time - 1, start_time), (start_time + 3600, start_time + 3600)):
         monkeypatch.setattr(time, "time", lambda machine=machine: machine)
-        assert clock.now() == said
+        assert clock.now() == expected
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from somrs.kernel.component import DeliveryFailed, Effect, Input
 from somrs.protocol.messages.envelope import Message
 from somrs.runtime.virtual import CarryOut, KillPoint, Work, World
 from tests.support.examples import examples
-from tests.support.ledger import SCHEMA, Ledger, Sink, Teller, doubled, expected, told
+from tests.support.ledger import SCHEMA, Ledger, Sink, Teller, amount_message, doubled, expected
 
 
 def slowly(task: object) -> Work:
@@ -38,18 +38,18 @@ class Books:
         assert isinstance(ledger, Ledger)
         return ledger
 
-    def tell(self, amount: int) -> None:
+    def send_amount(self, amount: int) -> None:
         self.world.fire_timer("teller", str(amount))
 
     def revive(self) -> None:
         self.world.revive("ledger")
 
-    def heard(self) -> set[tuple[str, str, str]]:
-        return set(self.sink.heard)
+    def sink_messages(self) -> set[tuple[str, str, str]]:
+        return set(self.sink.received)
 
 
 @dataclass(frozen=True)
-class Tell:
+class SendAmount:
     amount: int
 
 
@@ -75,7 +75,7 @@ class Wait:
 
 
 steps = st.one_of(
-    st.builds(Tell, st.integers(-99, 99)),
+    st.builds(SendAmount, st.integers(-99, 99)),
     st.builds(Kill, st.sampled_from(KillPoint), st.integers(0, 5)),
     st.just(Revive()),
     st.just(Snapshot()),
@@ -101,8 +101,8 @@ def test_whenever_it_is_killed_the_sums_are_right_and_everything_is_said(steps: 
     books = Books(world=medium(seed))
     for step in steps:
         match step:
-            case Tell(amount):
-                books.tell(amount)
+            case SendAmount(amount):
+                books.send_amount(amount)
             case Kill(moment, effects) if books.world.alive("ledger"):
                 books.world.kill("ledger", moment, effects)
             case Revive():
@@ -113,14 +113,14 @@ def test_whenever_it_is_killed_the_sums_are_right_and_everything_is_said(steps: 
                 books.world.run(seconds)
     books.revive()
     books.world.run(3600)
-    told = books.teller.told
-    assert books.ledger.total == sum(told)
-    assert books.heard() == expected(told)
+    amounts = books.teller.amounts
+    assert books.ledger.total == sum(amounts)
+    assert books.sink_messages() == expected(amounts)
     assert [*books.ledger.amounts.values()] == [int(entry.effect) for entry in books.world.records["ledger"]]  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(
-    ("moment", "effects", "heard", "records"),
+    ("moment", "effects", "message_count", "records"),
     [
         (KillPoint.UNSEEN, 0, 0, 0),
         (KillPoint.JOURNALED, 0, 0, 1),
@@ -129,63 +129,63 @@ def test_whenever_it_is_killed_the_sums_are_right_and_everything_is_said(steps: 
         (KillPoint.AMID, 3, 1, 1),
     ],
 )
-def test_what_is_out_when_it_is_killed(moment: KillPoint, effects: int, heard: int, records: int) -> None:
+def test_what_is_out_when_it_is_killed(moment: KillPoint, effects: int, message_count: int, records: int) -> None:
     books = Books()
     books.world.kill("ledger", moment, effects)
-    books.tell(7)
+    books.send_amount(7)
     assert books.world.alive("ledger")
     books.world.run(1.0)
     assert not books.world.alive("ledger")
-    assert len(books.sink.heard) == heard
+    assert len(books.sink.received) == message_count
     assert len(books.world.records["ledger"]) == records
     books.revive()
     books.world.run(0.0001)
     assert books.ledger.total == (0 if moment is KillPoint.UNSEEN else 7)
     books.world.run(10.0)
     assert books.ledger.total == 7, "its teller was not heard, and says it again"
-    assert books.heard() == expected([7])
+    assert books.sink_messages() == expected([7])
 
 
 def test_a_journal_keeps_timers_and_questions_and_starts_neither_anew() -> None:
-    asked: list[object] = []
+    tasks: list[object] = []
 
     def noted(task: object) -> Work:
-        asked.append(task)
+        tasks.append(task)
         yield 3.0, doubled(task)
 
     books = Books(carry_out=noted)
-    books.tell(4)
+    books.send_amount(4)
     books.world.run(4.0)
-    begun = books.world.now
+    start_time = books.world.now
     assert books.world.timers("ledger") == {*books.ledger.amounts}
     books.world.kill("ledger")
     books.world.run(0.5)
     books.revive()
     books.world.run(0.499)
-    assert asked == ["4"], "it was answered"
+    assert tasks == ["4"], "it was answered"
     assert not books.ledger.reminded
     books.world.run(0.01)
-    assert books.ledger.reminded, f"5 s after it was told, not after {begun}"
-    books.tell(5)
+    assert books.ledger.reminded, f"5 s after it was told, not after {start_time}"
+    books.send_amount(5)
     books.world.run(1.0)
     books.world.kill("ledger")
     books.revive()
     books.world.run(10.0)
-    assert asked == ["4", "5", "5"]
+    assert tasks == ["4", "5", "5"]
     assert books.ledger.starts == 3
 
 
 def test_what_is_done_is_not_done_again() -> None:
     books = Books()
     for amount in (1, 2):
-        books.tell(amount)
+        books.send_amount(amount)
         books.world.run(10.0)
     books.world.kill("ledger")
     books.revive()
     books.world.run(20.0)
     first = expected([1])
-    assert sorted(said for said in books.sink.heard if said in first) == sorted(first)
-    assert books.heard() == expected([1, 2])
+    assert sorted(message for message in books.sink.received if message in first) == sorted(first)
+    assert books.sink_messages() == expected([1, 2])
 
 
 def test_a_message_to_one_that_was_killed_waits_until_its_time_is_over() -> None:
@@ -199,7 +199,7 @@ def test_a_message_to_one_that_was_killed_waits_until_its_time_is_over() -> None
     books, notes = Books(), Notes()
     books.world.add("notes", notes)
     books.world.kill("ledger")
-    books.world.send(told(1, 3, sender="notes"))
+    books.world.send(amount_message(1, 3, sender="notes"))
     books.world.run(29.0)
     assert notes.undelivered == 0
     books.world.run(2.0)
@@ -212,15 +212,15 @@ def test_a_message_to_one_that_was_killed_waits_until_its_time_is_over() -> None
 def test_what_a_killed_sender_had_not_got_through_is_sent_when_it_is_back() -> None:
     books = Books()
     books.world.cut_off("sink")
-    books.tell(3)
+    books.send_amount(3)
     books.world.run(60.0)
     books.world.kill("ledger")
     books.world.reconnect("sink")
     books.world.run(1.0)
-    assert not books.sink.heard
+    assert not books.sink.received
     books.revive()
     books.world.run(1.0)
-    assert books.heard() == expected([3])
+    assert books.sink_messages() == expected([3])
 
 
 def test_what_is_lost_on_the_way_comes_later() -> None:
@@ -232,11 +232,11 @@ def test_what_is_lost_on_the_way_comes_later() -> None:
 
     world = World(medium=lambda message: lossy(message))
     books = Books(world=world)
-    books.tell(1)
-    begun = world.now
+    books.send_amount(1)
+    start_time = world.now
     books.world.run(1.0)
     assert books.ledger.total == 1
-    assert [round(at - begun, 3) for at in tries[:5]] == [0.0, 0.05, 0.15, 0.35, 0.75]
+    assert [round(time - start_time, 3) for time in tries[:5]] == [0.0, 0.05, 0.15, 0.35, 0.75]
 
 
 def test_who_is_not_there_cannot_be_killed_and_who_keeps_nothing_cannot_be_revived() -> None:

@@ -17,23 +17,23 @@ from somrs.scheduling.component import READY_TIME, SCHEMA, Scheduler
 from somrs.scheduling.state import Located
 from tests.support.lab import CLIENT, REPOSITORY, contents, request
 
-HERE, MANAGER = "http://here/scheduler", "http://here/task-manager"
-WISH = Submit(effect="Jar1 isOn Table2")
-ORDER = orders.SaveOrder(saved=OrderSaved(name="Often", when=Every(minutes=60), task=WISH))
+SCHEDULER, MANAGER = "http://here/scheduler", "http://here/task-manager"
+TASK = Submit(effect="Jar1 isOn Table2")
+ORDER = orders.SaveOrder(saved=OrderSaved(name="Often", when=Every(minutes=60), task=TASK))
 TEMPLATE = orders.SaveTemplate(
     name="Bring", saved=TemplateSaved(task=Submit(effect="{what} isOn Table2"), blanks=(Blank(name="what", type="Jar"),))
 )
 FILL = orders.FillTemplate(name="Bring", values={"what": "Jar1"})
 
 
-class Asking:
+class RecordingClient:
     """Asks nothing by itself, and keeps the answers, by what they answer: one that was on its way amid a kill comes twice."""
 
     def __init__(self) -> None:
         self.answers: dict[str | None, Body] = {}
 
     @property
-    def heard(self) -> list[Body]:
+    def received_answers(self) -> list[Body]:
         return [*self.answers.values()]
 
     def handle(self, event: Input, now: float) -> list[Effect]:
@@ -45,12 +45,12 @@ class Asking:
 
 class House:
     def __init__(self) -> None:
-        self.world, self.client = World(), Asking()
-        self.world.add(HERE, Scheduler(HERE, Located(REPOSITORY, MANAGER)), journaled=SCHEMA)
+        self.world, self.client = World(), RecordingClient()
+        self.world.add(SCHEDULER, Scheduler(SCHEDULER, Located(REPOSITORY, MANAGER)), journaled=SCHEMA)
         self.world.add(CLIENT, self.client)
 
     def ask(self, body: Body) -> None:
-        self.world.send(request(body, to=HERE))
+        self.world.send(request(body, recipient=SCHEDULER))
 
 
 @pytest.mark.parametrize("killed", [False, True])
@@ -61,27 +61,27 @@ def test_who_wants_something_before_the_map_is_known_waits_for_it(killed: bool) 
         house.world.run(1.0)
     house.ask(orders.ReadOrders())
     house.world.run(1.0)
-    assert house.client.heard == [orders.OrdersPage(orders=())], "what needs no map is answered at once"
+    assert house.client.received_answers == [orders.OrdersPage(orders=())], "what needs no map is answered at once"
     if killed:
-        house.world.kill(HERE)
-        house.world.revive(HERE)
+        house.world.kill(SCHEDULER)
+        house.world.revive(SCHEDULER)
     house.world.add(REPOSITORY, Repository(REPOSITORY, contents()))
-    assert house.world.run(30.0, lambda: len(house.client.heard) == 4)
-    assert [type(body) for body in house.client.heard[1:]] == [orders.OrderKept, orders.TemplateKept, orders.TemplateFilled]
+    assert house.world.run(30.0, lambda: len(house.client.received_answers) == 4)
+    assert [type(body) for body in house.client.received_answers[1:]] == [orders.OrderKept, orders.TemplateKept, orders.TemplateFilled]
     house.world.run(2 * READY_TIME)
-    assert len(house.client.heard) == 4
+    assert len(house.client.received_answers) == 4
 
 
 def test_who_wants_something_while_there_is_no_repository_is_told_so() -> None:
     house = House()
     house.ask(ORDER)
     house.world.run(READY_TIME - 1)
-    assert not house.client.heard
+    assert not house.client.received_answers
     house.world.run(2.0)
     text = f"the map of the environment is not known yet, because {REPOSITORY} does not answer; try again later"
-    assert house.client.heard == [Fault(code="env:Receiver", text=text)]
+    assert house.client.received_answers == [Fault(code="env:Receiver", text=text)]
     house.world.add(REPOSITORY, Repository(REPOSITORY, contents()))
     house.world.run(60.0)
     house.ask(orders.ReadOrders())
     house.world.run(1.0)
-    assert house.client.heard[1:] == [orders.OrdersPage(orders=())], "what was refused is not done later"
+    assert house.client.received_answers[1:] == [orders.OrdersPage(orders=())], "what was refused is not done later"

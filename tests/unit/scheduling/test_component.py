@@ -26,22 +26,22 @@ from somrs.scheduling.execution import LATE, WAIT, message_for, task_for
 from somrs.scheduling.state import Located, OrdersDue
 from tests.support.virtual_system import SITE
 
-HERE, REPOSITORY, MANAGER, CLIENT = "http://here/scheduler", "http://there/repository", "http://there/task-manager", "http://there/api"
-WISH = Submit(effect="Jar002 isOn Platform001")
+SCHEDULER, REPOSITORY, MANAGER, CLIENT = "http://here/scheduler", "http://there/repository", "http://there/task-manager", "http://there/api"
+TASK = Submit(effect="Jar002 isOn Platform001")
 HOUR = 3600.0
 TICK = TimerFired(OrdersDue())
 
 
-class Kept:
+class JournaledScheduler:
     """A Scheduler that has read the map, and its journal."""
 
     def __init__(self, zone: str = "") -> None:
         self.located = Located(REPOSITORY, MANAGER, zone)
         self._written = JournalCodec(SCHEMA)
-        self.journaled = JournaledComponent(Scheduler(HERE, self.located), SCHEMA)
+        self.journaled = JournaledComponent(Scheduler(SCHEDULER, self.located), SCHEMA)
         loaded = load_text(SITE, "site.yaml")
         assert loaded.map is not None
-        self.scheduler.handle(Started(HERE), 0.0)
+        self.scheduler.handle(Started(SCHEDULER), 0.0)
         replica = self.scheduler.replica
         replica.ontology, replica.map, replica.version = loaded.ontology, loaded.map, 0
         self._snapshot()
@@ -62,72 +62,76 @@ class Kept:
         self._entries.append(self._written.encode_entry(entry))
         return [effect for effect, _ in self.journaled.handle(entry)]
 
-    def restart(self, now: float, *, orderly: bool = False, located: Located | None = None, at: str = HERE) -> list[Effect]:
+    def restart(self, now: float, *, orderly: bool = False, located: Located | None = None, address: str = SCHEDULER) -> list[Effect]:
         """As after a kill, or an orderly stop: what is sent again, and what comes of the start."""
         if orderly:
             self._snapshot()
         self.journaled = self._written.decode_snapshot(self._state)
         self.journaled.replay(self._written.decode_batch(self._written.encode_batch(self._entries)))
-        again: list[Effect] = [
-            Send(sent.message, sent.expires_at) for sent in self.journaled.pending.messages.values() if sent.expires_at > now
+        effects: list[Effect] = [
+            Send(sent_message.message, sent_message.expires_at)
+            for sent_message in self.journaled.pending.messages.values()
+            if sent_message.expires_at > now
         ]
-        for sent in [one for one in self.journaled.pending.messages.values() if one.expires_at <= now]:
-            again += self.handle(DeliveryFailed(sent.message, "its time was over"), now)
+        for sent_message in [
+            pending_message for pending_message in self.journaled.pending.messages.values() if pending_message.expires_at <= now
+        ]:
+            effects += self.handle(DeliveryFailed(sent_message.message, "its time was over"), now)
         self.handle(Notified(located or self.located), now)
-        return [*again, *self.handle(Started(at), now)]
+        return [*effects, *self.handle(Started(address), now)]
 
     def _snapshot(self) -> None:
         self._state = self._written.encode_snapshot(self.journaled)
         self._entries: list[bytes] = []
 
 
-def scheduler() -> Kept:
-    return Kept()
+def scheduler() -> JournaledScheduler:
+    return JournaledScheduler()
 
 
-def ask(to: Kept, body: Body, now: float, id: str = "urn:uuid:1") -> Sequence[Effect]:
-    header = Header(sender=CLIENT, recipient=HERE, message_id=id, reply_to=CLIENT)
-    return to.handle(Received(Message(header=header, body=body)), now)
+def ask(target: JournaledScheduler, body: Body, now: float, id: str = "urn:uuid:1") -> Sequence[Effect]:
+    header = Header(sender=CLIENT, recipient=SCHEDULER, message_id=id, reply_to=CLIENT)
+    return target.handle(Received(Message(header=header, body=body)), now)
 
 
-def answer(to: Kept, question: Message, body: Body, now: float) -> Sequence[Effect]:
-    for number, sent in [*to.journaled.pending.messages.items()]:
-        if sent.message == question:
-            to.journaled.mark_delivered(number)
-    header = Header(sender=MANAGER, recipient=HERE, message_id=f"{question.header.message_id}a", relates_to=question.header.message_id)
-    return to.handle(Received(Message(header=header, body=body)), now)
+def answer(target: JournaledScheduler, question: Message, body: Body, now: float) -> Sequence[Effect]:
+    for number, sent_message in [*target.journaled.pending.messages.items()]:
+        if sent_message.message == question:
+            target.journaled.mark_delivered(number)
+    header = Header(sender=MANAGER, recipient=SCHEDULER, message_id=f"{question.header.message_id}a", relates_to=question.header.message_id)
+    return target.handle(Received(Message(header=header, body=body)), now)
 
 
-def sent(effects: Sequence[Effect], kind: type[Body]) -> list[Message]:
+def sent_messages(effects: Sequence[Effect], kind: type[Body]) -> list[Message]:
     return [effect.message for effect in effects if isinstance(effect, Send) and isinstance(effect.message.body, kind)]
 
 
-def ordered(to: Kept, now: float = 0.0, *, skip: bool = True) -> str:
-    effects = ask(to, orders.SaveOrder(saved=OrderSaved(name="Often", when=Every(minutes=60), task=WISH, skip=skip)), now)
-    (said,) = sent(effects, orders.OrderKept)
-    assert isinstance(said.body, orders.OrderKept)
-    assert said.body.order.next == now + HOUR
-    return said.body.order.id
+def ordered(target: JournaledScheduler, now: float = 0.0, *, skip: bool = True) -> str:
+    effects = ask(target, orders.SaveOrder(saved=OrderSaved(name="Often", when=Every(minutes=60), task=TASK, skip=skip)), now)
+    (reply,) = sent_messages(effects, orders.OrderKept)
+    assert isinstance(reply.body, orders.OrderKept)
+    assert reply.body.order.next == now + HOUR
+    return reply.body.order.id
 
 
 def view(task: str, phase: Phase = Phase.EXECUTING, outcome: Outcome | None = None) -> TaskNews:
-    return TaskNews(view=TaskView(task=task, effect=WISH.effect, phase=phase, submitted_at=HOUR, outcome=outcome), events=())
+    return TaskNews(view=TaskView(task=task, effect=TASK.effect, phase=phase, submitted_at=HOUR, outcome=outcome), events=())
 
 
 def test_a_time_is_noted_and_its_task_is_stated_and_followed_to_its_end() -> None:
-    one = scheduler()
-    id = ordered(one)
-    assert not sent(one.handle(TICK, HOUR - 1), Submit)
-    effects: Sequence[Effect] = one.handle(TICK, HOUR)
+    target = scheduler()
+    id = ordered(target)
+    assert not sent_messages(target.handle(TICK, HOUR - 1), Submit)
+    effects: Sequence[Effect] = target.handle(TICK, HOUR)
     task = task_for(id, HOUR)
-    assert one.book.runs_of(id) == (Run(due=HOUR, state=RunState.SUBMITTING, at=HOUR, task=task),)
-    (stated,) = sent(effects, Submit)
+    assert target.book.runs_of(id) == (Run(due=HOUR, state=RunState.SUBMITTING, at=HOUR, task=task),)
+    (stated,) = sent_messages(effects, Submit)
     assert stated.header.message_id == message_for(id, HOUR)
-    assert (stated.header.sender, stated.header.reply_to) == ("urn:so-mrs:client:order%20Often", HERE)
-    (watched,) = sent(answer(one, stated, Submitted(task=task), HOUR + 1), WatchTask)
-    (again,) = sent(answer(one, watched, view(task), HOUR + 2), WatchTask)
-    answer(one, again, view(task, Phase.ENDED, Outcome.ACCOMPLISHED), HOUR + 3)
-    (run,) = one.book.runs_of(id)
+    assert (stated.header.sender, stated.header.reply_to) == ("urn:so-mrs:client:order%20Often", SCHEDULER)
+    (watched,) = sent_messages(answer(target, stated, Submitted(task=task), HOUR + 1), WatchTask)
+    (second_watch,) = sent_messages(answer(target, watched, view(task), HOUR + 2), WatchTask)
+    answer(target, second_watch, view(task, Phase.ENDED, Outcome.ACCOMPLISHED), HOUR + 3)
+    (run,) = target.book.runs_of(id)
     assert (run.state, run.outcome, run.open) == (RunState.SUBMITTED, Outcome.ACCOMPLISHED, False)
 
 
@@ -135,185 +139,187 @@ def test_a_time_is_noted_and_its_task_is_stated_and_followed_to_its_end() -> Non
 @pytest.mark.parametrize("step", range(5))
 def test_what_was_open_goes_on_and_the_task_is_stated_once(step: int, orderly: bool) -> None:
     """It is restarted behind one of the steps, and the answers that come reach it then."""
-    one = scheduler()
-    id = ordered(one)
+    target = scheduler()
+    id = ordered(target)
     task, reached = task_for(id, HOUR), 0
 
-    def seen(effects: Sequence[Effect], kind: type[Body], now: float) -> Message:
+    def expect_message(effects: Sequence[Effect], kind: type[Body], now: float) -> Message:
         nonlocal reached
-        (asked,) = sent(effects, kind)
+        (question,) = sent_messages(effects, kind)
         if reached == step:
-            again = one.restart(now, orderly=orderly)
-            questions = [message for one in (Submit, WatchTask, ReadRecords) for message in sent(again, one)]
-            assert questions == [asked], "nobody acknowledged it yet"
+            resent_effects = target.restart(now, orderly=orderly)
+            questions = [message for body_type in (Submit, WatchTask, ReadRecords) for message in sent_messages(resent_effects, body_type)]
+            assert questions == [question], "nobody acknowledged it yet"
         reached += 1
-        return asked
+        return question
 
-    stated = seen(one.handle(TICK, HOUR), Submit, HOUR + 0.5)
+    stated = expect_message(target.handle(TICK, HOUR), Submit, HOUR + 0.5)
     assert stated.header.message_id == message_for(id, HOUR)
-    watched = seen(answer(one, stated, Submitted(task=task), HOUR + 1), WatchTask, HOUR + 1.5)
-    again = seen(answer(one, watched, view(task), HOUR + 2), WatchTask, HOUR + 2.5)
-    searched = seen(answer(one, again, Fault(code="Sender", text="no such task"), HOUR + 3), ReadRecords, HOUR + 3.5)
-    answer(one, searched, Fault(code="Receiver", text="not now"), HOUR + 4)
-    looked = seen(one.handle(TICK, HOUR + 5.5), WatchTask, HOUR + 6)
-    answer(one, looked, view(task, Phase.ENDED, Outcome.ACCOMPLISHED), HOUR + 7)
-    (run,) = one.book.runs_of(id)
+    watched = expect_message(answer(target, stated, Submitted(task=task), HOUR + 1), WatchTask, HOUR + 1.5)
+    second_watch = expect_message(answer(target, watched, view(task), HOUR + 2), WatchTask, HOUR + 2.5)
+    searched = expect_message(answer(target, second_watch, Fault(code="Sender", text="no such task"), HOUR + 3), ReadRecords, HOUR + 3.5)
+    answer(target, searched, Fault(code="Receiver", text="not now"), HOUR + 4)
+    lookup = expect_message(target.handle(TICK, HOUR + 5.5), WatchTask, HOUR + 6)
+    answer(target, lookup, view(task, Phase.ENDED, Outcome.ACCOMPLISHED), HOUR + 7)
+    (run,) = target.book.runs_of(id)
     assert (run.task, run.outcome, run.open) == (task, Outcome.ACCOMPLISHED, False)
-    assert not one.scheduler.state.questions
+    assert not target.scheduler.state.questions
 
 
 def test_a_question_that_was_open_too_long_is_asked_again_after_a_restart() -> None:
-    for away, state in ((LATE / 2, RunState.SUBMITTING), (LATE + 1, RunState.MISSED)):
-        one = scheduler()
-        id = ordered(one)
-        (first,) = sent(one.handle(TICK, HOUR), Submit)
-        now = HOUR + away
-        effects = one.restart(now)
+    for absence, state in ((LATE / 2, RunState.SUBMITTING), (LATE + 1, RunState.MISSED)):
+        target = scheduler()
+        id = ordered(target)
+        (first,) = sent_messages(target.handle(TICK, HOUR), Submit)
+        now = HOUR + absence
+        effects = target.restart(now)
         if state is RunState.SUBMITTING:
-            assert sent(effects, Submit) == [first], "its time is not over"
+            assert sent_messages(effects, Submit) == [first], "its time is not over"
             continue
-        (looked,) = sent(one.handle(TICK, now + 2), WatchTask)
-        (searched,) = sent(answer(one, looked, Fault(code="Sender", text="no such task"), now + 3), ReadRecords)
-        assert not sent(answer(one, searched, Records(records=()), now + 4), Submit)
-        assert [run.state for run in one.book.runs_of(id)] == [state]
+        (lookup,) = sent_messages(target.handle(TICK, now + 2), WatchTask)
+        (searched,) = sent_messages(answer(target, lookup, Fault(code="Sender", text="no such task"), now + 3), ReadRecords)
+        assert not sent_messages(answer(target, searched, Records(records=()), now + 4), Submit)
+        assert [run.state for run in target.book.runs_of(id)] == [state]
 
 
 def test_a_task_that_was_not_taken_is_stated_again_as_the_same_message() -> None:
-    one = scheduler()
-    id = ordered(one)
-    (first,) = sent(one.handle(TICK, HOUR), Submit)
-    one.handle(DeliveryFailed(first, "nobody is there"), HOUR + 1)
-    (looked,) = sent(one.handle(TICK, HOUR + 3), WatchTask)
-    (searched,) = sent(answer(one, looked, Fault(code="Sender", text="no such task"), HOUR + 4), ReadRecords)
-    (again,) = sent(answer(one, searched, Records(records=()), HOUR + 5), Submit)
-    assert again.header.message_id == first.header.message_id == message_for(id, HOUR)
+    target = scheduler()
+    id = ordered(target)
+    (first,) = sent_messages(target.handle(TICK, HOUR), Submit)
+    target.handle(DeliveryFailed(first, "nobody is there"), HOUR + 1)
+    (lookup,) = sent_messages(target.handle(TICK, HOUR + 3), WatchTask)
+    (searched,) = sent_messages(answer(target, lookup, Fault(code="Sender", text="no such task"), HOUR + 4), ReadRecords)
+    (resubmitted,) = sent_messages(answer(target, searched, Records(records=()), HOUR + 5), Submit)
+    assert resubmitted.header.message_id == first.header.message_id == message_for(id, HOUR)
 
 
 def test_what_was_due_while_it_was_away_is_stated_at_the_start_or_told_as_missed() -> None:
-    for away, stated, missed in ((30.0, 1, 0), (LATE + 30, 0, 1), (4 * HOUR + 30, 1, 4)):
+    for absence, stated, missed in ((30.0, 1, 0), (LATE + 30, 0, 1), (4 * HOUR + 30, 1, 4)):
         for orderly in (False, True):
-            one = scheduler()
-            id = ordered(one)
-            effects = one.restart(HOUR + away, orderly=orderly)
-            assert len(sent(effects, Submit)) == stated
-            assert sum(run.times for run in one.book.runs_of(id) if run.state is RunState.MISSED) == missed
+            target = scheduler()
+            id = ordered(target)
+            effects = target.restart(HOUR + absence, orderly=orderly)
+            assert len(sent_messages(effects, Submit)) == stated
+            assert sum(run.times for run in target.book.runs_of(id) if run.state is RunState.MISSED) == missed
 
 
 def test_a_time_of_day_that_was_stated_is_not_stated_again_in_another_zone() -> None:
     """What came before a kill is handled again by the local time of then."""
     berlin = ZoneInfo("Europe/Berlin")
-    begun, due = (datetime(2026, 11, 23, hour, tzinfo=berlin).timestamp() for hour in (6, 7))
+    start_time, due = (datetime(2026, 11, 23, hour, tzinfo=berlin).timestamp() for hour in (6, 7))
     for orderly in (False, True):
-        one = Kept("Europe/Berlin")
-        one.handle(Notified(one.located), begun)
-        ask(one, orders.SaveOrder(saved=OrderSaved(name="Daily", when=Daily(at="07:00"), task=WISH)), begun)
-        (id,) = one.book.orders
-        assert sent(one.handle(TICK, due), Submit)
-        before = one.book
-        again = one.restart(due + 1, orderly=orderly, located=Located(REPOSITORY, MANAGER, "Europe/London"))
-        assert one.book == before
-        assert [message.header.message_id for message in sent(again, Submit)] == [message_for(id, due)], "it was not acknowledged"
-        next = datetime(2026, 11, 23, 7, tzinfo=ZoneInfo("Europe/London")).timestamp()
-        assert one.scheduler.next_due == next, "times to come are by the local time of now"
+        target = JournaledScheduler("Europe/Berlin")
+        target.handle(Notified(target.located), start_time)
+        ask(target, orders.SaveOrder(saved=OrderSaved(name="Daily", when=Daily(at="07:00"), task=TASK)), start_time)
+        (id,) = target.book.orders
+        assert sent_messages(target.handle(TICK, due), Submit)
+        book_before = target.book
+        effects = target.restart(due + 1, orderly=orderly, located=Located(REPOSITORY, MANAGER, "Europe/London"))
+        assert target.book == book_before
+        assert [message.header.message_id for message in sent_messages(effects, Submit)] == [message_for(id, due)], (
+            "it was not acknowledged"
+        )
+        next_due = datetime(2026, 11, 23, 7, tzinfo=ZoneInfo("Europe/London")).timestamp()
+        assert target.scheduler.next_due == next_due, "times to come are by the local time of now"
 
 
 def test_the_other_parts_may_be_elsewhere_and_so_may_it() -> None:
-    one = scheduler()
-    ordered(one)
+    target = scheduler()
+    ordered(target)
     moved = Located("http://new/repository", "http://new/task-manager")
-    effects = one.restart(1.0, located=moved, at="http://new/scheduler")
-    (followed,) = sent(effects, SubscribeMap)
+    effects = target.restart(1.0, located=moved, address="http://new/scheduler")
+    (followed,) = sent_messages(effects, SubscribeMap)
     assert (followed.header.recipient, followed.header.sender) == ("http://new/repository", "http://new/scheduler")
-    assert not sent(one.handle(TICK, HOUR), Submit), "the map there was not read yet"
-    one = scheduler()
-    ordered(one)
-    one.restart(1.0, located=Located(REPOSITORY, "http://new/task-manager"), at="http://new/scheduler")
-    (stated,) = sent(one.handle(TICK, HOUR), Submit)
+    assert not sent_messages(target.handle(TICK, HOUR), Submit), "the map there was not read yet"
+    target = scheduler()
+    ordered(target)
+    target.restart(1.0, located=Located(REPOSITORY, "http://new/task-manager"), address="http://new/scheduler")
+    (stated,) = sent_messages(target.handle(TICK, HOUR), Submit)
     assert (stated.header.recipient, stated.header.reply_to) == ("http://new/task-manager", "http://new/scheduler")
 
 
 def test_who_does_not_answer_is_asked_again() -> None:
-    one = scheduler()
-    id = ordered(one)
-    (stated,) = sent(one.handle(TICK, HOUR), Submit)
-    one.handle(DeliveryFailed(stated, "nobody is there"), HOUR + LATE)
-    (looked,) = sent(one.handle(TICK, HOUR + LATE + 2), WatchTask)
-    (again,) = sent(one.handle(TICK, HOUR + LATE + 2 + WAIT), WatchTask)
-    assert again.header.message_id != looked.header.message_id
-    answer(one, again, view(task_for(id, HOUR), Phase.ENDED, Outcome.FAILED), HOUR + 200)
-    assert one.book.runs_of(id)[0].outcome is Outcome.FAILED
+    target = scheduler()
+    id = ordered(target)
+    (stated,) = sent_messages(target.handle(TICK, HOUR), Submit)
+    target.handle(DeliveryFailed(stated, "nobody is there"), HOUR + LATE)
+    (lookup,) = sent_messages(target.handle(TICK, HOUR + LATE + 2), WatchTask)
+    (second_lookup,) = sent_messages(target.handle(TICK, HOUR + LATE + 2 + WAIT), WatchTask)
+    assert second_lookup.header.message_id != lookup.header.message_id
+    answer(target, second_lookup, view(task_for(id, HOUR), Phase.ENDED, Outcome.FAILED), HOUR + 200)
+    assert target.book.runs_of(id)[0].outcome is Outcome.FAILED
 
 
 def test_while_the_task_before_runs_a_time_is_skipped_unless_the_order_says_otherwise() -> None:
     for skip in (True, False):
-        one = scheduler()
-        id = ordered(one, skip=skip)
-        (stated,) = sent(one.handle(TICK, HOUR), Submit)
-        answer(one, stated, Submitted(task=task_for(id, HOUR)), HOUR + 1)
-        effects = one.handle(TICK, 2 * HOUR)
+        target = scheduler()
+        id = ordered(target, skip=skip)
+        (stated,) = sent_messages(target.handle(TICK, HOUR), Submit)
+        answer(target, stated, Submitted(task=task_for(id, HOUR)), HOUR + 1)
+        effects = target.handle(TICK, 2 * HOUR)
         if skip:
-            *_, looked = sent(effects, WatchTask)  # the last: also the one that follows it was not answered for long
-            answer(one, looked, view(task_for(id, HOUR)), 2 * HOUR + 1)
-        assert one.book.runs_of(id)[-1].state is (RunState.SKIPPED if skip else RunState.SUBMITTING)
+            *_, lookup = sent_messages(effects, WatchTask)  # the last: also the one that follows it was not answered for long
+            answer(target, lookup, view(task_for(id, HOUR)), 2 * HOUR + 1)
+        assert target.book.runs_of(id)[-1].state is (RunState.SKIPPED if skip else RunState.SUBMITTING)
 
 
 def test_what_cannot_be_stated_is_refused_and_what_was_slept_through_is_missed() -> None:
-    one = scheduler()
-    id = ordered(one)
-    (stated,) = sent(one.handle(TICK, HOUR), Submit)
-    answer(one, stated, TaskRejected(problem="there is no Platform001"), HOUR + 1)
-    assert [(run.state, run.note) for run in one.book.runs_of(id)] == [(RunState.REFUSED, "there is no Platform001")]
-    assert not sent(one.handle(TICK, 5 * HOUR + LATE + 1), Submit)
-    run = one.book.runs_of(id)[-1]
+    target = scheduler()
+    id = ordered(target)
+    (stated,) = sent_messages(target.handle(TICK, HOUR), Submit)
+    answer(target, stated, TaskRejected(problem="there is no Platform001"), HOUR + 1)
+    assert [(run.state, run.note) for run in target.book.runs_of(id)] == [(RunState.REFUSED, "there is no Platform001")]
+    assert not sent_messages(target.handle(TICK, 5 * HOUR + LATE + 1), Submit)
+    run = target.book.runs_of(id)[-1]
     assert (run.state, run.due, run.times) == (RunState.MISSED, 5 * HOUR, 4)
 
 
 def test_subscribers_hear_of_changes_and_refusals_say_their_sort() -> None:
-    one = scheduler()
-    assert sent(ask(one, orders.SubscribeOrders(lease=30.0), 0.0), orders.OrdersSubscribed)
-    effects = ask(one, orders.SaveOrder(saved=OrderSaved(name="Often", when=Every(minutes=60), task=WISH)), 1.0)
-    (news,) = sent(effects, orders.OrdersChanged)
+    target = scheduler()
+    assert sent_messages(ask(target, orders.SubscribeOrders(lease=30.0), 0.0), orders.OrdersSubscribed)
+    effects = ask(target, orders.SaveOrder(saved=OrderSaved(name="Often", when=Every(minutes=60), task=TASK)), 1.0)
+    (news,) = sent_messages(effects, orders.OrdersChanged)
     assert news.body == orders.OrdersChanged(orders=True)
-    one.handle(DeliveryFailed(news, "it is gone"), 2.0)
-    assert not sent(ask(one, orders.RemoveOrder(id=next(iter(one.book.orders))), 3.0), orders.OrdersChanged)
-    (wrong,) = sent(ask(one, orders.ReadTemplates(name="Nothing"), 3.0), orders.OrdersRejected)
+    target.handle(DeliveryFailed(news, "it is gone"), 2.0)
+    assert not sent_messages(ask(target, orders.RemoveOrder(id=next(iter(target.book.orders))), 3.0), orders.OrdersChanged)
+    (wrong,) = sent_messages(ask(target, orders.ReadTemplates(name="Nothing"), 3.0), orders.OrdersRejected)
     assert isinstance(wrong.body, orders.OrdersRejected)
     assert wrong.body.error == "NotFound"
     saved = orders.TemplateSaved(task=Submit(effect="{Thing} isOn Nowhere"), blanks=(orders.Blank(name="Thing"),))
-    (wrong,) = sent(ask(one, orders.SaveTemplate(name="Bring", saved=saved), 3.0), orders.OrdersRejected)
+    (wrong,) = sent_messages(ask(target, orders.SaveTemplate(name="Bring", saved=saved), 3.0), orders.OrdersRejected)
     assert isinstance(wrong.body, orders.OrdersRejected)
     assert wrong.body.error == "FormulaError"
     assert wrong.body.position is not None
 
 
 def test_the_same_message_is_the_same_order() -> None:
-    one = scheduler()
-    save = orders.SaveOrder(saved=OrderSaved(name="Often", when=Every(minutes=60), task=WISH))
-    ask(one, save, 0.0)
-    ask(one, save, 1.0)
-    ask(one, save, 2.0, id="urn:uuid:2")
-    assert len(one.book.orders) == 2
+    target = scheduler()
+    save = orders.SaveOrder(saved=OrderSaved(name="Often", when=Every(minutes=60), task=TASK))
+    ask(target, save, 0.0)
+    ask(target, save, 1.0)
+    ask(target, save, 2.0, id="urn:uuid:2")
+    assert len(target.book.orders) == 2
 
 
 def test_what_only_reads_leaves_it_as_it_is() -> None:
-    one = scheduler()
-    id = ordered(one)
-    before = encode(one.scheduler.state)
+    target = scheduler()
+    id = ordered(target)
+    state_before = encode(target.scheduler.state)
     for body in (orders.ReadOrders(), orders.ReadRuns(id=id), orders.ReadTemplates()):
-        header = Header(sender=CLIENT, recipient=HERE, message_id="urn:uuid:9", reply_to=ANONYMOUS)
-        (said,) = one.handle(Received(Message(header=header, body=body)), 2 * HOUR)
-        assert isinstance(said, Send)
-    assert encode(one.scheduler.state) == before
+        header = Header(sender=CLIENT, recipient=SCHEDULER, message_id="urn:uuid:9", reply_to=ANONYMOUS)
+        (effect,) = target.handle(Received(Message(header=header, body=body)), 2 * HOUR)
+        assert isinstance(effect, Send)
+    assert encode(target.scheduler.state) == state_before
 
 
 def test_news_go_on_after_a_restart() -> None:
-    one = scheduler()
-    ask(one, orders.SubscribeOrders(lease=30.0), 0.0)
-    (first,) = sent(
-        ask(one, orders.SaveOrder(saved=OrderSaved(name="Often", when=Every(minutes=60), task=WISH)), 1.0), orders.OrdersChanged
+    target = scheduler()
+    ask(target, orders.SubscribeOrders(lease=30.0), 0.0)
+    (first,) = sent_messages(
+        ask(target, orders.SaveOrder(saved=OrderSaved(name="Often", when=Every(minutes=60), task=TASK)), 1.0), orders.OrdersChanged
     )
-    one.restart(2.0)
-    (second,) = sent(ask(one, orders.RemoveOrder(id=next(iter(one.book.orders))), 3.0), orders.OrdersChanged)
+    target.restart(2.0)
+    (second,) = sent_messages(ask(target, orders.RemoveOrder(id=next(iter(target.book.orders))), 3.0), orders.OrdersChanged)
     assert first.header.message_id != second.header.message_id
-    (subscribed,) = sent(ask(one, orders.SubscribeOrders(lease=30.0), 4.0), orders.OrdersSubscribed)
+    (subscribed,) = sent_messages(ask(target, orders.SubscribeOrders(lease=30.0), 4.0), orders.OrdersSubscribed)
     assert subscribed.body == orders.OrdersSubscribed(until=34.0, begun=2.0), "whoever missed news then learns of it"

@@ -21,12 +21,12 @@ def stamp(text: str, zone: ZoneInfo = WARSAW) -> float:
     return datetime.fromisoformat(text).replace(tzinfo=zone).timestamp()
 
 
-def dues(when: Schedule, after: str, count: int) -> list[str]:
-    found, at = list[str](), stamp(after)
-    while len(found) < count and (due := due_after(when, at, WARSAW)) is not None:
-        found.append(f"{datetime.fromtimestamp(due, WARSAW):%a %m-%d %H:%M}")
-        at = due
-    return found
+def dues(recurrence: Schedule, start: str, count: int) -> list[str]:
+    times, time = list[str](), stamp(start)
+    while len(times) < count and (due := due_after(recurrence, time, WARSAW)) is not None:
+        times.append(f"{datetime.fromtimestamp(due, WARSAW):%a %m-%d %H:%M}")
+        time = due
+    return times
 
 
 def test_on_chosen_days_at_a_time_of_day() -> None:
@@ -47,10 +47,10 @@ def test_a_time_that_the_clock_skips_comes_once_all_the_same_and_one_that_it_sho
 
 def test_every_so_often_is_counted_from_the_beginning() -> None:
     begin = stamp("2026-11-23T08:00")
-    every = Every(minutes=90, since=begin)
-    assert due_after(every, begin - 1) == begin
-    assert due_after(every, begin) == begin + 90 * MINUTE
-    assert due_after(every, begin + 200 * MINUTE) == begin + 270 * MINUTE
+    recurrence = Every(minutes=90, since=begin)
+    assert due_after(recurrence, begin - 1) == begin
+    assert due_after(recurrence, begin) == begin + 90 * MINUTE
+    assert due_after(recurrence, begin + 200 * MINUTE) == begin + 270 * MINUTE
 
 
 def test_once_is_once() -> None:
@@ -59,7 +59,7 @@ def test_once_is_once() -> None:
 
 
 @given(
-    when=st.one_of(
+    recurrence=st.one_of(
         st.builds(
             Daily,
             at=st.tuples(st.integers(0, 23), st.integers(0, 59)).map(lambda time: f"{time[0]:02}:{time[1]:02}"),
@@ -69,39 +69,39 @@ def test_once_is_once() -> None:
             Every, minutes=st.integers(1, 2000).map(float), since=st.integers(0, 5000).map(lambda m: stamp("2026-03-24T00:00") + m * MINUTE)
         ),
     ),
-    after=st.integers(0, 20_000),
+    start_minute=st.integers(0, 20_000),
     length=st.integers(0, 20_000),
 )
-def test_against_looking_at_the_clock_every_minute(when: Schedule, after: int, length: int) -> None:
-    start = stamp("2026-03-22T00:00") + after * MINUTE  # the clock is put forward on the 29th
+def test_against_looking_at_the_clock_every_minute(recurrence: Schedule, start_minute: int, length: int) -> None:
+    start = stamp("2026-03-22T00:00") + start_minute * MINUTE  # the clock is put forward on the 29th
     naive: list[float] = []
     for minute in range(length + 1):
         moment = start + minute * MINUTE
-        if minute > 0 and _is_due(when, moment):
+        if minute > 0 and _is_due(recurrence, moment):
             naive.append(moment)
-    count, last = due_between(when, start, start + length * MINUTE, WARSAW)
-    assert (count, last) == (len(naive), naive[-1] if naive else None)
-    first = due_after(when, start, WARSAW)
+    count, last_due = due_between(recurrence, start, start + length * MINUTE, WARSAW)
+    assert (count, last_due) == (len(naive), naive[-1] if naive else None)
+    first = due_after(recurrence, start, WARSAW)
     assert first is not None
     assert not naive or first == naive[0]
 
 
-def _is_due(when: Schedule, moment: float) -> bool:
-    match when:
-        case Every(minutes=minutes, since=since):
-            return since is not None and moment >= since and (moment - since) % (minutes * MINUTE) == 0
-        case Daily(at=at, days=days):
+def _is_due(recurrence: Schedule, moment: float) -> bool:
+    match recurrence:
+        case Every(minutes=minutes, since=anchor):
+            return anchor is not None and moment >= anchor and (moment - anchor) % (minutes * MINUTE) == 0
+        case Daily(at=time, days=days):
             local = datetime.fromtimestamp(moment, WARSAW)
-            shown = local.replace(tzinfo=None)
-            skipped = shown.date() == datetime(2026, 3, 29).date() and "02:00" <= at < "03:00"
-            told = shown - timedelta(hours=1) if skipped else shown
-            return f"{told:%H:%M}" == at and local.fold == 0 and (not days or told.weekday() in days)
+            wall_time = local.replace(tzinfo=None)
+            skipped = wall_time.date() == datetime(2026, 3, 29).date() and "02:00" <= time < "03:00"
+            nominal_time = wall_time - timedelta(hours=1) if skipped else wall_time
+            return f"{nominal_time:%H:%M}" == time and local.fold == 0 and (not days or nominal_time.weekday() in days)
         case _:
-            raise AssertionError(when)
+            raise AssertionError(recurrence)
 
 
 @pytest.mark.parametrize(
-    ("when", "wrong"),
+    ("recurrence", "wrong"),
     [
         (Once(at=9.0), "that moment is over"),
         (Every(minutes=0), "every 0.1 minutes at the most"),
@@ -111,9 +111,9 @@ def _is_due(when: Schedule, moment: float) -> bool:
         (Daily(at="08:00", days=(7,)), "7 is no day of the week"),
     ],
 )
-def test_what_is_no_time_is_refused(when: Schedule, wrong: str) -> None:
+def test_what_is_no_time_is_refused(recurrence: Schedule, wrong: str) -> None:
     with pytest.raises(UsageError, match=wrong):
-        check_recurrence(when, 10.0)
+        check_recurrence(recurrence, 10.0)
 
 
 def test_as_it_is_kept_and_as_people_say_it() -> None:

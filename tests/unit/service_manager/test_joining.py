@@ -43,7 +43,7 @@ PROFILE = Profile(
     situation="Washer1 isOn Floor1",
 )
 LOOK = ReadMap(after=predecessor_name("Washer1"))
-ADDED = UpdateMap(
+ADDITION = UpdateMap(
     changes=(ObjectAdded(Object(name="Washer1", type="Washer", values={"PositionX": 1.0})),),
     situation="Washer1 isOn Floor1",
     author="Washer1",
@@ -57,18 +57,18 @@ class Joiner:
     def __init__(self, profile: Profile = PROFILE) -> None:
         self.joining = Joining(profile=profile, repository=REPOSITORY, registry=REGISTRY)
         self.requests: list[Message] = []
-        self.do(self.joining.start(ME, NOW))
+        self.run_effects(self.joining.start(ME, NOW))
 
-    def do(self, effects: Effects) -> list[Effect]:
-        done = [*effects]
-        self.requests += [effect.message for effect in done if isinstance(effect, Send)]
-        return done
+    def run_effects(self, effects: Effects) -> list[Effect]:
+        performed = [*effects]
+        self.requests += [effect.message for effect in performed if isinstance(effect, Send)]
+        return performed
 
     def answer(self, body: Body) -> list[Effect]:
         header = Header(sender=REPOSITORY, recipient=ME, message_id="urn:x", relates_to=self.requests[-1].header.message_id)
-        return self.do(self.joining.receive(Message(header=header, body=body), NOW))
+        return self.run_effects(self.joining.receive(Message(header=header, body=body), NOW))
 
-    def asked(self) -> tuple[str, Body]:
+    def last_request(self) -> tuple[str, Body]:
         return self.requests[-1].header.recipient, self.requests[-1].body
 
     def published(self, object_type: str = "Washer") -> None:
@@ -77,8 +77,8 @@ class Joiner:
         self.answer(MapPage(objects=(Object(name="Washer1", type=object_type),), facts=(), version=1, more=False))
 
 
-def ontology(*, more: bool = False, services: tuple[ServiceType, ...] = (WASH,)) -> OntologyPage:
-    return OntologyPage(definitions=Definitions(services=services), version=1, next=7, more=more)
+def ontology(*, more_pages: bool = False, services: tuple[ServiceType, ...] = (WASH,)) -> OntologyPage:
+    return OntologyPage(definitions=Definitions(services=services), version=1, next=7, more=more_pages)
 
 
 def offer(object_type: str = "Washer", **attributes: float) -> Offer:
@@ -94,23 +94,23 @@ def offer(object_type: str = "Washer", **attributes: float) -> Offer:
 
 def test_it_defines_reads_looks_adds_itself_and_publishes() -> None:
     joiner = Joiner()
-    assert joiner.asked() == (REPOSITORY, Define(definitions=DEFINITIONS, author="Washer1"))
+    assert joiner.last_request() == (REPOSITORY, Define(definitions=DEFINITIONS, author="Washer1"))
     joiner.answer(Defined(version=1))
-    assert joiner.asked() == (REPOSITORY, ReadOntology())
-    joiner.answer(ontology(more=True, services=()))
-    assert joiner.asked() == (REPOSITORY, ReadOntology(after=7))
+    assert joiner.last_request() == (REPOSITORY, ReadOntology())
+    joiner.answer(ontology(more_pages=True, services=()))
+    assert joiner.last_request() == (REPOSITORY, ReadOntology(after=7))
     joiner.answer(ontology())
-    assert joiner.asked() == (REPOSITORY, LOOK)
+    assert joiner.last_request() == (REPOSITORY, LOOK)
     joiner.answer(MapPage(objects=(Object(name="Washer2", type="Washer"),), facts=(), version=1, more=False))
-    assert joiner.asked() == (REPOSITORY, ADDED)
+    assert joiner.last_request() == (REPOSITORY, ADDITION)
     joiner.answer(Updated(version=2))
-    assert joiner.asked() == (REGISTRY, Publish(provider="Washer1", offers=(offer(),), lease=30.0))
+    assert joiner.last_request() == (REGISTRY, Publish(provider="Washer1", offers=(offer(),), lease=30.0))
     assert joiner.answer(Published(until=40.0, renew_within=10.0)) == [
         SetTimer(JoiningDue(), NOW + 7.0),
         Ask(ReportWanted(), Report("Washer1 offers Washer1.Wash", joined=True)),
     ]
-    joiner.do(joiner.joining.timer_fired(NOW))
-    assert joiner.asked() == (REGISTRY, Renew(provider="Washer1", lease=30.0))
+    joiner.run_effects(joiner.joining.timer_fired(NOW))
+    assert joiner.last_request() == (REGISTRY, Renew(provider="Washer1", lease=30.0))
     assert joiner.answer(Published(until=50.0, renew_within=10.0)) == [SetTimer(JoiningDue(), NOW + 7.0)]
 
 
@@ -128,13 +128,13 @@ def test_a_request_has_five_seconds() -> None:
 def test_who_is_on_the_map_publishes_as_what_it_is_there(capacity: int, attributes: dict[str, float]) -> None:
     joiner = Joiner(structs.replace(PROFILE, capacity=capacity))
     joiner.published("BigWasher")
-    assert joiner.asked() == (REGISTRY, Publish(provider="Washer1", offers=(offer("BigWasher", **attributes),), lease=30.0))
+    assert joiner.last_request() == (REGISTRY, Publish(provider="Washer1", offers=(offer("BigWasher", **attributes),), lease=30.0))
 
 
 def test_who_knows_its_types_and_brings_none_looks_at_once() -> None:
-    known = structs.replace(PROFILE, definitions=Definitions(), capabilities=(Capability(type=WASH, method="wash"),))
-    assert Joiner(known).asked() == (REPOSITORY, LOOK)
-    assert Joiner(structs.replace(PROFILE, definitions=Definitions())).asked() == (REPOSITORY, ReadOntology())
+    known_profile = structs.replace(PROFILE, definitions=Definitions(), capabilities=(Capability(type=WASH, method="wash"),))
+    assert Joiner(known_profile).last_request() == (REPOSITORY, LOOK)
+    assert Joiner(structs.replace(PROFILE, definitions=Definitions())).last_request() == (REPOSITORY, ReadOntology())
 
 
 def test_what_is_added_without_an_answer_is_looked_for_first() -> None:
@@ -142,9 +142,9 @@ def test_what_is_added_without_an_answer_is_looked_for_first() -> None:
     joiner.answer(Defined(version=1))
     joiner.answer(ontology())
     joiner.answer(MapPage(objects=(), facts=(), version=1, more=False))
-    assert joiner.asked() == (REPOSITORY, ADDED)
-    joiner.do(joiner.joining.timer_fired(NOW))
-    assert joiner.asked() == (REPOSITORY, LOOK)
+    assert joiner.last_request() == (REPOSITORY, ADDITION)
+    joiner.run_effects(joiner.joining.timer_fired(NOW))
+    assert joiner.last_request() == (REPOSITORY, LOOK)
 
 
 def test_a_renewal_without_an_answer_or_with_a_fault_publishes_anew() -> None:
@@ -152,12 +152,12 @@ def test_a_renewal_without_an_answer_or_with_a_fault_publishes_anew() -> None:
         joiner = Joiner()
         joiner.published()
         joiner.answer(Published(until=40.0, renew_within=10.0))
-        joiner.do(joiner.joining.timer_fired(NOW))
+        joiner.run_effects(joiner.joining.timer_fired(NOW))
         if fault:
             joiner.answer(Fault(code="Sender", text="who?"))
         else:
-            joiner.do(joiner.joining.timer_fired(NOW))
-        assert joiner.asked() == (REGISTRY, Publish(provider="Washer1", offers=(offer(),), lease=30.0))
+            joiner.run_effects(joiner.joining.timer_fired(NOW))
+        assert joiner.last_request() == (REGISTRY, Publish(provider="Washer1", offers=(offer(),), lease=30.0))
 
 
 @pytest.mark.parametrize(("answer", "text"), [(Rejected(problems=("a", "b"), version=1), "a\nb"), (Fault(code="Sender", text="no"), "no")])
@@ -170,44 +170,44 @@ def test_who_is_not_taken_says_why_and_waits(answer: Rejected | Fault, text: str
 
 def test_who_leaves_retracts_and_hears_no_more() -> None:
     joiner = Joiner()
-    timer, retract = joiner.do(joiner.joining.depart(NOW))
+    timer, retract = joiner.run_effects(joiner.joining.depart(NOW))
     assert timer == SetTimer(JoiningDue(), None)
     assert isinstance(retract, Send)
-    assert joiner.asked() == (REGISTRY, Retract(provider="Washer1"))
+    assert joiner.last_request() == (REGISTRY, Retract(provider="Washer1"))
     assert joiner.answer(Defined(version=1)) == []
-    assert joiner.do(joiner.joining.timer_fired(NOW)) == []
+    assert joiner.run_effects(joiner.joining.timer_fired(NOW)) == []
 
 
 def test_an_answer_to_an_earlier_request_is_out_of_date() -> None:
     joiner = Joiner()
-    joiner.do(joiner.joining.timer_fired(NOW))
+    joiner.run_effects(joiner.joining.timer_fired(NOW))
     joiner.requests.pop()
     assert joiner.answer(Defined(version=1)) == []
 
 
 DRY = structs.replace(WASH, name="Dry")
-BOTH = structs.replace(
+TWO_SERVICES = structs.replace(
     PROFILE, definitions=Definitions(), capabilities=tuple(Capability(type=name, method=name) for name in ("Wash", "Dry"))
 )
 
 
 def test_types_are_looked_for_page_by_page_until_all_are_found() -> None:
-    joiner = Joiner(BOTH)
-    assert len(joiner.answer(ontology(more=True, services=(DRY,)))) == 2, "a request and the time for its answer"
-    assert joiner.asked() == (REPOSITORY, ReadOntology(after=7))
-    assert len(joiner.answer(ontology(more=True))) == 2
-    assert joiner.asked() == (REPOSITORY, LOOK)
+    joiner = Joiner(TWO_SERVICES)
+    assert len(joiner.answer(ontology(more_pages=True, services=(DRY,)))) == 2, "a request and the time for its answer"
+    assert joiner.last_request() == (REPOSITORY, ReadOntology(after=7))
+    assert len(joiner.answer(ontology(more_pages=True))) == 2
+    assert joiner.last_request() == (REPOSITORY, LOOK)
     assert joiner.joining.types == {"Dry": DRY, "Wash": WASH}
 
 
 def test_types_that_are_not_there_are_told_when_all_pages_are_read() -> None:
-    joiner = Joiner(BOTH)
-    assert len(joiner.answer(ontology(more=True, services=(structs.replace(WASH, name="Wahs"),)))) == 2
-    said = (
+    joiner = Joiner(TWO_SERVICES)
+    assert len(joiner.answer(ontology(more_pages=True, services=(structs.replace(WASH, name="Wahs"),)))) == 2
+    expected_text = (
         "Washer1 cannot join: the common ontology has no service type Dry.\n"
         "the common ontology has no service type Wash. did you mean Wahs?\n"
         "name one that it has, or give @service a ServiceType"
     )
-    assert joiner.answer(ontology(services=())) == [SetTimer(JoiningDue(), None), Ask(ReportWanted(), Report(said, joined=False))]
-    assert joiner.do(joiner.joining.start(ME, NOW + 1))[1:] == [SetTimer(JoiningDue(), NOW + 6.0)]
-    assert joiner.asked() == (REPOSITORY, ReadOntology()), "from the beginning"
+    assert joiner.answer(ontology(services=())) == [SetTimer(JoiningDue(), None), Ask(ReportWanted(), Report(expected_text, joined=False))]
+    assert joiner.run_effects(joiner.joining.start(ME, NOW + 1))[1:] == [SetTimer(JoiningDue(), NOW + 6.0)]
+    assert joiner.last_request() == (REPOSITORY, ReadOntology()), "from the beginning"

@@ -32,7 +32,7 @@ from somrs.service_manager.sdk.device import Device, Result, Situation, Task, pr
 from somrs.service_manager.sdk.orders import Order, Refusal, Report, ServiceFailed
 from somrs.service_manager.sdk.values import as_term, money, python_value, seconds
 from tests.support.lab import CLIENT, REPOSITORY, contents, request
-from tests.support.virtual_devices import Pause, asking, in_virtual_time
+from tests.support.virtual_devices import Pause, in_virtual_time, make_ask
 
 REGISTRY, WASHER = "http://here/registry", "http://here/washer"
 WASHING = ServiceType(
@@ -64,13 +64,13 @@ class Washer(Device):
     def __init__(self, name: str, simulator: str | None = None) -> None:
         super().__init__(name, simulator)
         self.running: list[str] = []
-        self.at_once = 0
+        self.peak_count = 0
 
     @service(WASHING, price=price, duration="1 min")
     async def wash(self, task: Task) -> Situation:
         name = str(task.inputs["Object"])
         self.running.append(name)
-        self.at_once = max(self.at_once, len(self.running))
+        self.peak_count = max(self.peak_count, len(self.running))
         try:
             await task.progress(0.25, note="filling")
             await Pause(30)
@@ -89,7 +89,7 @@ class Washer(Device):
         return f"{task.inputs['Object']} isOn Table1"
 
     @wash.compensation
-    async def bring_back(self, task: Task, situation: Formula) -> Situation:
+    async def restore_object(self, task: Task, situation: Formula) -> Situation:
         await Pause(10)
         return situation
 
@@ -98,36 +98,36 @@ class Washer(Device):
         return Result(outputs={"Mass": 0.3})
 
 
-class Desk:
+class Coordinator:
     """A coordinator that says what it is told to, and notes what it hears."""
 
     def __init__(self) -> None:
         self.sessions: dict[str, CoordinatorSession] = {}
-        self.heard: list[Message] = []
+        self.messages: list[Message] = []
         self.unreachable = False
 
     def handle(self, event: Input, now: float) -> list[Effect]:
         if not isinstance(event, Received):
             return []
-        self.heard.append(event.message)
+        self.messages.append(event.message)
         session = self.sessions.get(event.message.header.participant or "")
         return [Send(answer) for answer in session.receive(event.message).answers] if session is not None else []
 
 
-class Hall:
+class DeviceHarness:
     """A Repository, a Registry, one washer and one coordinator."""
 
     def __init__(self, device: Washer | None = None) -> None:
         self.world = World()
-        self.desk = Desk()
+        self.coordinator = Coordinator()
         self.reports: list[Report] = []
         self.device = device or Washer("Washer1")
         repository = Repository(REPOSITORY, contents())
         self.repository = repository
         self.world.add(REPOSITORY, repository)
         self.world.add(REGISTRY, Registry(REGISTRY, repository=REPOSITORY))
-        self.world.add(CLIENT, self.desk)
-        ask = asking(self.repository, lambda: self.world.now)
+        self.world.add(CLIENT, self.coordinator)
+        ask = make_ask(self.repository, lambda: self.world.now)
         manager = ServiceManager(self.device.profile(), repository=REPOSITORY, registry=REGISTRY)
         self.world.add(WASHER, manager, in_virtual_time(self.device, ask, self.reports), journaled=SCHEMA)
         self.world.run(1.0)
@@ -151,17 +151,17 @@ class Hall:
 
     def session(self, step: str) -> CoordinatorSession:
         identity = participant_id("Washer1.WashObject", step)
-        if identity not in self.desk.sessions:
-            self.desk.sessions[identity] = CoordinatorSession(transaction="t1", participant=identity, me=CLIENT, peer=WASHER)
-        return self.desk.sessions[identity]
+        if identity not in self.coordinator.sessions:
+            self.coordinator.sessions[identity] = CoordinatorSession(transaction="t1", participant=identity, me=CLIENT, peer=WASHER)
+        return self.coordinator.sessions[identity]
 
-    def until(self, step: str, state: State, within: float = 600.0) -> None:
+    def run_until(self, step: str, state: State, time_limit: float = 600.0) -> None:
         session = self.session(step)
-        assert self.world.run(within, lambda: session.state is state), f"{session.state}, not {state}; heard {self.said()}"
+        assert self.world.run(time_limit, lambda: session.state is state), f"{session.state}, not {state}; heard {self.body_names()}"
 
     def arranged(self, step: str = "s1", **order: float) -> None:
         self.ask(step, msgspec.structs.replace(ARRANGE, **order))
-        self.until(step, State.OFFERED)
+        self.run_until(step, State.OFFERED)
 
     def executing(self, step: str = "s1") -> None:
         self.arranged(step)
@@ -169,22 +169,22 @@ class Hall:
         self.ask(step, EXECUTE)
         self.world.run(1.0)
 
-    def said(self) -> list[str]:
-        return [type(message.body).__name__ for message in self.desk.heard if message.header.transaction is not None]
+    def body_names(self) -> list[str]:
+        return [type(message.body).__name__ for message in self.coordinator.messages if message.header.transaction is not None]
 
     def last_word(self, step: str) -> object:
         """The last that was said of a step, but how far it is."""
-        of_step = [m.body for m in self.desk.heard if m.header.participant == self.session(step).participant]
+        of_step = [m.body for m in self.coordinator.messages if m.header.participant == self.session(step).participant]
         return next(body for body in reversed(of_step) if not isinstance(body, frp.Progress))
 
     def report(self) -> object:
-        return next(m.body for m in reversed(self.desk.heard) if not isinstance(m.body, frp.Progress))
+        return next(m.body for m in reversed(self.coordinator.messages) if not isinstance(m.body, frp.Progress))
 
     def offers(self) -> list[str]:
-        self.world.send(request(Discover(), to=REGISTRY))
+        self.world.send(request(Discover(), recipient=REGISTRY))
         self.world.run(1.0)
-        found = [m.body for m in self.desk.heard if isinstance(m.body, Discovered)]
-        return [offer.service for offer in found[-1].offers]
+        answers = [m.body for m in self.coordinator.messages if isinstance(m.body, Discovered)]
+        return [offer.service for offer in answers[-1].offers]
 
 
 ARRANGE = frp.Arrange(service_type="WashObject", inputs={"Object": "Jar1"}, effect="Jar1 isOn ?Provider", precondition="Jar1 isOn Table1")
@@ -193,69 +193,71 @@ EXECUTE = frp.Execute(inputs={"Object": "Jar1"}, precondition="Jar1 isOn Table1"
 
 
 def test_a_device_brings_its_types_and_itself_and_its_offers() -> None:
-    hall = Hall()
-    assert "Washer" in hall.repository.contents.ontology.types
-    assert hall.repository.contents.map.objects["Washer1"].type == "Washer"
-    assert hall.offers() == ["Washer1.WashObject", "Washer1.WeighObject"]
-    assert [(report.joined, report.text) for report in hall.reports] == [(True, "Washer1 offers Washer1.WashObject, Washer1.WeighObject")]
-    hall.world.run(300.0)
-    assert hall.offers() == ["Washer1.WashObject", "Washer1.WeighObject"], "the lease is renewed"
+    harness = DeviceHarness()
+    assert "Washer" in harness.repository.contents.ontology.types
+    assert harness.repository.contents.map.objects["Washer1"].type == "Washer"
+    assert harness.offers() == ["Washer1.WashObject", "Washer1.WeighObject"]
+    assert [(report.joined, report.text) for report in harness.reports] == [
+        (True, "Washer1 offers Washer1.WashObject, Washer1.WeighObject")
+    ]
+    harness.world.run(300.0)
+    assert harness.offers() == ["Washer1.WashObject", "Washer1.WeighObject"], "the lease is renewed"
 
 
 def test_a_device_survives_a_registry_that_forgot_it_and_leaves_in_order() -> None:
-    hall = Hall()
-    hall.world.add(REGISTRY, Registry(REGISTRY, repository=REPOSITORY))
-    assert hall.offers() == []
-    hall.world.run(60.0)
-    assert len(hall.offers()) == 2
-    hall.world.notify(WASHER, DepartureRequested())
-    hall.world.run(1.0)
-    assert hall.offers() == []
+    harness = DeviceHarness()
+    harness.world.add(REGISTRY, Registry(REGISTRY, repository=REPOSITORY))
+    assert harness.offers() == []
+    harness.world.run(60.0)
+    assert len(harness.offers()) == 2
+    harness.world.notify(WASHER, DepartureRequested())
+    harness.world.run(1.0)
+    assert harness.offers() == []
 
 
 def test_who_leaves_takes_back_what_it_promised_and_stops_what_it_does() -> None:
-    hall = Hall()
-    hall.executing("at work")
-    hall.arranged("promised")
-    hall.ask("promised", ACCEPT)
-    hall.arranged("offered")
-    hall.world.notify(WASHER, DepartureRequested())
-    hall.until("at work", State.FAILED)
-    hall.until("promised", State.FAILED)
-    hall.until("offered", State.ENDED)
-    assert hall.device.running == []
-    last = {step: hall.last_word(step) for step in ("at work", "promised", "offered")}
-    assert last == {
+    harness = DeviceHarness()
+    harness.executing("at work")
+    harness.arranged("promised")
+    harness.ask("promised", ACCEPT)
+    harness.arranged("offered")
+    harness.world.notify(WASHER, DepartureRequested())
+    harness.run_until("at work", State.FAILED)
+    harness.run_until("promised", State.FAILED)
+    harness.run_until("offered", State.ENDED)
+    assert harness.device.running == []
+    last_reports = {step: harness.last_word(step) for step in ("at work", "promised", "offered")}
+    assert last_reports == {
         "at work": frp.Failed(description="Washer1 is leaving", situation="Jar1 isOn Table1"),
         "promised": frp.Failed(description="Washer1 is leaving", tried=False),
         "offered": frp.Refuse(reason="Washer1 is leaving"),
     }
-    hall.world.run(60.0)
-    assert hall.manager.open == []
-    assert hall.offers() == []
+    harness.world.run(60.0)
+    assert harness.manager.open == []
+    assert harness.offers() == []
 
 
 def test_who_leaves_while_it_undoes_something_says_where_things_are() -> None:
-    hall = Hall()
-    hall.executing()
-    hall.until("s1", State.COMPLETED)
-    hall.ask("s1", frp.Compensate(situation="Jar1 isOn Table2"))
-    hall.world.run(5.0)
-    hall.world.notify(WASHER, DepartureRequested())
-    hall.until("s1", State.STRANDED)
-    stranded = hall.last_word("s1")
+    harness = DeviceHarness()
+    harness.executing()
+    harness.run_until("s1", State.COMPLETED)
+    harness.ask("s1", frp.Compensate(situation="Jar1 isOn Table2"))
+    harness.world.run(5.0)
+    harness.world.notify(WASHER, DepartureRequested())
+    harness.run_until("s1", State.STRANDED)
+    stranded = harness.last_word("s1")
     assert isinstance(stranded, frp.Stranded)
     assert stranded.description == "Washer1 is leaving"
 
 
 def test_who_left_takes_no_orders_until_it_is_back() -> None:
-    hall = Hall()
-    hall.world.notify(WASHER, DepartureRequested())
-    hall.ask("s1", ARRANGE)
-    hall.until("s1", State.ENDED)
-    assert hall.session("s1").reason == "Washer1 is leaving"
-    hall.restart()
-    hall.arranged("s2")
+    harness = DeviceHarness()
+    harness.world.notify(WASHER, DepartureRequested())
+    harness.ask("s1", ARRANGE)
+    harness.run_until("s1", State.ENDED)
+    assert harness.session("s1").reason == "Washer1 is leaving"
+    harness.restart()
+    harness.arranged("s2")
 
 
 class Mover(Device):
@@ -279,69 +281,69 @@ def test_a_service_type_that_nobody_defined_is_told_with_the_nearest_name() -> N
 
 
 def test_terms_work_and_result() -> None:
-    hall = Hall()
-    hall.arranged()
-    terms = hall.session("s1").terms
+    harness = DeviceHarness()
+    harness.arranged()
+    terms = harness.session("s1").terms
     assert terms is not None
     assert (terms.price, terms.currency, terms.duration, terms.effect) == (3.5, "EUR", 60.0, "Jar1 isOn Washer1")
-    hall.ask("s1", ACCEPT)
-    hall.ask("s1", EXECUTE)
-    hall.until("s1", State.COMPLETED)
-    assert hall.report() == frp.Completed(situation="Jar1 isOn Washer1")
-    hall.ask("s1", frp.End(outcome=frp.Outcome.ACCOMPLISHED))
-    hall.world.run(1.0)
-    assert hall.manager.state_of("t1", hall.session("s1").participant) is State.ENDED
-    progress = [m.body for m in hall.desk.heard if isinstance(m.body, frp.Progress)]
+    harness.ask("s1", ACCEPT)
+    harness.ask("s1", EXECUTE)
+    harness.run_until("s1", State.COMPLETED)
+    assert harness.report() == frp.Completed(situation="Jar1 isOn Washer1")
+    harness.ask("s1", frp.End(outcome=frp.Outcome.ACCOMPLISHED))
+    harness.world.run(1.0)
+    assert harness.manager.state_of("t1", harness.session("s1").participant) is State.ENDED
+    progress = [m.body for m in harness.coordinator.messages if isinstance(m.body, frp.Progress)]
     assert {p.note for p in progress} == {"filling", ""}
     assert 11 <= len(progress) <= 14, "two by the author, and a heartbeat every five of sixty seconds"
-    assert [name for name in hall.said() if name != "Progress"] == ["Terms", "Completed"]
+    assert [name for name in harness.body_names() if name != "Progress"] == ["Terms", "Completed"]
 
 
 def test_outputs_fill_the_effect() -> None:
-    hall = Hall()
+    harness = DeviceHarness()
     session = CoordinatorSession(transaction="t1", participant="Washer1.WeighObject#w", me=CLIENT, peer=WASHER)
-    hall.desk.sessions[session.participant] = session
+    harness.coordinator.sessions[session.participant] = session
     order = frp.Arrange(service_type="WeighObject", inputs={"Object": "Jar1"}, effect="Jar1.Weight = ?Mass")
-    hall.world.send(session.send(order))
-    hall.world.run(1.0)
-    hall.world.send(session.accept())
-    hall.world.send(session.send(frp.Execute(inputs={})))
-    hall.world.run(10.0)
-    assert hall.report() == frp.Completed(situation="Jar1.Weight = 0.3", outputs={"Mass": 0.3})
+    harness.world.send(session.send(order))
+    harness.world.run(1.0)
+    harness.world.send(session.accept())
+    harness.world.send(session.send(frp.Execute(inputs={})))
+    harness.world.run(10.0)
+    assert harness.report() == frp.Completed(situation="Jar1.Weight = 0.3", outputs={"Mass": 0.3})
 
 
 def test_refusals() -> None:
-    hall = Hall()
-    hall.ask("s1", msgspec.structs.replace(ARRANGE, inputs={"Object": "Jar2"}))
-    hall.ask("s2", msgspec.structs.replace(ARRANGE, latest_finish=hall.world.now + 30))
-    hall.until("s1", State.ENDED)
-    hall.until("s2", State.ENDED)
-    assert hall.session("s1").reason == "Jar2 does not fit in"
-    assert "after the latest finish" in hall.session("s2").reason
-    other = CoordinatorSession(transaction="t1", participant="Washer1.Fly#x", me=CLIENT, peer=WASHER)
-    hall.world.send(other.send(frp.Arrange(service_type="Fly", inputs={}, effect="Jar1 isOn Table1")))
-    hall.world.run(1.0)
-    assert hall.report() == frp.Refuse(reason="Washer1 offers WashObject, WeighObject, and not Fly")
+    harness = DeviceHarness()
+    harness.ask("s1", msgspec.structs.replace(ARRANGE, inputs={"Object": "Jar2"}))
+    harness.ask("s2", msgspec.structs.replace(ARRANGE, latest_finish=harness.world.now + 30))
+    harness.run_until("s1", State.ENDED)
+    harness.run_until("s2", State.ENDED)
+    assert harness.session("s1").reason == "Jar2 does not fit in"
+    assert "after the latest finish" in harness.session("s2").reason
+    other_session = CoordinatorSession(transaction="t1", participant="Washer1.Fly#x", me=CLIENT, peer=WASHER)
+    harness.world.send(other_session.send(frp.Arrange(service_type="Fly", inputs={}, effect="Jar1 isOn Table1")))
+    harness.world.run(1.0)
+    assert harness.report() == frp.Refuse(reason="Washer1 offers WashObject, WeighObject, and not Fly")
 
 
 def test_terms_expire() -> None:
-    hall = Hall()
-    hall.arranged()
-    hall.until("s1", State.ENDED)
-    assert hall.session("s1").reason == "the terms expired"
+    harness = DeviceHarness()
+    harness.arranged()
+    harness.run_until("s1", State.ENDED)
+    assert harness.session("s1").reason == "the terms expired"
 
 
 def test_who_is_never_told_to_start_is_free_again_when_it_is_too_late() -> None:
-    hall = Hall()
-    finish = hall.world.now + 200
-    hall.arranged("s1", latest_finish=finish)
-    hall.ask("s1", ACCEPT)
-    hall.world.run(130.0)
-    assert hall.session("s1").state is State.COMMITTED
-    hall.until("s1", State.FAILED, within=20.0)
-    assert hall.last_word("s1") == frp.Failed(description="it was not told to start in time", tried=False)
-    assert hall.world.now == pytest.approx(finish - 60, abs=1), "from then on its minute is not enough"
-    assert hall.manager.calendar(hall.world.now) == []
+    harness = DeviceHarness()
+    finish = harness.world.now + 200
+    harness.arranged("s1", latest_finish=finish)
+    harness.ask("s1", ACCEPT)
+    harness.world.run(130.0)
+    assert harness.session("s1").state is State.COMMITTED
+    harness.run_until("s1", State.FAILED, time_limit=20.0)
+    assert harness.last_word("s1") == frp.Failed(description="it was not told to start in time", tried=False)
+    assert harness.world.now == pytest.approx(finish - 60, abs=1), "from then on its minute is not enough"
+    assert harness.manager.calendar(harness.world.now) == []
 
 
 class Nowhere(Washer):
@@ -349,189 +351,189 @@ class Nowhere(Washer):
 
 
 def test_who_is_not_taken_onto_the_map_says_why_and_offers_nothing() -> None:
-    hall = Hall(Nowhere("Washer1"))
-    assert "Washer1" not in hall.repository.contents.map.objects
-    assert [report.joined for report in hall.reports] == [False]
-    assert hall.reports[0].text.startswith("Washer1 cannot join: ")
-    assert "PositionX" in hall.reports[0].text
-    assert hall.offers() == []
-    hall.world.run(300.0)
-    assert len(hall.reports) == 1, "it is said once"
+    harness = DeviceHarness(Nowhere("Washer1"))
+    assert "Washer1" not in harness.repository.contents.map.objects
+    assert [report.joined for report in harness.reports] == [False]
+    assert harness.reports[0].text.startswith("Washer1 cannot join: ")
+    assert "PositionX" in harness.reports[0].text
+    assert harness.offers() == []
+    harness.world.run(300.0)
+    assert len(harness.reports) == 1, "it is said once"
 
 
 def test_a_failure_says_what_holds() -> None:
     device = Washer("Washer1")
     device.trouble = ServiceFailed("the pump is broken", "Jar1 isOn Floor1")
-    hall = Hall(device)
-    hall.executing()
-    hall.until("s1", State.FAILED)
-    assert hall.report() == frp.Failed(description="the pump is broken", situation="Jar1 isOn Floor1")
+    harness = DeviceHarness(device)
+    harness.executing()
+    harness.run_until("s1", State.FAILED)
+    assert harness.report() == frp.Failed(description="the pump is broken", situation="Jar1 isOn Floor1")
 
 
 def test_broken_code_fails_the_service_and_not_the_manager(caplog: pytest.LogCaptureFixture) -> None:
     device = Washer("Washer1")
     device.trouble = ZeroDivisionError("division by zero")
-    hall = Hall(device)
-    hall.executing()
+    harness = DeviceHarness(device)
+    harness.executing()
     with caplog.at_level(logging.CRITICAL):
-        hall.until("s1", State.FAILED)
-    assert hall.report() == frp.Failed(description="ZeroDivisionError: division by zero", situation="Jar1 isOn Table1")
+        harness.run_until("s1", State.FAILED)
+    assert harness.report() == frp.Failed(description="ZeroDivisionError: division by zero", situation="Jar1 isOn Table1")
     device.trouble = None
-    hall.executing("s2")
-    hall.until("s2", State.COMPLETED)
+    harness.executing("s2")
+    harness.run_until("s2", State.COMPLETED)
 
 
 def test_stop_runs_the_authors_way_to_a_safe_state() -> None:
-    hall = Hall()
-    hall.executing()
-    hall.world.run(10.0)
-    hall.ask("s1", frp.Stop(reason="the client cancelled"))
-    hall.until("s1", State.STOPPED)
-    assert hall.report() == frp.Stopped(situation="Jar1 isOn Table1")
-    assert hall.device.running == []
-    assert not [timer for timer in hall.world.timers(WASHER) if isinstance(timer, HeartbeatDue)], "there is nothing more to tell"
+    harness = DeviceHarness()
+    harness.executing()
+    harness.world.run(10.0)
+    harness.ask("s1", frp.Stop(reason="the client cancelled"))
+    harness.run_until("s1", State.STOPPED)
+    assert harness.report() == frp.Stopped(situation="Jar1 isOn Table1")
+    assert harness.device.running == []
+    assert not [timer for timer in harness.world.timers(WASHER) if isinstance(timer, HeartbeatDue)], "there is nothing more to tell"
 
 
 def test_compensation() -> None:
-    hall = Hall()
-    hall.executing()
-    hall.until("s1", State.COMPLETED)
-    hall.ask("s1", frp.Compensate(situation="Jar1 isOn Table2"))
-    hall.until("s1", State.COMPENSATED)
-    assert hall.report() == frp.Compensated(situation="Jar1 isOn Table2")
+    harness = DeviceHarness()
+    harness.executing()
+    harness.run_until("s1", State.COMPLETED)
+    harness.ask("s1", frp.Compensate(situation="Jar1 isOn Table2"))
+    harness.run_until("s1", State.COMPENSATED)
+    assert harness.report() == frp.Compensated(situation="Jar1 isOn Table2")
 
 
 def test_an_execute_that_comes_too_late_moves_nothing() -> None:
-    hall = Hall()
-    late = msgspec.structs.replace(EXECUTE, begin_by=hall.world.now - 1)
-    hall.arranged("s1")
-    hall.session("s1").accept()  # that is lost
-    hall.ask("s1", late)
-    hall.until("s1", State.ENDED)
-    assert "too late to begin" in hall.session("s1").reason
-    hall.arranged("s2")
-    hall.ask("s2", ACCEPT)
-    hall.ask("s2", late)
-    hall.until("s2", State.FAILED)
-    failed = hall.report()
+    harness = DeviceHarness()
+    late = msgspec.structs.replace(EXECUTE, begin_by=harness.world.now - 1)
+    harness.arranged("s1")
+    harness.session("s1").accept()  # that is lost
+    harness.ask("s1", late)
+    harness.run_until("s1", State.ENDED)
+    assert "too late to begin" in harness.session("s1").reason
+    harness.arranged("s2")
+    harness.ask("s2", ACCEPT)
+    harness.ask("s2", late)
+    harness.run_until("s2", State.FAILED)
+    failed = harness.report()
     assert isinstance(failed, frp.Failed)
     assert not failed.tried
     assert "do not agree" in failed.description, "that clocks differ may be the cause"
-    assert hall.said().count("Failed") == 1
-    hall.world.run(120)
-    assert hall.device.at_once == 0
+    assert harness.body_names().count("Failed") == 1
+    harness.world.run(120)
+    assert harness.device.peak_count == 0
 
 
 def test_a_compensate_that_comes_too_late_moves_nothing() -> None:
-    hall = Hall()
-    hall.executing()
-    hall.until("s1", State.COMPLETED)
-    hall.ask("s1", frp.Compensate(situation="Jar1 isOn Table2", begin_by=hall.world.now - 1))
-    hall.until("s1", State.STRANDED)
-    stranded = hall.report()
+    harness = DeviceHarness()
+    harness.executing()
+    harness.run_until("s1", State.COMPLETED)
+    harness.ask("s1", frp.Compensate(situation="Jar1 isOn Table2", begin_by=harness.world.now - 1))
+    harness.run_until("s1", State.STRANDED)
+    stranded = harness.report()
     assert isinstance(stranded, frp.Stranded)
     assert not stranded.tried
-    assert hall.manager.idle
+    assert harness.manager.idle
 
 
 def test_what_came_in_time_may_wait_for_its_turn() -> None:
-    hall = Hall()
-    hall.executing("s1")
-    hall.arranged("s2")
-    hall.ask("s2", ACCEPT)
-    hall.ask("s2", msgspec.structs.replace(EXECUTE, begin_by=hall.world.now + 10))
-    hall.until("s1", State.COMPLETED)
-    hall.until("s2", State.COMPLETED)
+    harness = DeviceHarness()
+    harness.executing("s1")
+    harness.arranged("s2")
+    harness.ask("s2", ACCEPT)
+    harness.ask("s2", msgspec.structs.replace(EXECUTE, begin_by=harness.world.now + 10))
+    harness.run_until("s1", State.COMPLETED)
+    harness.run_until("s2", State.COMPLETED)
 
 
 def test_an_execute_that_comes_again_too_late_changes_nothing() -> None:
-    hall = Hall()
-    hall.arranged()
-    hall.ask("s1", ACCEPT)
-    hall.ask("s1", msgspec.structs.replace(EXECUTE, begin_by=hall.world.now + 10))
-    hall.world.run(20)
-    hall.world.send(hall.session("s1")._repeat("Execute")[0])
-    hall.until("s1", State.COMPLETED)
+    harness = DeviceHarness()
+    harness.arranged()
+    harness.ask("s1", ACCEPT)
+    harness.ask("s1", msgspec.structs.replace(EXECUTE, begin_by=harness.world.now + 10))
+    harness.world.run(20)
+    harness.world.send(harness.session("s1")._repeat("Execute")[0])
+    harness.run_until("s1", State.COMPLETED)
 
 
 def test_one_at_a_time_in_the_order_of_the_orders() -> None:
-    hall = Hall()
-    hall.executing("s1")
-    hall.arranged("s2")
-    first, second = hall.session("s1").terms, hall.session("s2").terms
+    harness = DeviceHarness()
+    harness.executing("s1")
+    harness.arranged("s2")
+    first, second = harness.session("s1").terms, harness.session("s2").terms
     assert first is not None
     assert first.start_from is not None
     assert second is not None
     assert second.start_from == pytest.approx(first.start_from + 60, abs=1), "its window begins when the earlier one ends"
-    hall.ask("s2", ACCEPT)
-    hall.ask("s2", EXECUTE)
-    hall.until("s1", State.COMPLETED, 61)
-    assert "waits for its turn" in {m.body.note for m in hall.desk.heard if isinstance(m.body, frp.Progress)}
-    hall.until("s2", State.COMPLETED, 61)
-    assert hall.device.at_once == 1
+    harness.ask("s2", ACCEPT)
+    harness.ask("s2", EXECUTE)
+    harness.run_until("s1", State.COMPLETED, 61)
+    assert "waits for its turn" in {m.body.note for m in harness.coordinator.messages if isinstance(m.body, frp.Progress)}
+    harness.run_until("s2", State.COMPLETED, 61)
+    assert harness.device.peak_count == 1
 
 
 def test_a_waiting_one_that_is_stopped_never_begins() -> None:
-    hall = Hall()
-    hall.executing("s1")
-    hall.executing("s2")
-    hall.ask("s2", frp.Stop(reason="not needed any more"))
-    hall.until("s2", State.STOPPED, 1)
-    hall.until("s1", State.COMPLETED)
-    assert hall.device.at_once == 1
+    harness = DeviceHarness()
+    harness.executing("s1")
+    harness.executing("s2")
+    harness.ask("s2", frp.Stop(reason="not needed any more"))
+    harness.run_until("s2", State.STOPPED, 1)
+    harness.run_until("s1", State.COMPLETED)
+    assert harness.device.peak_count == 1
 
 
 def test_capacity() -> None:
     device = Washer("Washer1")
     device.capacity = 2
-    hall = Hall(device)
-    hall.executing("s1")
-    hall.executing("s2")
-    hall.until("s2", State.COMPLETED, 61)
-    assert device.at_once == 2
+    harness = DeviceHarness(device)
+    harness.executing("s1")
+    harness.executing("s2")
+    harness.run_until("s2", State.COMPLETED, 61)
+    assert device.peak_count == 2
 
 
 @pytest.mark.parametrize("body", [frp.End(outcome=frp.Outcome.CANCELLED), frp.Cancel(reason="r")])
 def test_end_in_the_middle_stops_the_device(body: CoordinatorBody) -> None:
-    hall = Hall()
-    hall.executing()
-    session = hall.session("s1")
+    harness = DeviceHarness()
+    harness.executing()
+    session = harness.session("s1")
     header = msgspec.structs.replace(session._repeat("Execute")[0].header, message_id="urn:uuid:end")
-    hall.world.send(Message(header=header, body=body))
-    hall.world.run(10.0)
-    assert hall.manager.state_of("t1", session.participant) is State.ENDED
-    assert hall.manager.idle
-    assert hall.device.running == []
+    harness.world.send(Message(header=header, body=body))
+    harness.world.run(10.0)
+    assert harness.manager.state_of("t1", session.participant) is State.ENDED
+    assert harness.manager.idle
+    assert harness.device.running == []
 
 
 def test_a_device_that_nobody_can_reach_stops_by_itself() -> None:
-    hall = Hall()
-    hall.executing()
-    hall.world.remove(CLIENT)
-    hall.world.run(CUT_OFF + 15)
-    assert hall.device.running == []
-    assert hall.manager.state_of("t1", hall.session("s1").participant) is State.FAILED
-    hall.world.add(CLIENT, hall.desk)
-    hall.until("s1", State.FAILED)
-    assert hall.report() == frp.Failed(
+    harness = DeviceHarness()
+    harness.executing()
+    harness.world.remove(CLIENT)
+    harness.world.run(CUT_OFF + 15)
+    assert harness.device.running == []
+    assert harness.manager.state_of("t1", harness.session("s1").participant) is State.FAILED
+    harness.world.add(CLIENT, harness.coordinator)
+    harness.run_until("s1", State.FAILED)
+    assert harness.report() == frp.Failed(
         description="nobody could be told how the work goes, so it was stopped", situation="Jar1 isOn Table1"
     )
 
 
 def test_anybody_may_ask_for_the_state() -> None:
-    hall = Hall()
-    hall.executing()
-    hall.ask("s1", frp.Query())
-    hall.world.run(1.0)
-    (status,) = (m.body for m in hall.desk.heard if isinstance(m.body, frp.Status))
-    assert (status.state, status.last_message) == (State.EXECUTING, hall.session("s1").terms_id)
+    harness = DeviceHarness()
+    harness.executing()
+    harness.ask("s1", frp.Query())
+    harness.world.run(1.0)
+    (status,) = (m.body for m in harness.coordinator.messages if isinstance(m.body, frp.Status))
+    assert (status.state, status.last_message) == (State.EXECUTING, harness.session("s1").terms_id)
 
 
 def test_a_message_outside_any_transaction_gets_a_fault() -> None:
-    hall = Hall()
-    hall.world.send(request(EXECUTE, to=WASHER))
-    hall.world.run(1.0)
-    fault = hall.report()
+    harness = DeviceHarness()
+    harness.world.send(request(EXECUTE, recipient=WASHER))
+    harness.world.run(1.0)
+    fault = harness.report()
     assert isinstance(fault, frp.Fault)
     assert "needs a transaction and a participant" in fault.text
 
@@ -547,98 +549,98 @@ def test_a_message_outside_any_transaction_gets_a_fault() -> None:
 )
 @pytest.mark.parametrize("snapshot", [False, True])
 def test_restart(seconds_before: float, outcome: State, report: object, snapshot: bool) -> None:
-    hall = Hall()
+    harness = DeviceHarness()
     if seconds_before == 0.0:
-        hall.arranged()
+        harness.arranged()
     else:
-        hall.executing()
-        hall.world.run(seconds_before)
-    hall.restart(snapshot=snapshot)
+        harness.executing()
+        harness.world.run(seconds_before)
+    harness.restart(snapshot=snapshot)
     if seconds_before == 0.0:
-        hall.ask("s1", ACCEPT)
-        hall.ask("s1", EXECUTE)
-    hall.until("s1", outcome)
-    assert report is None or hall.report() == report
+        harness.ask("s1", ACCEPT)
+        harness.ask("s1", EXECUTE)
+    harness.run_until("s1", outcome)
+    assert report is None or harness.report() == report
     if report is None:
-        failed = hall.report()
+        failed = harness.report()
         assert isinstance(failed, frp.Failed)
         assert "restarted while it worked" in failed.description
         assert failed.situation == "Jar1 isOn Table1"
-    hall.ask("s1", frp.End(outcome=frp.Outcome.ACCOMPLISHED))
-    hall.until("s1", State.ENDED)
+    harness.ask("s1", frp.End(outcome=frp.Outcome.ACCOMPLISHED))
+    harness.run_until("s1", State.ENDED)
 
 
 def test_what_waits_when_the_process_is_killed_never_begins() -> None:
-    hall = Hall()
-    hall.executing("s1")
-    hall.executing("s2")
-    hall.restart()
-    hall.until("s1", State.FAILED)
-    hall.until("s2", State.FAILED)
-    assert hall.device.at_once == 1
-    assert hall.manager.idle
+    harness = DeviceHarness()
+    harness.executing("s1")
+    harness.executing("s2")
+    harness.restart()
+    harness.run_until("s1", State.FAILED)
+    harness.run_until("s2", State.FAILED)
+    assert harness.device.peak_count == 1
+    assert harness.manager.idle
 
 
 def test_who_is_told_to_stop_is_halted_once_more_after_a_restart() -> None:
-    hall = Hall()
-    hall.executing()
-    hall.ask("s1", frp.Stop(reason="enough"))
-    hall.world.run(1.0)
-    hall.restart()
-    hall.until("s1", State.STOPPED)
-    assert hall.report() == frp.Stopped(situation="Jar1 isOn Table1")
+    harness = DeviceHarness()
+    harness.executing()
+    harness.ask("s1", frp.Stop(reason="enough"))
+    harness.world.run(1.0)
+    harness.restart()
+    harness.run_until("s1", State.STOPPED)
+    assert harness.report() == frp.Stopped(situation="Jar1 isOn Table1")
 
 
 def test_terms_are_worked_out_anew_after_a_restart() -> None:
-    hall = Hall()
-    hall.world.kill(WASHER, KillPoint.JOURNALED)
-    hall.ask("s1", ARRANGE)
-    hall.world.run(1.0)
-    hall.restart()
-    hall.until("s1", State.OFFERED)
+    harness = DeviceHarness()
+    harness.world.kill(WASHER, KillPoint.JOURNALED)
+    harness.ask("s1", ARRANGE)
+    harness.world.run(1.0)
+    harness.restart()
+    harness.run_until("s1", State.OFFERED)
 
 
 def test_what_is_noticed_comes_to_the_map_in_order_whatever_is_down() -> None:
-    hall = Hall()
-    hall.world.cut_off(REPOSITORY)
+    harness = DeviceHarness()
+    harness.world.cut_off(REPOSITORY)
     for number in (1, 2, 1, 2):
-        hall.world.notify(WASHER, Observed(f"Jar1 isOn Table{number}"))
-    hall.world.run(30.0)
-    hall.restart()
-    hall.world.run(30.0)
-    assert len(hall.manager.state.reports.pending) == 4
-    hall.world.reconnect(REPOSITORY)
-    hall.world.run(30.0)
-    assert hall.manager.state.reports.pending == []
-    assert [fact for fact in hall.repository.contents.map.facts() if fact.arguments[0] == "Jar1"] == [Fact("isOn", ("Jar1", "Table2"))]
+        harness.world.notify(WASHER, Observed(f"Jar1 isOn Table{number}"))
+    harness.world.run(30.0)
+    harness.restart()
+    harness.world.run(30.0)
+    assert len(harness.manager.state.reports.pending) == 4
+    harness.world.reconnect(REPOSITORY)
+    harness.world.run(30.0)
+    assert harness.manager.state.reports.pending == []
+    assert [fact for fact in harness.repository.contents.map.facts() if fact.arguments[0] == "Jar1"] == [Fact("isOn", ("Jar1", "Table2"))]
 
 
 def test_what_is_noticed_of_a_device_that_is_not_on_the_map_yet_waits_until_it_is() -> None:
-    hall = Hall()
-    hall.world.remove(REPOSITORY)
-    hall.restart()
-    hall.world.notify(WASHER, Observed("Jar1 isOn Washer1"))
+    harness = DeviceHarness()
+    harness.world.remove(REPOSITORY)
+    harness.restart()
+    harness.world.notify(WASHER, Observed("Jar1 isOn Washer1"))
     anew = Repository(REPOSITORY, contents())
-    hall.world.add(REPOSITORY, anew)
-    hall.world.run(60.0)
+    harness.world.add(REPOSITORY, anew)
+    harness.world.run(60.0)
     assert anew.contents.map.has_fact("isOn", ("Jar1", "Washer1"))
-    assert [report.text for report in hall.reports if not report.joined] == []
+    assert [report.text for report in harness.reports if not report.joined] == []
 
 
 def test_what_the_repository_does_not_take_is_told_to_a_person() -> None:
-    hall = Hall()
-    hall.world.notify(WASHER, Observed("Jar1 isOn Nowhere"))
-    hall.world.notify(WASHER, Observed("Jar1 isOn Table2"))
-    hall.world.run(30.0)
-    assert hall.manager.state.reports.pending == []
-    assert hall.reports[-1].joined is None
-    assert "does not take Jar1 isOn Nowhere from Washer1" in hall.reports[-1].text
-    assert Fact("isOn", ("Jar1", "Table2")) in hall.repository.contents.map.facts()
+    harness = DeviceHarness()
+    harness.world.notify(WASHER, Observed("Jar1 isOn Nowhere"))
+    harness.world.notify(WASHER, Observed("Jar1 isOn Table2"))
+    harness.world.run(30.0)
+    assert harness.manager.state.reports.pending == []
+    assert harness.reports[-1].joined is None
+    assert "does not take Jar1 isOn Nowhere from Washer1" in harness.reports[-1].text
+    assert Fact("isOn", ("Jar1", "Table2")) in harness.repository.contents.map.facts()
 
 
 def test_reading_the_map() -> None:
-    hall = Hall()
-    task = Task("Washer1", order(hall), asking(hall.repository, lambda: 0.0), lambda value: None)
+    harness = DeviceHarness()
+    task = Task("Washer1", order(harness), make_ask(harness.repository, lambda: 0.0), lambda value: None)
 
     async def read() -> tuple[object, ...]:
         jar = await task.map.object("Jar1")
@@ -655,9 +657,9 @@ def test_reading_the_map() -> None:
     assert str(task.effect) == "Jar1 isOn Washer1"
 
 
-def order(hall: Hall) -> Order:
-    hall.executing("read")
-    return next(job.order for job in hall.manager.state.jobs if job.order is not None)
+def order(harness: DeviceHarness) -> Order:
+    harness.executing("read")
+    return next(job.order for job in harness.manager.state.jobs if job.order is not None)
 
 
 def test_a_class_that_cannot_be_run_says_why() -> None:
@@ -685,9 +687,9 @@ def test_values_survive_becoming_terms(value: bool | float | str) -> None:
 
 
 @given(st.text("abcXYZ019_", min_size=1), st.lists(st.text("abcXYZ019_", min_size=1), max_size=20))
-def test_the_page_behind_what_is_before_a_name_begins_with_it(name: str, others: list[str]) -> None:
-    names = sorted({name, *others})
-    assert next(one for one in names if one > predecessor_name(name)) == name
+def test_the_page_behind_what_is_before_a_name_begins_with_it(name: str, other_names: list[str]) -> None:
+    names = sorted({name, *other_names})
+    assert next(candidate for candidate in names if candidate > predecessor_name(name)) == name
 
 
 @given(
@@ -698,7 +700,7 @@ def test_the_page_behind_what_is_before_a_name_begins_with_it(name: str, others:
 )
 def test_the_calendar_against_trying_every_second(busy: list[Commitment], earliest: int, duration: int, capacity: int) -> None:
     def room(start: int) -> bool:
-        return all(sum(a <= s < b for a, b in busy) < capacity for s in range(start, start + duration))
+        return all(sum(begins <= s < ends for begins, ends in busy) < capacity for s in range(start, start + duration))
 
     plain = next(start for start in range(earliest, 100) if room(start))
     assert first_free_time(busy, float(earliest), float(duration), capacity) == plain

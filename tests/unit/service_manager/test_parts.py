@@ -21,17 +21,17 @@ from somrs.service_manager.participant.map_reports import PATIENCE, MapReport, M
 from somrs.service_manager.participant.speech import CUT_OFF, REPORT_TIME, send_message
 from somrs.service_manager.participant.timers import Activity, HeartbeatDue, ReportDue, StartDue, WorkWanted
 
-HERE, REPOSITORY = "http://here/washer", "http://here/repository"
+ADDRESS, REPOSITORY = "http://here/washer", "http://here/repository"
 
 T = TypeVar("T")
 
 
-def run(doing: Generator[Effect, None, T]) -> tuple[list[Effect], T]:
+def run(generator: Generator[Effect, None, T]) -> tuple[list[Effect], T]:
     """The effects, and what it comes to."""
     effects: list[Effect] = []
     while True:
         try:
-            effects.append(next(doing))
+            effects.append(next(generator))
         except StopIteration as end:
             return effects, end.value
 
@@ -40,7 +40,7 @@ def run(doing: Generator[Effect, None, T]) -> tuple[list[Effect], T]:
 
 
 @pytest.mark.parametrize(
-    ("commitments", "capacity", "kept"),
+    ("commitments", "capacity", "schedule"),
     [
         ([], 1, []),
         ([(5.0, 8.0)], 1, [(5.0, 8.0)]),
@@ -51,9 +51,9 @@ def run(doing: Generator[Effect, None, T]) -> tuple[list[Effect], T]:
     ],
 )
 def test_what_was_promised_for_the_same_time_is_kept_one_after_the_other(
-    commitments: list[Commitment], capacity: int, kept: list[Commitment]
+    commitments: list[Commitment], capacity: int, schedule: list[Commitment]
 ) -> None:
-    assert resolve_overlaps(commitments, capacity) == kept
+    assert resolve_overlaps(commitments, capacity) == schedule
 
 
 @pytest.mark.parametrize(
@@ -81,22 +81,25 @@ def test_the_first_time_with_room_for_it(
 
 
 def job(participant: str = "Washer1.Wash#s1", state: State = State.EXECUTING) -> Job:
-    session = ParticipantSession(transaction="t1", participant=participant, me=HERE, peer="http://there", state=state)
+    session = ParticipantSession(transaction="t1", participant=participant, me=ADDRESS, peer="http://there", state=state)
     return Job(session=session)
 
 
 def test_a_job_wakes_up_once_for_each_timer_that_it_set() -> None:
-    one = job()
+    running_job = job()
     timer = HeartbeatDue("t1", "Washer1.Wash#s1")
-    assert run(one.set_timer(HeartbeatDue, None))[0] == []
-    assert run(one.set_timer(HeartbeatDue, 5.0))[0] == run(one.set_timer(HeartbeatDue, 5.0))[0] == [SetTimer(timer, 5.0)]
-    assert one.timers == {timer}
-    assert [run(one.set_timer(HeartbeatDue, None))[0] for _ in range(2)] == [[SetTimer(timer, None)], []]
-    assert (one.key, one.question_for(Activity.HALT)) == (("t1", "Washer1.Wash#s1"), WorkWanted("t1", "Washer1.Wash#s1", Activity.HALT))
+    assert run(running_job.set_timer(HeartbeatDue, None))[0] == []
+    assert run(running_job.set_timer(HeartbeatDue, 5.0))[0] == run(running_job.set_timer(HeartbeatDue, 5.0))[0] == [SetTimer(timer, 5.0)]
+    assert running_job.timers == {timer}
+    assert [run(running_job.set_timer(HeartbeatDue, None))[0] for _ in range(2)] == [[SetTimer(timer, None)], []]
+    assert (running_job.key, running_job.question_for(Activity.HALT)) == (
+        ("t1", "Washer1.Wash#s1"),
+        WorkWanted("t1", "Washer1.Wash#s1", Activity.HALT),
+    )
 
 
 def names(jobs: Iterable[Job]) -> list[str]:
-    return [one.session.participant for one in jobs]
+    return [listed_job.session.participant for listed_job in jobs]
 
 
 def test_jobs_that_are_over_are_known_for_a_while(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -117,31 +120,31 @@ def test_jobs_that_are_over_are_known_for_a_while(monkeypatch: pytest.MonkeyPatc
 
 
 @pytest.mark.parametrize(
-    ("activity", "said"),
+    ("activity", "expected_report"),
     [
         (Activity.PERFORM, frp.Failed(description="d", situation="s")),
         (Activity.HALT, frp.Failed(description="d", situation="s")),
         (Activity.UNDO, frp.Stranded(description="d", situation="s")),
     ],
 )
-def test_what_is_said_of_work_that_failed(activity: Activity, said: frp.Failed | frp.Stranded) -> None:
-    assert failure(activity, "d", "s") == said
+def test_what_is_said_of_work_that_failed(activity: Activity, expected_report: frp.Failed | frp.Stranded) -> None:
+    assert failure(activity, "d", "s") == expected_report
 
 
 @pytest.mark.parametrize(
-    ("state", "said"),
+    ("state", "expected_report"),
     [
         (State.EXECUTING, frp.Failed(description="r")),
         (State.STOPPING, frp.Stopped()),
         (State.COMPENSATING, frp.Stranded(description="r")),
     ],
 )
-def test_what_is_said_of_work_that_was_interrupted(state: State, said: object) -> None:
-    assert interruption(state, "r") == said
+def test_what_is_said_of_work_that_was_interrupted(state: State, expected_report: object) -> None:
+    assert interruption(state, "r") == expected_report
 
 
 @pytest.mark.parametrize(
-    ("state", "body", "until", "timers"),
+    ("state", "body", "delivery_time", "timers"),
     [
         (State.EXECUTING, frp.Progress(fraction=0.5), CUT_OFF, []),
         (State.EXECUTING, frp.Completed(situation=""), REPORT_TIME, [HeartbeatDue]),
@@ -151,59 +154,66 @@ def test_what_is_said_of_work_that_was_interrupted(state: State, said: object) -
     ],
 )
 def test_who_says_that_work_is_over_waits_for_nothing_any_more(
-    state: State, body: frp.Progress | frp.Completed | frp.Failed | frp.Refuse, until: float, timers: list[type[HeartbeatDue | StartDue]]
+    state: State,
+    body: frp.Progress | frp.Completed | frp.Failed | frp.Refuse,
+    delivery_time: float,
+    timers: list[type[HeartbeatDue | StartDue]],
 ) -> None:
-    one, jobs = job(state=state), Jobs()
-    one.timers = {HeartbeatDue(*one.key), StartDue(*one.key)}
-    *woken, send = run(send_message(one, body, jobs, 7.0))[0]
+    running_job, jobs = job(state=state), Jobs()
+    running_job.timers = {HeartbeatDue(*running_job.key), StartDue(*running_job.key)}
+    *woken, send = run(send_message(running_job, body, jobs, 7.0))[0]
     assert isinstance(send, Send)
-    assert (woken, send.message.body, send.expires_at) == ([SetTimer(kind(*one.key), None) for kind in timers], body, 7.0 + until)
+    assert (woken, send.message.body, send.expires_at) == (
+        [SetTimer(kind(*running_job.key), None) for kind in timers],
+        body,
+        7.0 + delivery_time,
+    )
     assert names(jobs.all_jobs()) == ([] if isinstance(body, frp.Progress) else ["Washer1.Wash#s1"])
 
 
 # Reports
 
 
-def report(number: int, now: float, situation: str, until: float, author: str = "Washer1") -> MapReport:
-    return MapReport(id=message_id(HERE, author, "report", number, now), author=author, situation=situation, expires_at=until)
+def report(number: int, now: float, situation: str, expires_at: float, author: str = "Washer1") -> MapReport:
+    return MapReport(id=message_id(ADDRESS, author, "report", number, now), author=author, situation=situation, expires_at=expires_at)
 
 
-def sent(report: MapReport, until: float) -> list[Effect]:
-    header = Header(sender=HERE, recipient=REPOSITORY, message_id=report.id, reply_to=HERE)
+def report_effects(report: MapReport, expires_at: float) -> list[Effect]:
+    header = Header(sender=ADDRESS, recipient=REPOSITORY, message_id=report.id, reply_to=ADDRESS)
     body = UpdateMap(situation=report.situation, author=report.author)
-    return [Send(Message(header=header, body=body), until), SetTimer(ReportDue(), until + PATIENCE / 2)]
+    return [Send(Message(header=header, body=body), expires_at), SetTimer(ReportDue(), expires_at + PATIENCE / 2)]
 
 
 def answer(body: Body) -> Message:
-    return Message(header=Header(sender=REPOSITORY, recipient=HERE, message_id="urn:x"), body=body)
+    return Message(header=Header(sender=REPOSITORY, recipient=ADDRESS, message_id="urn:x"), body=body)
 
 
 def test_reports_are_made_one_after_the_other_once_the_device_is_there() -> None:
-    reports = MapReports(address=HERE, repository=REPOSITORY)
+    reports = MapReports(address=ADDRESS, repository=REPOSITORY)
     first, second, third = report(1, 0.0, "A", 60.0), report(2, 1.0, "B", 21.0), report(3, 5.0, "C", 65.0)
     assert run(reports.add("Washer1", "A", 0.0, 60.0))[0] == run(reports.add("Washer1", "B", 1.0, 20.0))[0] == []
     assert not reports.is_pending(first.id)
-    assert run(reports.start(2.0))[0] == sent(first, 2.0 + PATIENCE)
+    assert run(reports.start(2.0))[0] == report_effects(first, 2.0 + PATIENCE)
     assert run(reports.start(3.0))[0] == [], "it is there already"
     assert run(reports.add("Washer1", "C", 5.0, 60.0))[0] == [], "another is on its way"
-    assert [reports.is_pending(one) for one in (first.id, second.id, None)] == [True, False, False]
-    assert run(reports.resend(12.0))[0] == sent(first, 12.0 + PATIENCE)
-    assert run(reports.answered(answer(Updated(version=1)), 13.0)) == ([SetTimer(ReportDue(), None), *sent(second, 21.0)], "")
-    assert run(reports.resend(21.0))[0] == sent(third, 21.0 + PATIENCE), "the time of the one before is over"
+    assert [reports.is_pending(report_id) for report_id in (first.id, second.id, None)] == [True, False, False]
+    assert run(reports.resend(12.0))[0] == report_effects(first, 12.0 + PATIENCE)
+    assert run(reports.answered(answer(Updated(version=1)), 13.0)) == ([SetTimer(ReportDue(), None), *report_effects(second, 21.0)], "")
+    assert run(reports.resend(21.0))[0] == report_effects(third, 21.0 + PATIENCE), "the time of the one before is over"
     assert run(reports.answered(answer(Updated(version=2)), 22.0)) == ([SetTimer(ReportDue(), None)], "")
     assert (reports.pending, reports.is_pending(third.id)) == ([], False)
     fourth = report(4, 30.0, "D", 90.0)
-    assert run(reports.add("Washer1", "D", 30.0, 60.0))[0] == sent(fourth, 30.0 + PATIENCE)
+    assert run(reports.add("Washer1", "D", 30.0, 60.0))[0] == report_effects(fourth, 30.0 + PATIENCE)
 
 
 @pytest.mark.parametrize(
-    ("body", "said"),
+    ("body", "problem_text"),
     [
         (Rejected(problems=("no", "never")), "the Repository does not take A from Washer1.Wash: no; never"),
         (Fault(code="Sender", text="no"), "the Repository does not take A from Washer1.Wash: no"),
     ],
 )
-def test_what_is_wrong_with_a_report_is_said(body: Body, said: str) -> None:
-    reports = MapReports(address=HERE, repository=REPOSITORY, ready=True)
-    assert run(reports.add("Washer1.Wash", "A", 0.0, 5.0))[0] == sent(report(1, 0.0, "A", 5.0, "Washer1.Wash"), 5.0)
-    assert run(reports.answered(answer(body), 1.0)) == ([SetTimer(ReportDue(), None)], said)
+def test_what_is_wrong_with_a_report_is_said(body: Body, problem_text: str) -> None:
+    reports = MapReports(address=ADDRESS, repository=REPOSITORY, ready=True)
+    assert run(reports.add("Washer1.Wash", "A", 0.0, 5.0))[0] == report_effects(report(1, 0.0, "A", 5.0, "Washer1.Wash"), 5.0)
+    assert run(reports.answered(answer(body), 1.0)) == ([SetTimer(ReportDue(), None)], problem_text)

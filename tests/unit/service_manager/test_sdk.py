@@ -56,8 +56,8 @@ from somrs.service_manager.sdk.work import carry_out
     ],
 )
 def test_what_it_costs(amount: float | str, price: tuple[float, str]) -> None:
-    found = money(amount)
-    assert (found, type(found[0])) == (price, float)
+    parsed_price = money(amount)
+    assert (parsed_price, type(parsed_price[0])) == (price, float)
 
 
 @pytest.mark.parametrize(
@@ -88,8 +88,8 @@ def test_what_is_no_amount(read: Callable[[Any], object], amount: object, text: 
     ("text", "value"), [("2", 2.0), ('"a b"', "a b"), ("TRUE", True), ("FALSE", False), ("Jar1", "Jar1"), ("2 m", "2 m"), ("?A.B", "?A.B")]
 )
 def test_a_term_as_python_has_it(text: str, value: Value) -> None:
-    found = python_value(text)
-    assert (found, type(found)) == (value, type(value))
+    parsed_value = python_value(text)
+    assert (parsed_value, type(parsed_value)) == (value, type(value))
 
 
 @pytest.mark.parametrize(
@@ -128,11 +128,11 @@ def test_a_formula_with_everything_in_its_place() -> None:
 # The map
 
 
-def told(answer: Body, asked: list[Body]) -> MapReader:
+def make_reader(answer: Body, questions: list[Body]) -> MapReader:
     """A reader of a map whose Repository gives this answer."""
 
     async def ask(body: Body) -> Body:
-        asked.append(body)
+        questions.append(body)
         return answer
 
     return MapReader(ask)
@@ -141,24 +141,24 @@ def told(answer: Body, asked: list[Body]) -> MapReader:
 JAR, KEG = Object(name="Jar1", type="Jar"), Object(name="Keg1", type="Keg")
 
 
-@pytest.mark.parametrize(("objects", "found"), [((JAR, KEG), JAR), ((KEG,), None), ((), None)])
-def test_an_object_of_the_map(objects: tuple[Object, ...], found: Object | None) -> None:
-    asked: list[Body] = []
-    reader = told(MapPage(objects=objects, facts=(), version=1, more=False), asked)
-    assert asyncio.run(reader.object("Jar1")) == found
-    assert asked == [ReadMap(after="Jar0\ufffd")]
+@pytest.mark.parametrize(("objects", "expected_object"), [((JAR, KEG), JAR), ((KEG,), None), ((), None)])
+def test_an_object_of_the_map(objects: tuple[Object, ...], expected_object: Object | None) -> None:
+    questions: list[Body] = []
+    reader = make_reader(MapPage(objects=objects, facts=(), version=1, more=False), questions)
+    assert asyncio.run(reader.object("Jar1")) == expected_object
+    assert questions == [ReadMap(after="Jar0\ufffd")]
     assert predecessor_name("A") == "@\ufffd"
 
 
 def test_what_holds_on_the_map() -> None:
-    asked: list[Body] = []
+    questions: list[Body] = []
     rows = (Row(bindings={"A": "Jar1", "B": "2"}), Row(bindings={"A": "Jar2", "B": "TRUE"}))
-    reader = told(Rows(rows=rows, version=1), asked)
+    reader = make_reader(Rows(rows=rows, version=1), questions)
     assert asyncio.run(reader.query("?A.X = ?B")) == [{"A": "Jar1", "B": 2.0}, {"A": "Jar2", "B": True}]
     assert asyncio.run(reader.query(parse("?A.X = ?B"), limit=7)) == [{"A": "Jar1", "B": 2.0}, {"A": "Jar2", "B": True}]
     assert asyncio.run(reader.holds("?A.X = ?B")) is True
-    assert asyncio.run(told(Rows(rows=(), version=1), []).holds("?A.X = ?B")) is False
-    assert asked == [QueryMap(formula="?A.X = ?B", limit=limit) for limit in (100, 7, 1)]
+    assert asyncio.run(make_reader(Rows(rows=(), version=1), []).holds("?A.X = ?B")) is False
+    assert questions == [QueryMap(formula="?A.X = ?B", limit=limit) for limit in (100, 7, 1)]
 
 
 @pytest.mark.parametrize(
@@ -175,11 +175,11 @@ def test_what_holds_on_the_map() -> None:
     ],
 )
 def test_a_repository_that_gives_no_answer(question: Callable[[MapReader], Awaitable[object]], answer: Body, text: str) -> None:
-    async def asked() -> object:
-        return await question(told(answer, []))
+    async def ask_question() -> object:
+        return await question(make_reader(answer, []))
 
     with pytest.raises(RemoteError) as error:
-        asyncio.run(asked())
+        asyncio.run(ask_question())
     assert str(error.value) == text
 
 
@@ -225,7 +225,7 @@ class Washer(Device):
         return 7  # type: ignore[return-value]  # a mistake of the author
 
     @wash.stopping
-    async def let_go(self, task: Task) -> Situation:
+    async def release_object(self, task: Task) -> Situation:
         return f"{task.inputs['Object']}  isOn Floor1"
 
     @wash.compensation
@@ -279,11 +279,11 @@ def test_a_service_goes_by_the_name_that_its_class_gives_it() -> None:
     async def work(device: Device, task: Task) -> Situation:
         return None
 
-    made = service("Polish", duration=1)(work)
-    assert made.name == "work"
-    device = bare(type="Washer", polish=made)
-    assert [one.method for one in device.profile().capabilities] == ["polish"]
-    assert made.name == "polish"
+    polish_service = service("Polish", duration=1)(work)
+    assert polish_service.name == "work"
+    device = bare(type="Washer", polish=polish_service)
+    assert [capability.method for capability in device.profile().capabilities] == ["polish"]
+    assert polish_service.name == "polish"
 
 
 def test_what_a_device_has_if_its_class_does_not_say_otherwise() -> None:
@@ -296,8 +296,8 @@ def test_what_a_device_has_if_its_class_does_not_say_otherwise() -> None:
 
 
 def bare(**members: object) -> Device:
-    made: Device = type("Made", (Device,), members)("M")
-    return made
+    device: Device = type("Made", (Device,), members)("M")
+    return device
 
 
 @pytest.mark.parametrize(
@@ -333,15 +333,15 @@ def test_what_is_no_service() -> None:
 
 
 def test_what_a_device_observes_is_entish() -> None:
-    heard: list[str] = []
+    observations: list[str] = []
     device = Washer("Washer1", simulator="http://h/simulator")
     device.observed("Jar1 isOn Table1")
-    device.observer = heard.append
+    device.observer = observations.append
     device.observed("Jar1   isOn Table1")
     device.observed(parse("Jar2 isOn Table1"))
     with pytest.raises(FormulaError):
         device.observed("Jar1 isOn")
-    assert heard == ["Jar1 isOn Table1", "Jar2 isOn Table1"]
+    assert observations == ["Jar1 isOn Table1", "Jar2 isOn Table1"]
     assert (device.name, device.simulator, Washer("W").simulator) == ("Washer1", "http://h/simulator", None)
 
 
@@ -352,11 +352,11 @@ def order(method: str = "wash", thing: str | None = "Jar1", effect: str = "?Obje
     return Order(participant="p", method=method, inputs={"Object": thing} if thing else {}, effect=effect)
 
 
-def came_to(work: Work, device: Device | None = None) -> object:
-    async def nobody(body: Body) -> Body:
+def perform_work(work: Work, device: Device | None = None) -> object:
+    async def ask_nobody(body: Body) -> Body:
         raise AssertionError(body)
 
-    return asyncio.run(carry_out(device or Washer("Washer1"), work, nobody, lambda report: None))
+    return asyncio.run(carry_out(device or Washer("Washer1"), work, ask_nobody, lambda report: None))
 
 
 @pytest.mark.parametrize(
@@ -375,7 +375,7 @@ def came_to(work: Work, device: Device | None = None) -> object:
     ],
 )
 def test_what_work_comes_to(work: Work, answer: object) -> None:
-    assert came_to(work) == answer
+    assert perform_work(work) == answer
 
 
 @pytest.mark.parametrize(
@@ -397,7 +397,7 @@ def test_what_work_comes_to(work: Work, answer: object) -> None:
 )
 def test_what_goes_wrong_at_work_is_an_answer(work: Work, answer: object, caplog: pytest.LogCaptureFixture) -> None:
     with pytest.raises(Exception) as error:  # whatever an author raises
-        came_to(work)
+        perform_work(work)
     assert answer_of(error.value) == answer
     assert [record.levelname for record in caplog.records] == (["ERROR"] if isinstance(answer, ErrorAnswer) else [])
 

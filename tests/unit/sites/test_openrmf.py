@@ -100,8 +100,8 @@ def outlines(site: Site) -> list[list[Point]]:
 def test_office_conforms_and_is_written_and_read_back(office: Site) -> None:
     assert violations(office.map, office.ontology) == []
     assert ontology_violations(office.ontology) == []
-    again = load_text(dump_ontology(office.ontology, base=upper()) + dump_map(office.map, office.ontology))
-    assert again.map == office.map
+    reloaded = load_text(dump_ontology(office.ontology, base=upper()) + dump_map(office.map, office.ontology))
+    assert reloaded.map == office.map
 
 
 def test_office_has_what_is_drawn(office: Site) -> None:
@@ -153,12 +153,12 @@ def test_doors_lie_in_gaps(office: Site) -> None:
 
 def test_can_stands_where_a_robot_can_take_it(office: Site) -> None:
     (support,) = [fact.arguments[1] for fact in office.map.facts("isOn") if fact.arguments[0] == "Coke001"]
-    can, below = office.map.objects["Coke001"], box(office, office.map.objects[support])
+    can_object, support_box = office.map.objects["Coke001"], box(office, office.map.objects[support])
     assert office.map.objects[support].type == "WhiteCabinet"
-    assert can.values["PositionZ"] == number(office, office.map.objects[support], "Shape.Height") == 1.08
-    depth = -below.gap(spot(can))
+    assert can_object.values["PositionZ"] == number(office, office.map.objects[support], "Shape.Height") == 1.08
+    depth = -support_box.gap(spot(can_object))
     assert 0.05 < depth < 0.2
-    assert math.dist(spot(can), spot(office.map.objects["pantry"])) < 1.5
+    assert math.dist(spot(can_object), spot(office.map.objects["pantry"])) < 1.5
 
 
 def test_a_robot_gets_from_every_place_to_every_other(office: Site) -> None:
@@ -170,12 +170,12 @@ def test_a_robot_gets_from_every_place_to_every_other(office: Site) -> None:
     queue = deque(reached)
     while queue:
         x, y = queue.popleft()
-        for near in ((x + 1, y), (x - 1, y), (x, y + 1), (x, y - 1)):
-            point = near[0] * 0.2, near[1] * 0.2
-            if near not in reached and any(is_in_polygon(point, floor) for floor in floors) and clearance(point, solid) > 0.25:
-                reached.add(near)
-                queue.append(near)
-    assert [name for name, at in places.items() if at not in reached] == []
+        for neighbour in ((x + 1, y), (x - 1, y), (x, y + 1), (x, y - 1)):
+            point = neighbour[0] * 0.2, neighbour[1] * 0.2
+            if neighbour not in reached and any(is_in_polygon(point, floor) for floor in floors) and clearance(point, solid) > 0.25:
+                reached.add(neighbour)
+                queue.append(neighbour)
+    assert [name for name, cell in places.items() if cell not in reached] == []
 
 
 def test_small_building_in_metres_with_two_levels() -> None:
@@ -245,15 +245,15 @@ boxes = st.builds(Box, coordinates, coordinates, st.floats(0.1, 3), st.floats(0.
 
 
 @given(boxes, boxes)
-def test_separation_moves_a_box_just_out_of_another(one: Box, other: Box) -> None:
-    push = separation(one, other)
-    grid = [one.world((u * one.width / 20, v * one.depth / 20)) for u in range(-10, 11) for v in range(-10, 11)]
+def test_separation_moves_a_box_just_out_of_another(first_box: Box, second_box: Box) -> None:
+    push = separation(first_box, second_box)
+    grid = [first_box.world((u * first_box.width / 20, v * first_box.depth / 20)) for u in range(-10, 11) for v in range(-10, 11)]
     if push is None:
-        assert all(other.gap(point) > -1e-6 for point in grid)
+        assert all(second_box.gap(point) > -1e-6 for point in grid)
     else:
-        away = one.moved((push[0] * 1.0001, push[1] * 1.0001))
-        assert separation(away, other) is None or math.hypot(*push) < 1e-6
-        assert separation(one.moved((push[0] * 0.99, push[1] * 0.99)), other) is not None or math.hypot(*push) < 1e-6
+        moved_box = first_box.moved((push[0] * 1.0001, push[1] * 1.0001))
+        assert separation(moved_box, second_box) is None or math.hypot(*push) < 1e-6
+        assert separation(first_box.moved((push[0] * 0.99, push[1] * 0.99)), second_box) is not None or math.hypot(*push) < 1e-6
 
 
 @given(st.floats(0, 10), st.floats(0.1, 3), st.floats(-0.1, 0.1))

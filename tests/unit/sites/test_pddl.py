@@ -45,7 +45,7 @@ def harbour(tmp_path: Path) -> ImportedProblem:
 
 def steps(imported: ImportedProblem) -> list[Step]:
     """Every use of every service, whether it can be done or not."""
-    found = []
+    possible_steps = []
     for available in imported.problem().services:
         service = available.service_type
         domains = [
@@ -53,27 +53,29 @@ def steps(imported: ImportedProblem) -> list[Step]:
             for parameter in service.inputs
         ]
         for provider, *inputs in itertools.product(available.providers, *domains):
-            given = {parameter.name: Name(name) for parameter, name in zip(service.inputs, inputs, strict=True)}
-            found.append(Step(id="step", service_type=service.name, inputs={**given}, effect=imported.goal, provider=provider))
-    return found
+            bound_inputs = {parameter.name: Name(name) for parameter, name in zip(service.inputs, inputs, strict=True)}
+            possible_steps.append(
+                Step(id="step", service_type=service.name, inputs={**bound_inputs}, effect=imported.goal, provider=provider)
+            )
+    return possible_steps
 
 
-def doing(step: Step) -> tuple[str, dict[str, str], str]:
+def call_arguments(step: Step) -> tuple[str, dict[str, str], str]:
     assert step.provider is not None
     return step.service_type, {name: str(term) for name, term in step.inputs.items()}, step.provider
 
 
 def state(imported: ImportedProblem, world: SymbolicWorld, naive: Naive) -> State:
     """The world's facts in PDDL's words; the numbers of one object or none among them."""
-    found = {
+    facts = {
         (fact.relation, *(imported.pddl_name(name) for name in fact.arguments if name != "World"))
         for fact in world.map.facts()
         if fact.relation in naive.domain.predicates
     }
     for name, object in world.map.objects.items():
-        of = f" {imported.pddl_name(name)}" if name != "World" else ""
-        found |= {("=", f"({path}{of})", f"{value:.9g}") for path, value in object.values.items() if isinstance(value, float)}
-    return frozenset(found)
+        suffix = f" {imported.pddl_name(name)}" if name != "World" else ""
+        facts |= {("=", f"({path}{suffix})", f"{value:.9g}") for path, value in object.values.items() if isinstance(value, float)}
+    return frozenset(facts)
 
 
 def of_interest(truth: State) -> State:
@@ -87,34 +89,34 @@ SAMPLE = 60
 
 def compare(imported: ImportedProblem, naive: Naive, moves: int, seed: int) -> set[str]:
     """Walk at random, and compare in each state what can be done and what comes of it. Returns the actions seen."""
-    dice = random.Random(seed)
+    rng = random.Random(seed)
     world = SymbolicWorld(imported.ontology, imported.map)
     truth, grounds = naive.initial, list(naive.actions())
     all_steps = [(imported.pddl_step(step).lower(), step) for step in steps(imported)]
-    seen: set[str] = set()
+    seen_actions: set[str] = set()
     for _ in range(moves):
         assert state(imported, world, naive) == of_interest(truth)
         assert formula_holds(imported.goal, world.map, imported.ontology) == naive.reached(truth)
         possible = {str(ground): ground for ground in grounds if naive.applicable(ground, truth)}
-        useful = {name for name, ground in possible.items() if of_interest(naive.after(ground, truth)) != of_interest(truth)}
-        some = {name for name, _ in dice.sample(all_steps, min(len(all_steps), SAMPLE))} | possible.keys()
-        ours = {name: step for name, step in all_steps if name in some and world.refusal(*doing(step)) is None}
+        useful = {name for name, ground in possible.items() if of_interest(naive.apply(ground, truth)) != of_interest(truth)}
+        sampled_names = {name for name, _ in rng.sample(all_steps, min(len(all_steps), SAMPLE))} | possible.keys()
+        ours = {name: step for name, step in all_steps if name in sampled_names and world.refusal(*call_arguments(step)) is None}
         assert useful <= ours.keys() <= possible.keys()
         if not useful:
             break
-        chosen = dice.choice(sorted(useful))
-        seen.add(possible[chosen].action.word.text)
-        before, truth = truth, naive.after(possible[chosen], truth)
+        chosen = rng.choice(sorted(useful))
+        seen_actions.add(possible[chosen].action.word.text)
+        truth_before, truth = truth, naive.apply(possible[chosen], truth)
         if naive.task.metric is not None:
-            assert world.cost(*doing(ours[chosen])) == pytest.approx(naive.cost(possible[chosen], before))
-        assert world.perform(*doing(ours[chosen])) is None
-    return seen
+            assert world.cost(*call_arguments(ours[chosen])) == pytest.approx(naive.cost(possible[chosen], truth_before))
+        assert world.perform(*call_arguments(ours[chosen])) is None
+    return seen_actions
 
 
 def test_what_can_be_done_and_what_comes_of_it_is_as_pddl_defines_it(harbour: ImportedProblem, tmp_path: Path) -> None:
     naive = Naive(*written(tmp_path))
-    seen = set().union(*(compare(harbour, naive, 40, seed) for seed in range(3)))
-    assert seen == set(naive.domain.actions)
+    seen_actions = set().union(*(compare(harbour, naive, 40, seed) for seed in range(3)))
+    assert seen_actions == set(naive.domain.actions)
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
@@ -122,8 +124,8 @@ def test_other_problems_mean_what_pddl_defines(name: str, tmp_path: Path) -> Non
     files = written(tmp_path, *PROBLEMS[name])
     imported, naive = read(*files), Naive(*files)
     assert not violations(imported.map, imported.ontology)
-    seen = set().union(*(compare(imported, naive, 20, seed) for seed in range(2)))
-    assert seen == set(naive.domain.actions)
+    seen_actions = set().union(*(compare(imported, naive, 20, seed) for seed in range(2)))
+    assert seen_actions == set(naive.domain.actions)
 
 
 @pytest.mark.skipif(not BENCHMARKS.is_dir(), reason=f"there are no published problems in {BENCHMARKS}")
@@ -137,9 +139,9 @@ def test_the_ontology_and_the_map_are_in_order_and_survive_being_written(harbour
     assert not ontology_violations(harbour.ontology)
     assert not violations(harbour.map, harbour.ontology)
     text = dump_ontology(harbour.ontology, base=upper()) + dump_map(harbour.map, harbour.ontology)
-    again = load_text(text)
-    assert again.map == harbour.map
-    assert [*again.ontology] == [*harbour.ontology]
+    reloaded = load_text(text)
+    assert reloaded.map == harbour.map
+    assert [*reloaded.ontology] == [*harbour.ontology]
 
 
 def test_agents_are_devices_and_offer_what_their_types_do(harbour: ImportedProblem) -> None:
@@ -185,10 +187,10 @@ def test_names_that_entish_cannot_say_are_changed_and_known_again(tmp_path: Path
         "and", "7up", "world", "a--b"
     }  # fmt: skip
     world = SymbolicWorld(imported.ontology, imported.map)
-    possible = [step for step in steps(imported) if world.refusal(*doing(step)) is None]
+    possible = [step for step in steps(imported) if world.refusal(*call_arguments(step)) is None]
     assert {imported.pddl_step(step) for step in possible} == {"(NOT and 7up)", "(NOT and a--b)"}
     for step in possible:
-        assert world.perform(*doing(step)) is None
+        assert world.perform(*call_arguments(step)) is None
     assert formula_holds(imported.goal, world.map, imported.ontology)
 
 
@@ -274,11 +276,11 @@ def test_numbers_of_one_object_are_attributes_and_of_several_tables(tmp_path: Pa
     assert not violations(imported.map, imported.ontology)
     assert imported.task == "t1 at there AND World.price > 6"
     world = SymbolicWorld(imported.ontology, imported.map)
-    go = {"t": "t1", "a": "here", "b": "there"}
-    assert world.perform("go", go, "Agent1") == "t1.fuel >= need(here, there) does not hold"
+    go_inputs = {"t": "t1", "a": "here", "b": "there"}
+    assert world.perform("go", go_inputs, "Agent1") == "t1.fuel >= need(here, there) does not hold"
     assert world.perform("fill", {"t": "t1"}, "Agent1") is None
     assert world.refusal("fill", {"t": "t1"}, "Agent1") == "t1.fuel != t1.tank does not hold"
-    assert world.perform("go", go, "Agent1") is None
+    assert world.perform("go", go_inputs, "Agent1") is None
     assert world.map.objects["t1"].values["fuel"] == 1
     assert formula_holds(imported.goal, world.map, imported.ontology)
 
@@ -288,12 +290,12 @@ def test_as_ordinary_pddl_the_agent_is_a_parameter_and_nothing_is_private(tmp_pa
     for word in (":agent", ":private", ":multi-agent", ":unfactored-privacy"):
         assert word not in domain + problem
     assert "(?b - boat ?from ?to - quay)" in domain
-    again = tmp_path / "again"
-    again.mkdir()
-    alone = read(*written(again, domain, problem))
+    folder = tmp_path / "again"
+    folder.mkdir()
+    classical_import = read(*written(folder, domain, problem))
     actions = {str(action.word) for action in Naive(*written(tmp_path)).domain.actions.values()}
-    assert {re.sub("-[a-z]+-is-.*", "", service.name) for service in alone.services} == actions
-    assert list(alone.agents) == ["Agent1"]
+    assert {re.sub("-[a-z]+-is-.*", "", service.name) for service in classical_import.services} == actions
+    assert list(classical_import.agents) == ["Agent1"]
 
 
 def test_a_type_that_is_said_of_nothing_is_left_out(tmp_path: Path) -> None:
@@ -309,39 +311,41 @@ def test_unified_planning_accepts_what_the_world_did(tmp_path: Path) -> None:
     unified_planning = pytest.importorskip("unified_planning.io")
     from unified_planning.engines import SequentialPlanValidator, ValidationResultStatus
 
-    known_to_it = DOMAIN.replace("(either crane boat)", "boat").replace("(increase (total-cost) 1) (increase (total-cost) 2)", "")
-    known_to_it = known_to_it.replace("(>= (fuel ?b) 3)", "(and (not (= ?b ?other)) (>= (fuel ?b) 3))")
-    known_to_it = known_to_it.replace("(holds ?c ?b) (idle ?d)", "(holds ?c ?b) (not (= ?b ?other)) (idle ?d)")
-    files = written(tmp_path, known_to_it)
+    readable_domain = DOMAIN.replace("(either crane boat)", "boat").replace("(increase (total-cost) 1) (increase (total-cost) 2)", "")
+    readable_domain = readable_domain.replace("(>= (fuel ?b) 3)", "(and (not (= ?b ?other)) (>= (fuel ?b) 3))")
+    readable_domain = readable_domain.replace("(holds ?c ?b) (idle ?d)", "(holds ?c ?b) (not (= ?b ?other)) (idle ?d)")
+    files = written(tmp_path, readable_domain)
     harbour = read(*files)
     domain, problem = classical(*files)
-    dice = random.Random(3)
+    rng = random.Random(3)
     world = SymbolicWorld(harbour.ontology, harbour.map)
     plan: list[Step] = []
     choices = steps(harbour)
     while not formula_holds(harbour.goal, world.map, harbour.ontology):
-        dice.shuffle(choices)
-        plan.append(next(step for step in choices if world.refusal(*doing(step)) is None))
-        assert world.perform(*doing(plan[-1])) is None
+        rng.shuffle(choices)
+        plan.append(next(step for step in choices if world.refusal(*call_arguments(step)) is None))
+        assert world.perform(*call_arguments(plan[-1])) is None
     folder = tmp_path / "classical"
     folder.mkdir()
     files = written(folder, domain, problem)
     (folder / "plan").write_text(harbour.pddl_plan(plan))
     reader = unified_planning.PDDLReader()
-    known = reader.parse_problem(*map(str, files))
+    parsed_problem = reader.parse_problem(*map(str, files))
     validator = SequentialPlanValidator()
     validator.skip_checks = True
-    assert validator.validate(known, reader.parse_plan(known, str(folder / "plan"))).status is ValidationResultStatus.VALID
+    assert (
+        validator.validate(parsed_problem, reader.parse_plan(parsed_problem, str(folder / "plan"))).status is ValidationResultStatus.VALID
+    )
 
 
-def told(tmp_path: Path, domain: str, problem: str = PROBLEM) -> str:
+def read_error(tmp_path: Path, domain: str, problem: str = PROBLEM) -> str:
     with pytest.raises(ModelError) as raised:
         read(*written(tmp_path, domain, problem))
     return str(raised.value).replace(f"{tmp_path}/", "")
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         ("(not (storm))", "(forall (?x - box) (at ?x ?from))", "domain.pddl:17: Sail: forall is not read"),
         ("(at ?b ?to)", "(when (storm) (at ?b ?to))", "domain.pddl:18: Sail: effects under a condition are not read"),
@@ -358,13 +362,13 @@ def told(tmp_path: Path, domain: str, problem: str = PROBLEM) -> str:
         ("(:constants North - quay)", "(:constants North - quay", "domain.pddl:3: file: the ( in this line is never closed"),
     ],
 )  # fmt: skip
-def test_mistakes_and_what_is_not_read_are_named_with_their_lines(tmp_path: Path, old: str, new: str, said: str) -> None:
+def test_mistakes_and_what_is_not_read_are_named_with_their_lines(tmp_path: Path, old: str, new: str, message: str) -> None:
     assert old in DOMAIN
-    assert said in told(tmp_path, DOMAIN.replace(old, new, 1))
+    assert message in read_error(tmp_path, DOMAIN.replace(old, new, 1))
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         ("(at boat1 north)", "(at boat1 nort)", "problem.pddl:5: init: nort is not known; declare it among the objects"),
         ("(at boat1 north)", "(at 5 (at boat1 north))", "problem.pddl:5: init: facts that come true at a certain time are not read"),
@@ -373,15 +377,17 @@ def test_mistakes_and_what_is_not_read_are_named_with_their_lines(tmp_path: Path
         ("(:goal", "(:aim", "problem.pddl:2: problem: there is no goal"),
     ],
 )
-def test_mistakes_in_problems_are_named_with_their_lines(tmp_path: Path, old: str, new: str, said: str) -> None:
+def test_mistakes_in_problems_are_named_with_their_lines(tmp_path: Path, old: str, new: str, message: str) -> None:
     assert old in PROBLEM
-    assert said in told(tmp_path, DOMAIN, PROBLEM.replace(old, new, 1))
+    assert message in read_error(tmp_path, DOMAIN, PROBLEM.replace(old, new, 1))
 
 
 def test_all_mistakes_are_told_at_once(tmp_path: Path) -> None:
-    said = told(tmp_path, DOMAIN.replace("(idle ?c))\n    :effect", "(idel ?c))\n    :effect").replace("(not (storm))", "(not (strom))"))
-    assert "idel" in said
-    assert "strom" in said
+    message = read_error(
+        tmp_path, DOMAIN.replace("(idle ?c))\n    :effect", "(idel ?c))\n    :effect").replace("(not (storm))", "(not (strom))")
+    )
+    assert "idel" in message
+    assert "strom" in message
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:

@@ -64,7 +64,7 @@ def keeper(path: Path) -> Iterator[Keeper]:
 def test_a_new_file_begins_with_what_is_given_and_is_gone_on_with(keeper: Keeper) -> None:
     ontology, map = lab()
     assert ([*keeper.contents.ontology], keeper.contents.map, keeper.contents.version) == ([*ontology], map, 0)
-    keeper.say(UpdateMap(situation="Jar1 isOn Table2"), Updated)
+    keeper.ask(UpdateMap(situation="Jar1 isOn Table2"), Updated)
     keeper.restart(snapshot=True)
     assert ([*keeper.contents.ontology], [*keeper.contents.map.objects]) == ([*ontology], [*map.objects])
     assert keeper.contents.map.has_fact("isOn", ("Jar1", "Table2")), "not what was given at first"
@@ -85,29 +85,33 @@ def test_every_kind_of_change_and_definition_is_kept(keeper: Keeper, snapshot: b
         ),
     ]
     for body in bodies:
-        keeper.say(body, Updated | Defined)  # type: ignore[arg-type]  # either
-    kept = keeper.contents
+        keeper.ask(body, Updated | Defined)  # type: ignore[arg-type]  # either
+    contents_before = keeper.contents
     keeper.restart(snapshot=snapshot)
-    found = keeper.contents
-    assert ([*found.ontology], found.map, found.version) == ([*kept.ontology], kept.map, 5)
-    assert (found.changed_at, found.defined_at, found.answered) == (kept.changed_at, kept.defined_at, kept.answered)
+    contents_after = keeper.contents
+    assert ([*contents_after.ontology], contents_after.map, contents_after.version) == ([*contents_before.ontology], contents_before.map, 5)
+    assert (contents_after.changed_at, contents_after.defined_at, contents_after.answered) == (
+        contents_before.changed_at,
+        contents_before.defined_at,
+        contents_before.answered,
+    )
 
 
 def test_what_was_answered_is_answered_again_after_a_restart(keeper: Keeper) -> None:
-    asked = ["Jar1 isOn Table2", "Jar9 isOn Table2", "Jar2 isOn Table1"]
-    first = [keeper.say(UpdateMap(situation=situation), object, identity=situation) for situation in asked]
-    keeper.say(UpdateMap(situation="Jar1 isOn Table1 AND Jar2 isOn Table2"), Updated)
+    situations = ["Jar1 isOn Table2", "Jar9 isOn Table2", "Jar2 isOn Table1"]
+    first = [keeper.ask(UpdateMap(situation=situation), object, identity=situation) for situation in situations]
+    keeper.ask(UpdateMap(situation="Jar1 isOn Table1 AND Jar2 isOn Table2"), Updated)
     keeper.restart()
-    assert [keeper.say(UpdateMap(situation=situation), object, identity=situation) for situation in asked] == first
+    assert [keeper.ask(UpdateMap(situation=situation), object, identity=situation) for situation in situations] == first
     assert isinstance(first[1], Rejected)
     assert keeper.contents.version == 2
     assert keeper.contents.map.has_fact("isOn", ("Jar2", "Table2"))
 
 
 def test_expected_versions_outlast_a_restart(keeper: Keeper) -> None:
-    keeper.say(UpdateMap(situation="Jar1 isOn Table2"), Updated)
+    keeper.ask(UpdateMap(situation="Jar1 isOn Table2"), Updated)
     keeper.restart(snapshot=True)
-    rejected = keeper.say(UpdateMap(changes=(ValueSet("Jar1", "Color", "Red"),), expected_version=0), Rejected)
+    rejected = keeper.ask(UpdateMap(changes=(ValueSet("Jar1", "Color", "Red"),), expected_version=0), Rejected)
     assert "Jar1: changed in version 1" in rejected.problems[0]
 
 
@@ -118,22 +122,24 @@ def feed(keeper: Keeper, event: Input) -> list[Send]:
 @pytest.mark.parametrize("snapshot", [True, False])
 def test_followers_outlast_a_restart_with_what_they_were_not_told(keeper: Keeper, snapshot: bool) -> None:
     feed(keeper, Received(request(SubscribeMap(lease=90), sender="http://follower")))
-    keeper.say(UpdateMap(situation="Jar1 isOn Table2"), Updated)
+    keeper.ask(UpdateMap(situation="Jar1 isOn Table2"), Updated)
     keeper.restart(snapshot=snapshot)
-    waiting = [sent.message for sent in keeper.journaled.pending.messages.values() if isinstance(sent, PendingMessage)]
-    assert "MapChanged" in [type(one.body).__name__ for one in waiting if one.header.recipient == "http://follower"]
-    greetings = [sent.message for sent in feed(keeper, Started(REPOSITORY)) if sent.message.header.recipient == "http://follower"]
-    assert [one.body for one in greetings] == [MapSubscribed(version=1, until=91.0)]
+    waiting = [
+        sent_message.message for sent_message in keeper.journaled.pending.messages.values() if isinstance(sent_message, PendingMessage)
+    ]
+    assert "MapChanged" in [type(message.body).__name__ for message in waiting if message.header.recipient == "http://follower"]
+    greetings = [send.message for send in feed(keeper, Started(REPOSITORY)) if send.message.header.recipient == "http://follower"]
+    assert [message.body for message in greetings] == [MapSubscribed(version=1, until=91.0)]
 
 
 def test_history_is_told_newest_first(keeper: Keeper) -> None:
-    asked = [UpdateMap(changes=(ValueSet("Jar1", "PositionX", float(n + 10)),), author=f"Robot{n}") for n in range(5)]
-    for body in [*asked, UpdateMap(situation="Jar2 isOn Table2")]:
-        keeper.say(body, Updated)
-    history = keeper.say(ReadHistory(object="Jar1", limit=3), History)
+    updates = [UpdateMap(changes=(ValueSet("Jar1", "PositionX", float(n + 10)),), author=f"Robot{n}") for n in range(5)]
+    for body in [*updates, UpdateMap(situation="Jar2 isOn Table2")]:
+        keeper.ask(body, Updated)
+    history = keeper.ask(ReadHistory(object="Jar1", limit=3), History)
     assert [(event.version, event.author) for event in history.events] == [(5, "Robot4"), (4, "Robot3"), (3, "Robot2")]
-    assert [event.version for event in keeper.say(ReadHistory(object="Table1"), History).events] == [6]
-    assert keeper.say(ReadHistory(object="Room1"), History).events == ()
+    assert [event.version for event in keeper.ask(ReadHistory(object="Table1"), History).events] == [6]
+    assert keeper.ask(ReadHistory(object="Room1"), History).events == ()
 
 
 # What is under way
@@ -151,66 +157,66 @@ def test_history_is_told_newest_first(keeper: Keeper) -> None:
     ],
 )
 def test_what_the_archive_is_to_say_is_asked_again_after_a_restart(keeper: Keeper, snapshot: bool, body: Body) -> None:
-    keeper.say(UpdateMap(situation="Jar1 isOn Table2"), Updated)
-    wanted = keeper.say(body, object)
+    keeper.ask(UpdateMap(situation="Jar1 isOn Table2"), Updated)
+    expected = keeper.ask(body, object)
     (question,) = keeper.effects(Received(request(body, identity="urn:uuid:1")))
     assert isinstance(question, Ask)
-    keeper.say(UpdateMap(changes=(ValueSet("Jar2", "Color", "Red"),)), Updated)
+    keeper.ask(UpdateMap(changes=(ValueSet("Jar2", "Color", "Red"),)), Updated)
     answers = [send.message for send in keeper.restart(snapshot=snapshot)]
-    (answer,) = [one.body for one in answers if one.header.relates_to == "urn:uuid:1"]
-    assert answer == (msgspec.structs.replace(wanted, version=2) if isinstance(wanted, Considered) else wanted)
+    (answer,) = [message.body for message in answers if message.header.relates_to == "urn:uuid:1"]
+    assert answer == (msgspec.structs.replace(expected, version=2) if isinstance(expected, Considered) else expected)
     assert keeper.journaled.pending.questions == {}
 
 
 @pytest.mark.parametrize("snapshot", [True, False])
 def test_an_undo_that_is_under_way_goes_on_after_a_restart(keeper: Keeper, snapshot: bool) -> None:
-    keeper.say(UpdateMap(situation="Jar1 isOn Table2"), Updated)
+    keeper.ask(UpdateMap(situation="Jar1 isOn Table2"), Updated)
     (question,) = keeper.effects(Received(request(Undo(version=1), identity="urn:uuid:1")))
     assert isinstance(question, Ask)
     answers = [send.message for send in keeper.restart(snapshot=snapshot)]
-    assert [one.body for one in answers if one.header.relates_to == "urn:uuid:1"] == [Updated(version=2)]
+    assert [message.body for message in answers if message.header.relates_to == "urn:uuid:1"] == [Updated(version=2)]
     assert keeper.contents.map == lab()[1]
-    assert keeper.say(Undo(version=1), Updated, identity="urn:uuid:1") == Updated(version=2), "it is done once"
+    assert keeper.ask(Undo(version=1), Updated, identity="urn:uuid:1") == Updated(version=2), "it is done once"
 
 
 def test_pages_of_the_past_are_of_their_version_whatever_comes_between(keeper: Keeper) -> None:
-    pages = {0: keeper.say(ReadMap(at_version=0), object)}
+    pages = {0: keeper.ask(ReadMap(at_version=0), object)}
     for number in range(8):
-        keeper.say(UpdateMap(changes=(ValueSet("Jar1", "PositionX", float(number)),)), Updated)
-        pages[number + 1] = keeper.say(ReadMap(at_version=number + 1), MapPage)
+        keeper.ask(UpdateMap(changes=(ValueSet("Jar1", "PositionX", float(number)),)), Updated)
+        pages[number + 1] = keeper.ask(ReadMap(at_version=number + 1), MapPage)
     keeper.restart()
-    assert {version: keeper.say(ReadMap(at_version=version), MapPage) for version in pages} == pages
+    assert {version: keeper.ask(ReadMap(at_version=version), MapPage) for version in pages} == pages
 
 
 # On a node
 
 
-def anonymous(body: Body, to: str, number: int = 0) -> Message:
-    return Message(header=Header(sender=ANONYMOUS, recipient=to, message_id=message_id(repr(body), number)), body=body)
+def anonymous(body: Body, recipient: str, number: int = 0) -> Message:
+    return Message(header=Header(sender=ANONYMOUS, recipient=recipient, message_id=message_id(repr(body), number)), body=body)
 
 
 def test_what_is_only_read_is_not_kept_and_an_orderly_stop_leaves_nothing_to_be_done_again(path: Path) -> None:
     async def run(moved: bool) -> tuple[int, list[object]]:
-        rim, journal = Host(), repository_journal(path)
-        await rim.start()
-        node = rim.add_journaled(
+        runtime, journal = Host(), repository_journal(path)
+        await runtime.start()
+        node = runtime.add_journaled(
             "/moved" if moved else "/repository", lambda address: Repository(address, contents()), journal, carry_out=journal.carry_out
         )
         number = int(moved)
-        updated = await rim.request(anonymous(UpdateMap(situation=f"Jar1 isOn Table{2 - number}"), node.address))
-        before = journal.disk.read(lambda db: db.execute("SELECT max(last) FROM entries").fetchone()[0]).result()
+        updated = await runtime.request(anonymous(UpdateMap(situation=f"Jar1 isOn Table{2 - number}"), node.address))
+        entry_before = journal.disk.read(lambda db: db.execute("SELECT max(last) FROM entries").fetchone()[0]).result()
         reads: list[Body] = [
             ReadMap(), ReadMap(at_version=0), ReadOntology(), QueryMap(formula="Jar1 isOn ?Where"), ReadEvents(),
             ReadHistory(object="Jar1"), Consider(change=Undo(version=1)), Consider(change=RenameObject(name="Jar1", to="Krug")),
         ]  # fmt: skip
-        answers = [await rim.request(anonymous(body, node.address)) for body in reads]
+        answers = [await runtime.request(anonymous(body, node.address)) for body in reads]
         assert not any(isinstance(answer.body, Fault) for answer in answers)
-        after = journal.disk.read(lambda db: db.execute("SELECT max(last) FROM entries").fetchone()[0]).result()
-        await rim.stop()
-        (left,) = journal.disk.write_and_wait(lambda db: db.execute("SELECT count(*) FROM entries").fetchone())
-        assert left == 0
+        entry_after = journal.disk.read(lambda db: db.execute("SELECT max(last) FROM entries").fetchone()[0]).result()
+        await runtime.stop()
+        (entry_count,) = journal.disk.write_and_wait(lambda db: db.execute("SELECT count(*) FROM entries").fetchone())
+        assert entry_count == 0
         journal.close()
-        return after - before, [updated.body]
+        return entry_after - entry_before, [updated.body]
 
     assert asyncio.run(run(moved=False)) == (0, [Updated(version=1)])
     assert asyncio.run(run(moved=True)) == (0, [Updated(version=2)]), "it goes on at another address"
@@ -220,7 +226,7 @@ def test_what_is_only_read_is_not_kept_and_an_orderly_stop_leaves_nothing_to_be_
 
 
 NAMES = st.sampled_from(["Jar1", "Jar2", "Jar5", "Jar6"])
-WHERE = st.sampled_from(["Table1", "Table2", "Jar2"])
+PLACES = st.sampled_from(["Table1", "Table2", "Jar2"])
 CHANGES = st.one_of(
     st.builds(
         lambda name, kind: ObjectAdded(Object(name=name, type=kind, values={"PositionX": 0.0, "PositionY": 1.0, "PositionZ": 2.0})),
@@ -230,13 +236,13 @@ CHANGES = st.one_of(
     st.builds(ObjectRemoved, NAMES),
     st.builds(ValueSet, NAMES, st.just("PositionX"), st.floats(-1e6, 1e6)),
     st.builds(ValueSet, NAMES, st.just("Label"), st.none() | st.text(max_size=5)),
-    st.builds(lambda name, where: FactAdded(Fact("isOn", (name, where))), NAMES, WHERE),
-    st.builds(lambda name, where: FactRemoved(Fact("isOn", (name, where))), NAMES, WHERE),
+    st.builds(lambda name, place: FactAdded(Fact("isOn", (name, place))), NAMES, PLACES),
+    st.builds(lambda name, place: FactRemoved(Fact("isOn", (name, place))), NAMES, PLACES),
 )
 UPDATES = st.builds(
     lambda changes, situation: UpdateMap(changes=tuple(changes), situation=situation),
     st.lists(CHANGES, max_size=4),
-    st.none() | st.builds(lambda name, where: f"{name} isOn {where}", NAMES, WHERE),
+    st.none() | st.builds(lambda name, place: f"{name} isOn {place}", NAMES, PLACES),
 )
 RESTARTS = st.sampled_from(["", "", "", "kill", "stop"])
 
@@ -247,30 +253,30 @@ def test_the_file_holds_the_map_and_history_adds_up_to_it(updates: list[tuple[Up
     with tempfile.TemporaryDirectory() as folder:
         keeper = Keeper(Path(folder) / "repository.sqlite")
         for update, restart in [*updates, (UpdateMap(), "kill")]:
-            before, version = keeper.contents.map, keeper.contents.version
-            answer = keeper.say(update, object)
+            map_before, version = keeper.contents.map, keeper.contents.version
+            answer = keeper.ask(update, object)
             if answer == Updated(version=version + 1):
-                assert keeper.contents.map == plain(before, update)
+                assert keeper.contents.map == plain(map_before, update)
             else:
-                assert keeper.contents.map == before
+                assert keeper.contents.map == map_before
             if restart:
-                kept = keeper.contents
+                contents_before = keeper.contents
                 keeper.restart(snapshot=restart == "stop")
-                assert (keeper.contents.map, keeper.contents.changed_at) == (kept.map, kept.changed_at)
-                assert (keeper.contents.version, keeper.contents.answered) == (kept.version, kept.answered)
+                assert (keeper.contents.map, keeper.contents.changed_at) == (contents_before.map, contents_before.changed_at)
+                assert (keeper.contents.version, keeper.contents.answered) == (contents_before.version, contents_before.answered)
         events: dict[int, Event] = {}
         for name in ("Jar1", "Jar2", "Jar5", "Jar6"):
-            told = keeper.say(ReadHistory(object=name, limit=1000), object)
-            events.update({event.version: event for event in told.events} if isinstance(told, History) else {})
+            reply = keeper.ask(ReadHistory(object=name, limit=1000), object)
+            events.update({event.version: event for event in reply.events} if isinstance(reply, History) else {})
         assert sorted(events) == list(range(1, keeper.contents.version + 1))
         sum_of_events = lab()[1].changed(change for version in sorted(events) for change in events[version].changes)
         assert sum_of_events == keeper.contents.map
-        changed_at = {name: version for version in sorted(events) for name in told_of(events[version])}
+        changed_at = {name: version for version in sorted(events) for name in changed_names(events[version])}
         assert changed_at == keeper.contents.changed_at
         keeper.close()
 
 
-def told_of(event: Event) -> list[str]:
+def changed_names(event: Event) -> list[str]:
     names: list[str] = []
     for change in event.changes:
         match change:
@@ -288,8 +294,8 @@ def plain(map: Map, update: UpdateMap) -> Map:
     for change in update.changes:
         map = map.changed([change])
     if update.situation is not None:
-        name, _, where = update.situation.split()
+        name, _, place = update.situation.split()
         map = map.changed(
-            [*(FactRemoved(fact) for fact in map.facts("isOn") if fact.arguments[0] == name), FactAdded(Fact("isOn", (name, where)))]
+            [*(FactRemoved(fact) for fact in map.facts("isOn") if fact.arguments[0] == name), FactAdded(Fact("isOn", (name, place)))]
         )
     return map

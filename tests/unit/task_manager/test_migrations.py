@@ -24,7 +24,10 @@ def test_the_names_of_steps_said_what_they_are_for() -> None:
         "events": [{"step": None}, {"step": "step1"}, {"step": "look2.step1"}],
     }
     assert MIGRATIONS[1].snapshot({"state": {"tasks": {"a task": task}}}) == {"state": {"tasks": {"a task": task}}}
-    assert [run["goal"] for one in (task["goal"], task["aside"][0]) for run in one["workflow"]["runs"].values()] == ["task", "look"]
+    assert [run["goal"] for goal_data in (task["goal"], task["aside"][0]) for run in goal_data["workflow"]["runs"].values()] == [
+        "task",
+        "look",
+    ]
     assert task["log"]["works"] == [
         {"label": "step1", "goal": "task"},
         {"label": "handler12.step1", "goal": "handler"},

@@ -13,7 +13,7 @@ from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import Rejected, Updated, UpdateMap
 from somrs.task_manager.requests import ForPlan, ForReport, ReportAnswered, Requests, ServicesKnown, answer_problems
 from somrs.task_manager.timers import AnswerDue
-from tests.unit.task_manager.execution.test_participants import carried_out
+from tests.unit.task_manager.execution.test_participants import run_effects
 
 WORK = ServiceType(name="Work", effect="Jar1.Clean = TRUE")
 PLAN, REPORT = ForPlan("task1", 1, 0), ForReport("task1")
@@ -24,27 +24,27 @@ def offer(number: int) -> Offer:
     return Offer(service=f"R{number}.Work", provider=f"R{number}", provider_type="Robot", address="", service_type=WORK)
 
 
-def asking() -> Requests:
+def make_requests() -> Requests:
     requests = Requests(address="tm", repository="repository", registry="registry")
     requests.start(100.0)
     return requests
 
 
-def asked(requests: Requests) -> Message:
+def pending_message(requests: Requests) -> Message:
     (request,) = requests.pending.values()
     return request.message
 
 
 def answer(requests: Requests, body: Body, now: float = 105.0) -> tuple[list[object], object]:
-    message = reply(asked(requests), body, "somebody")
+    message = reply(pending_message(requests), body, "somebody")
     assert requests.is_answer(message)
-    effects, came = carried_out(requests.answered(message, now))
+    effects, result = run_effects(requests.answered(message, now))
     assert not requests.is_answer(message)
-    return [*effects], came
+    return [*effects], result
 
 
 def test_a_request_has_an_id_of_its_own_and_is_sent_for_a_while() -> None:
-    requests = asking()
+    requests = make_requests()
     send, wake = requests.update(UPDATE, REPORT, 100.0)
     id = message_id("tm", 100.0, 1)
     assert isinstance(send, Send)
@@ -61,64 +61,64 @@ def test_a_request_has_an_id_of_its_own_and_is_sent_for_a_while() -> None:
 
 
 def test_what_was_reported_is_answered() -> None:
-    requests = asking()
-    carried_out(requests.update(UPDATE, REPORT, 100.0))
-    id = asked(requests).header.message_id
-    effects, came = answer(requests, Updated(version=3))
+    requests = make_requests()
+    run_effects(requests.update(UPDATE, REPORT, 100.0))
+    id = pending_message(requests).header.message_id
+    effects, result = answer(requests, Updated(version=3))
     assert effects == [SetTimer(AnswerDue(id), None)]
-    assert isinstance(came, ReportAnswered)
-    assert (came.purpose, came.answer.body) == (REPORT, Updated(version=3))
+    assert isinstance(result, ReportAnswered)
+    assert (result.purpose, result.answer.body) == (REPORT, Updated(version=3))
 
 
 def test_all_pages_of_services_come_together() -> None:
-    requests = asking()
-    carried_out(requests.discover(PLAN, 100.0))
-    effects, came = answer(requests, Discovered(offers=(offer(1), offer(2)), more=True))
-    assert came is None
-    (next_,) = [effect.message for effect in effects if isinstance(effect, Send)]
-    assert next_.body == Discover(after="R2.Work")
-    _, came = answer(requests, Discovered(offers=(offer(3),)))
-    assert came == ServicesKnown(PLAN, (offer(1), offer(2), offer(3)))
+    requests = make_requests()
+    run_effects(requests.discover(PLAN, 100.0))
+    effects, result = answer(requests, Discovered(offers=(offer(1), offer(2)), more=True))
+    assert result is None
+    (next_message,) = [effect.message for effect in effects if isinstance(effect, Send)]
+    assert next_message.body == Discover(after="R2.Work")
+    _, result = answer(requests, Discovered(offers=(offer(3),)))
+    assert result == ServicesKnown(PLAN, (offer(1), offer(2), offer(3)))
 
 
 @pytest.mark.parametrize(
-    ("body", "known"),
+    ("body", "expected"),
     [
         (Discovered(offers=(), more=True), ()),
         (Fault(code="", text="out of order"), "the Service Registry answered: out of order"),
         (Updated(version=3), "the Service Registry answered: Updated"),
     ],
 )
-def test_an_answer_that_names_no_services_ends_the_question(body: Body, known: object) -> None:
-    requests = asking()
-    carried_out(requests.discover(PLAN, 100.0))
-    assert answer(requests, body)[1] == ServicesKnown(PLAN, known)  # type: ignore[arg-type]  # as it is
+def test_an_answer_that_names_no_services_ends_the_question(body: Body, expected: object) -> None:
+    requests = make_requests()
+    run_effects(requests.discover(PLAN, 100.0))
+    assert answer(requests, body)[1] == ServicesKnown(PLAN, expected)  # type: ignore[arg-type]  # as it is
     assert requests.pending == {}
 
 
 def test_a_request_without_an_answer_is_sent_again_until_its_time_is_over() -> None:
-    requests = asking()
-    carried_out(requests.discover(PLAN, 100.0))
-    message, timer = asked(requests), AnswerDue(asked(requests).header.message_id)
-    assert carried_out(requests.timer_fired(timer, 115.0)) == ([Send(message, 125.0), SetTimer(timer, 130.0)], None)
-    assert carried_out(requests.timer_fired(timer, 129.0)) == ([Send(message, 130.0), SetTimer(timer, 135.0)], None)
-    effects, came = carried_out(requests.timer_fired(timer, 130.0))
+    requests = make_requests()
+    run_effects(requests.discover(PLAN, 100.0))
+    message, timer = pending_message(requests), AnswerDue(pending_message(requests).header.message_id)
+    assert run_effects(requests.timer_fired(timer, 115.0)) == ([Send(message, 125.0), SetTimer(timer, 130.0)], None)
+    assert run_effects(requests.timer_fired(timer, 129.0)) == ([Send(message, 130.0), SetTimer(timer, 135.0)], None)
+    effects, result = run_effects(requests.timer_fired(timer, 130.0))
     assert effects == [SetTimer(timer, None)]
-    assert came == ServicesKnown(PLAN, "the Service Registry answered: registry does not answer")
-    assert carried_out(requests.timer_fired(timer, 145.0)) == ([], None)
+    assert result == ServicesKnown(PLAN, "the Service Registry answered: registry does not answer")
+    assert run_effects(requests.timer_fired(timer, 145.0)) == ([], None)
 
 
 def test_a_request_that_does_not_arrive_is_sent_again_too() -> None:
-    requests = asking()
-    carried_out(requests.update(UPDATE, REPORT, 100.0))
-    message, timer = asked(requests), AnswerDue(asked(requests).header.message_id)
-    assert carried_out(requests.delivery_failed(message, "no route", 86_499.0)) == (
+    requests = make_requests()
+    run_effects(requests.update(UPDATE, REPORT, 100.0))
+    message, timer = pending_message(requests), AnswerDue(pending_message(requests).header.message_id)
+    assert run_effects(requests.delivery_failed(message, "no route", 86_499.0)) == (
         [Send(message, 86_500.0), SetTimer(timer, 86_505.0)],
         None,
     )
-    _, came = carried_out(requests.delivery_failed(message, "no route", 86_500.0))
-    assert isinstance(came, ReportAnswered)
-    assert came.answer.body == Fault(code="env:Receiver", text="repository could not be reached: no route")
+    _, result = run_effects(requests.delivery_failed(message, "no route", 86_500.0))
+    assert isinstance(result, ReportAnswered)
+    assert result.answer.body == Fault(code="env:Receiver", text="repository could not be reached: no route")
 
 
 @pytest.mark.parametrize(
@@ -130,6 +130,6 @@ def test_a_request_that_does_not_arrive_is_sent_again_too() -> None:
     ],
 )
 def test_what_an_unwanted_answer_says(body: Body, words: tuple[str, ...]) -> None:
-    requests = asking()
-    carried_out(requests.update(UPDATE, REPORT, 100.0))
-    assert answer_problems(reply(asked(requests), body, "somebody")) == words
+    requests = make_requests()
+    run_effects(requests.update(UPDATE, REPORT, 100.0))
+    assert answer_problems(reply(pending_message(requests), body, "somebody")) == words

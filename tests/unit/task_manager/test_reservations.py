@@ -13,32 +13,32 @@ from tests.unit.planner.test_planning import laboratory
 ONTOLOGY = laboratory().extended([RelationType(name="isNextTo", joins=("Object", "Object"), symmetric=True)])
 
 
-def of(changes: str = "", relies: str = "") -> Reservation:
+def make_reservation(changes: str = "", relies: str = "") -> Reservation:
     return Reservation(changes=frozenset(changes), relies_on=frozenset(relies))
 
 
 @pytest.mark.parametrize(
-    ("one", "other", "met"),
+    ("first", "second", "contested"),
     [
-        (of("ab"), of("bc"), "b"),
-        (of("ab"), of("", "bc"), "b"),
-        (of("", "ab"), of("bc"), "b"),
-        (of("", "ab"), of("", "bc"), ""),
-        (of("a", "b"), of("b", "a"), "ab"),
-        (of("a"), of("b"), ""),
+        (make_reservation("ab"), make_reservation("bc"), "b"),
+        (make_reservation("ab"), make_reservation("", "bc"), "b"),
+        (make_reservation("", "ab"), make_reservation("bc"), "b"),
+        (make_reservation("", "ab"), make_reservation("", "bc"), ""),
+        (make_reservation("a", "b"), make_reservation("b", "a"), "ab"),
+        (make_reservation("a"), make_reservation("b"), ""),
     ],
 )
-def test_what_one_changes_the_other_neither_changes_nor_relies_on(one: Reservation, other: Reservation, met: str) -> None:
-    assert one.overlap(other) == frozenset(met)
-    assert other.overlap(one) == frozenset(met)
+def test_what_one_changes_the_other_neither_changes_nor_relies_on(first: Reservation, second: Reservation, contested: str) -> None:
+    assert first.overlap(second) == frozenset(contested)
+    assert second.overlap(first) == frozenset(contested)
 
 
 def test_reservations_are_put_together() -> None:
-    assert of("a", "b") | of("c", "d") == of("ac", "bd")
+    assert make_reservation("a", "b") | make_reservation("c", "d") == make_reservation("ac", "bd")
 
 
 def test_the_objects_that_others_have_are_named_once_in_order() -> None:
-    held = BlockedPlan(reservation=of(), holders={"one": frozenset("cb"), "two": frozenset("ab")}, plan=Plan())
+    held = BlockedPlan(reservation=make_reservation(), holders={"one": frozenset("cb"), "two": frozenset("ab")}, plan=Plan())
     assert held.objects == ("a", "b", "c")
 
 
@@ -56,43 +56,47 @@ def test_a_task_is_met_by_those_that_have_something_and_those_that_wait_before_i
     tasks = Reservations()
     for name in "abcd":
         tasks.add_task(name, "")
-    tasks.hold("a", of("x", "y"))
-    tasks.wait("b", of("z"))
-    tasks.wait("d", of("w"))
-    assert tasks.conflicts("c", of("wxyz")) == {"a": frozenset("xy"), "b": frozenset("z")}
-    assert tasks.conflicts("a", of("xyz")) == {}, "whoever waits behind it, and itself, do not matter"
-    assert tasks.conflicts("b", of("z")) == {}
+    tasks.hold("a", make_reservation("x", "y"))
+    tasks.wait("b", make_reservation("z"))
+    tasks.wait("d", make_reservation("w"))
+    assert tasks.conflicts("c", make_reservation("wxyz")) == {"a": frozenset("xy"), "b": frozenset("z")}
+    assert tasks.conflicts("a", make_reservation("xyz")) == {}, "whoever waits behind it, and itself, do not matter"
+    assert tasks.conflicts("b", make_reservation("z")) == {}
     assert (tasks.reserved_objects("c"), tasks.reserved_objects("a"), tasks.reserved_objects("d")) == (
         frozenset("xz"),
         frozenset(),
         frozenset("xz"),
     )
-    assert (tasks.holders("b", of("x")), tasks.holders("a", of("x")), tasks.holders("c", of("z"))) == (["a"], [], [])
+    assert (
+        tasks.holders("b", make_reservation("x")),
+        tasks.holders("a", make_reservation("x")),
+        tasks.holders("c", make_reservation("z")),
+    ) == (["a"], [], [])
 
 
 def test_what_a_task_holds_grows_and_is_given_up_when_it_waits() -> None:
     tasks = Reservations()
     tasks.add_task("a", "")
-    tasks.wait("a", of("w"))
-    tasks.hold("a", of("x"))
-    tasks.hold("a", of("y", "z"))
-    assert (tasks.held, tasks.waiting) == ({"a": of("xy", "z")}, {})
-    tasks.wait("a", of("v"))
-    assert (tasks.held, tasks.waiting["a"].reservation) == ({}, of("v"))
+    tasks.wait("a", make_reservation("w"))
+    tasks.hold("a", make_reservation("x"))
+    tasks.hold("a", make_reservation("y", "z"))
+    assert (tasks.held, tasks.waiting) == ({"a": make_reservation("xy", "z")}, {})
+    tasks.wait("a", make_reservation("v"))
+    assert (tasks.held, tasks.waiting["a"].reservation) == ({}, make_reservation("v"))
 
 
 def test_whoever_waits_is_called_once_when_nobody_has_what_it_wants() -> None:
     tasks = Reservations()
     for name in "abc":
         tasks.add_task(name, "")
-    tasks.hold("a", of("x"))
-    tasks.wait("b", of("x"))
-    tasks.wait("c", of("x"))
+    tasks.hold("a", make_reservation("x"))
+    tasks.wait("b", make_reservation("x"))
+    tasks.wait("c", make_reservation("x"))
     assert [*tasks.admit_waiting()] == []
     tasks.remove_task("a")
     assert [*tasks.admit_waiting()] == ["b"], "the one behind it waits for it, now that it makes its plan"
     assert [*tasks.admit_waiting()] == []
-    tasks.wait("c", of("y"))
+    tasks.wait("c", make_reservation("y"))
     assert [*tasks.admit_waiting()] == ["c"]
     tasks.remove_task("c")
     assert [*tasks.admit_waiting()] == [], "nobody is called twice for the same"
@@ -102,9 +106,9 @@ def test_who_gives_up_waiting_lets_those_behind_it_go_on() -> None:
     tasks = Reservations()
     for name in "abc":
         tasks.add_task(name, "")
-    tasks.hold("a", of("x"))
-    tasks.wait("b", of("xy"))
-    tasks.wait("c", of("y"))
+    tasks.hold("a", make_reservation("x"))
+    tasks.wait("b", make_reservation("xy"))
+    tasks.wait("c", make_reservation("y"))
     assert [*tasks.admit_waiting()] == []
     tasks.stop_waiting("a")
     assert tasks.freed is False, "it did not wait"
@@ -116,11 +120,11 @@ def test_who_waits_gives_up_what_it_had_so_that_others_are_called() -> None:
     tasks = Reservations()
     for name in "abc":
         tasks.add_task(name, "")
-    tasks.hold("b", of("x"))
-    tasks.wait("c", of("x"))
-    tasks.hold("a", of("z"))
+    tasks.hold("b", make_reservation("x"))
+    tasks.wait("c", make_reservation("x"))
+    tasks.hold("a", make_reservation("z"))
     assert [*tasks.admit_waiting()] == []
-    tasks.wait("b", of("z"))
+    tasks.wait("b", make_reservation("z"))
     assert [*tasks.admit_waiting()] == ["c"]
 
 
@@ -128,12 +132,12 @@ def test_between_two_that_are_called_anything_may_change() -> None:
     tasks = Reservations()
     for name in "abcd":
         tasks.add_task(name, "")
-        tasks.wait(name, of(name))
-    called = tasks.admit_waiting()
-    assert next(called) == "a"
+        tasks.wait(name, make_reservation(name))
+    admitted = tasks.admit_waiting()
+    assert next(admitted) == "a"
     tasks.remove_task("b")
-    tasks.hold("a", of("c"))
-    assert [*called] == ["d"]
+    tasks.hold("a", make_reservation("c"))
+    assert [*admitted] == ["d"]
     tasks.remove_task("a")
     assert [*tasks.admit_waiting()] == ["c"]
 
@@ -141,19 +145,19 @@ def test_between_two_that_are_called_anything_may_change() -> None:
 def test_of_a_task_that_is_over_nothing_is_left() -> None:
     tasks = Reservations()
     tasks.add_task("a", "goal", 2)
-    tasks.hold("a", of("x"))
+    tasks.hold("a", make_reservation("x"))
     assert tasks.freed is False
     tasks.remove_task("a")
     assert (tasks.goals, tasks.priorities, tasks.held, tasks.freed) == ({}, {}, {}, True)
     tasks.add_task("b", "goal")
-    tasks.wait("b", of("x"))
+    tasks.wait("b", make_reservation("x"))
     tasks.remove_task("b")
     tasks.remove_task("nobody")
     assert tasks.waiting == {}
 
 
 @pytest.mark.parametrize(
-    ("effect", "precondition", "goal", "needed"),
+    ("effect", "precondition", "goal", "expected"),
     [
         ("Jar001 isOn Shelf2", "Jar001 isOn Shelf1", "Jar001 isOn Shelf2", (["Jar001"], [])),
         ("NOT Jar001 isOn Shelf1", None, "Jar001.Clean = TRUE", (["Jar001"], [])),
@@ -168,7 +172,7 @@ def test_of_a_task_that_is_over_nothing_is_left() -> None:
         ("Jar001 isOn Shelf2", "distance(Jar002, Shelf1) < 5", "Jar001 isOn Shelf2", (["Jar001"], ["Jar002", "Shelf1"])),
     ],
 )
-def test_what_a_plan_needs_to_itself(effect: str, precondition: str | None, goal: str, needed: tuple[list[str], list[str]]) -> None:
+def test_what_a_plan_needs_to_itself(effect: str, precondition: str | None, goal: str, expected: tuple[list[str], list[str]]) -> None:
     step = Step("step1", "Any", {}, parse(effect), parse(precondition) if precondition is not None else None)
-    found = plan_reservation([step], parse(goal), ONTOLOGY)
-    assert (sorted(found.changes), sorted(found.relies_on)) == needed
+    result = plan_reservation([step], parse(goal), ONTOLOGY)
+    assert (sorted(result.changes), sorted(result.relies_on)) == expected

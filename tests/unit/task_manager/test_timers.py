@@ -25,25 +25,25 @@ from somrs.task_manager.timers import (
 )
 
 
-class Kept(Struct):
+class StoredState(Struct):
     timer: Timer
     question: Question
     purpose: RequestPurpose
 
 
 TIMERS: list[Timer] = [BidsDue("t", 1), SilenceDue("t", "p"), OverdueDue("t", "p"), DeadlineDue("t"), StopDue("t"), PreviewDue("t")]
-ALSO: list[Timer] = [AnswerDue("r"), MapDue("r"), NewsDue("r"), ReplicaDue()]
+REQUEST_TIMERS: list[Timer] = [AnswerDue("r"), MapDue("r"), NewsDue("r"), ReplicaDue()]
 QUESTIONS: list[Question] = [PlanWanted("t", 1, 2, 3), RecordsWanted("r")]
 PURPOSES: list[RequestPurpose] = [ForPlan("t", 1, 2), ForLook("t", 3), ForReport("t")]
 
 
 @pytest.mark.parametrize(
-    "kept",
+    "stored",
     [
-        *(Kept(timer, QUESTIONS[0], PURPOSES[0]) for timer in (*TIMERS, *ALSO)),
-        Kept(TIMERS[0], QUESTIONS[1], PURPOSES[1]),
-        Kept(TIMERS[0], QUESTIONS[1], PURPOSES[2]),
+        *(StoredState(timer, QUESTIONS[0], PURPOSES[0]) for timer in (*TIMERS, *REQUEST_TIMERS)),
+        StoredState(TIMERS[0], QUESTIONS[1], PURPOSES[1]),
+        StoredState(TIMERS[0], QUESTIONS[1], PURPOSES[2]),
     ],
 )
-def test_what_is_kept_is_read_back(kept: Kept) -> None:
-    assert Codec[Kept](Kept).decode(encode(kept)) == kept
+def test_what_is_kept_is_read_back(stored: StoredState) -> None:
+    assert Codec[StoredState](StoredState).decode(encode(stored)) == stored

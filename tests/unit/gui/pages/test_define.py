@@ -80,10 +80,10 @@ def test_what_is_not_chosen_yet_says_nothing() -> None:
 
 def test_a_thing_is_wished_to_be_in_one_place_only() -> None:
     ontology = upper()
-    before = lines_of("Jar1 isOn Table1 AND Jar2 isOn Table1 AND Jar1.Color = Red AND NOT Jar1 isOn Table2", ontology)
-    assert before is not None
-    after = add_placement(before, Line(thing="Jar1", relation="isHeldBy", related_thing="Robot1"), ontology)
-    assert is_same_formula(text_of(after), "Jar2 isOn Table1 AND Jar1.Color = Red AND NOT Jar1 isOn Table2 AND Jar1 isHeldBy Robot1")
+    lines_before = lines_of("Jar1 isOn Table1 AND Jar2 isOn Table1 AND Jar1.Color = Red AND NOT Jar1 isOn Table2", ontology)
+    assert lines_before is not None
+    lines_after = add_placement(lines_before, Line(thing="Jar1", relation="isHeldBy", related_thing="Robot1"), ontology)
+    assert is_same_formula(text_of(lines_after), "Jar2 isOn Table1 AND Jar1.Color = Red AND NOT Jar1 isOn Table2 AND Jar1 isHeldBy Robot1")
 
 
 # Drafts
@@ -140,11 +140,13 @@ def test_a_task_made_a_template_and_filled_in_is_the_task_again(task: Submit) ->
     things = mentioned_things(task, MAP)
     assert things[:2] == ["Jar1", "Table1"]
     blanks = propose_blank_names({thing: MAP.objects[thing].type for thing in things})
-    made = replace_with_blanks(task, blanks)
+    blanked_task = replace_with_blanks(task, blanks)
     template = Template(
-        name="t", task=made, blanks=tuple(Blank(name=name, type=MAP.objects[thing].type, default=thing) for thing, name in blanks.items())
+        name="t",
+        task=blanked_task,
+        blanks=tuple(Blank(name=name, type=MAP.objects[thing].type, default=thing) for thing, name in blanks.items()),
     )
-    check(made, template.blanks, REPLICA)
+    check(blanked_task, template.blanks, REPLICA)
     assert fill_template(template, {}, REPLICA) == task
     assert fill_template(template, {"Jar": "Jar2"}, REPLICA).effect == "Jar2 isOn Table1"
 
@@ -157,9 +159,9 @@ def test_only_whole_names_become_blanks() -> None:
 # Orders
 
 
-@pytest.mark.parametrize("when", [Every(minutes=30), Daily(at="07:30", days=(0, 4)), Once(at=datetime(2030, 1, 2, 8, 15).timestamp())])
-def test_the_time_of_an_order_on_the_page_is_its_time(when: Every | Daily | Once) -> None:
-    assert schedule_of(repeat_of(StandingOrder(id="1", name="Round", when=when))) == when
+@pytest.mark.parametrize("schedule", [Every(minutes=30), Daily(at="07:30", days=(0, 4)), Once(at=datetime(2030, 1, 2, 8, 15).timestamp())])
+def test_the_time_of_an_order_on_the_page_is_its_time(schedule: Every | Daily | Once) -> None:
+    assert schedule_of(repeat_of(StandingOrder(id="1", name="Round", when=schedule))) == schedule
 
 
 def test_an_order_without_a_time_is_none() -> None:

@@ -22,20 +22,20 @@ from tests.support.paths import SCENARIO_1
 
 
 @pytest.fixture(scope="module")
-def known() -> tuple[Map, Ontology]:
+def site() -> tuple[Map, Ontology]:
     loaded = load([SCENARIO_1])
     assert loaded.map is not None
     return loaded.map, loaded.ontology
 
 
-def after(known: tuple[Map, Ontology], changes: tuple[Change, ...]) -> Map:
+def apply_changes(site: tuple[Map, Ontology], changes: tuple[Change, ...]) -> Map:
     """The map after the changes, which obeys its types."""
-    map = known[0].changed(changes)
-    assert violations(map, known[1]) == []
+    map = site[0].changed(changes)
+    assert violations(map, site[1]) == []
     return map
 
 
-def at(map: Map, ontology: Ontology, name: str) -> tuple[float, float, float]:
+def position_of(map: Map, ontology: Ontology, name: str) -> tuple[float, float, float]:
     x, y, z = (value_of(name, path, map, ontology) for path in ("PositionX", "PositionY", "PositionZ"))
     assert isinstance(x, float)
     assert isinstance(y, float)
@@ -43,41 +43,45 @@ def at(map: Map, ontology: Ontology, name: str) -> tuple[float, float, float]:
     return x, y, z
 
 
-def test_a_thing_stands_on_what_it_is_put_on(known: tuple[Map, Ontology]) -> None:
-    map, ontology = known
-    put = after(known, move_changes(map, ontology, Move(name="Jar002", x=4.1, y=2.3, turned=0, target="Table001")))
-    assert at(put, ontology, "Jar002") == (4.1, 2.3, 0.74)
-    assert put.has_fact("isOn", ("Jar002", "Table001"))
-    assert not put.has_fact("isOn", ("Jar002", "Cupboard001"))
-    floor = after(known, move_changes(map, ontology, Move(name="Jar002", x=2, y=2, turned=0, target="Floor001")))
-    assert at(floor, ontology, "Jar002")[2] == pytest.approx(0)
+def test_a_thing_stands_on_what_it_is_put_on(site: tuple[Map, Ontology]) -> None:
+    map, ontology = site
+    map_after = apply_changes(site, move_changes(map, ontology, Move(name="Jar002", x=4.1, y=2.3, turned=0, target="Table001")))
+    assert position_of(map_after, ontology, "Jar002") == (4.1, 2.3, 0.74)
+    assert map_after.has_fact("isOn", ("Jar002", "Table001"))
+    assert not map_after.has_fact("isOn", ("Jar002", "Cupboard001"))
+    floor = apply_changes(site, move_changes(map, ontology, Move(name="Jar002", x=2, y=2, turned=0, target="Floor001")))
+    assert position_of(floor, ontology, "Jar002")[2] == pytest.approx(0)
 
 
-def test_what_stands_on_a_table_moves_and_turns_with_it(known: tuple[Map, Ontology]) -> None:
-    map, ontology = known
-    turned = after(known, move_changes(map, ontology, Move(name="Table002", x=5, y=5, turned=math.pi / 2)))
-    (tx, ty, _), (cx, cy, cz) = at(map, ontology, "Table002"), at(map, ontology, "Carton001")
+def test_what_stands_on_a_table_moves_and_turns_with_it(site: tuple[Map, Ontology]) -> None:
+    map, ontology = site
+    turned = apply_changes(site, move_changes(map, ontology, Move(name="Table002", x=5, y=5, turned=math.pi / 2)))
+    (tx, ty, _), (cx, cy, cz) = position_of(map, ontology, "Table002"), position_of(map, ontology, "Carton001")
     dx, dy = cx - tx, cy - ty
-    assert at(turned, ontology, "Carton001") == pytest.approx((5 - dy, 5 + dx, cz), abs=1e-4)
+    assert position_of(turned, ontology, "Carton001") == pytest.approx((5 - dy, 5 + dx, cz), abs=1e-4)
     assert value_of("Carton001", "RotationZ", turned, ontology) == pytest.approx(math.pi / 2, abs=1e-5)
     assert turned.has_fact("isOn", ("Carton001", "Table002"))
 
 
-def test_only_what_changed_is_said(known: tuple[Map, Ontology]) -> None:
-    map, ontology = known
+def test_only_what_changed_is_said(site: tuple[Map, Ontology]) -> None:
+    map, ontology = site
     changes = move_changes(map, ontology, Move(name="Chair001", x=1, y=1, turned=0))
     assert {change.path for change in changes if isinstance(change, ValueSet)} == {"PositionX", "PositionY"}
 
 
-def test_a_robot_that_is_moved_away_is_at_its_place_no_more(known: tuple[Map, Ontology]) -> None:
-    map, ontology = known
-    there = map.changed([FactAdded(Fact("isAt", ("Robot1", "Charger001")))])
-    assert FactRemoved(Fact("isAt", ("Robot1", "Charger001"))) in move_changes(there, ontology, Move(name="Robot1", x=5, y=5, turned=0))
-    assert not any(isinstance(one, FactRemoved) for one in move_changes(there, ontology, Move(name="Robot1", x=1.1, y=0.8, turned=0)))
+def test_a_robot_that_is_moved_away_is_at_its_place_no_more(site: tuple[Map, Ontology]) -> None:
+    map, ontology = site
+    docked_map = map.changed([FactAdded(Fact("isAt", ("Robot1", "Charger001")))])
+    assert FactRemoved(Fact("isAt", ("Robot1", "Charger001"))) in move_changes(
+        docked_map, ontology, Move(name="Robot1", x=5, y=5, turned=0)
+    )
+    assert not any(
+        isinstance(change, FactRemoved) for change in move_changes(docked_map, ontology, Move(name="Robot1", x=1.1, y=0.8, turned=0))
+    )
 
 
-def test_names_go_on_from_those_of_the_kind(known: tuple[Map, Ontology]) -> None:
-    map, _ = known
+def test_names_go_on_from_those_of_the_kind(site: tuple[Map, Ontology]) -> None:
+    map, _ = site
     assert name_for("Jar", map) == "Jar004"
     assert name_for("PioneerP3DX", map) == "Robot3"
     assert name_for("Plant", map) == "Plant001"
@@ -86,30 +90,32 @@ def test_names_go_on_from_those_of_the_kind(known: tuple[Map, Ontology]) -> None
 @pytest.mark.parametrize(
     "type_name", ["Jar", "Table", "Plant", "Wall", "Door", "Window", "Camera", "PioneerP3DX", "Place", "Carton", "Pillar"]
 )
-def test_what_is_proposed_can_be_added(known: tuple[Map, Ontology], type_name: str) -> None:
-    map, ontology = known
+def test_what_is_proposed_can_be_added(site: tuple[Map, Ontology], type_name: str) -> None:
+    map, ontology = site
     spot = Spot(x=3, y=4, turned=0.5, target="Floor001", storey="Storey001")
     name = name_for(type_name, map)
-    made = after(known, creation_changes(type_name, name, form_for(type_name, map, ontology), spot, map, ontology))
-    assert at(made, ontology, name)[:2] == (3, 4)
+    map_after = apply_changes(site, creation_changes(type_name, name, form_for(type_name, map, ontology), spot, map, ontology))
+    assert position_of(map_after, ontology, name)[:2] == (3, 4)
 
 
 @pytest.mark.parametrize("type_name", ["Person", "Room", "Corridor"])
-def test_what_has_no_place_is_a_part_of_the_building(known: tuple[Map, Ontology], type_name: str) -> None:
-    map, ontology = known
-    made = after(known, creation_changes(type_name, "New1", {}, None, map, ontology))
-    assert made.whole("New1") == "Building001"
+def test_what_has_no_place_is_a_part_of_the_building(site: tuple[Map, Ontology], type_name: str) -> None:
+    map, ontology = site
+    map_after = apply_changes(site, creation_changes(type_name, "New1", {}, None, map, ontology))
+    assert map_after.whole("New1") == "Building001"
 
 
-def test_a_thing_that_is_added_on_a_table_stands_on_it(known: tuple[Map, Ontology]) -> None:
-    map, ontology = known
-    made = after(known, creation_changes("Cup", "Cup001", {}, Spot(x=4, y=2.2, target="Table001", storey="Storey001"), map, ontology))
-    assert made.has_fact("isOn", ("Cup001", "Table001"))
-    assert at(made, ontology, "Cup001")[2] == 0.74
+def test_a_thing_that_is_added_on_a_table_stands_on_it(site: tuple[Map, Ontology]) -> None:
+    map, ontology = site
+    map_after = apply_changes(
+        site, creation_changes("Cup", "Cup001", {}, Spot(x=4, y=2.2, target="Table001", storey="Storey001"), map, ontology)
+    )
+    assert map_after.has_fact("isOn", ("Cup001", "Table001"))
+    assert position_of(map_after, ontology, "Cup001")[2] == 0.74
 
 
-def test_values_are_read_in_any_fitting_unit(known: tuple[Map, Ontology]) -> None:
-    attributes = known[1].attributes
+def test_values_are_read_in_any_fitting_unit(site: tuple[Map, Ontology]) -> None:
+    attributes = site[1].attributes
     assert read("450 g", attributes["Weight"]) == pytest.approx(0.45)
     assert read("0,5", attributes["Weight"]) == 0.5
     assert read("90", attributes["RotationZ"]) == pytest.approx(math.pi / 2)
@@ -119,7 +125,7 @@ def test_values_are_read_in_any_fitting_unit(known: tuple[Map, Ontology]) -> Non
 
 
 @pytest.mark.parametrize(
-    ("path", "text", "said"),
+    ("path", "text", "expected_text"),
     [
         ("Weight", "heavy", "Weight is a number in kg, not 'heavy'"),
         ("Weight", "3 m", "cannot be expressed in it"),
@@ -128,36 +134,38 @@ def test_values_are_read_in_any_fitting_unit(known: tuple[Map, Ontology]) -> Non
         ("Color", "Pink", "Color is one of Black"),
     ],
 )
-def test_what_is_wrong_with_a_value_is_said(known: tuple[Map, Ontology], path: str, text: str, said: str) -> None:
-    with pytest.raises(InputError, match=said):
-        read(text, known[1].attributes[path])
+def test_what_is_wrong_with_a_value_is_said(site: tuple[Map, Ontology], path: str, text: str, expected_text: str) -> None:
+    with pytest.raises(InputError, match=expected_text):
+        read(text, site[1].attributes[path])
 
 
-def test_ranges_of_type_and_attribute_are_told_together(known: tuple[Map, Ontology]) -> None:
-    ontology = known[1]
+def test_ranges_of_type_and_attribute_are_told_together(site: tuple[Map, Ontology]) -> None:
+    ontology = site[1]
     assert limits("Weight", ontology.attributes["Weight"], "Jar", ontology) == "0 to 5 kg"
     assert limits("Charge", ontology.attributes["Charge"], "PioneerP3DX", ontology) == "0 to 100 %"
 
 
-def test_a_fact_that_is_added_drives_out_what_cannot_hold_with_it(known: tuple[Map, Ontology]) -> None:
-    map, ontology = known
-    held = Fact("isHeldBy", ("Jar002", "Robot1"))
-    put = after(known, tuple(fact_changes(held, map, ontology)))
-    assert [str(fact) for fact in put.facts_about("Jar002")] == ["Jar002 isHeldBy Robot1"]
-    other = Fact("isOn", ("Jar002", "Table001"))
-    assert [str(fact) for fact in after(known, tuple(fact_changes(other, map, ontology))).facts_about("Jar002")] == ["Jar002 isOn Table001"]
+def test_a_fact_that_is_added_drives_out_what_cannot_hold_with_it(site: tuple[Map, Ontology]) -> None:
+    map, ontology = site
+    held_fact = Fact("isHeldBy", ("Jar002", "Robot1"))
+    map_after = apply_changes(site, tuple(fact_changes(held_fact, map, ontology)))
+    assert [str(fact) for fact in map_after.facts_about("Jar002")] == ["Jar002 isHeldBy Robot1"]
+    new_fact = Fact("isOn", ("Jar002", "Table001"))
+    assert [str(fact) for fact in apply_changes(site, tuple(fact_changes(new_fact, map, ontology))).facts_about("Jar002")] == [
+        "Jar002 isOn Table001"
+    ]
 
 
-def test_every_place_in_a_relation_that_fits_a_type_is_offered(known: tuple[Map, Ontology]) -> None:
-    said = [seat.text() for seat in relation_roles("Door", known[1])]
-    assert "connects(this, Space, Space)" in said
-    assert "this isAdjacentTo Object" in said
-    assert "Object isAdjacentTo this" not in said
-    assert "Object isPartOf this" in said
+def test_every_place_in_a_relation_that_fits_a_type_is_offered(site: tuple[Map, Ontology]) -> None:
+    seat_texts = [seat.text() for seat in relation_roles("Door", site[1])]
+    assert "connects(this, Space, Space)" in seat_texts
+    assert "this isAdjacentTo Object" in seat_texts
+    assert "Object isAdjacentTo this" not in seat_texts
+    assert "Object isPartOf this" in seat_texts
 
 
-def test_changes_are_told_in_words(known: tuple[Map, Ontology]) -> None:
-    map, ontology = known
+def test_changes_are_told_in_words(site: tuple[Map, Ontology]) -> None:
+    map, ontology = site
     assert describe_changes(move_changes(map, ontology, Move(name="Jar002", x=8.2, y=2.5, turned=0, target="Platform001")), ontology) == [
         "Jar002 moved to x 8.20 m, y 2.50 m, put on Platform001"
     ]
@@ -168,7 +176,7 @@ def test_changes_are_told_in_words(known: tuple[Map, Ontology]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("author", "said"),
+    ("author", "expected_name"),
     [
         ("Anna", "Anna"),
         ("Robot1.TransferObject", "Robot1.TransferObject"),
@@ -179,5 +187,5 @@ def test_changes_are_told_in_words(known: tuple[Map, Ontology]) -> None:
         ("", "somebody"),
     ],
 )
-def test_authors_are_told_as_people_know_them(author: str, said: str) -> None:
-    assert person_name(author) == said
+def test_authors_are_told_as_people_know_them(author: str, expected_name: str) -> None:
+    assert person_name(author) == expected_name

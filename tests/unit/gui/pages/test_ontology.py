@@ -16,7 +16,7 @@ from somrs.ontology.services import Handler, Occasion, Parameter, ServiceType
 from somrs.ontology.types import AttributeType, Definition, FunctionType, Kind, ObjectType, Ontology
 from somrs.protocol.messages.knowledge import Revision, by_kind
 
-MORE = """
+SITE_YAML = """
 attributes:
   Volume: {kind: number, unit: l, minimum: 0, maximum: 5, tolerance: 0.01}
 functions:
@@ -36,10 +36,10 @@ types:
 
 
 def ontology() -> Ontology:
-    return load_text(MORE, base=upper()).ontology
+    return load_text(SITE_YAML, base=upper()).ontology
 
 
-def everything() -> list[Definition]:
+def sample_definitions() -> list[Definition]:
     handler = Handler(on=Occasion.FAILURE, effect="?Object.Unknown = FALSE", when="?Object.Unknown = TRUE")
     paint = ServiceType(
         name="Paint",
@@ -54,7 +54,7 @@ def everything() -> list[Definition]:
     return [*ontology(), paint]
 
 
-@pytest.mark.parametrize("definition", everything(), ids=lambda one: f"{section_of(one).key} {one.name}")
+@pytest.mark.parametrize("definition", sample_definitions(), ids=lambda definition: f"{section_of(definition).key} {definition.name}")
 def test_a_form_that_nobody_touched_says_what_the_definition_says(definition: Definition) -> None:
     draft = start_draft(section_of(definition), definition, 1)
     assert not draft.dirty
@@ -65,13 +65,13 @@ def test_a_form_that_nobody_touched_says_what_the_definition_says(definition: De
 def test_quantities_are_written_in_any_unit_that_fits() -> None:
     draft = start_draft(TYPES, None, 1, name="Vase", parent="Graspable")
     draft.form["defaults"] = [{"path": "Shape.Height", "value": "30 cm"}, {"path": "Weight", "value": " 0.5"}]
-    found = definition_of(draft, ontology())
-    assert isinstance(found, ObjectType)
-    assert found.defaults == pytest.approx({"Shape.Height": 0.3, "Weight": 0.5})
+    definition = definition_of(draft, ontology())
+    assert isinstance(definition, ObjectType)
+    assert definition.defaults == pytest.approx({"Shape.Height": 0.3, "Weight": 0.5})
 
 
 @pytest.mark.parametrize(
-    ("key", "value", "path", "said"),
+    ("key", "value", "path", "expected_text"),
     [
         ("name", " ", "name", "give it a name"),
         ("defaults", [{"path": "Weight", "value": "3 m"}], "defaults.0.value", "m cannot be expressed in kg"),
@@ -82,12 +82,12 @@ def test_quantities_are_written_in_any_unit_that_fits() -> None:
         ("parts", [{"type": "Wall", "minimum": "1.5", "maximum": ""}], "parts.0.minimum", "a count"),
     ],
 )
-def test_what_cannot_be_read_is_said_where_it_is(key: str, value: Any, path: str, said: str) -> None:
+def test_what_cannot_be_read_is_said_where_it_is(key: str, value: Any, path: str, expected_text: str) -> None:
     draft = start_draft(TYPES, None, 1, name="Vase", parent="Graspable")
     draft.form[key] = value
     with pytest.raises(Mistakes) as caught:
         definition_of(draft, ontology())
-    assert said in caught.value.messages[path]
+    assert expected_text in caught.value.messages[path]
 
 
 def test_what_only_one_of_two_changed_is_brought_together() -> None:
@@ -100,7 +100,7 @@ def test_what_only_one_of_two_changed_is_brought_together() -> None:
     theirs["defaults"][2]["value"] = "0.3"
     del theirs["defaults"][3]
     theirs["defaults"].append({"path": "Color", "value": "Red"})
-    result, both = merge_forms(base, mine, theirs)
+    result, conflicts = merge_forms(base, mine, theirs)
     assert (result["doc"], result["driver"]) == ("Mine", "a:B")
     assert {row["path"]: row["value"] for row in result["defaults"]} == {
         "Shape.Form": "Cylinder",
@@ -108,7 +108,7 @@ def test_what_only_one_of_two_changed_is_brought_together() -> None:
         "Shape.Height": "0.2",
         "Color": "Red",
     }
-    assert both == ["defaults.Shape.Height"]
+    assert conflicts == ["defaults.Shape.Height"]
 
 
 def test_the_backends_paths_lead_to_fields() -> None:
@@ -122,19 +122,22 @@ def test_the_backends_paths_lead_to_fields() -> None:
 
 def test_changes_are_told_field_by_field() -> None:
     old, new = ontology().types["Jar"], ObjectType(name="Pot", parent="Cup", defaults={**ontology().types["Jar"].defaults, "Weight": 0.5})
-    gone, come = AttributeType(name="Smell", kind=Kind.TEXT), FunctionType(name="age", parameters=("Object",), attribute="Weight")
-    revision = Revision(before=by_kind([old, gone]), after=by_kind([new, come]))
-    found = definition_changes(revision, [Renaming(section=Section.TYPES, name="Jar", to="Pot")])
-    assert [(one.verb, one.old_name, one.name) for one in found] == [
+    removed_attribute, added_function = (
+        AttributeType(name="Smell", kind=Kind.TEXT),
+        FunctionType(name="age", parameters=("Object",), attribute="Weight"),
+    )
+    revision = Revision(before=by_kind([old, removed_attribute]), after=by_kind([new, added_function]))
+    changes = definition_changes(revision, [Renaming(section=Section.TYPES, name="Jar", to="Pot")])
+    assert [(change.verb, change.old_name, change.name) for change in changes] == [
         ("renamed", "Jar", "Pot"),
         ("added", "age", "age"),
         ("removed", "Smell", "Smell"),
     ]
-    assert [(one.field, one.before, one.after) for one in found[0].differences] == [
+    assert [(difference.field, difference.before, difference.after) for difference in changes[0].differences] == [
         ("Parent", "Graspable", "Cup"),
         ("Defaults: Weight", "0.3", "0.5"),
     ]
-    assert summary(found) == "Jar renamed to Pot; age added; Smell removed"
+    assert summary(changes) == "Jar renamed to Pot; age added; Smell removed"
 
 
 def test_a_blank_form_of_each_kind_asks_for_a_name() -> None:

@@ -25,7 +25,7 @@ from somrs.ontology.types import (
     Value,
 )
 
-NOTHING = Ontology()
+EMPTY_ONTOLOGY = Ontology()
 
 
 def part(name: str, whole: str) -> Fact:
@@ -54,7 +54,7 @@ def part(name: str, whole: str) -> Fact:
     ],
 )
 def test_how_the_values_of_an_object_are_written(values: dict[str, Value], written: str) -> None:
-    assert dump_map(Map([Object(name="A", type="Box", values=values)]), NOTHING) == f"map: A\nobjects:\n  A:{written}\n"
+    assert dump_map(Map([Object(name="A", type="Box", values=values)]), EMPTY_ONTOLOGY) == f"map: A\nobjects:\n  A:{written}\n"
 
 
 @pytest.mark.parametrize(
@@ -68,7 +68,7 @@ def test_how_the_values_of_an_object_are_written(values: dict[str, Value], writt
     ],
 )
 def test_paths_are_written_as_trees(values: dict[str, Value], read: dict[str, object]) -> None:
-    written = dump_map(Map([Object(name="A", type="Box", values=values)]), NOTHING)
+    written = dump_map(Map([Object(name="A", type="Box", values=values)]), EMPTY_ONTOLOGY)
     assert yaml.safe_load(written)["objects"]["A"] == {"type": "Box", **read}
 
 
@@ -94,14 +94,14 @@ facts:
 - D isOn A
 - between(A, B, C)
 """
-    assert dump_map(map, NOTHING, "Home") == expected
-    assert dump_map(map, NOTHING).startswith("map: A\n")
-    assert dump_map(Map(), NOTHING) == "map: map\nobjects: {}\n"
+    assert dump_map(map, EMPTY_ONTOLOGY, "Home") == expected
+    assert dump_map(map, EMPTY_ONTOLOGY).startswith("map: A\n")
+    assert dump_map(Map(), EMPTY_ONTOLOGY) == "map: map\nobjects: {}\n"
 
 
 def test_parts_of_themselves_are_written_too() -> None:
     map = Map([Object(name=name, type="Box") for name in ("A", "B", "C")], [part("B", "C"), part("C", "B")])
-    written = yaml.safe_load(dump_map(map, NOTHING))
+    written = yaml.safe_load(dump_map(map, EMPTY_ONTOLOGY))
     assert written["objects"] == {name: {"type": "Box"} for name in ("A", "B", "C")}
     assert sorted(written["facts"]) == ["B isPartOf C", "C isPartOf B"]
 
@@ -229,20 +229,23 @@ def test_what_another_ontology_has_already_is_not_written() -> None:
     base = Ontology(
         [ObjectType(name="Object", parent=None), ObjectType(name="Jar", parent="Object"), ObjectType(name="Can", parent="Object")]
     )
-    own = Ontology([base.types["Object"], ObjectType(name="Jar", parent="Can"), ObjectType(name="Cup", parent="Object")])
+    own_ontology = Ontology([base.types["Object"], ObjectType(name="Jar", parent="Can"), ObjectType(name="Cup", parent="Object")])
     assert dump_ontology(base) == "types:\n  Object: {}\n  Jar: {parent: Object}\n  Can: {parent: Object}\n"
     assert dump_ontology(base, base, "own") == "{ontology: own}\n"
-    taken = "ontology: own\nwithout: [types Jar, types Can]\ntypes:\n"
-    assert dump_ontology(own, base, "own") == f"{taken}  Jar: {{parent: Can}}\n  Cup: {{parent: Object}}\n"
-    assert dump_ontology(own, base, "own", whole=True) == f"{taken}  Object: {{}}\n  Jar: {{parent: Can}}\n  Cup: {{parent: Object}}\n"
+    header = "ontology: own\nwithout: [types Jar, types Can]\ntypes:\n"
+    assert dump_ontology(own_ontology, base, "own") == f"{header}  Jar: {{parent: Can}}\n  Cup: {{parent: Object}}\n"
+    assert (
+        dump_ontology(own_ontology, base, "own", whole=True)
+        == f"{header}  Object: {{}}\n  Jar: {{parent: Can}}\n  Cup: {{parent: Object}}\n"
+    )
 
 
 def test_a_site_has_its_definitions_before_its_map() -> None:
     map = Map([Object(name="Home", type="Building")])
-    only = "map: Home\nobjects:\n  Home: {type: Building}\n"
-    assert dump_site(upper(), map) == only
-    assert dump_site(upper(), map, "Ours") == only.replace("map: Home", "map: Ours")
-    own = upper().extended([ObjectType(name="Vase", parent="Jar")])
-    assert dump_site(own, map) == f"ontology: Home\ntypes:\n  Vase: {{parent: Jar}}\n{only}"
-    assert dump_site(own, map, "Ours").startswith("ontology: Ours\n")
-    assert dump_site(own, Map()).startswith("ontology: site\n")
+    map_text = "map: Home\nobjects:\n  Home: {type: Building}\n"
+    assert dump_site(upper(), map) == map_text
+    assert dump_site(upper(), map, "Ours") == map_text.replace("map: Home", "map: Ours")
+    own_ontology = upper().extended([ObjectType(name="Vase", parent="Jar")])
+    assert dump_site(own_ontology, map) == f"ontology: Home\ntypes:\n  Vase: {{parent: Jar}}\n{map_text}"
+    assert dump_site(own_ontology, map, "Ours").startswith("ontology: Ours\n")
+    assert dump_site(own_ontology, Map()).startswith("ontology: site\n")

@@ -183,29 +183,31 @@ MISTAKES: list[tuple[str, str, int, str, str]] = [
 @pytest.mark.parametrize(("old", "new", "line", "rule", "words"), MISTAKES, ids=lambda value: str(value)[:40])
 def test_mistake_is_named_with_its_line(old: str, new: str, line: int, rule: str, words: str) -> None:
     assert old in HOUSE
-    found = problems(HOUSE.replace(old, new, 1))
-    assert [(problem.line, problem.rule) for problem in found] == [(line, rule)], "one problem, and nothing that only follows from it"
-    assert words in found[0].message
-    assert str(found[0]).startswith(f"house.yaml:{line}: ")
+    found_problems = problems(HOUSE.replace(old, new, 1))
+    assert [(problem.line, problem.rule) for problem in found_problems] == [(line, rule)], (
+        "one problem, and nothing that only follows from it"
+    )
+    assert words in found_problems[0].message
+    assert str(found_problems[0]).startswith(f"house.yaml:{line}: ")
 
 
 @pytest.mark.parametrize("name", ["AND", "OR", "NOT", "TRUE", "FALSE", "1a", "a b", "a.b", "-a"])
 def test_what_is_no_name_is_told(name: str) -> None:
-    said = "is no name; a name is a letter and then letters, digits, _ or -, and not AND, OR, NOT, TRUE or FALSE"
-    found = problems(f'types:\n  "{name}": {{parent: Jar}}\n')
-    assert [(p.line, p.subject, p.rule, p.message) for p in found] == [(2, name, "name", said)]
+    message = "is no name; a name is a letter and then letters, digits, _ or -, and not AND, OR, NOT, TRUE or FALSE"
+    found_problems = problems(f'types:\n  "{name}": {{parent: Jar}}\n')
+    assert [(p.line, p.subject, p.rule, p.message) for p in found_problems] == [(2, name, "name", message)]
 
 
 def test_what_only_follows_from_a_mistake_is_not_told() -> None:
-    found = problems("types:\n  AND: {parent: Jar}\n  Vase: {parent: AND}\n  Urn: {parent: Vasse}\n")
-    assert [(p.line, p.subject, p.rule) for p in found] == [(2, "AND", "name"), (4, "Urn", "unknown-name")]
+    found_problems = problems("types:\n  AND: {parent: Jar}\n  Vase: {parent: AND}\n  Urn: {parent: Vasse}\n")
+    assert [(p.line, p.subject, p.rule) for p in found_problems] == [(2, "AND", "name"), (4, "Urn", "unknown-name")]
 
 
 def test_attributes_that_are_made_of_each_other() -> None:
     outer = "attributes: {Heat: {kind: complex, attributes: [Glow]}, Glow: {kind: complex, attributes: [Fire]}"
     assert "Fire" in load_text(f"{outer}, Fire: {{kind: complex, attributes: [Weight]}}}}\n").ontology.attributes
-    found = problems(f"{outer}, Fire: {{kind: complex, attributes: [Weight, Heat]}}}}\n")
-    assert [(p.subject, p.rule) for p in found] == [("Heat", "cycle"), ("Glow", "cycle"), ("Fire", "cycle")]
+    found_problems = problems(f"{outer}, Fire: {{kind: complex, attributes: [Weight, Heat]}}}}\n")
+    assert [(p.subject, p.rule) for p in found_problems] == [("Heat", "cycle"), ("Glow", "cycle"), ("Fire", "cycle")]
 
 
 def test_what_a_part_may_be_there_for_as_often_as_it_must() -> None:
@@ -258,12 +260,12 @@ def test_no_text_makes_loading_fail_otherwise(data: st.DataObject) -> None:
     start = data.draw(st.integers(0, len(HOUSE) - 1))
     end = data.draw(st.integers(start, min(start + 12, len(HOUSE))))
     junk = data.draw(st.text(alphabet=":{}[]-,'\"\n |>&*!?%@#ab1.e~", max_size=8))
-    told: list[Problem] = []
+    found_problems: list[Problem] = []
     try:
         load_text(HOUSE[:start] + junk + HOUSE[end:])
     except ModelError as error:
-        told = error.problems
-    assert all(problem.message for problem in told)
+        found_problems = error.problems
+    assert all(problem.message for problem in found_problems)
 
 
 def test_files_use_others_relative_to_themselves(tmp_path: Path) -> None:
@@ -281,8 +283,8 @@ def test_files_that_are_missing_or_say_a_thing_twice(tmp_path: Path) -> None:
     (tmp_path / "two.yaml").write_text("types:\n  Vase: {parent: Can}\n")
     with pytest.raises(ModelError) as caught:
         load([tmp_path / "one.yaml"])
-    found = {(Path(p.file).name, p.line, p.rule) for p in caught.value.problems}
-    assert found == {("one.yaml", 3, "file"), ("one.yaml", 4, "duplicate")}
+    found_problems = {(Path(p.file).name, p.line, p.rule) for p in caught.value.problems}
+    assert found_problems == {("one.yaml", 3, "file"), ("one.yaml", 4, "duplicate")}
 
 
 def test_what_is_said_of_files_and_of_those_that_they_use(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -439,11 +441,13 @@ def test_what_the_upper_ontology_has_can_be_left_out_or_defined_anew() -> None:
     assert yaml.safe_load(written)["without"] == ["types Can", "types Cup"]
     assert list(yaml.safe_load(written)["types"]) == ["Can"]
     for whole in (written, dump_ontology(ontology, upper(), "own", whole=True)):
-        assert {(type(one), one.name): one for one in load_text(whole).ontology} == {(type(one), one.name): one for one in ontology}
+        assert {(type(definition), definition.name): definition for definition in load_text(whole).ontology} == {
+            (type(definition), definition.name): definition for definition in ontology
+        }
 
 
 @pytest.mark.parametrize(
-    ("entry", "said"),
+    ("entry", "words"),
     [
         ("types Cupp", "did you mean Cup"),
         ("cups", "names no definition"),
@@ -453,10 +457,10 @@ def test_what_the_upper_ontology_has_can_be_left_out_or_defined_anew() -> None:
         ("attributes Texture", "no attribute is called Texture"),
     ],
 )
-def test_what_cannot_be_left_out_is_said_with_its_line(entry: str, said: str) -> None:
-    found = problems(f"ontology: own\nwithout:\n  - {entry}\n")
-    assert any(said in problem.message for problem in found), found
-    assert (3 in [problem.line for problem in found]) is (entry != "attributes Texture")
+def test_what_cannot_be_left_out_is_said_with_its_line(entry: str, words: str) -> None:
+    found_problems = problems(f"ontology: own\nwithout:\n  - {entry}\n")
+    assert any(words in problem.message for problem in found_problems), found_problems
+    assert (3 in [problem.line for problem in found_problems]) is (entry != "attributes Texture")
 
 
 def test_definitions_of_a_text_take_the_place_of_others() -> None:
@@ -549,34 +553,47 @@ docs = st.text(alphabet=st.characters(exclude_categories=["Cs"]), max_size=20)
 
 @st.composite
 def definitions(draw: st.DrawFn) -> list[AttributeType | RelationType | FunctionType | ObjectType | ServiceType]:
-    a, b, c, d, e, f, g, h, i = (f"New{name}" for name in draw(st.lists(names, min_size=9, max_size=9, unique=True)))
+    number_name, enumeration_name, complex_name, type_name, relation_name, symmetric_name, function_name, service_name, table_name = (
+        f"New{name}" for name in draw(st.lists(names, min_size=9, max_size=9, unique=True))
+    )
     low = draw(st.none() | st.just(0.0) | st.floats(-1e9, 1e9))
     return [
-        AttributeType(name=a, kind=Kind.NUMBER, unit=draw(st.sampled_from([None, "m", "km/h", "percent"])), minimum=low, doc=draw(docs)),
-        AttributeType(name=b, kind=Kind.ENUMERATION, values=tuple(draw(st.lists(names, min_size=1, max_size=3, unique=True)))),
-        AttributeType(name=c, kind=Kind.COMPLEX, attributes=(a, b)),
+        AttributeType(
+            name=number_name, kind=Kind.NUMBER, unit=draw(st.sampled_from([None, "m", "km/h", "percent"])), minimum=low, doc=draw(docs)
+        ),
+        AttributeType(
+            name=enumeration_name, kind=Kind.ENUMERATION, values=tuple(draw(st.lists(names, min_size=1, max_size=3, unique=True)))
+        ),
+        AttributeType(name=complex_name, kind=Kind.COMPLEX, attributes=(number_name, enumeration_name)),
         ObjectType(
-            name=d,
+            name=type_name,
             parent=draw(st.sampled_from(["Object", "Table", "Room"])),
-            attributes=(a,),
-            required=(c,),
+            attributes=(number_name,),
+            required=(complex_name,),
             parts=(Part(type="Table", minimum=draw(st.integers(0, 3)), maximum=draw(st.none() | st.integers(3, 5))),),
-            constraints=(Constraint(attribute=a, maximum=draw(numbers)), Constraint(formula=f"?Self.{a} < 3", doc=draw(docs))),
-            defaults={a: max(low or 0.0, draw(st.floats(0, 10)))},
+            constraints=(
+                Constraint(attribute=number_name, maximum=draw(numbers)),
+                Constraint(formula=f"?Self.{number_name} < 3", doc=draw(docs)),
+            ),
+            defaults={number_name: max(low or 0.0, draw(st.floats(0, 10)))},
             doc=draw(docs),
         ),
-        RelationType(name=e, joins=(d, "Object"), functional=draw(st.booleans()), excludes=draw(st.none() | names)),
-        RelationType(name=f, joins=(d, d), symmetric=True),
-        FunctionType(name=g, parameters=(d,), attribute=a),
-        FunctionType(name=i, parameters=(d, d), values={f"{a} {b}": draw(numbers), f"{b} {a}": 0.0}),
+        RelationType(name=relation_name, joins=(type_name, "Object"), functional=draw(st.booleans()), excludes=draw(st.none() | names)),
+        RelationType(name=symmetric_name, joins=(type_name, type_name), symmetric=True),
+        FunctionType(name=function_name, parameters=(type_name,), attribute=number_name),
+        FunctionType(
+            name=table_name,
+            parameters=(type_name, type_name),
+            values={f"{number_name} {enumeration_name}": draw(numbers), f"{enumeration_name} {number_name}": 0.0},
+        ),
         ServiceType(
-            name=h,
-            inputs=(Parameter(name="x", type=d), Parameter(name="n", type="number")),
+            name=service_name,
+            inputs=(Parameter(name="x", type=type_name), Parameter(name="n", type="number")),
             outputs=(Parameter(name="y", type="Object"),),
             kind=draw(st.sampled_from(ServiceKind)),
-            precondition=draw(st.none() | st.just(f"?x.{a} > ?n")),
-            effect=f"?x {e} ?y",
-            cost=draw(st.sampled_from([None, "3", f"{i}(?x, ?x)", f"?x.{a}"])),
+            precondition=draw(st.none() | st.just(f"?x.{number_name} > ?n")),
+            effect=f"?x {relation_name} ?y",
+            cost=draw(st.sampled_from([None, "3", f"{table_name}(?x, ?x)", f"?x.{number_name}"])),
         ),
     ]
 

@@ -72,9 +72,9 @@ def test_texts_are_quoted_where_they_would_be_read_as_something_else(value: str)
 
 
 def test_what_is_there_twice_is_written_twice_and_lines_each_on_their_own() -> None:
-    same = ["a", "b"]
-    assert yaml.dump({"x": same, "y": same}, Dumper=Dumper, default_flow_style=None) == "x: [a, b]\ny: [a, b]\n"
-    assert yaml.dump({"x": Lines(same)}, Dumper=Dumper, default_flow_style=None) == "x:\n- a\n- b\n"
+    shared_list = ["a", "b"]
+    assert yaml.dump({"x": shared_list, "y": shared_list}, Dumper=Dumper, default_flow_style=None) == "x: [a, b]\ny: [a, b]\n"
+    assert yaml.dump({"x": Lines(shared_list)}, Dumper=Dumper, default_flow_style=None) == "x:\n- a\n- b\n"
 
 
 @pytest.mark.parametrize(

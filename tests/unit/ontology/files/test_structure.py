@@ -17,7 +17,7 @@ ANY_KEY = f"there are {', '.join(File.model_fields)}"
 
 
 @pytest.mark.parametrize(
-    ("text", "broken", "told"),
+    ("text", "broken", "reports"),
     [
         ("ontology: x\n", set(), []),
         ("- a\n", set(), [(1, "file", f"a file is a list of keys ({', '.join(File.model_fields)}) with values")]),
@@ -77,8 +77,10 @@ ANY_KEY = f"there are {', '.join(File.model_fields)}"
         (f"map: [{'a' * 56}]\n", set(), [(1, "map", f"map should be string, not ['{'a' * 55}...")]),
     ],
 )
-def test_what_is_said_of_the_structure(text: str, broken: set[str], told: list[tuple[int, str, str]]) -> None:
-    problems = [Problem(file="own.yaml", line=line, subject=subject, rule="structure", message=message) for line, subject, message in told]
+def test_what_is_said_of_the_structure(text: str, broken: set[str], reports: list[tuple[int, str, str]]) -> None:
+    problems = [
+        Problem(file="own.yaml", line=line, subject=subject, rule="structure", message=message) for line, subject, message in reports
+    ]
     assert structure_problems(Source("own.yaml", text)) == (problems, broken)
 
 
@@ -87,8 +89,8 @@ def test_what_is_no_yaml_has_no_structure() -> None:
     assert unread.problems != []
     assert structure_problems(unread) == (unread.problems, set())
     twice = Source("own.yaml", "map: a\nmap: b\nmapp: c\n")
-    found, broken = structure_problems(twice)
-    assert [(problem.line, problem.rule) for problem in found] == [(2, "duplicate"), (3, "structure")]
+    problems, broken = structure_problems(twice)
+    assert [(problem.line, problem.rule) for problem in problems] == [(2, "duplicate"), (3, "structure")]
     assert broken == set()
 
 
@@ -170,10 +172,12 @@ def test_what_is_no_yaml_has_no_structure() -> None:
     ],
 )
 def test_what_an_entry_defines(section: str, body: dict[str, Any], expected: Definition) -> None:
-    found = definition("New", ENTRIES[section].model_validate(body), {"Load": 3.0})
-    assert found == expected
-    if isinstance(found, ObjectType):
-        assert [(type(part.minimum), type(part.maximum)) for part in found.parts[1:]] == [(int, int)] * len(found.parts[1:])
+    new_definition = definition("New", ENTRIES[section].model_validate(body), {"Load": 3.0})
+    assert new_definition == expected
+    if isinstance(new_definition, ObjectType):
+        assert [(type(part.minimum), type(part.maximum)) for part in new_definition.parts[1:]] == [(int, int)] * len(
+            new_definition.parts[1:]
+        )
 
 
 def test_nothing_else_defines_something() -> None:

@@ -21,7 +21,7 @@ from tests.unit.ontology.files.test_loading import HOUSE, definitions, maps, the
 
 pytest.importorskip("rdflib", reason="rdflib is not installed")
 
-HERE = Path(__file__).parent
+FOLDER = Path(__file__).parent
 PREFIXES = """\
 @prefix : <http://example.org/vases#> .
 @prefix type: <urn:so-mrs:type:> .
@@ -40,8 +40,8 @@ def turtle(text: str, base: Ontology | None = None) -> OwlImport:
     return read(PREFIXES + text, "vases.ttl", base or upper())
 
 
-def noted(found: OwlImport) -> list[tuple[str, str]]:
-    return [(note.subject, note.message) for note in found.notes]
+def noted(owl_import: OwlImport) -> list[tuple[str, str]]:
+    return [(note.subject, note.message) for note in owl_import.notes]
 
 
 # What is written is read back
@@ -51,10 +51,10 @@ def noted(found: OwlImport) -> list[tuple[str, str]]:
 @pytest.mark.parametrize("site", ["scenario-1", "scenario-2"])
 def test_whole_sites_are_read_back(site: str, format: Format) -> None:
     loaded = load_text((ROOT / "src" / "somrs" / "demo" / "data" / f"{site}.yaml").read_text("utf-8"))
-    found = read(export(loaded.ontology, loaded.map, format).decode(), "site", Ontology())
-    assert [*found.ontology] == [*loaded.ontology]
-    assert found.map == loaded.map
-    assert (found.renamings, found.notes) == ((), ())
+    owl_import = read(export(loaded.ontology, loaded.map, format).decode(), "site", Ontology())
+    assert [*owl_import.ontology] == [*loaded.ontology]
+    assert owl_import.map == loaded.map
+    assert (owl_import.renamings, owl_import.notes) == ((), ())
 
 
 @given(definitions(), st.sampled_from(Format))
@@ -66,9 +66,9 @@ def test_ontology_is_read_back_as_written(new: list[Definition], format: Format)
     except UsageError:
         assert format is Format.XML, "Turtle holds everything"
         return
-    found = read(text, "file", upper())
-    assert [*found.ontology] == [*ontology]
-    assert not found.notes
+    owl_import = read(text, "file", upper())
+    assert [*owl_import.ontology] == [*ontology]
+    assert not owl_import.notes
 
 
 @given(maps(), st.sampled_from(Format))
@@ -93,9 +93,9 @@ def test_relations_of_any_arity_are_read_back() -> None:
         [Object(name=name, type="Table") for name in "ABC"],
         [Fact("isNew", ("A",)), Fact("between", ("A", "B", "C")), Fact("isAdjacentTo", ("A", "B"))],
     )
-    found = read(export(ontology, map).decode(), "file", upper())
-    assert [*found.ontology] == [*ontology]
-    assert found.map == map
+    owl_import = read(export(ontology, map).decode(), "file", upper())
+    assert [*owl_import.ontology] == [*ontology]
+    assert owl_import.map == map
 
 
 def test_rules_of_the_same_attribute_keep_each_its_meaning_and_place() -> None:
@@ -133,31 +133,31 @@ relations:
 def edited(name: str) -> OwlImport:
     """`teapots` with a map, as the OWL API that Protégé is made with wrote it anew after these edits: a new class Vase below Jar, a new
     property Temperature of it, an individual Vase7, and another label for Cup; and Vase and Cup were made disjoint."""
-    return read((HERE / name).read_text("utf-8"), name, load_text(EDITED).ontology)
+    return read((FOLDER / name).read_text("utf-8"), name, load_text(EDITED).ontology)
 
 
 @pytest.mark.parametrize("name", ["edited.ttl", "edited.rdf"])
 def test_an_editor_may_write_it_anew_and_change_it(name: str) -> None:
-    before, found = load_text(EDITED), edited(name)
-    assert found.renamings == (Renaming(section=Section.TYPES, name="Cup", to="Mug"),)
+    original, owl_import = load_text(EDITED), edited(name)
+    assert owl_import.renamings == (Renaming(section=Section.TYPES, name="Cup", to="Mug"),)
     temperature = AttributeType(name="Temperature", kind=Kind.NUMBER)
     vase = ObjectType(name="Vase", parent="Jar", attributes=("Temperature",))
-    kept = {(type(one), one.name): one for one in before.ontology}
-    assert {(type(one), one.name): one for one in found.ontology} == {
-        **kept,
+    original_definitions = {(type(definition), definition.name): definition for definition in original.ontology}
+    assert {(type(definition), definition.name): definition for definition in owl_import.ontology} == {
+        **original_definitions,
         (AttributeType, "Temperature"): temperature,
         (ObjectType, "Vase"): vase,
     }
-    assert [*found.ontology.types][-1] == "Vase", "what is new comes last"
-    assert found.map.objects["Vase7"] == Object(name="Vase7", type="Vase", values={"Temperature": 21.5})
-    assert found.map.has_fact("isOn", ("Vase7", "Table1"))
-    assert len(found.map.objects) == len(the_map(load_text(HOUSE)).objects) + 1
-    assert [note.subject for note in found.notes] == ["Vase"]
-    assert "owl:disjointWith Cup" in found.notes[0].message
+    assert [*owl_import.ontology.types][-1] == "Vase", "what is new comes last"
+    assert owl_import.map.objects["Vase7"] == Object(name="Vase7", type="Vase", values={"Temperature": 21.5})
+    assert owl_import.map.has_fact("isOn", ("Vase7", "Table1"))
+    assert len(owl_import.map.objects) == len(the_map(load_text(HOUSE)).objects) + 1
+    assert [note.subject for note in owl_import.notes] == ["Vase"]
+    assert "owl:disjointWith Cup" in owl_import.notes[0].message
 
 
 def test_new_words_of_other_namespaces_are_called_by_label_or_iri() -> None:
-    found = turtle("""
+    owl_import = turtle("""
 :Vase a owl:Class ; rdfs:subClassOf type:Jar ; rdfs:comment "For flowers" ;
   rdfs:subClassOf [ a owl:Restriction ; owl:onProperty :Depth2 ; owl:cardinality 1 ] ,
     [ a owl:Restriction ; owl:onProperty attribute:Weight ; owl:allValuesFrom [ a rdfs:Datatype ; owl:onDatatype xsd:decimal ;
@@ -169,44 +169,44 @@ def test_new_words_of_other_namespaces_are_called_by_label_or_iri() -> None:
 :standsBeside a owl:ObjectProperty , owl:SymmetricProperty ; rdfs:domain :Vase ; rdfs:range :Vase .
 :Urn1 a :x17 , type:Jar ; :Depth2 3 ; :Broken false ; :standsBeside object:Jar002 ; attribute:Color "Red" .
 """)
-    assert found.ontology.types["Vase"] == ObjectType(
+    assert owl_import.ontology.types["Vase"] == ObjectType(
         name="Vase",
         parent="Jar",
         attributes=("Broken",),
         required=("Depth2",),
-        parts=(found.ontology.types["Vase"].parts[0],),
+        parts=(owl_import.ontology.types["Vase"].parts[0],),
         constraints=(Constraint(attribute="Weight", maximum=2.0),),
         doc="For flowers",
     )
-    assert (found.ontology.types["Vase"].parts[0].type, found.ontology.types["Vase"].parts[0].minimum) == ("Floor", 1)
-    assert found.ontology.types["Urn"].parent == "Vase"
-    assert found.ontology.relations["standsBeside"] == RelationType(name="standsBeside", joins=("Vase", "Vase"), symmetric=True)
-    assert found.map.objects["Urn1"] == Object(name="Urn1", type="Urn", values={"Depth2": 3.0, "Broken": False, "Color": "Red"})
-    assert [*found.map.facts()] == [Fact("standsBeside", ("Urn1", "Jar002"))]
-    assert found.notes == ()
+    assert (owl_import.ontology.types["Vase"].parts[0].type, owl_import.ontology.types["Vase"].parts[0].minimum) == ("Floor", 1)
+    assert owl_import.ontology.types["Urn"].parent == "Vase"
+    assert owl_import.ontology.relations["standsBeside"] == RelationType(name="standsBeside", joins=("Vase", "Vase"), symmetric=True)
+    assert owl_import.map.objects["Urn1"] == Object(name="Urn1", type="Urn", values={"Depth2": 3.0, "Broken": False, "Color": "Red"})
+    assert [*owl_import.map.facts()] == [Fact("standsBeside", ("Urn1", "Jar002"))]
+    assert owl_import.notes == ()
 
 
 def test_what_is_only_mentioned_is_not_changed() -> None:
     """A file of somebody who needed the class above to be declared."""
-    found = turtle(":Vase a owl:Class ; rdfs:subClassOf type:Jar . type:Jar a owl:Class . relation:isOn a owl:ObjectProperty .")
-    assert [one.name for one in found.ontology] == ["Vase"]
+    owl_import = turtle(":Vase a owl:Class ; rdfs:subClassOf type:Jar . type:Jar a owl:Class . relation:isOn a owl:ObjectProperty .")
+    assert [definition.name for definition in owl_import.ontology] == ["Vase"]
 
 
 def test_shapes_of_others_become_rules_of_types() -> None:
-    found = turtle("""
+    owl_import = turtle("""
 :JarShape a sh:NodeShape ; sh:targetClass type:Jar ;
   sh:property [ sh:path attribute:Weight ; sh:maxInclusive 2 ; sh:minCount 1 ; sh:message "Light" ] ,
     [ sh:path ( attribute:Shape attribute:Form ) ; sh:in ( "Cylinder" "Polygon" ) ] ,
     [ sh:path attribute:Label ; sh:pattern "^J" ] .
 """)
-    jar = found.ontology.types["Jar"]
+    jar = owl_import.ontology.types["Jar"]
     assert jar.constraints == (
         Constraint(attribute="Shape.Form", values=("Cylinder", "Polygon")),
         Constraint(attribute="Weight", maximum=2.0, doc="Light"),
     )
     assert jar.required == ("Weight",)
     assert jar.defaults == upper().types["Jar"].defaults
-    assert any("sh:pattern" in message and "sh:minInclusive" in message for _, message in noted(found))
+    assert any("sh:pattern" in message and "sh:minInclusive" in message for _, message in noted(owl_import))
 
 
 NOTED = [
@@ -231,9 +231,9 @@ NOTED = [
 
 @pytest.mark.parametrize(("text", "subject", "words"), NOTED, ids=[words for _, _, words in NOTED])
 def test_what_there_are_no_words_for_is_named_with_what_to_do(text: str, subject: str, words: str) -> None:
-    found = turtle(text)
-    assert any(one == subject and words in message for one, message in noted(found)), noted(found)
-    assert {note.line for note in found.notes} == {PREFIXES.count("\n") + 1}
+    owl_import = turtle(text)
+    assert any(note_subject == subject and words in message for note_subject, message in noted(owl_import)), noted(owl_import)
+    assert {note.line for note in owl_import.notes} == {PREFIXES.count("\n") + 1}
 
 
 def wrong(text: str) -> list[Problem]:
@@ -259,10 +259,10 @@ WRONG = [
 
 @pytest.mark.parametrize(("text", "rule", "words"), WRONG, ids=[words for _, _, words in WRONG])
 def test_what_is_wrong_is_named_with_its_line(text: str, rule: str, words: str) -> None:
-    found = wrong("\n" + text)
-    assert [problem.rule for problem in found] == [rule]
-    assert words in found[0].message
-    assert found[0].line == PREFIXES.count("\n") + 2
+    found_problems = wrong("\n" + text)
+    assert [problem.rule for problem in found_problems] == [rule]
+    assert words in found_problems[0].message
+    assert found_problems[0].line == PREFIXES.count("\n") + 2
 
 
 @pytest.mark.parametrize(
@@ -274,7 +274,7 @@ def test_what_is_no_such_file_is_told(text: str) -> None:
 
 
 def sections(definitions: Iterable[Definition]) -> set[str]:
-    return {type(one).__name__ for one in definitions}
+    return {type(definition).__name__ for definition in definitions}
 
 
 def test_all_kinds_of_definitions_are_in_what_is_compared() -> None:

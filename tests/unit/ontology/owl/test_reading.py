@@ -18,20 +18,20 @@ from tests.unit.ontology.owl.test_owl import PREFIXES, noted, turtle, wrong
 
 NO_WORDS = "there are no words for it here, and it is not kept"
 ONE_VALUE = "an attribute has one value: say `max 1` (may have), `exactly 1` (must have) or `only`"
-BELOW = "it is said to be below "
+BELOW_NOTE = "it is said to be below "
 TEXT_TAKEN = "; it is taken for a text"
 
 
-def datatype(inside: str) -> str:
-    return f":A a owl:DatatypeProperty ; rdfs:range [ a rdfs:Datatype ; {inside} ] ."
+def datatype(range_body: str) -> str:
+    return f":A a owl:DatatypeProperty ; rdfs:range [ a rdfs:Datatype ; {range_body} ] ."
 
 
-def within(limits: str) -> str:
+def facet_range(limits: str) -> str:
     return f"owl:onDatatype xsd:decimal ; owl:withRestrictions ( {limits} )"
 
 
-def restricted(on: str, rule: str) -> str:
-    return f"[ a owl:Restriction ; owl:onProperty {on} ; {rule} ]"
+def restricted(property_iri: str, rule: str) -> str:
+    return f"[ a owl:Restriction ; owl:onProperty {property_iri} ; {rule} ]"
 
 
 def attribute(
@@ -67,11 +67,11 @@ ATTRIBUTES: list[tuple[str, AttributeType, list[str]]] = [
             "truths (xsd:boolean) and lists of values; it is taken for a text"
         ],
     ),
-    (datatype(within("[ xsd:minInclusive 1 ] [ xsd:maxInclusive 2.5 ]")), attribute(Kind.NUMBER, low=1, high=2.5), []),
-    (datatype(within("[ xsd:maxInclusive 2.5 ]")), attribute(Kind.NUMBER, high=2.5), []),
+    (datatype(facet_range("[ xsd:minInclusive 1 ] [ xsd:maxInclusive 2.5 ]")), attribute(Kind.NUMBER, low=1, high=2.5), []),
+    (datatype(facet_range("[ xsd:maxInclusive 2.5 ]")), attribute(Kind.NUMBER, high=2.5), []),
     (datatype("owl:onDatatype xsd:string"), attribute(), []),
     (
-        datatype(within("[ xsd:minExclusive 1 ]")),
+        datatype(facet_range("[ xsd:minExclusive 1 ]")),
         attribute(),
         [
             "its range is a limit of another sort (http://www.w3.org/2001/XMLSchema#minExclusive); limits are xsd:minInclusive and "
@@ -96,7 +96,7 @@ ATTRIBUTES: list[tuple[str, AttributeType, list[str]]] = [
         [f"its range is a data range that is neither a datatype, nor one within limits, nor a list of values{TEXT_TAKEN}"],
     ),
     (
-        datatype(f"owl:intersectionOf ( [ {within('[ xsd:minInclusive 1 ]')} ] [ {within('[ xsd:maxInclusive 2 ]')} ] )"),
+        datatype(f"owl:intersectionOf ( [ {facet_range('[ xsd:minInclusive 1 ]')} ] [ {facet_range('[ xsd:maxInclusive 2 ]')} ] )"),
         attribute(Kind.NUMBER, low=1, high=2),
         [],
     ),
@@ -105,9 +105,9 @@ ATTRIBUTES: list[tuple[str, AttributeType, list[str]]] = [
 
 @pytest.mark.parametrize(("text", "expected", "notes"), ATTRIBUTES)
 def test_attributes(text: str, expected: AttributeType, notes: list[str]) -> None:
-    found = turtle(text)
-    assert [*found.ontology] == [expected]
-    assert noted(found) == [("A", note) for note in notes]
+    owl_import = turtle(text)
+    assert [*owl_import.ontology] == [expected]
+    assert noted(owl_import) == [("A", note) for note in notes]
 
 
 NUMBERS = (
@@ -124,9 +124,9 @@ DATATYPES = {
 
 def test_what_the_datatypes_of_others_are() -> None:
     prefix = "@prefix rdf: <http://www.w3.org/1999/02/22-rdf-syntax-ns#> ."
-    found = turtle("\n".join([prefix, *(f":A{n} a owl:DatatypeProperty ; rdfs:range {name} ." for n, name in enumerate(DATATYPES))]))
-    assert {name: found.ontology.attributes[f"A{n}"].kind for n, name in enumerate(DATATYPES)} == DATATYPES
-    assert found.notes == ()
+    owl_import = turtle("\n".join([prefix, *(f":A{n} a owl:DatatypeProperty ; rdfs:range {name} ." for n, name in enumerate(DATATYPES))]))
+    assert {name: owl_import.ontology.attributes[f"A{n}"].kind for n, name in enumerate(DATATYPES)} == DATATYPES
+    assert owl_import.notes == ()
 
 
 def test_attributes_that_are_made_of_others() -> None:
@@ -135,22 +135,22 @@ def test_attributes_that_are_made_of_others() -> None:
         restricted("attribute:Label", "owl:cardinality 1"),
         restricted("attribute:Color", "owl:maxCardinality 2"),
     ]
-    found = turtle(f"""
+    owl_import = turtle(f"""
 :A a owl:ObjectProperty ; rdfs:range :Parts ; rdfs:comment "Made" .
 :Parts a owl:Class ; rdfs:label "Parts" ; rdfs:comment "Not kept" ; somrs:order "Weight Label" ;
   rdfs:subClassOf somrs:Value , {" , ".join(rules)} .
 :Part1 a :Parts .
 """)
-    assert [*found.ontology] == [AttributeType(name="A", kind=Kind.COMPLEX, attributes=("Weight", "Label"), doc="Made")]
-    assert not found.map.objects
-    assert noted(found) == [
+    assert [*owl_import.ontology] == [AttributeType(name="A", kind=Kind.COMPLEX, attributes=("Weight", "Label"), doc="Made")]
+    assert not owl_import.map.objects
+    assert noted(owl_import) == [
         ("Parts", f"says a rule for Color; {ONE_VALUE}"),
         ("Parts", f"rdfs:subClassOf: {NO_WORDS}"),
         ("Part1", f"it is said to be of Parts: {NO_WORDS}"),
     ]
 
 
-NOT_ONE = "is to be one class, and what it has is not one class; Object is taken"
+NOT_ONE_CLASS = "is to be one class, and what it has is not one class; Object is taken"
 ARGUMENTS = [
     restricted(f"somrs:argument{number}", f"owl:allValuesFrom type:{name}") for number, name in enumerate(("Jar", "Cup", "Can"), 1)
 ]
@@ -167,12 +167,12 @@ ARGUMENTS = [
         (
             ':r a owl:ObjectProperty , owl:SymmetricProperty ; rdfs:domain type:Jar ; rdfs:range type:Cup , type:Can ; rdfs:comment "R" .',
             RelationType(name="r", joins=("Jar", "Object"), symmetric=True, doc="R"),
-            [f"range {NOT_ONE}"],
+            [f"range {NOT_ONE_CLASS}"],
         ),
         (
             ":r a owl:ObjectProperty ; rdfs:domain owl:Thing ; rdfs:range type:Cup , [ owl:unionOf ( type:Cup type:Can ) ] .",
             RelationType(name="r", joins=("Object", "Object")),
-            [f"domain {NOT_ONE}", f"range {NOT_ONE}"],
+            [f"domain {NOT_ONE_CLASS}", f"range {NOT_ONE_CLASS}"],
         ),
         (
             f':r a owl:Class ; rdfs:subClassOf somrs:Fact , {" , ".join(reversed(ARGUMENTS))} ; somrs:functional true ; rdfs:comment "R" .',
@@ -188,9 +188,9 @@ ARGUMENTS = [
     ],
 )
 def test_relations(text: str, expected: RelationType, notes: list[str]) -> None:
-    found = turtle(text)
-    assert [*found.ontology] == [expected]
-    assert noted(found) == [("r", note) for note in dict.fromkeys(notes)]
+    owl_import = turtle(text)
+    assert [*owl_import.ontology] == [expected]
+    assert noted(owl_import) == [("r", note) for note in dict.fromkeys(notes)]
 
 
 @pytest.mark.parametrize(
@@ -228,14 +228,14 @@ def test_relations(text: str, expected: RelationType, notes: list[str]) -> None:
     ],
 )
 def test_functions_and_services(text: str, expected: Definition) -> None:
-    found = turtle(text)
-    assert [*found.ontology] == [expected]
-    assert found.notes == ()
-    assert not found.map.objects
+    owl_import = turtle(text)
+    assert [*owl_import.ontology] == [expected]
+    assert owl_import.notes == ()
+    assert not owl_import.map.objects
 
 
-def part(rule: str, on: str = "somrs:hasPart") -> str:
-    return restricted(on, rule)
+def part(rule: str, property_iri: str = "somrs:hasPart") -> str:
+    return restricted(property_iri, rule)
 
 
 def vase(
@@ -250,9 +250,9 @@ def vase(
     )
 
 
-AT_LEAST_1 = restricted("attribute:Weight", f"owl:allValuesFrom [ a rdfs:Datatype ; {within('[ xsd:minInclusive 1 ]')} ]")
+AT_LEAST_1 = restricted("attribute:Weight", f"owl:allValuesFrom [ a rdfs:Datatype ; {facet_range('[ xsd:minInclusive 1 ]')} ]")
 FORMS = 'owl:allValuesFrom [ a rdfs:Datatype ; owl:oneOf ( "Box" "Cylinder" ) ]'
-HAVING = [
+ATTRIBUTE_RULES = [
     restricted(f"attribute:{name}", rule)
     for name, rule in (
         ("Weight", "owl:minCardinality 1"),
@@ -266,9 +266,9 @@ HAVING = [
 ]
 TYPES: list[tuple[list[str], ObjectType, list[str]]] = [
     (
-        HAVING,
+        ATTRIBUTE_RULES,
         vase(attributes=("Color", "Texture"), required=("Label", "Open", "Weight")),
-        [f"{BELOW}a rule for Price; {ONE_VALUE}", f"{BELOW}a rule for Speed; {ONE_VALUE}"],
+        [f"{BELOW_NOTE}a rule for Price; {ONE_VALUE}", f"{BELOW_NOTE}a rule for Speed; {ONE_VALUE}"],
     ),
     (
         [
@@ -290,32 +290,32 @@ TYPES: list[tuple[list[str], ObjectType, list[str]]] = [
         ),
         [],
     ),
-    ([part("owl:allValuesFrom type:Cup")], vase(), [f"{BELOW}a class expression where a class should be named"]),
+    ([part("owl:allValuesFrom type:Cup")], vase(), [f"{BELOW_NOTE}a class expression where a class should be named"]),
     (
         [part("owl:onClass type:Cup")],
         vase(),
-        [f"{BELOW}a rule for parts; parts are counted: `min 1 Wall`, `max 4 Wall`, `exactly 1 Floor`"],
+        [f"{BELOW_NOTE}a rule for parts; parts are counted: `min 1 Wall`, `max 4 Wall`, `exactly 1 Floor`"],
     ),
     (
         [part("owl:someValuesFrom type:Cup", "[ owl:inverseOf relation:isOn ]")],
         vase(),
-        [f"{BELOW}a rule for something without a name, which is no attribute; say it as a formula with somrs:constraint"],
+        [f"{BELOW_NOTE}a rule for something without a name, which is no attribute; say it as a formula with somrs:constraint"],
     ),
     (
         [part("owl:someValuesFrom type:Cup", "relation:isOn")],
         vase(),
-        [f"{BELOW}a rule for isOn, which is no attribute; say it as a formula with somrs:constraint"],
+        [f"{BELOW_NOTE}a rule for isOn, which is no attribute; say it as a formula with somrs:constraint"],
     ),
     ([ARGUMENTS[0]], vase(), ["it says something of an argument, and is no relation"]),
     (
         ["[ owl:onProperty attribute:Weight ; owl:maxCardinality 1 ]"],
         vase(),
-        [f"{BELOW}a class expression; a type has one parent, cardinalities and `only` for its attributes, and formulas"],
+        [f"{BELOW_NOTE}a class expression; a type has one parent, cardinalities and `only` for its attributes, and formulas"],
     ),
     (
         [restricted("attribute:Weight", "owl:allValuesFrom xsd:decimal")],
         vase(),
-        [f"{BELOW}what Weight is made of; the attribute's own range says that"],
+        [f"{BELOW_NOTE}what Weight is made of; the attribute's own range says that"],
     ),
     ([AT_LEAST_1], vase(constraints=(Constraint(attribute="Weight", minimum=1.0),)), []),
     (
@@ -326,25 +326,25 @@ TYPES: list[tuple[list[str], ObjectType, list[str]]] = [
     (
         [restricted("attribute:Shape", f"owl:allValuesFrom {restricted('attribute:Form', 'owl:maxCardinality 1')}")],
         vase(),
-        [f"{BELOW}a rule for the parts of Shape; only limits of them are kept"],
+        [f"{BELOW_NOTE}a rule for the parts of Shape; only limits of them are kept"],
     ),
 ]
 
 
 @pytest.mark.parametrize(("rules", "expected", "notes"), TYPES)
 def test_types(rules: list[str], expected: ObjectType, notes: list[str]) -> None:
-    found = turtle(f":V a owl:Class ; rdfs:subClassOf type:Jar , {' , '.join(rules)} .")
-    assert [*found.ontology] == [expected]
-    assert sorted(noted(found)) == [("V", note) for note in notes]
+    owl_import = turtle(f":V a owl:Class ; rdfs:subClassOf type:Jar , {' , '.join(rules)} .")
+    assert [*owl_import.ontology] == [expected]
+    assert sorted(noted(owl_import)) == [("V", note) for note in notes]
 
 
 def test_types_with_all_that_is_annotated() -> None:
-    found = turtle(f"""
-:V a owl:Class ; rdfs:subClassOf type:Jar , owl:Thing , {" , ".join((*HAVING[:2], part("owl:someValuesFrom type:Can")))} ,
+    owl_import = turtle(f"""
+:V a owl:Class ; rdfs:subClassOf type:Jar , owl:Thing , {" , ".join((*ATTRIBUTE_RULES[:2], part("owl:someValuesFrom type:Can")))} ,
     {part("owl:someValuesFrom type:Cup")} ; somrs:order "Weight Label" ; somrs:parts "Cup Can" ; somrs:driver "v.py" ;
   rdfs:comment "C" ; somrs:default "Weight = 0.5" , "Label = \\"a\\"" , "Open = true" .
 """)
-    assert [*found.ontology] == [
+    assert [*owl_import.ontology] == [
         ObjectType(
             name="V",
             parent="Jar",
@@ -355,12 +355,12 @@ def test_types_with_all_that_is_annotated() -> None:
             doc="C",
         )
     ]
-    assert found.notes == ()
+    assert owl_import.notes == ()
 
 
 def test_rules_have_the_place_and_the_meaning_that_is_said_of_them() -> None:
     axiom = "[] a owl:Axiom ; owl:annotatedSource :V ;"
-    found = turtle(f"""
+    owl_import = turtle(f"""
 :V a owl:Class ; rdfs:subClassOf type:Jar , {AT_LEAST_1} ; somrs:constraint "?Self.Weight < 3" , "?Self.Weight > 1" .
 {axiom} owl:annotatedProperty rdfs:label .
 {axiom} owl:annotatedTarget {part("owl:onClass type:Cup")} .
@@ -368,7 +368,7 @@ def test_rules_have_the_place_and_the_meaning_that_is_said_of_them() -> None:
 {axiom} owl:annotatedTarget "?Self.Weight > 1" ; owl:annotatedProperty somrs:constraint ; somrs:rank 1 ; rdfs:comment "More" .
 {axiom} owl:annotatedTarget {AT_LEAST_1} ; owl:annotatedProperty rdfs:subClassOf ; somrs:rank 2 ; rdfs:comment "Least" .
 """)
-    assert found.ontology.types["V"].constraints == (
+    assert owl_import.ontology.types["V"].constraints == (
         Constraint(formula="?Self.Weight > 1", doc="More"),
         Constraint(attribute="Weight", minimum=1.0, doc="Least"),
         Constraint(formula="?Self.Weight < 3"),
@@ -376,7 +376,7 @@ def test_rules_have_the_place_and_the_meaning_that_is_said_of_them() -> None:
 
 
 def test_parents() -> None:
-    found = turtle("""
+    owl_import = turtle("""
 :V a owl:Class ; rdfs:subClassOf type:Jar , :W .
 :W a owl:Class ; rdfs:subClassOf :X .
 :X a rdfs:Class ; rdfs:subClassOf type:Jar .
@@ -384,9 +384,9 @@ def test_parents() -> None:
 :Q a owl:DatatypeProperty ; rdfs:range xsd:decimal ; rdfs:domain :V .
 :R a owl:DatatypeProperty ; rdfs:range xsd:decimal ; rdfs:domain [ owl:unionOf ( :W :X ) ] .
 """)
-    types = {type.name: (type.parent, type.attributes) for type in found.ontology.types.values()}
+    types = {type.name: (type.parent, type.attributes) for type in owl_import.ontology.types.values()}
     assert types == {"V": ("W", ("Q",)), "W": ("X", ("R",)), "X": ("Jar", ("R",)), "Y": ("Object", ())}
-    assert noted(found) == [("Y", "it is below no other class; Object is taken as its parent")]
+    assert noted(owl_import) == [("Y", "it is below no other class; Object is taken as its parent")]
 
 
 GRASPABLE = "a owl:Class ; rdfs:subClassOf type:Graspable"
@@ -412,10 +412,10 @@ GRASPABLE = "a owl:Class ; rdfs:subClassOf type:Graspable"
     ],
 )
 def test_what_a_type_is_called(text: str, name: str, renamings: tuple[Renaming, ...], notes: list[str]) -> None:
-    found = turtle(text)
-    assert [*found.ontology.types] == [name]
-    assert found.renamings == renamings
-    assert [message for _, message in noted(found)] == notes
+    owl_import = turtle(text)
+    assert [*owl_import.ontology.types] == [name]
+    assert owl_import.renamings == renamings
+    assert [message for _, message in noted(owl_import)] == notes
 
 
 def test_what_is_only_mentioned_is_neither_changed_nor_told() -> None:
@@ -424,10 +424,10 @@ relation:isOn a owl:ObjectProperty , owl:FunctionalProperty .
 attribute:Weight a owl:DatatypeProperty .
 <urn:so-mrs:service:TransferObject> a owl:Class .
 """
-    found = turtle(mentioned + "attribute:A a owl:ObjectProperty ; rdfs:range type:Jar .")
-    assert [(type(one), one.name) for one in found.ontology] == [(AttributeType, "A")]
-    said = "its range is the datatype urn:so-mrs:type:Jar; there are numbers (xsd:decimal), texts (xsd:string), truths (xsd:boolean)"
-    assert noted(found) == [("A", f"{said} and lists of values{TEXT_TAKEN}")]
+    owl_import = turtle(mentioned + "attribute:A a owl:ObjectProperty ; rdfs:range type:Jar .")
+    assert [(type(definition), definition.name) for definition in owl_import.ontology] == [(AttributeType, "A")]
+    message = "its range is the datatype urn:so-mrs:type:Jar; there are numbers (xsd:decimal), texts (xsd:string), truths (xsd:boolean)"
+    assert noted(owl_import) == [("A", f"{message} and lists of values{TEXT_TAKEN}")]
 
 
 def test_definitions_come_in_the_order_in_which_they_were_written_and_what_is_new_by_name() -> None:
@@ -437,10 +437,10 @@ def test_definitions_come_in_the_order_in_which_they_were_written_and_what_is_ne
 
 def test_what_is_deprecated_is_removed() -> None:
     marks = {"Cup": "true", "Can": '"1"', "Jar": "false", "Box": '"no"'}
-    found = turtle("\n".join(f"type:{name} {GRASPABLE} ; owl:deprecated {mark} ." for name, mark in marks.items()))
-    assert found.removed == (DefinitionKey(section=Section.TYPES, name="Can"), DefinitionKey(section=Section.TYPES, name="Cup"))
-    assert [*found.ontology.types] == ["Box", "Jar"]
-    assert found.notes == ()
+    owl_import = turtle("\n".join(f"type:{name} {GRASPABLE} ; owl:deprecated {mark} ." for name, mark in marks.items()))
+    assert owl_import.removed == (DefinitionKey(section=Section.TYPES, name="Can"), DefinitionKey(section=Section.TYPES, name="Cup"))
+    assert [*owl_import.ontology.types] == ["Box", "Jar"]
+    assert owl_import.notes == ()
 
 
 # Maps
@@ -495,17 +495,19 @@ def test_what_is_deprecated_is_removed() -> None:
     ],
 )
 def test_maps(text: str, objects: list[Object], facts: list[Fact], notes: list[tuple[str, str]]) -> None:
-    found = turtle(text)
-    assert [*found.map.objects.values()] == objects
-    assert sorted(found.map.facts(), key=str) == sorted(facts, key=str)
-    assert sorted(noted(found)) == sorted(notes)
+    owl_import = turtle(text)
+    assert [*owl_import.map.objects.values()] == objects
+    assert sorted(owl_import.map.facts(), key=str) == sorted(facts, key=str)
+    assert sorted(noted(owl_import)) == sorted(notes)
 
 
 # Shapes
 
 
 def shape(*properties: str, target: str = "type:Jar") -> str:
-    return f":S a sh:NodeShape ; sh:targetClass {target} ; sh:property {' , '.join(f'[ {one} ]' for one in properties)} ."
+    return (
+        f":S a sh:NodeShape ; sh:targetClass {target} ; sh:property {' , '.join(f'[ {property_text} ]' for property_text in properties)} ."
+    )
 
 
 @pytest.mark.parametrize(
@@ -540,8 +542,8 @@ def shape(*properties: str, target: str = "type:Jar") -> str:
             ],
         ),
         *(
-            (shape(one), (), (), [f"a property shape has {said}", f"sh:property: {NO_WORDS}"])
-            for one, said in (
+            (shape(property_text), (), (), [f"a property shape has {problem}", f"sh:property: {NO_WORDS}"])
+            for property_text, problem in (
                 ("sh:path :zz ; sh:minCount 1", "a path that leads over no attribute (zz); say it as a formula"),
                 ("sh:path ( attribute:Shape :zz )", "a path that leads over no attribute (zz); say it as a formula"),
                 ("sh:path [ sh:inversePath relation:isOn ]", "a path that leads over no attribute (empty); say it as a formula"),
@@ -556,32 +558,32 @@ def shape(*properties: str, target: str = "type:Jar") -> str:
     ],
 )
 def test_shapes(text: str, constraints: tuple[Constraint, ...] | None, required: tuple[str, ...], notes: list[str]) -> None:
-    found = turtle(text)
-    jar = found.ontology.types.get("Jar")
+    owl_import = turtle(text)
+    jar = owl_import.ontology.types.get("Jar")
     assert (None if jar is None else jar.constraints) == constraints
     assert (() if jar is None else jar.required) == required
     assert jar is None or jar.defaults == upper().types["Jar"].defaults
-    assert noted(found) == [("S", note) for note in notes]
+    assert noted(owl_import) == [("S", note) for note in notes]
 
 
 def test_what_a_shape_says_once_more_is_kept_once() -> None:
-    weight = restricted("attribute:Weight", f"owl:allValuesFrom [ a rdfs:Datatype ; {within('[ xsd:maxInclusive 2 ]')} ]")
-    must = restricted("attribute:Weight", "owl:cardinality 1")
-    found = turtle(
-        f":V a owl:Class ; rdfs:subClassOf type:Jar , {weight} , {must} .\n"
+    weight = restricted("attribute:Weight", f"owl:allValuesFrom [ a rdfs:Datatype ; {facet_range('[ xsd:maxInclusive 2 ]')} ]")
+    required_rule = restricted("attribute:Weight", "owl:cardinality 1")
+    owl_import = turtle(
+        f":V a owl:Class ; rdfs:subClassOf type:Jar , {weight} , {required_rule} .\n"
         + shape('sh:path attribute:Weight ; sh:maxInclusive 2 ; sh:minCount 2 ; sh:message "Light"', target=":V")
     )
-    assert [*found.ontology] == [vase(required=("Weight",), constraints=(Constraint(attribute="Weight", maximum=2.0),))]
-    assert found.notes == ()
+    assert [*owl_import.ontology] == [vase(required=("Weight",), constraints=(Constraint(attribute="Weight", maximum=2.0),))]
+    assert owl_import.notes == ()
 
 
 def test_our_own_shapes_are_not_read_back_and_those_of_others_beside_them_are() -> None:
     of_jars = "a sh:NodeShape ; sh:targetClass type:Jar ; sh:property"
-    own = f"<urn:so-mrs:shape:type.Jar> {of_jars} [ sh:path attribute:Weight ; sh:minInclusive 9 ] ."
-    other = f"<urn:z:S> {of_jars} [ sh:path attribute:Weight ; sh:maxInclusive 2 ] ."
-    found = turtle(f"{own}\n{other}\n[] sh:path attribute:Weight .")
-    assert found.ontology.types["Jar"].constraints == (Constraint(attribute="Weight", maximum=2.0),)
-    assert found.notes == ()
+    own_shape = f"<urn:so-mrs:shape:type.Jar> {of_jars} [ sh:path attribute:Weight ; sh:minInclusive 9 ] ."
+    other_shape = f"<urn:z:S> {of_jars} [ sh:path attribute:Weight ; sh:maxInclusive 2 ] ."
+    owl_import = turtle(f"{own_shape}\n{other_shape}\n[] sh:path attribute:Weight .")
+    assert owl_import.ontology.types["Jar"].constraints == (Constraint(attribute="Weight", maximum=2.0),)
+    assert owl_import.notes == ()
 
 
 # What is not understood
@@ -591,7 +593,7 @@ LONG = "x" * 59
 
 
 def test_what_is_told_of_what_there_are_no_words_for() -> None:
-    found = turtle(f"""
+    owl_import = turtle(f"""
 <http://example.org/o> a owl:Ontology ; owl:versionInfo "1" ; rdfs:comment "c" ; rdfs:seeAlso <http://example.org/x> .
 <urn:so-mrs:ontology> a owl:Ontology ; somrs:unit "x" ; rdfs:seeAlso "y" .
 :Note a owl:AnnotationProperty ; :said "{LONG}" , "{LONG}y" .
@@ -599,7 +601,7 @@ def test_what_is_told_of_what_there_are_no_words_for() -> None:
 [] rdfs:comment "q" ; :x [ :y 3 ] .
 [] sh:path attribute:Weight .
 """)
-    assert [(note.line and note.line - PREFIXES.count("\n"), note.subject, note.message) for note in found.notes] == [
+    assert [(note.line and note.line - PREFIXES.count("\n"), note.subject, note.message) for note in owl_import.notes] == [
         (None, "something without a name", f"x: {NO_WORDS}"),
         (None, "something without a name", f"rdfs:comment q: {NO_WORDS}"),
         (2, "o", "rdfs:seeAlso x: it is not kept; put it into the comment"),
@@ -613,7 +615,7 @@ def test_what_is_told_of_what_there_are_no_words_for() -> None:
         (5, "V", f"owl:madeUp 3: {NO_WORDS}"),
         (5, "V", f"sh:order 1: {NO_WORDS}"),
     ]
-    assert {(note.file, note.rule) for note in found.notes} == {("vases.ttl", "not-kept")}
+    assert {(note.file, note.rule) for note in owl_import.notes} == {("vases.ttl", "not-kept")}
 
 
 @pytest.mark.parametrize(
@@ -641,7 +643,10 @@ def test_what_is_told_of_what_there_are_no_words_for() -> None:
             'somrs:outputs ": Jar, x:" .',
             [
                 ("S", "value", "the kind is physical, cognitive or software, not 'odd'"),
-                *(("S", "value", f"{one!r} is no variable with its type, such as Object: Graspable") for one in ("x", ": Jar", "x:")),
+                *(
+                    ("S", "value", f"{parameter!r} is no variable with its type, such as Object: Graspable")
+                    for parameter in ("x", ": Jar", "x:")
+                ),
             ],
         ),
         (
@@ -675,11 +680,11 @@ def test_what_is_told_of_what_there_are_no_words_for() -> None:
     ],
 )
 def test_what_is_wrong(text: str, problems: list[tuple[str, str, str]]) -> None:
-    found = wrong(text)
-    assert [(problem.subject, problem.rule, problem.message) for problem in found] == problems
-    assert {problem.file for problem in found} == {"vases.ttl"}
+    found_problems = wrong(text)
+    assert [(problem.subject, problem.rule, problem.message) for problem in found_problems] == problems
+    assert {problem.file for problem in found_problems} == {"vases.ttl"}
     first = PREFIXES.count("\n") + 1
-    assert {problem.line for problem in found} <= {first, first + 1}
+    assert {problem.line for problem in found_problems} <= {first, first + 1}
 
 
 # Texts
@@ -694,12 +699,14 @@ XML = """<rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#" xmlns:
 DECLARED = "<?xml version='1.0'?>\n"
 
 
-@pytest.mark.parametrize("before", ["", DECLARED, "\ufeff" + DECLARED])
-def test_xml_is_known_by_its_beginning_or_its_root(before: str) -> None:
-    found = read(before + XML, "pots.rdf", upper())
-    assert [(type.name, type.parent) for type in found.ontology.types.values()] == [("Pot", "Object"), ("Vase", "Jar")]
-    said = "it is below no other class; Object is taken as its parent"
-    assert found.notes == (Problem(file="pots.rdf", line=4 + before.count("\n"), subject="Pot", rule="not-kept", message=said),)
+@pytest.mark.parametrize("declaration", ["", DECLARED, "\ufeff" + DECLARED])
+def test_xml_is_known_by_its_beginning_or_its_root(declaration: str) -> None:
+    owl_import = read(declaration + XML, "pots.rdf", upper())
+    assert [(type.name, type.parent) for type in owl_import.ontology.types.values()] == [("Pot", "Object"), ("Vase", "Jar")]
+    message = "it is below no other class; Object is taken as its parent"
+    assert owl_import.notes == (
+        Problem(file="pots.rdf", line=4 + declaration.count("\n"), subject="Pot", rule="not-kept", message=message),
+    )
 
 
 def test_only_xml_may_not_have_a_document_type() -> None:

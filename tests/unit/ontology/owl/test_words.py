@@ -65,10 +65,10 @@ def test_arguments_are_counted_from_one() -> None:
     ],
 )
 def test_how_values_are_written(value: Value, text: str, datatype: str | None) -> None:
-    found = literal(value)
+    literal_node = literal(value)
     expected = None if datatype is None else URIRef(f"http://www.w3.org/2001/XMLSchema#{datatype}")
-    assert (str(found), found.datatype) == (text, expected)
-    assert isinstance(found, Literal)
+    assert (str(literal_node), literal_node.datatype) == (text, expected)
+    assert isinstance(literal_node, Literal)
 
 
 @pytest.mark.parametrize(
@@ -87,8 +87,8 @@ def test_how_values_are_written(value: Value, text: str, datatype: str | None) -
     ],
 )
 def test_a_hint_gives_the_order(items: list[Value], hint: str | None, result: tuple[Value, ...]) -> None:
-    found = in_order(items, hint)
-    assert [(type(one), one) for one in found] == [(type(one), one) for one in result]
+    ordered_items = in_order(items, hint)
+    assert [(type(item), item) for item in ordered_items] == [(type(item), item) for item in result]
 
 
 @pytest.mark.parametrize(("items", "hint"), [([], ""), (["a"], ""), (["b", "ż"], '["b", "ż"]'), ([2.5, True], "[2.5, true]")])
@@ -106,9 +106,9 @@ def test_one_thing_needs_no_hint(items: list[Value], hint: str) -> None:
     ],
 )
 def test_defaults_are_read(text: str, path: str, value: Value) -> None:
-    found = read_default(text)
-    assert found == (path, value)
-    assert type(found[1]) is type(value)
+    default = read_default(text)
+    assert default == (path, value)
+    assert type(default[1]) is type(value)
 
 
 @pytest.mark.parametrize("text", ["Weight", "Weight =", "Weight = x", "Weight = [1]", "Weight = null", "Weight = {}"])

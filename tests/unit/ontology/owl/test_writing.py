@@ -18,12 +18,12 @@ pytest.importorskip("rdflib", reason="rdflib is not installed")
 from rdflib import SH, BNode, Graph
 from rdflib.term import Node
 
-HERE = Path(__file__).parent
+FOLDER = Path(__file__).parent
 
 
 @lru_cache(maxsize=1)
 def yard() -> LoadedModel:
-    return load([HERE / "yard.yaml"], base=Ontology())
+    return load([FOLDER / "yard.yaml"], base=Ontology())
 
 
 def turtle(text: str) -> Graph:
@@ -32,22 +32,22 @@ def turtle(text: str) -> Graph:
 
 def statements(graph: Graph) -> set[tuple[str, str, str]]:
     """All of a graph, with what is said of a node without a name in place of that node."""
-    known: dict[Node, str] = {}
+    text_by_node: dict[Node, str] = {}
 
-    def said(node: Node) -> str:
+    def node_text(node: Node) -> str:
         if not isinstance(node, BNode):
             return node.n3()
-        if node not in known:
-            inner = sorted(f"{word.n3()} {said(object)}" for word, object in graph.predicate_objects(node))
-            known[node] = f"[{' ; '.join(inner)}]"
-        return known[node]
+        if node not in text_by_node:
+            inner = sorted(f"{word.n3()} {node_text(object)}" for word, object in graph.predicate_objects(node))
+            text_by_node[node] = f"[{' ; '.join(inner)}]"
+        return text_by_node[node]
 
-    return {(said(subject), said(word), said(object)) for subject, word, object in graph}
+    return {(node_text(subject), node_text(word), node_text(object)) for subject, word, object in graph}
 
 
 def test_every_statement_of_an_ontology_and_its_map() -> None:
     written = to_graph(yard().ontology, yard().map)
-    expected = turtle((HERE / "yard.ttl").read_text("utf-8"))
+    expected = turtle((FOLDER / "yard.ttl").read_text("utf-8"))
     assert statements(written) == statements(expected)
     assert dict(written.namespaces()) == dict(expected.namespaces())
 
@@ -61,18 +61,18 @@ def test_a_map_and_shapes_may_be_left_out() -> None:
 
 
 def test_what_is_written_is_read_back() -> None:
-    found = read(export(yard().ontology, yard().map, shapes=False).decode(), "yard", Ontology())
-    assert found == OwlImport(ontology=found.ontology, map=found.map)
-    assert [*found.ontology] == [*yard().ontology]
-    assert found.map == yard().map
+    owl_import = read(export(yard().ontology, yard().map, shapes=False).decode(), "yard", Ontology())
+    assert owl_import == OwlImport(ontology=owl_import.ontology, map=owl_import.map)
+    assert [*owl_import.ontology] == [*yard().ontology]
+    assert owl_import.map == yard().map
 
 
 def test_a_text_that_xml_cannot_hold_is_written_as_turtle_only() -> None:
     map = Map([Object(name="A", type="Pot", values={"Label": "a\x01b"})])
     with pytest.raises(UsageError) as caught:
         export(Ontology(), map, Format.XML)
-    said = "a text of urn:so-mrs:object:A has the character '\\x01', which XML cannot hold; take it out, or write Turtle"
-    assert str(caught.value) == said
+    message = "a text of urn:so-mrs:object:A has the character '\\x01', which XML cannot hold; take it out, or write Turtle"
+    assert str(caught.value) == message
     assert read(export(Ontology(), map).decode(), "file", Ontology()).map == map
 
 

@@ -51,7 +51,7 @@ def service(name: str, precondition: str | None, effect: str, **inputs: str) -> 
     return ServiceType(name=name, inputs=parameters, precondition=precondition, effect=effect)
 
 
-def world(
+def make_world(
     goal: str,
     *services: ServiceType,
     facts: str = "",
@@ -61,42 +61,44 @@ def world(
 ) -> tuple[Problem, World]:
     """`facts` as in `T1 on P1, marked T2`."""
     written = [text.split() for text in facts.split(", ") if text]
-    known = [Fact(words[1], (words[0], words[2])) if len(words) == 3 else Fact(words[0], tuple(words[1:])) for words in written]
-    map = Map([Object(name=n, type=t, values=(values or {}).get(n, {})) for n, t in (objects or OBJECTS).items()], known)
-    offered = tuple(AvailableService(one, ("R1",)) for one in services)
+    map_facts = [Fact(words[1], (words[0], words[2])) if len(words) == 3 else Fact(words[0], tuple(words[1:])) for words in written]
+    map = Map([Object(name=n, type=t, values=(values or {}).get(n, {})) for n, t in (objects or OBJECTS).items()], map_facts)
+    offered = tuple(AvailableService(service_type, ("R1",)) for service_type in services)
     problem = Problem(ontology=ONTOLOGY, map=map, goal=parse(goal), services=offered)
     return problem, World(problem, counting=counting)
 
 
-def grounded(asked: tuple[Problem, World], narrow: bool = False, most: int | None = None, effort: int = 10_000) -> Grounding:
-    problem, known = asked
-    wanted = demands(list(goal_operators(problem.goal, known.vocabulary)), known, narrow=narrow)
-    return Grounding(known, wanted, narrow=narrow, effort=effort, max_actions=most)
+def ground_problem(
+    instance: tuple[Problem, World], narrow: bool = False, max_actions: int | None = None, effort: int = 10_000
+) -> Grounding:
+    problem, world = instance
+    demanded = demands(list(goal_operators(problem.goal, world.vocabulary)), world, narrow=narrow)
+    return Grounding(world, demanded, narrow=narrow, effort=effort, max_actions=max_actions)
 
 
-def fact(one: GroundFact) -> str:
-    return f"{one[0]}({', '.join(map(str, one[1]))})"
+def format_fact(ground_fact: GroundFact) -> str:
+    return f"{ground_fact[0]}({', '.join(map(str, ground_fact[1]))})"
 
 
-def uses(grounding: Grounding) -> list[str]:
+def format_actions(grounding: Grounding) -> list[str]:
     """The actions other than the goal's, as in `Put T=T1 P=P1`."""
-    return sorted(use(action) for action in grounding.actions if action.operator.service is not None)
+    return sorted(format_action(action) for action in grounding.actions if action.operator.service is not None)
 
 
-def use(action: Action) -> str:
+def format_action(action: Action) -> str:
     name = action.operator.service.name if action.operator.service is not None else "goal"
     return " ".join([name, *(f"{variable}={action.binding[variable]}" for variable in action.operator.variables)])
 
 
-PUT = service("Put", "?T heldBy ?Provider AND ?Provider at ?P", "?T on ?P", T="Thing", P="Place")
-TAKE = service("Take", "?T on ?P AND ?Provider at ?P", "?T heldBy ?Provider", T="Thing")
-GO = service("Go", "?Provider at ?From AND ?From near ?To", "?Provider at ?To", To="Place")
+PUT_SERVICE = service("Put", "?T heldBy ?Provider AND ?Provider at ?P", "?T on ?P", T="Thing", P="Place")
+TAKE_SERVICE = service("Take", "?T on ?P AND ?Provider at ?P", "?T heldBy ?Provider", T="Thing")
+GO_SERVICE = service("Go", "?Provider at ?From AND ?From near ?To", "?Provider at ?To", To="Place")
 
 
 def test_the_actions_that_are_reachable() -> None:
-    found = grounded(world("T1 on P2", PUT, TAKE, GO, facts="T1 on P1, R1 at P1, P2 near P1"))
-    assert found.is_goal_reachable
-    assert uses(found) == [
+    grounding = ground_problem(make_world("T1 on P2", PUT_SERVICE, TAKE_SERVICE, GO_SERVICE, facts="T1 on P1, R1 at P1, P2 near P1"))
+    assert grounding.is_goal_reachable
+    assert format_actions(grounding) == [
         "Go To=P1 Provider=R1 From=P2",
         "Go To=P2 Provider=R1 From=P1",
         "Put T=T1 P=P1 Provider=R1",
@@ -104,28 +106,32 @@ def test_the_actions_that_are_reachable() -> None:
         "Take T=T1 Provider=R1 P=P1",
         "Take T=T1 Provider=R1 P=P2",
     ]
-    put = next(action for action in found.actions if use(action).startswith("Put T=T1 P=P2"))
-    assert [*map(fact, put.preconditions)] == ["heldBy(T1, R1)", "at(R1, P2)"]
-    assert [*map(fact, put.add_effects)] == ["on(T1, P2)"]
-    assert (put.delete_effects, put.numeric_conditions, put.numeric_effects, put.provider) == ((), (), (), "R1")
+    put_action = next(action for action in grounding.actions if format_action(action).startswith("Put T=T1 P=P2"))
+    assert [*map(format_fact, put_action.preconditions)] == ["heldBy(T1, R1)", "at(R1, P2)"]
+    assert [*map(format_fact, put_action.add_effects)] == ["on(T1, P2)"]
+    assert (put_action.delete_effects, put_action.numeric_conditions, put_action.numeric_effects, put_action.provider) == ((), (), (), "R1")
 
 
 def test_what_is_too_far_is_not_reached() -> None:
-    found = grounded(world("T1 on P2", PUT, TAKE, GO, facts="T1 on P1, R1 at P1"))
-    assert not found.is_goal_reachable
-    assert uses(found) == ["Put T=T1 P=P1 Provider=R1", "Take T=T1 Provider=R1 P=P1"]
+    grounding = ground_problem(make_world("T1 on P2", PUT_SERVICE, TAKE_SERVICE, GO_SERVICE, facts="T1 on P1, R1 at P1"))
+    assert not grounding.is_goal_reachable
+    assert format_actions(grounding) == ["Put T=T1 P=P1 Provider=R1", "Take T=T1 Provider=R1 P=P1"]
 
 
 def test_a_use_that_speaks_of_no_provider_has_none() -> None:
-    found = grounded(world("marked(T1)", service("Mark", None, "marked(?T)", T="Thing")))
-    assert [(use(action), action.provider) for action in found.actions] == [("Mark T=T1", None), ("goal", None)]
+    grounding = ground_problem(make_world("marked(T1)", service("Mark", None, "marked(?T)", T="Thing")))
+    assert [(format_action(action), action.provider) for action in grounding.actions] == [("Mark T=T1", None), ("goal", None)]
 
 
 def test_actions_remove_what_their_effects_say() -> None:
-    found = grounded(world("NOT P2 near P1", service("Part", None, "NOT ?P near ?Q", P="Place", Q="Place"), facts="P2 near P1"))
-    removed = {use(action): [*map(fact, action.delete_effects)] for action in found.actions}
+    grounding = ground_problem(
+        make_world("NOT P2 near P1", service("Part", None, "NOT ?P near ?Q", P="Place", Q="Place"), facts="P2 near P1")
+    )
+    removed = {format_action(action): [*map(format_fact, action.delete_effects)] for action in grounding.actions}
     assert removed["Part P=P2 Q=P1"] == removed["Part P=P1 Q=P2"] == ["near(P1, P2)"]
-    assert [[*map(fact, found.forbidden_facts(action))] for action in found.actions if use(action) == "goal"] == [["near(P1, P2)"]]
+    assert [[*map(format_fact, grounding.forbidden_facts(action))] for action in grounding.actions if format_action(action) == "goal"] == [
+        ["near(P1, P2)"]
+    ]
 
 
 @pytest.mark.parametrize(
@@ -142,13 +148,13 @@ def test_actions_remove_what_their_effects_say() -> None:
 def test_nothing_enters_into_some_relations_with_itself(effect: str, facts: str, expected: list[str]) -> None:
     relation = effect.split()[1]
     objects = {"T1": "Thing", "T2": "Thing", "P1": "Place"}
-    does = service("Do", None, effect, A="Object", B="Object")
-    found = grounded(world(f"T1 {relation} ?X: Object", does, facts=facts, objects=objects))
-    assert uses(found) == [f"Do {each}" for each in expected]
+    do_service = service("Do", None, effect, A="Object", B="Object")
+    grounding = ground_problem(make_world(f"T1 {relation} ?X: Object", do_service, facts=facts, objects=objects))
+    assert format_actions(grounding) == [f"Do {inputs_text}" for inputs_text in expected]
 
 
 @pytest.mark.parametrize(
-    ("effect", "made"),
+    ("effect", "new_value"),
     [
         ("?T.Level = 2 m", "2 m"),
         ("?T.Level = 200 cm", "2 m"),
@@ -176,48 +182,51 @@ def test_nothing_enters_into_some_relations_with_itself(effect: str, facts: str,
         ("P1.Level = 1 m", "1 m"),
     ],
 )
-def test_which_values_attributes_are_given(effect: str, made: str | None) -> None:
+def test_which_values_attributes_are_given(effect: str, new_value: str | None) -> None:
     path = effect.split()[0].partition(".")[2]
     owner = "P1" if effect.startswith("P1") else "T1"
-    does = service("Do", None, f"{effect} AND ?T likes P2", T="Thing")
-    found = grounded(world("T1 likes P2", does))
-    expected = [["." + path + f"({owner}, {made})", "likes(T1, P2)"]] if made is not None else []
-    assert [[*map(fact, action.add_effects)] for action in found.actions if action.operator.service] == expected
+    do_service = service("Do", None, f"{effect} AND ?T likes P2", T="Thing")
+    grounding = ground_problem(make_world("T1 likes P2", do_service))
+    expected = [["." + path + f"({owner}, {new_value})", "likes(T1, P2)"]] if new_value is not None else []
+    assert [[*map(format_fact, action.add_effects)] for action in grounding.actions if action.operator.service] == expected
 
 
 def test_the_service_may_be_given_either_truth_and_no_value_that_nobody_named() -> None:
-    found = grounded(world("T1.Clean = TRUE", service("Set", None, "?T.Clean = ?V AND ?T likes P1", T="Thing", V="truth")))
-    assert uses(found) == ["Set T=T1 V=TRUE"]
-    assert not found.guessed
-    either = grounded(world("T1 likes P1", service("Set", None, "?T.Clean = ?V AND ?T likes P1", T="Thing", V="truth")))
-    assert uses(either) == ["Set T=T1 V=FALSE", "Set T=T1 V=TRUE"]
-    assert not either.guessed
+    grounding = ground_problem(make_world("T1.Clean = TRUE", service("Set", None, "?T.Clean = ?V AND ?T likes P1", T="Thing", V="truth")))
+    assert format_actions(grounding) == ["Set T=T1 V=TRUE"]
+    assert not grounding.guessed
+    free_grounding = ground_problem(make_world("T1 likes P1", service("Set", None, "?T.Clean = ?V AND ?T likes P1", T="Thing", V="truth")))
+    assert format_actions(free_grounding) == ["Set T=T1 V=FALSE", "Set T=T1 V=TRUE"]
+    assert not free_grounding.guessed
     for type_name, path in (("number", "Count"), ("text", "Label")):
-        does = service("Set", None, f"?T.{path} = ?V AND ?T likes P1", T="Thing", V=type_name)
-        guessed = grounded(world("T1 likes P1", does))
-        assert (uses(guessed), guessed.guessed, guessed.is_goal_reachable) == ([], True, False)
+        do_service = service("Set", None, f"?T.{path} = ?V AND ?T likes P1", T="Thing", V=type_name)
+        guessed = ground_problem(make_world("T1 likes P1", do_service))
+        assert (format_actions(guessed), guessed.guessed, guessed.is_goal_reachable) == ([], True, False)
 
 
 def test_a_comparison_gives_a_variable_its_value() -> None:
     values: dict[str, dict[str, float | str | bool]] = {"T1": {"Count": 2.0}, "T2": {"Count": 3.0}}
-    same = service("Same", "?V = ?Of.Count AND ?Of likes ?T", "?T.Weight = ?V AND marked(?T)", T="Thing", V="number")
-    found = grounded(world("marked(C1)", same, facts="T1 likes C1", values=values))
-    assert (uses(found), found.guessed) == (["Same T=C1 V=2 Of=T1"], False)
+    same_service = service("Same", "?V = ?Of.Count AND ?Of likes ?T", "?T.Weight = ?V AND marked(?T)", T="Thing", V="number")
+    grounding = ground_problem(make_world("marked(C1)", same_service, facts="T1 likes C1", values=values))
+    assert (format_actions(grounding), grounding.guessed) == (["Same T=C1 V=2 Of=T1"], False)
 
 
 def test_a_value_that_a_comparison_gives_has_to_meet_the_other_conditions() -> None:
     values: dict[str, dict[str, float | str | bool]] = {"T1": {"Count": 2.0}, "T2": {"Count": 4.0}, "C1": {"Count": 5.0}}
-    does = service("Do", "?V = ?T.Count + 1 AND ?V >= 5 AND ?V != 6", "marked(?T)", T="Thing", V="number")
-    found = grounded(world("marked(?X)", does, values=values))
-    assert (uses(found), found.guessed) == (["Do T=T2 V=5"], False)
+    do_service = service("Do", "?V = ?T.Count + 1 AND ?V >= 5 AND ?V != 6", "marked(?T)", T="Thing", V="number")
+    grounding = ground_problem(make_world("marked(?X)", do_service, values=values))
+    assert (format_actions(grounding), grounding.guessed) == (["Do T=T2 V=5"], False)
 
 
 def test_a_fact_of_a_symmetric_relation_that_comes_about_is_so_both_ways_round() -> None:
     join = service("Join", None, "?P near ?Q", P="Place", Q="Place")
-    for goal, here in (("R1 at P1", "P2"), ("R1 at P2", "P1")):
-        found = grounded(world(goal, GO, join, facts=f"R1 at {here}"))
-        assert found.is_goal_reachable
-        assert {each for each in uses(found) if each.startswith("Go")} == {"Go To=P1 Provider=R1 From=P2", "Go To=P2 Provider=R1 From=P1"}
+    for goal, robot_place in (("R1 at P1", "P2"), ("R1 at P2", "P1")):
+        grounding = ground_problem(make_world(goal, GO_SERVICE, join, facts=f"R1 at {robot_place}"))
+        assert grounding.is_goal_reachable
+        assert {action_text for action_text in format_actions(grounding) if action_text.startswith("Go")} == {
+            "Go To=P1 Provider=R1 From=P2",
+            "Go To=P2 Provider=R1 From=P1",
+        }
 
 
 @pytest.mark.parametrize(
@@ -232,10 +241,10 @@ def test_a_fact_of_a_symmetric_relation_that_comes_about_is_so_both_ways_round()
     ],
 )
 def test_what_the_map_settles(precondition: str, expected: list[str]) -> None:
-    does = service("Mark", precondition, "marked(?T)", T="Thing")
+    do_service = service("Mark", precondition, "marked(?T)", T="Thing")
     values: dict[str, dict[str, float | str | bool]] = {"T1": {"Weight": 1.0}, "T2": {"Weight": 3.0}}
-    found = grounded(world("marked(?X)", does, facts="T1 likes P1", values=values))
-    assert uses(found) == [f"Mark {each}" for each in expected]
+    grounding = ground_problem(make_world("marked(?X)", do_service, facts="T1 likes P1", values=values))
+    assert format_actions(grounding) == [f"Mark {inputs_text}" for inputs_text in expected]
 
 
 @pytest.mark.parametrize(
@@ -257,35 +266,35 @@ def test_what_must_not_be_so(goal: str, facts: str, expected: list[str]) -> None
         service("Empty", None, "?T.Level = 0 m", T="Thing"),
         service("Mark", None, "marked(?T)", T="Thing"),
     ]
-    found = grounded(world(goal, *services, facts=facts, values={"T1": {"Level": 2.0}}))
-    (last,) = (action for action in found.actions if action.operator.service is None)
-    assert sorted(map(fact, found.forbidden_facts(last))) == expected
+    grounding = ground_problem(make_world(goal, *services, facts=facts, values={"T1": {"Level": 2.0}}))
+    (goal_action,) = (action for action in grounding.actions if action.operator.service is None)
+    assert sorted(map(format_fact, grounding.forbidden_facts(goal_action))) == expected
 
 
 def test_so_many_actions_are_allowed_and_no_more() -> None:
-    asked = world("marked(?X)", service("Mark", None, "marked(?T)", T="Thing"))
-    count = len(grounded(asked).actions)
+    instance = make_world("marked(?X)", service("Mark", None, "marked(?T)", T="Thing"))
+    count = len(ground_problem(instance).actions)
     assert count == 6
-    assert len(grounded(asked, most=count).actions) == count
+    assert len(ground_problem(instance, max_actions=count).actions) == count
     with pytest.raises(TooLarge, match="there are more than 5 ways to use services, the last one of them the task's own wish"):
-        grounded(asked, most=5)
+        ground_problem(instance, max_actions=5)
     with pytest.raises(TooLarge, match="there are more than 1 ways to use services, the last one of them Mark"):
-        grounded(asked, most=1)
+        ground_problem(instance, max_actions=1)
 
 
 def test_so_many_facts_are_looked_at_and_no_more() -> None:
-    asked = world("T1 on P2", PUT, TAKE, GO, facts="T1 on P1, R1 at P1, P2 near P1")
+    instance = make_world("T1 on P2", PUT_SERVICE, TAKE_SERVICE, GO_SERVICE, facts="T1 on P1, R1 at P1, P2 near P1")
     with pytest.raises(TooLarge, match=r"there are too many ways to use services, (Put|Take|Go) among them"):
-        grounded(asked, effort=2)
-    enough = next(effort for effort in range(1, 200) if _reached(asked, effort))
-    assert not _reached(asked, enough - 1)
-    mark = world("marked(P1)", facts="marked P1")
+        ground_problem(instance, effort=2)
+    sufficient_effort = next(effort for effort in range(1, 200) if _reached(instance, effort))
+    assert not _reached(instance, sufficient_effort - 1)
+    mark = make_world("marked(P1)", facts="marked P1")
     assert _reached(mark, 0)
 
 
-def _reached(asked: tuple[Problem, World], effort: int) -> bool:
+def _reached(instance: tuple[Problem, World], effort: int) -> bool:
     try:
-        return grounded(asked, effort=effort).is_goal_reachable
+        return ground_problem(instance, effort=effort).is_goal_reachable
     except TooLarge:
         return False
 
@@ -293,21 +302,26 @@ def _reached(asked: tuple[Problem, World], effort: int) -> bool:
 def test_counters_are_compared_and_set_with_the_objects_named() -> None:
     fill = service("Fill", "?T.Count < ?Of.Count", "?T.Count = ?T.Count + 1", T="Thing", Of="Cup")
     close = service("Close", "?T.Count >= 3", "marked(?T)", T="Thing")
-    found = grounded(world("T1.Count >= 2 AND marked(T1)", fill, close, counting=True))
-    told = [
-        (use(a), [*map(str, a.numeric_conditions)], [f"{target} = {source}" for target, source in a.numeric_effects]) for a in found.actions
+    grounding = ground_problem(make_world("T1.Count >= 2 AND marked(T1)", fill, close, counting=True))
+    descriptions = [
+        (
+            format_action(action),
+            [*map(str, action.numeric_conditions)],
+            [f"{target} = {source}" for target, source in action.numeric_effects],
+        )
+        for action in grounding.actions
     ]
-    assert ("Fill T=T1 Of=C1", ["T1.Count < C1.Count"], ["T1.Count = T1.Count + 1"]) in told
-    assert ("Close T=T1", ["T1.Count >= 3"], []) in told
-    assert ("goal", ["T1.Count >= 2"], []) in told
+    assert ("Fill T=T1 Of=C1", ["T1.Count < C1.Count"], ["T1.Count = T1.Count + 1"]) in descriptions
+    assert ("Close T=T1", ["T1.Count >= 3"], []) in descriptions
+    assert ("goal", ["T1.Count >= 2"], []) in descriptions
 
 
 def places(number: int, goal: str, standing: str, narrow: bool = True, type_name: str = "Place") -> list[str]:
     """Where a thing may be put, of so many places."""
     objects = {"T1": "Thing", "T2": "Thing", "C1": "Cup", "R1": "Robot", **{f"P{n:02}": type_name for n in range(number)}}
-    put = service("Put", None, "?T on ?P", T="Thing", P=type_name)
-    found = grounded(world(goal, put, facts=standing, objects=objects), narrow=narrow)
-    return [each.partition("P=")[2] for each in uses(found)]
+    put_service = service("Put", None, "?T on ?P", T="Thing", P=type_name)
+    grounding = ground_problem(make_world(goal, put_service, facts=standing, objects=objects), narrow=narrow)
+    return [action_text.partition("P=")[2] for action_text in format_actions(grounding)]
 
 
 def test_when_planning_narrowly_so_many_places_are_tried_those_first_where_such_things_stand() -> None:
@@ -316,11 +330,11 @@ def test_when_planning_narrowly_so_many_places_are_tried_those_first_where_such_
     assert places(40, "T1 on ?X: Place", "T2 on P30") == [*(f"P{n:02}" for n in range(15)), "P30"]
     assert places(10, "T1 on ?X: Place", "T2 on P05") == [f"P{n:02}" for n in range(10)]
     assert places(40, "T1 on ?X: Place", "T2 on C1") == [f"P{n:02}" for n in range(16)]
-    many = ", ".join(f"X{n} on P{n:02}" for n in range(20, 40))
-    assert places(40, "T1 on ?X: Place", many) == [f"P{n:02}" for n in range(20, 36)]
+    standing_facts = ", ".join(f"X{n} on P{n:02}" for n in range(20, 40))
+    assert places(40, "T1 on ?X: Place", standing_facts) == [f"P{n:02}" for n in range(20, 36)]
 
 
 def test_a_value_is_a_number_in_the_unit_of_its_attribute() -> None:
-    found = grounded(world("T1.Level = 2 m", service("Set", None, "?T.Level = 200 cm", T="Thing")))
-    assert found.is_goal_reachable
-    assert [one for one in found.facts.new if one[0] == ".Level"] == [(".Level", ("T1", Number(2.0, "m")))]
+    grounding = ground_problem(make_world("T1.Level = 2 m", service("Set", None, "?T.Level = 200 cm", T="Thing")))
+    assert grounding.is_goal_reachable
+    assert [ground_fact for ground_fact in grounding.facts.new if ground_fact[0] == ".Level"] == [(".Level", ("T1", Number(2.0, "m")))]

@@ -9,7 +9,15 @@ from somrs.ontology.services import ServiceType
 from somrs.planner.grounding.finite import FiniteTask
 from somrs.planner.grounding.merging import merge_task
 from somrs.planner.grounding.task import Task
-from tests.unit.planner.grounding.test_grounding import GO, PUT, TAKE, grounded, service, use, world
+from tests.unit.planner.grounding.test_grounding import (
+    GO_SERVICE,
+    PUT_SERVICE,
+    TAKE_SERVICE,
+    format_action,
+    ground_problem,
+    make_world,
+    service,
+)
 
 MARK = service("Mark", None, "marked(?T)", T="Thing")
 LAY = service("Lay", None, "?T on ?P", T="Thing", P="Place")
@@ -18,40 +26,43 @@ LIFT = service("Lift", "?T on P1", "NOT ?T on P1", T="Thing")
 DROP = service("Drop", None, "NOT ?T on P1 AND marked(?T)", T="Thing")
 MEND = service("Mend", "NOT marked(?T)", "?T likes P1", T="Thing")
 SWAP = service("Swap", "marked(?T)", "NOT marked(?T) AND ?T likes P1", T="Thing")
-BACK = service("Back", "?T likes P1", "NOT ?T likes P1 AND marked(?T)", T="Thing")
+BACK_SERVICE = service("Back", "?T likes P1", "NOT ?T likes P1 AND marked(?T)", T="Thing")
 USE = service("Use", "marked(?T) AND NOT ?T likes P1", "?T tiedTo P1", T="Thing")
 BIND = service("Bind", "NOT ?T likes P1", "?T tiedTo P1", T="Thing")
 LEND = service("Lend", "?T likes P1", "NOT ?T likes P1 AND lent(?T, P1, P2)", T="Thing")
 FETCH = service("Fetch", "lent(?T, P1, P2)", "NOT lent(?T, P1, P2) AND marked(?T)", T="Thing")
 CLEAR = service("Clear", "?T on P2", "NOT ?T on P1 AND marked(?T)", T="Thing")
-NONE = "<none of those>"
+NONE_LABEL = "<none of those>"
 
 
-def asked(goal: str, *services: ServiceType, facts: str = "") -> tuple[Task, FiniteTask]:
-    task = Task(grounded(world(goal, *services, facts=facts)))
+def make_tasks(goal: str, *services: ServiceType, facts: str = "") -> tuple[Task, FiniteTask]:
+    task = Task(ground_problem(make_world(goal, *services, facts=facts)))
     return task, merge_task(task)
 
 
-def told(goal: str, *services: ServiceType, facts: str = "") -> dict[str, list[str]]:
+def describe_task(goal: str, *services: ServiceType, facts: str = "") -> dict[str, list[str]]:
     """What the task says, in words."""
-    task, found = asked(goal, *services, facts=facts)
+    task, finite_task = make_tasks(goal, *services, facts=facts)
 
     def name(variable: int, value: int) -> str:
-        none = NONE if len(found.names) == 1 else f"no {found.names[variable][0]}"
-        return found.names[variable][value].replace(NONE, none)
+        none_label = NONE_LABEL if len(finite_task.names) == 1 else f"no {finite_task.names[variable][0]}"
+        return finite_task.names[variable][value].replace(NONE_LABEL, none_label)
 
     def effect(conditions: tuple[tuple[int, int], ...], variable: int, value: int) -> str:
-        return name(variable, value) + "".join(f" if {name(*one)}" for one in conditions)
+        return name(variable, value) + "".join(f" if {name(*condition)}" for condition in conditions)
 
     lines = []
-    for one in found.operations:
-        needs, effects = (name(*need) for need in one.preconditions), (effect(*made) for made in one.effects)
-        lines.append(f"{use(task.moves[one.move].action)}: {' & '.join(needs)} -> {' & '.join(effects)}")
+    for operation in finite_task.operations:
+        preconditions, effects = (
+            (name(*precondition) for precondition in operation.preconditions),
+            (effect(*operation_effect) for operation_effect in operation.effects),
+        )
+        lines.append(f"{format_action(task.moves[operation.move].action)}: {' & '.join(preconditions)} -> {' & '.join(effects)}")
     return {
-        "values": [", ".join(values) for values in found.names],
-        "initial": [name(*one) for one in enumerate(found.initial)],
-        "goal": [name(*one) for one in found.goal],
-        "exclusive": [", ".join(name(*one) for one in group) for group in found.mutex_groups],
+        "values": [", ".join(values) for values in finite_task.names],
+        "initial": [name(*assignment) for assignment in enumerate(finite_task.initial)],
+        "goal": [name(*assignment) for assignment in finite_task.goal],
+        "exclusive": [", ".join(name(*assignment) for assignment in group) for group in finite_task.mutex_groups],
         "operations": lines,
     }
 
@@ -61,7 +72,7 @@ def told(goal: str, *services: ServiceType, facts: str = "") -> dict[str, list[s
     [
         (
             "T1 on P2",
-            (PUT, TAKE, GO),
+            (PUT_SERVICE, TAKE_SERVICE, GO_SERVICE),
             "T1 on P1, R1 at P1, P2 near P1",
             {
                 "values": ["heldBy(T1, R1), on(T1, P1), on(T1, P2), <none of those>", "at(R1, P1), at(R1, P2), <none of those>"],
@@ -189,7 +200,7 @@ def told(goal: str, *services: ServiceType, facts: str = "") -> dict[str, list[s
         ),
         (
             "T1 tiedTo P1 AND T1 likes P1",
-            (SWAP, BACK, USE),
+            (SWAP, BACK_SERVICE, USE),
             "marked T1",
             {
                 "values": ["marked(T1), <none of those>", "likes(T1, P1), <none of those>", "tiedTo(T1, P1), <none of those>"],
@@ -256,7 +267,7 @@ def told(goal: str, *services: ServiceType, facts: str = "") -> dict[str, list[s
     ],
 )
 def test_what_engines_are_told(goal: str, services: tuple[ServiceType, ...], facts: str, expected: dict[str, list[str]]) -> None:
-    assert told(goal, *services, facts=facts) == expected
+    assert describe_task(goal, *services, facts=facts) == expected
 
 
 @pytest.mark.parametrize(
@@ -272,11 +283,16 @@ def test_what_engines_are_told(goal: str, services: tuple[ServiceType, ...], fac
 )
 def test_costs_are_whole_numbers_that_are_not_too_large(costs: tuple[str, str], whole: list[int]) -> None:
     dear, cheap = costs
-    _, found = asked("marked(T1) AND T1 on P2", structs.replace(MARK, cost=dear), structs.replace(LAY, cost=cheap), facts="T1 on P1")
-    assert sorted((one.cost for one in found.operations), reverse=True) == whole
+    _, finite_task = make_tasks(
+        "marked(T1) AND T1 on P2", structs.replace(MARK, cost=dear), structs.replace(LAY, cost=cheap), facts="T1 on P1"
+    )
+    assert sorted((operation.cost for operation in finite_task.operations), reverse=True) == whole
 
 
 def test_operations_of_one_device_have_its_number() -> None:
     push = service("Push", "?Provider at P1", "?T on ?P", T="Thing", P="Place")
-    task, found = asked("T1 on P2 AND marked(T2)", push, MARK, facts="R1 at P1")
-    assert {use(task.moves[one.move].action): one.device for one in found.operations} == {"Push T=T1 P=P2 Provider=R1": 1, "Mark T=T2": 0}
+    task, finite_task = make_tasks("T1 on P2 AND marked(T2)", push, MARK, facts="R1 at P1")
+    assert {format_action(task.moves[operation.move].action): operation.device for operation in finite_task.operations} == {
+        "Push T=T1 P=P2 Provider=R1": 1,
+        "Mark T=T2": 0,
+    }

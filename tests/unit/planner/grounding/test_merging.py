@@ -48,19 +48,19 @@ def reachable(task: Task) -> list[State]:
     states = {task.initial: None}
     for state in (waiting := [task.initial]):
         for move in task.moves if len(states) < STATES else ():
-            if move.is_applicable(state) and (after := move.apply(state)) not in states:
-                states[after] = None
-                waiting.append(after)
+            if move.is_applicable(state) and (successor := move.apply(state)) not in states:
+                states[successor] = None
+                waiting.append(successor)
     return waiting
 
 
 def check_groups(task: Task) -> int:
     """How many groups there are; in no state that can be reached do two facts of one hold."""
-    found = find_mutex_groups(task)
+    mutex_groups = find_mutex_groups(task)
     for state in reachable(task):
-        for group in found:
+        for group in mutex_groups:
             assert sum(state[variable] == value for variable, value in (task.place[fact] for fact in group)) <= 1, group
-    return len(found)
+    return len(mutex_groups)
 
 
 @examples(40)
@@ -91,24 +91,28 @@ def test_the_same_in_problems_of_the_field(name: str) -> None:
 def test_what_is_written_can_be_read(problem: Problem) -> None:
     task = task_of(problem)
     if task is not None:
-        asked = merge_task(task)
-        again = parse_sas(encode_sas(asked))
-        assert (again.initial, again.goal, again.mutex_groups) == (asked.initial, asked.goal, asked.mutex_groups)
-        assert [len(names) for names in again.names] == [len(names) for names in asked.names]
-        for one, other in zip(again.operations, asked.operations, strict=True):
-            assert (one.move, one.cost, {*one.preconditions}, {*one.effects}) == (
-                other.move,
-                other.cost,
-                {*other.preconditions},
-                {*other.effects},
+        finite_task = merge_task(task)
+        parsed_task = parse_sas(encode_sas(finite_task))
+        assert (parsed_task.initial, parsed_task.goal, parsed_task.mutex_groups) == (
+            finite_task.initial,
+            finite_task.goal,
+            finite_task.mutex_groups,
+        )
+        assert [len(names) for names in parsed_task.names] == [len(names) for names in finite_task.names]
+        for parsed_operation, finite_operation in zip(parsed_task.operations, finite_task.operations, strict=True):
+            assert (parsed_operation.move, parsed_operation.cost, {*parsed_operation.preconditions}, {*parsed_operation.effects}) == (
+                finite_operation.move,
+                finite_operation.cost,
+                {*finite_operation.preconditions},
+                {*finite_operation.effects},
             )
 
 
 def test_where_a_chest_is_is_one_variable_whoever_lifts_it() -> None:
     task = task_of(small("yard"))
     assert task is not None
-    asked = merge_task(task)
-    lifted = [variable[:-1] for variable in asked.names if any(name.startswith("hangs") for name in variable)]
+    finite_task = merge_task(task)
+    lifted = [variable[:-1] for variable in finite_task.names if any(name.startswith("hangs") for name in variable)]
     assert sorted({name[name.index("chest") :][:6] for name in variable}.pop() for variable in lifted) == ["chest1", "chest2"]
     for variable in lifted:
         assert {name.partition("(")[0] for name in variable} >= {"hangs", "in"}
@@ -118,17 +122,17 @@ def test_what_must_not_be_so_is_not_asked_for_where_it_goes_without_saying() -> 
     """A note that lies at a node does not lie at another one, nor on its way, though the domain says it in facts of their own."""
     task = task_of(small("beacons"))
     assert task is not None
-    asked = merge_task(task)
-    assert not [name for variable in asked.names for name in variable if name.startswith(("not-under-way", "lies-not"))]
-    assert len(asked.names) < len(task.values) / 2
+    finite_task = merge_task(task)
+    assert not [name for variable in finite_task.names for name in variable if name.startswith(("not-under-way", "lies-not"))]
+    assert len(finite_task.names) < len(task.values) / 2
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_problems_like_those_of_the_field_are_planned_for_without_an_engine(name: str) -> None:
     problem = small(name)
-    found = plan(problem)
-    assert isinstance(found, Plan)
-    assert validate(found, problem) == []
+    result = plan(problem)
+    assert isinstance(result, Plan)
+    assert validate(result, problem) == []
 
 
 Effects = tuple[str, str, str]
@@ -136,26 +140,36 @@ Effects = tuple[str, str, str]
 
 
 def strips(beginning: str, goal: str, *actions: Effects) -> Problem:
-    def all_of(atoms: str) -> str:
+    def format_atoms(atoms: str) -> str:
         return " ".join(f"({atom})" for atom in atoms)
 
     written = [
-        f"(:action act{number} :parameters () :precondition (and {all_of(needs)})"
-        f" :effect (and {' '.join(f'(not ({atom}))' for atom in gone)} {all_of(come)}))"
-        for number, (needs, gone, come) in enumerate(actions)
+        f"(:action act{number} :parameters () :precondition (and {format_atoms(preconditions)})"
+        f" :effect (and {' '.join(f'(not ({atom}))' for atom in deleted_atoms)} {format_atoms(added_atoms)}))"
+        for number, (preconditions, deleted_atoms, added_atoms) in enumerate(actions)
     ]
     with tempfile.TemporaryDirectory() as folder:
         domain, problem = Path(folder) / "domain.pddl", Path(folder) / "problem.pddl"
-        domain.write_text(f"(define (domain d) (:requirements :strips) (:predicates {all_of('abcd')}) {' '.join(written)})")
-        problem.write_text(f"(define (problem p) (:domain d) (:init {all_of(beginning)}) (:goal (and {all_of(goal)})))")
+        domain.write_text(f"(define (domain d) (:requirements :strips) (:predicates {format_atoms('abcd')}) {' '.join(written)})")
+        problem.write_text(f"(define (problem p) (:domain d) (:init {format_atoms(beginning)}) (:goal (and {format_atoms(goal)})))")
         return read(domain, problem).problem()
 
 
 @st.composite
 def small_strips(draw: st.DrawFn) -> Problem:
-    some = st.sets(st.sampled_from("abcd"), min_size=1, max_size=2).map(lambda atoms: "".join(sorted(atoms)))
-    actions = [(needs, draw(st.sampled_from([needs, needs[0], ""])), draw(some)) for needs in draw(st.lists(some, min_size=1, max_size=4))]
-    return strips(draw(some), draw(some), *((needs, gone, "".join(sorted({*come} - {*gone}))) for needs, gone, come in actions))
+    atom_sets = st.sets(st.sampled_from("abcd"), min_size=1, max_size=2).map(lambda atoms: "".join(sorted(atoms)))
+    actions = [
+        (preconditions, draw(st.sampled_from([preconditions, preconditions[0], ""])), draw(atom_sets))
+        for preconditions in draw(st.lists(atom_sets, min_size=1, max_size=4))
+    ]
+    return strips(
+        draw(atom_sets),
+        draw(atom_sets),
+        *(
+            (preconditions, deleted_atoms, "".join(sorted({*added_atoms} - {*deleted_atoms})))
+            for preconditions, deleted_atoms, added_atoms in actions
+        ),
+    )
 
 
 @examples(75)
@@ -167,22 +181,26 @@ def test_what_goes_without_saying_is_so_in_every_state(problem: Problem) -> None
     task = task_of(problem)
     if task is None:
         return
-    asked = merge_task(task)
+    finite_task = merge_task(task)
     reached = {number for number, move in enumerate(task.moves) if move.length == 0}
-    begun = task.initial, asked.initial
-    seen = {begun}
-    for old, new in (waiting := [begun]):
-        ready = {one.move for one in asked.operations if all(new[variable] == value for variable, value in one.preconditions)}
-        there = all(new[variable] == value for variable, value in asked.goal) or bool(ready & reached)
-        assert there == any(task.moves[number].is_applicable(old) for number in reached)
-        for operation in asked.operations:
+    initial_pair = task.initial, finite_task.initial
+    seen_pairs = {initial_pair}
+    for old, new in (waiting := [initial_pair]):
+        ready = {
+            candidate.move
+            for candidate in finite_task.operations
+            if all(new[variable] == value for variable, value in candidate.preconditions)
+        }
+        is_goal = all(new[variable] == value for variable, value in finite_task.goal) or bool(ready & reached)
+        assert is_goal == any(task.moves[number].is_applicable(old) for number in reached)
+        for operation in finite_task.operations:
             move = task.moves[operation.move]
             assert move.is_applicable(old) == (operation.move in ready), str(move.action)
             if operation.move in ready - reached:
-                after = (
+                successor_pair = (
                     move.apply(old),
                     Move(action=move.action, preconditions=operation.preconditions, effects=operation.effects).apply(new),
                 )
-                if after not in seen:
-                    seen.add(after)
-                    waiting.append(after)
+                if successor_pair not in seen_pairs:
+                    seen_pairs.add(successor_pair)
+                    waiting.append(successor_pair)

@@ -7,36 +7,45 @@ import pytest
 from somrs.ontology.services import ServiceType
 from somrs.planner.grounding.finite import Assignment
 from somrs.planner.grounding.task import Move, Task
-from tests.unit.planner.grounding.test_grounding import GO, PUT, TAKE, fact, grounded, service, use, world
+from tests.unit.planner.grounding.test_grounding import (
+    GO_SERVICE,
+    PUT_SERVICE,
+    TAKE_SERVICE,
+    format_action,
+    format_fact,
+    ground_problem,
+    make_world,
+    service,
+)
 
 
-def task(goal: str, *services: ServiceType, facts: str = "", counting: bool = False) -> Task:
-    return Task(grounded(world(goal, *services, facts=facts, counting=counting)))
+def make_task(goal: str, *services: ServiceType, facts: str = "", counting: bool = False) -> Task:
+    return Task(ground_problem(make_world(goal, *services, facts=facts, counting=counting)))
 
 
-def shown(task: Task, assignment: Assignment) -> str:
+def format_assignment(task: Task, assignment: Assignment) -> str:
     """As in `on(T1, P1)`; that none of a variable's facts holds as `no on(T1, P1) on(T1, P2)`."""
     values = task.values[assignment[0]]
     if (held := values[assignment[1]]) is not None:
-        return fact(held)
-    return " ".join(["no", *(fact(value) for value in values[1:] if value is not None)])
+        return format_fact(held)
+    return " ".join(["no", *(format_fact(value) for value in values[1:] if value is not None)])
 
 
-def told(task: Task, move: Move) -> str:
+def format_move(task: Task, move: Move) -> str:
     """What the move needs, and what it makes, as in `a AND b -> c IF a AND d`."""
-    made = [
-        shown(task, (variable, value)) + "".join(f" IF {shown(task, condition)}" for condition in conditions)
+    effect_texts = [
+        format_assignment(task, (variable, value)) + "".join(f" IF {format_assignment(task, condition)}" for condition in conditions)
         for conditions, variable, value in move.effects
     ]
-    return f"{' AND '.join(shown(task, need) for need in move.preconditions)} -> {' AND '.join(sorted(made))}".strip()
+    return f"{' AND '.join(format_assignment(task, precondition) for precondition in move.preconditions)} -> {' AND '.join(sorted(effect_texts))}".strip()
 
 
-def moves(task: Task) -> dict[str, str]:
-    return {use(move.action).partition(" T1.")[0]: told(task, move) for move in task.moves}
+def format_moves(task: Task) -> dict[str, str]:
+    return {format_action(move.action).partition(" T1.")[0]: format_move(task, move) for move in task.moves}
 
 
-def beginning(task: Task) -> list[str]:
-    return [shown(task, place) for place in enumerate(task.initial)]
+def format_initial(task: Task) -> list[str]:
+    return [format_assignment(task, place) for place in enumerate(task.initial)]
 
 
 def things(name: str, precondition: str | None, effect: str) -> ServiceType:
@@ -59,9 +68,9 @@ FREE_PUT = placing("Put", None, "?T on ?P")
         (
             "T1 on P2",
             (
-                PUT,
-                TAKE,
-                GO,
+                PUT_SERVICE,
+                TAKE_SERVICE,
+                GO_SERVICE,
             ),
             "T1 on P1, R1 at P1, P2 near P1",
             ["at(R1, P1)", "on(T1, P1)", "no ()"],
@@ -317,37 +326,41 @@ FREE_PUT = placing("Put", None, "?T on ?P")
 def test_what_moves_need_and_make(
     goal: str, services: tuple[ServiceType, ...], facts: str, first: list[str], expected: dict[str, str]
 ) -> None:
-    asked = task(goal, *services, facts=facts)
-    assert beginning(asked) == first
-    assert moves(asked) == expected
+    task = make_task(goal, *services, facts=facts)
+    assert format_initial(task) == first
+    assert format_moves(task) == expected
 
 
 def test_the_goal_is_a_fact_and_reaching_it_no_step() -> None:
-    asked = task("marked(T1)", things("Mark", None, "marked(?T)"))
-    assert asked.goal is not None
-    assert shown(asked, asked.goal) == "()"
-    assert {use(move.action): (move.length, move.cost) for move in asked.moves} == {"Mark T=T1": (1, 1.0), "goal": (0, 0.0)}
-    assert task("marked(T1)").goal is None
+    task = make_task("marked(T1)", things("Mark", None, "marked(?T)"))
+    assert task.goal is not None
+    assert format_assignment(task, task.goal) == "()"
+    assert {format_action(move.action): (move.length, move.cost) for move in task.moves} == {"Mark T=T1": (1, 1.0), "goal": (0, 0.0)}
+    assert make_task("marked(T1)").goal is None
 
 
 def test_what_only_sets_a_counter_is_kept_when_counting() -> None:
     fill, mark = things("Fill", None, "?T.Count = 1"), things("Mark", None, "marked(?T)")
-    asked = task("T1.Count >= 1 AND marked(T1)", fill, mark, counting=True)
-    assert moves(asked) == {"Mark T=T1": "-> marked(T1)", "Fill T=T1": "->", "goal": "marked(T1) -> ()"}
+    task = make_task("T1.Count >= 1 AND marked(T1)", fill, mark, counting=True)
+    assert format_moves(task) == {"Mark T=T1": "-> marked(T1)", "Fill T=T1": "->", "goal": "marked(T1) -> ()"}
 
 
 def test_moves_are_made_when_what_they_need_is_so_and_change_what_their_conditions_allow() -> None:
-    asked = task("NOT T1 on P1 AND marked(T1)", placing("Drop", "?T on ?Q", "NOT ?T on ?P AND marked(?T)"), facts="T1 on P1")
-    drop = {use(move.action): move for move in asked.moves}
-    there, gone = drop["Drop T=T1 P=P1"], drop["Drop T=T1 P=P2"]
-    assert beginning(asked) == ["on *(T1)", "on(T1, P1)", "no marked(T1)", "no ()"]
-    assert [there.is_applicable(asked.initial), gone.is_applicable(asked.initial), drop["goal"].is_applicable(asked.initial)] == [
-        True,
+    task = make_task("NOT T1 on P1 AND marked(T1)", placing("Drop", "?T on ?Q", "NOT ?T on ?P AND marked(?T)"), facts="T1 on P1")
+    drop = {format_action(move.action): move for move in task.moves}
+    effective_drop, idle_drop = drop["Drop T=T1 P=P1"], drop["Drop T=T1 P=P2"]
+    assert format_initial(task) == ["on *(T1)", "on(T1, P1)", "no marked(T1)", "no ()"]
+    assert [
+        effective_drop.is_applicable(task.initial),
+        idle_drop.is_applicable(task.initial),
+        drop["goal"].is_applicable(task.initial),
+    ] == [True, True, False]
+    state_after = effective_drop.apply(task.initial)
+    assert [format_assignment(task, place) for place in enumerate(state_after)] == ["no on *(T1)", "no on(T1, P1)", "marked(T1)", "no ()"]
+    idle_state = idle_drop.apply(task.initial)
+    assert [format_assignment(task, place) for place in enumerate(idle_state)] == ["on *(T1)", "on(T1, P1)", "marked(T1)", "no ()"]
+    assert [effective_drop.is_applicable(state_after), drop["goal"].is_applicable(state_after), drop["goal"].is_applicable(idle_state)] == [
+        False,
         True,
         False,
     ]
-    after = there.apply(asked.initial)
-    assert [shown(asked, place) for place in enumerate(after)] == ["no on *(T1)", "no on(T1, P1)", "marked(T1)", "no ()"]
-    other = gone.apply(asked.initial)
-    assert [shown(asked, place) for place in enumerate(other)] == ["on *(T1)", "on(T1, P1)", "marked(T1)", "no ()"]
-    assert [there.is_applicable(after), drop["goal"].is_applicable(after), drop["goal"].is_applicable(other)] == [False, True, False]

@@ -32,7 +32,7 @@ PICK = ServiceType(
     precondition="?Object isOn ?Source",
     effect="?Object isHeldBy ?Provider",
 )
-PUT = ServiceType(
+PUT_SERVICE = ServiceType(
     name="PutDown",
     inputs=(Parameter(name="Object", type="Graspable"), Parameter(name="Place", type="Support")),
     precondition="?Object isHeldBy ?Provider",
@@ -54,35 +54,38 @@ ROBOTS = ("Robot1", "Robot2", "Robot3")
 def gripping(goal: str, *services: ServiceType, robots: tuple[str, ...] = ROBOTS) -> Problem:
     loaded = load_text(SITE, "site.yaml")
     assert loaded.map is not None
-    available = tuple(AvailableService(service, robots) for service in services or (PICK, PUT))
+    available = tuple(AvailableService(service, robots) for service in services or (PICK, PUT_SERVICE))
     return Problem(ontology=loaded.ontology, map=loaded.map, goal=parse(goal), services=available)
 
 
 def planned(problem: Problem) -> Plan:
-    found = plan(problem)
-    assert isinstance(found, Plan)
-    return found
+    result = plan(problem)
+    assert isinstance(result, Plan)
+    return result
 
 
 def test_who_takes_a_thing_puts_it_down_whoever_that_is() -> None:
     problem = gripping(WISH)
-    found = planned(problem)
-    same: dict[str | None, list[str]] = defaultdict(list)
-    for step in found.steps:
+    result = planned(problem)
+    objects_by_group: dict[str | None, list[str]] = defaultdict(list)
+    for step in result.steps:
         assert {step.provider, *step.alternative_providers} == set(ROBOTS)
-        same[step.device_group].append(str(step.inputs["Object"]))
-    assert len(same) == 3
-    assert all(len(objects) == 2 and len(set(objects)) == 1 for objects in same.values())
+        objects_by_group[step.device_group].append(str(step.inputs["Object"]))
+    assert len(objects_by_group) == 3
+    assert all(len(objects) == 2 and len(set(objects)) == 1 for objects in objects_by_group.values())
     for robots in (("Robot3", "Robot2", "Robot1"), ("Robot2", "Robot2", "Robot2")):
-        who = dict(zip(same, robots, strict=True))
-        assert validate(Plan(tuple(assign_provider(step, who[step.device_group]) for step in found.steps), found.links), problem) == []
+        robot_by_group = dict(zip(objects_by_group, robots, strict=True))
+        assert (
+            validate(Plan(tuple(assign_provider(step, robot_by_group[step.device_group]) for step in result.steps), result.links), problem)
+            == []
+        )
 
 
 @pytest.mark.parametrize(
     "problem",
     [
-        gripping(WISH, picking(" AND NOT ?Any isHeldBy ?Provider"), PUT),
-        gripping(WISH, picking(effect=" AND ?Provider.Charge = 5"), PUT),
+        gripping(WISH, picking(" AND NOT ?Any isHeldBy ?Provider"), PUT_SERVICE),
+        gripping(WISH, picking(effect=" AND ?Provider.Charge = 5"), PUT_SERVICE),
         gripping("Jar001 isHeldBy Robot2"),
         gripping(WISH, robots=("Robot1",)),
         replace(gripping(WISH), excluded=frozenset({"Robot2", "Robot3"})),
@@ -95,45 +98,45 @@ def test_where_it_matters_who_does_it_the_plan_says_who(problem: Problem) -> Non
 
 def test_who_is_charged_for_it_cannot_be_replaced_by_whom_that_leaves_as_it_is() -> None:
     charge = ServiceType(name="Charge", inputs=(Parameter(name="Robot", type="PioneerP3DX"),), effect="?Robot.Charge = 80 %")
-    problem = gripping("Jar001 isOn Platform001", picking(" AND ?Provider.Charge >= 20 %"), PUT, charge)
+    problem = gripping("Jar001 isOn Platform001", picking(" AND ?Provider.Charge >= 20 %"), PUT_SERVICE, charge)
     charged = parse("Robot1.Charge = 10 % AND Robot2.Charge = 50 % AND Robot3.Charge = 50 %")
     problem = replace(problem, map=apply_effect(charged, problem.map, problem.ontology))
-    found = planned(replace(problem, excluded=frozenset({"Robot2", "Robot3"})))
-    assert [(step.service_type, step.provider) for step in found.steps] == [
+    result = planned(replace(problem, excluded=frozenset({"Robot2", "Robot3"})))
+    assert [(step.service_type, step.provider) for step in result.steps] == [
         ("Charge", None),
         ("PickUp", "Robot1"),
         ("PutDown", "Robot1"),
     ]
-    assert generalize_providers(problem, found) == found
+    assert generalize_providers(problem, result) == result
 
 
 def test_couriers_that_move_cannot_take_each_others_place() -> None:
-    steps, known = carried(2, 2), relay(2, 2)
-    made = Plan(tuple(steps), derive_links(steps, maps_of(steps, known), known))
-    assert generalize_providers(known, made) == made
+    steps, relay_problem = carried(2, 2), relay(2, 2)
+    relay_plan = Plan(tuple(steps), derive_links(steps, maps_of(steps, relay_problem), relay_problem))
+    assert generalize_providers(relay_problem, relay_plan) == relay_plan
 
 
 def test_only_those_are_alike_of_which_the_same_is_so() -> None:
-    problem = gripping("Jar001 isOn Platform001", picking(" AND ?Provider.Working = TRUE"), PUT)
+    problem = gripping("Jar001 isOn Platform001", picking(" AND ?Provider.Working = TRUE"), PUT_SERVICE)
     working = apply_effect(parse("Robot2.Working = FALSE"), problem.map, problem.ontology)
-    found = planned(replace(problem, map=working))
-    assert {(step.provider, *step.alternative_providers) for step in found.steps} <= {("Robot1", "Robot3"), ("Robot3", "Robot1")}
+    result = planned(replace(problem, map=working))
+    assert {(step.provider, *step.alternative_providers) for step in result.steps} <= {("Robot1", "Robot3"), ("Robot3", "Robot1")}
 
 
 class Grippers(VirtualSystem):
     """Robots that pick up and put down."""
 
     def grip(self, robot: Robot) -> None:
-        capabilities = tuple(Capability(type=type, method=type.name, stoppable=True) for type in (PICK, PUT))
+        capabilities = tuple(Capability(type=type, method=type.name, stoppable=True) for type in (PICK, PUT_SERVICE))
         self._join(robot, Profile(name=robot.name, type="PioneerP3DX", capabilities=capabilities, lease=3600))
 
 
-def system(*robots: Robot) -> Grippers:
-    made = Grippers()
+def make_system(*robots: Robot) -> Grippers:
+    system = Grippers()
     for robot in robots:
-        made.grip(robot)
-    made.world.run(5)
-    return made
+        system.grip(robot)
+    system.world.run(5)
+    return system
 
 
 def gripper(name: str, seconds: float = 10.0, price: float = 1.0, refuses: str = "") -> Robot:
@@ -145,31 +148,31 @@ def gripper(name: str, seconds: float = 10.0, price: float = 1.0, refuses: str =
 
 def test_three_robots_take_a_thing_each() -> None:
     robots = [gripper(name) for name in ROBOTS]
-    made = system(*robots)
-    start = made.world.now
-    (view,) = made.finish(made.submit(WISH, policy=Policy.TIME))
+    system = make_system(*robots)
+    start = system.world.now
+    (view,) = system.finish(system.submit(WISH, policy=Policy.TIME))
     assert view.outcome is Outcome.ACCOMPLISHED
     assert view.ended_at is not None
     assert view.ended_at - start < 25
     for robot in robots:
         assert [order.method for order in robot.orders] == ["PickUp", "PutDown"]
         assert len({order.inputs["Object"] for order in robot.orders}) == 1
-    assert made.map.has_fact("isOn", ("Tin001", "Platform001"))
+    assert system.map.has_fact("isOn", ("Tin001", "Platform001"))
 
 
 def test_the_cheapest_takes_them_all_when_that_is_wanted() -> None:
     robots = [gripper("Robot1", price=5), gripper("Robot2", price=2), gripper("Robot3", price=5)]
-    made = system(*robots)
-    (view,) = made.finish(made.submit(WISH, policy=Policy.PRICE))
+    system = make_system(*robots)
+    (view,) = system.finish(system.submit(WISH, policy=Policy.PRICE))
     assert view.outcome is Outcome.ACCOMPLISHED
     assert [len(robot.orders) for robot in robots] == [0, 6, 0]
 
 
 def test_when_one_refuses_another_takes_it_without_a_new_plan() -> None:
     robots = [gripper("Robot1", refuses="it is too heavy for me"), gripper("Robot2", refuses="it is too heavy for me"), gripper("Robot3")]
-    made = system(*robots)
-    task = made.submit("Jar001 isOn Platform001")
-    (view,) = made.finish(task)
+    system = make_system(*robots)
+    task = system.submit("Jar001 isOn Platform001")
+    (view,) = system.finish(task)
     assert view.outcome is Outcome.ACCOMPLISHED
-    assert not [event for event in made.manager.state.tasks[task].events if event.kind is EventKind.REPLAN]
+    assert not [event for event in system.manager.state.tasks[task].events if event.kind is EventKind.REPLAN]
     assert len(robots[2].orders) == 2

@@ -46,10 +46,10 @@ ONTOLOGY = Ontology(
         RelationType(name="marked", joins=("Thing",)),
     ]
 )
-EVERYTHING = "?T on ?P AND ?T.Clean = TRUE AND ?T.Level = 1 m AND ?R at ?P AND ?P near ?Q AND marked(?T) AND ?T gluedTo ?P"
+ALL_EFFECTS = "?T on ?P AND ?T.Clean = TRUE AND ?T.Level = 1 m AND ?R at ?P AND ?P near ?Q AND marked(?T) AND ?T gluedTo ?P"
 
 
-def vocabulary(*effects: str, counting: bool = False) -> Vocabulary:
+def make_vocabulary(*effects: str, counting: bool = False) -> Vocabulary:
     return Vocabulary(ONTOLOGY, map(parse, effects), counting)
 
 
@@ -63,49 +63,52 @@ def service(precondition: str | None, effect: str, outputs: tuple[str, ...] = ()
     )
 
 
-def compiled(precondition: str | None, effect: str, known: Vocabulary | None = None, **inputs: str) -> Operator:
-    (found,) = operators(service(precondition, effect, (), **inputs), known or vocabulary(EVERYTHING))
-    return found
+def compile_operator(precondition: str | None, effect: str, vocabulary: Vocabulary | None = None, **inputs: str) -> Operator:
+    (operator,) = operators(service(precondition, effect, (), **inputs), vocabulary or make_vocabulary(ALL_EFFECTS))
+    return operator
 
 
-def wished(goal: str, known: Vocabulary | None = None) -> Operator:
-    (found,) = goal_operators(parse(goal), known or vocabulary(EVERYTHING))
-    return found
+def compile_goal(goal: str, vocabulary: Vocabulary | None = None) -> Operator:
+    (operator,) = goal_operators(parse(goal), vocabulary or make_vocabulary(ALL_EFFECTS))
+    return operator
 
 
-def shown(pattern: Pattern) -> str:
+def format_pattern(pattern: Pattern) -> str:
     return f"{pattern[0]}({', '.join(map(str, pattern[1]))})"
 
 
-def told(operator: Operator) -> dict[str, list[str]]:
+def describe_operator(operator: Operator) -> dict[str, list[str]]:
     """What an operator says, of the fields that say anything."""
-    said = {
-        "needs": [shown(need) for need in operator.preconditions],
-        "forbids": [shown(one.pattern) + (f" if {one.test.comparison}" if one.test else "") for one in operator.negative_preconditions],
+    description = {
+        "needs": [format_pattern(pattern) for pattern in operator.preconditions],
+        "forbids": [
+            format_pattern(negative.pattern) + (f" if {negative.test.comparison}" if negative.test else "")
+            for negative in operator.negative_preconditions
+        ],
         "tests": [str(test.comparison) for test in operator.tests],
         "static": [str(literal) for literal in operator.static_conditions],
-        "adds": [shown(pattern) for pattern in operator.add_effects],
-        "removes": [shown(pattern) for pattern in operator.delete_effects],
+        "adds": [format_pattern(pattern) for pattern in operator.add_effects],
+        "removes": [format_pattern(pattern) for pattern in operator.delete_effects],
         "counts": [str(literal) for literal in operator.numeric_conditions],
         "sets": [f"{target} = {source}" for target, source in operator.numeric_effects],
     }
-    return {field: lines for field, lines in said.items() if lines}
+    return {field: lines for field, lines in description.items() if lines}
 
 
 # What services can change
 
 
 def test_a_vocabulary_has_what_effects_speak_of_and_what_these_replace() -> None:
-    known = vocabulary("?T on ?P AND NOT marked(?T)", "?T.Clean = TRUE", "2 m = ?T.Level")
-    assert known.relations == {"on", "heldBy", "marked"}
-    assert known.paths == {"Clean", "Level"}
-    assert known.counters == set()
+    vocabulary = make_vocabulary("?T on ?P AND NOT marked(?T)", "?T.Clean = TRUE", "2 m = ?T.Level")
+    assert vocabulary.relations == {"on", "heldBy", "marked"}
+    assert vocabulary.paths == {"Clean", "Level"}
+    assert vocabulary.counters == set()
 
 
 def test_only_numbers_are_counters_and_only_when_counting() -> None:
-    known = vocabulary("?T.Clean = TRUE", "?T.Level = 2 m", "?T.Unknown = 1", counting=True)
-    assert known.counters == {"Level"}
-    assert known.paths == {"Clean", "Unknown"}
+    vocabulary = make_vocabulary("?T.Clean = TRUE", "?T.Level = 2 m", "?T.Unknown = 1", counting=True)
+    assert vocabulary.counters == {"Level"}
+    assert vocabulary.paths == {"Clean", "Unknown"}
 
 
 @pytest.mark.parametrize(
@@ -119,7 +122,7 @@ def test_only_numbers_are_counters_and_only_when_counting() -> None:
     ],
 )
 def test_whether_effects_calculate(effects: tuple[str, ...], calculates: bool) -> None:
-    assert vocabulary(*effects).calculates is calculates
+    assert make_vocabulary(*effects).calculates is calculates
 
 
 @pytest.mark.parametrize(
@@ -138,10 +141,10 @@ def test_whether_effects_calculate(effects: tuple[str, ...], calculates: bool) -
     ],
 )
 def test_which_relations_replace_each_other(relation: str, excluded: list[str], exclusive: bool, symmetric: bool) -> None:
-    known = vocabulary(EVERYTHING)
-    assert known.excluded_by(relation) == excluded
-    assert known.is_exclusive(relation) is exclusive
-    assert known.is_symmetric(relation) is symmetric
+    vocabulary = make_vocabulary(ALL_EFFECTS)
+    assert vocabulary.excluded_by(relation) == excluded
+    assert vocabulary.is_exclusive(relation) is exclusive
+    assert vocabulary.is_symmetric(relation) is symmetric
 
 
 @pytest.mark.parametrize(
@@ -156,7 +159,7 @@ def test_which_relations_replace_each_other(relation: str, excluded: list[str], 
     ],
 )
 def test_facts_that_replace_each_other_share_a_variable(fact: Fact, variable: tuple[str, Argument] | None) -> None:
-    assert vocabulary(EVERYTHING).variable_of(fact) == variable
+    assert make_vocabulary(ALL_EFFECTS).variable_of(fact) == variable
 
 
 @pytest.mark.parametrize(
@@ -176,7 +179,7 @@ def test_facts_that_replace_each_other_share_a_variable(fact: Fact, variable: tu
     ],
 )
 def test_terms_that_read_what_services_change(term: str, read: str | None) -> None:
-    listed, counting = vocabulary("?T.Level = 1 m"), vocabulary("?T.Level = 1 m", counting=True)
+    listed, counting = make_vocabulary("?T.Level = 1 m"), make_vocabulary("?T.Level = 1 m", counting=True)
     assert listed.changing(parse_term(term)) == (parse_term(read) if read is not None else None)
     assert counting.counter(parse_term(term)) == (parse_term(read) if read is not None else None)
     assert listed.counter(parse_term(term)) is None
@@ -186,7 +189,7 @@ def test_terms_that_read_what_services_change(term: str, read: str | None) -> No
 @pytest.mark.parametrize("path", ["PositionX", "PositionY"])
 def test_a_distance_is_not_counted_with_where_services_move_things(path: str) -> None:
     with pytest.raises(Inexpressible, match=r"distance\(T1, P1\): services on offer move what it measures") as raised:
-        vocabulary(f"?T.{path} = 1 m").changing(parse_term("distance(T1, P1)"))
+        make_vocabulary(f"?T.{path} = 1 m").changing(parse_term("distance(T1, P1)"))
     assert raised.value.formula == parse_term("distance(T1, P1)")
     assert raised.value.reason == "services on offer move what it measures"
 
@@ -227,14 +230,16 @@ def test_a_distance_is_not_counted_with_where_services_move_things(path: str) ->
     ],
 )
 def test_what_a_service_becomes(precondition: str | None, effect: str, expected: dict[str, list[str]]) -> None:
-    found = told(compiled(precondition, effect))
-    assert found == {**({"adds": ["marked(?T)"]} if effect == "marked(?T)" else {}), **expected}
+    description = describe_operator(compile_operator(precondition, effect))
+    assert description == {**({"adds": ["marked(?T)"]} if effect == "marked(?T)" else {}), **expected}
 
 
 def test_when_counting_numbers_are_compared_and_set_apart_from_facts() -> None:
-    known = vocabulary(EVERYTHING, counting=True)
-    found = compiled("?T.Level >= 1 m AND NOT ?T.Level > 5 m AND ?T.Clean = TRUE", "?T.Level = ?T.Level - 1 m AND 1 m = T1.Level", known)
-    assert told(found) == {
+    vocabulary = make_vocabulary(ALL_EFFECTS, counting=True)
+    operator = compile_operator(
+        "?T.Level >= 1 m AND NOT ?T.Level > 5 m AND ?T.Clean = TRUE", "?T.Level = ?T.Level - 1 m AND 1 m = T1.Level", vocabulary
+    )
+    assert describe_operator(operator) == {
         "needs": [".Clean(?T, ??T.Clean)"],
         "tests": ["??T.Clean = TRUE"],
         "counts": ["?T.Level >= 1 m", "NOT ?T.Level > 5 m"],
@@ -243,24 +248,26 @@ def test_when_counting_numbers_are_compared_and_set_apart_from_facts() -> None:
 
 
 def test_the_variables_that_have_to_be_bound() -> None:
-    found = compiled("?Provider at ?P AND NOT ?X on ?P AND NOT ?Y.Weight = 1 kg AND meet(?A, ?B, ?C) AND ?T.Weight < 2 kg", "?T on ?P")
-    assert found.variables == ("Provider", "P", "T", "A", "B", "C")
-    counting = compiled(
+    operator = compile_operator(
+        "?Provider at ?P AND NOT ?X on ?P AND NOT ?Y.Weight = 1 kg AND meet(?A, ?B, ?C) AND ?T.Weight < 2 kg", "?T on ?P"
+    )
+    assert operator.variables == ("Provider", "P", "T", "A", "B", "C")
+    counting = compile_operator(
         "?A.Level >= 1 m AND NOT ?X.Level > 1 m AND NOT marked(?M)",
         "?B.Level = ?D.Level AND NOT marked(?E)",
-        vocabulary(EVERYTHING, counting=True),
+        make_vocabulary(ALL_EFFECTS, counting=True),
         Z="Thing",
     )
     assert counting.variables == ("Z", "E", "A", "B", "D")
 
 
 def test_a_place_that_does_not_matter_is_not_bound() -> None:
-    assert compiled("?T heldBy ?R", "marked(?T)", T="Thing").variables == ("T",)
+    assert compile_operator("?T heldBy ?R", "marked(?T)", T="Thing").variables == ("T",)
 
 
 def test_the_types_that_variables_must_be_of() -> None:
-    found = compiled("?T on ?P AND NOT ?X heldBy ?Provider AND ?P near ?Q: Object", "?T heldBy ?Provider", T="Cup")
-    assert found.types == {
+    operator = compile_operator("?T on ?P AND NOT ?X heldBy ?Provider AND ?P near ?Q: Object", "?T heldBy ?Provider", T="Cup")
+    assert operator.types == {
         "T": {"Cup", "Thing"},
         "P": {"Place"},
         "Q": {"Object", "Place"},
@@ -270,31 +277,31 @@ def test_the_types_that_variables_must_be_of() -> None:
 
 
 def test_a_variable_behind_not_is_of_the_type_that_is_written() -> None:
-    assert compiled("NOT ?X: Cup on P1", "marked(T1)").types == {"X": {"Cup"}}
+    assert compile_operator("NOT ?X: Cup on P1", "marked(T1)").types == {"X": {"Cup"}}
 
 
 def test_values_come_with_the_tolerance_of_their_attribute() -> None:
-    found = compiled("?T.Level = 1 m AND ?T.Clean = TRUE", "marked(?T)")
-    assert [dict(test.hidden) for test in found.tests] == [{"?T.Level": 0.5}, {"?T.Clean": 0.0}]
+    operator = compile_operator("?T.Level = 1 m AND ?T.Clean = TRUE", "marked(?T)")
+    assert [dict(test.hidden) for test in operator.tests] == [{"?T.Level": 0.5}, {"?T.Clean": 0.0}]
 
 
 def test_the_provider_is_bound_only_where_formulas_speak_of_it() -> None:
-    assert compiled(None, "marked(T1)").variables == ()
-    assert compiled("T1 heldBy ?Provider", "marked(T1)").variables == ("Provider",)
-    assert compiled(None, "T1 heldBy ?Provider").variables == ("Provider",)
+    assert compile_operator(None, "marked(T1)").variables == ()
+    assert compile_operator("T1 heldBy ?Provider", "marked(T1)").variables == ("Provider",)
+    assert compile_operator(None, "T1 heldBy ?Provider").variables == ("Provider",)
 
 
 def test_each_alternative_is_an_operator_with_what_is_written() -> None:
-    does = service("marked(T1) OR marked(T2)", "marked(T3)")
-    found = list(operators(does, vocabulary(EVERYTHING)))
-    assert [one.condition for one in found] == [(parse("marked(T1)"),), (parse("marked(T2)"),)]
-    assert [one.preconditions for one in found] == [(("marked", ("T1",)),), (("marked", ("T2",)),)]
-    assert {one.service for one in found} == {does}
-    assert {one.effect for one in found} == {parse("marked(T3)")}
+    service_type = service("marked(T1) OR marked(T2)", "marked(T3)")
+    operator_list = list(operators(service_type, make_vocabulary(ALL_EFFECTS)))
+    assert [operator.condition for operator in operator_list] == [(parse("marked(T1)"),), (parse("marked(T2)"),)]
+    assert [operator.preconditions for operator in operator_list] == [(("marked", ("T1",)),), (("marked", ("T2",)),)]
+    assert {operator.service for operator in operator_list} == {service_type}
+    assert {operator.effect for operator in operator_list} == {parse("marked(T3)")}
 
 
 @pytest.mark.parametrize(
-    ("precondition", "effect", "said"),
+    ("precondition", "effect", "message"),
     [
         (None, "marked(T1) OR marked(T2)", "marked(T1) OR marked(T2): an effect with OR does not say what becomes true"),
         (None, "T1.Level > 1 m", "T1.Level > 1 m: it does not say what becomes true"),
@@ -306,39 +313,39 @@ def test_each_alternative_is_an_operator_with_what_is_written() -> None:
         ),
     ],
 )
-def test_what_cannot_be_expressed(precondition: str | None, effect: str, said: str) -> None:
+def test_what_cannot_be_expressed(precondition: str | None, effect: str, message: str) -> None:
     with pytest.raises(Inexpressible) as raised:
-        compiled(precondition, effect)
-    assert str(raised.value) == said
+        compile_operator(precondition, effect)
+    assert str(raised.value) == message
 
 
 def test_an_output_must_not_stand_in_the_effect() -> None:
-    known = vocabulary(EVERYTHING)
+    vocabulary = make_vocabulary(ALL_EFFECTS)
     with pytest.raises(Inexpressible, match=r"\?P is known only when the service is done"):
-        list(operators(service(None, "T1 on ?P", outputs=("P",)), known))
-    assert len(list(operators(service(None, "T1 on ?P", outputs=("P",), P="Place"), known))) == 1
-    assert len(list(operators(service(None, "T1 on P1", outputs=("P",)), known))) == 1
+        list(operators(service(None, "T1 on ?P", outputs=("P",)), vocabulary))
+    assert len(list(operators(service(None, "T1 on ?P", outputs=("P",), P="Place"), vocabulary))) == 1
+    assert len(list(operators(service(None, "T1 on P1", outputs=("P",)), vocabulary))) == 1
 
 
 def test_there_may_be_so_many_alternatives_and_no_more() -> None:
     eight = " AND ".join(f"(marked(A{n}) OR marked(B{n}))" for n in range(8))
-    assert len(list(goal_operators(parse(eight), vocabulary(EVERYTHING)))) == 256
+    assert len(list(goal_operators(parse(eight), make_vocabulary(ALL_EFFECTS)))) == 256
     with pytest.raises(Inexpressible, match="it has more than 256 alternatives"):
-        list(goal_operators(parse(f"{eight} AND (marked(C1) OR marked(C2))"), vocabulary(EVERYTHING)))
+        list(goal_operators(parse(f"{eight} AND (marked(C1) OR marked(C2))"), make_vocabulary(ALL_EFFECTS)))
 
 
 # Goals
 
 
 def test_a_goal_adds_that_the_task_is_accomplished() -> None:
-    found = wished("?T: Cup on P1 AND NOT marked(?T)")
-    assert (found.service, found.effect, found.add_effects) == (None, None, (GOAL,))
-    assert told(found) == {"needs": ["on(?T, P1)"], "forbids": ["marked(?T)"], "adds": ["()"]}
-    assert found.types == {"T": {"Cup", "Thing"}}
-    assert found.variables == ("T",)
+    operator = compile_goal("?T: Cup on P1 AND NOT marked(?T)")
+    assert (operator.service, operator.effect, operator.add_effects) == (None, None, (GOAL,))
+    assert describe_operator(operator) == {"needs": ["on(?T, P1)"], "forbids": ["marked(?T)"], "adds": ["()"]}
+    assert operator.types == {"T": {"Cup", "Thing"}}
+    assert operator.variables == ("T",)
 
 
 def test_patterns_have_names_as_texts_and_values_as_they_are() -> None:
-    found = compiled(None, "T1 on ?P AND T1.Level = 1 m")
-    assert found.add_effects == (("on", ("T1", parse_term("?P"))), (".Level", ("T1", Number(1.0, "m"))))
-    assert Name("T1") not in found.add_effects[0][1]
+    operator = compile_operator(None, "T1 on ?P AND T1.Level = 1 m")
+    assert operator.add_effects == (("on", ("T1", parse_term("?P"))), (".Level", ("T1", Number(1.0, "m"))))
+    assert Name("T1") not in operator.add_effects[0][1]

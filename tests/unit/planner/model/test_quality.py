@@ -23,7 +23,7 @@ WAYS = (FERRY, FIRST, SECOND)
 """The jar comes to the platform at once, or by way of the other cupboard."""
 
 
-def problem(services: tuple[AvailableService, ...]) -> Problem:
+def make_problem(services: tuple[AvailableService, ...]) -> Problem:
     loaded = load_text(SITE, "site.yaml")
     assert loaded.map is not None
     return Problem(ontology=loaded.ontology, map=loaded.map, goal=parse("Jar002 isOn Platform001"), services=services)
@@ -31,11 +31,16 @@ def problem(services: tuple[AvailableService, ...]) -> Problem:
 
 def quoted(**prices: float) -> Problem:
     """What the services asked last, those that were asked."""
-    return problem(tuple(AvailableService(one, ("Robot1",), (("Robot1", prices[one.name]),) if one.name in prices else ()) for one in WAYS))
+    return make_problem(
+        tuple(
+            AvailableService(service_type, ("Robot1",), (("Robot1", prices[service_type.name]),) if service_type.name in prices else ())
+            for service_type in WAYS
+        )
+    )
 
 
-def found(asked: Problem) -> Plan:
-    answer = plan(asked)
+def find_plan(problem: Problem) -> Plan:
+    answer = plan(problem)
     assert isinstance(answer, Plan), answer
     return answer
 
@@ -53,32 +58,34 @@ def ways(plan: Plan) -> list[str]:
     ],
 )
 def test_what_services_asked_last_decides(prices: dict[str, float], way: list[str]) -> None:
-    assert ways(found(quoted(**prices))) == way
+    assert ways(find_plan(quoted(**prices))) == way
 
 
 def test_what_a_service_type_says_that_it_costs_decides() -> None:
     costs = {"Ferry": "10", "FirstLeg": "2", "SecondLeg": "3"}
-    asked = problem(tuple(AvailableService(structs.replace(one, cost=costs[one.name]), ("Robot1",)) for one in WAYS))
-    assert ways(found(asked)) == ["FirstLeg", "SecondLeg"]
-    assert cost(found(asked), asked) == 5.0
+    problem = make_problem(
+        tuple(AvailableService(structs.replace(service_type, cost=costs[service_type.name]), ("Robot1",)) for service_type in WAYS)
+    )
+    assert ways(find_plan(problem)) == ["FirstLeg", "SecondLeg"]
+    assert cost(find_plan(problem), problem) == 5.0
 
 
 def test_who_is_in_a_hurry_takes_the_short_way() -> None:
-    asked = replace(quoted(Ferry=10.0, FirstLeg=2.0, SecondLeg=3.0), hurry=True)
-    assert ways(found(asked)) == ["Ferry"]
+    problem = replace(quoted(Ferry=10.0, FirstLeg=2.0, SecondLeg=3.0), hurry=True)
+    assert ways(find_plan(problem)) == ["Ferry"]
 
 
 def test_the_best_is_by_cost_or_by_time() -> None:
-    asked = quoted(Ferry=10.0, FirstLeg=2.0, SecondLeg=3.0)
-    dear, cheap = found(replace(asked, hurry=True)), found(asked)
-    assert (cost(dear, asked), makespan(dear), cost(cheap, asked), makespan(cheap)) == (10.0, 1, 5.0, 2)
-    assert best(asked, [dear, cheap]) is cheap
-    assert best(replace(asked, hurry=True), [cheap, dear]) is dear
+    problem = quoted(Ferry=10.0, FirstLeg=2.0, SecondLeg=3.0)
+    dear, cheap = find_plan(replace(problem, hurry=True)), find_plan(problem)
+    assert (cost(dear, problem), makespan(dear), cost(cheap, problem), makespan(cheap)) == (10.0, 1, 5.0, 2)
+    assert best(problem, [dear, cheap]) is cheap
+    assert best(replace(problem, hurry=True), [cheap, dear]) is dear
 
 
 def test_a_task_manager_plans_by_the_terms_that_it_had() -> None:
     system = VirtualSystem(Robot("Robot1", 10.0, 5.0))
     system.finish(system.submit("Jar002 isOn Platform001"))
     system.finish(system.submit("Tin001 isOn Platform001", policy=Policy.TIME))
-    assert [dict(asked.services[0].prices) for asked in system.problems] == [{}, {"Robot1": 10.0}]
-    assert [asked.hurry for asked in system.problems] == [False, True]
+    assert [dict(problem.services[0].prices) for problem in system.problems] == [{}, {"Robot1": 10.0}]
+    assert [problem.hurry for problem in system.problems] == [False, True]

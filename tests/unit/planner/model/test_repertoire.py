@@ -8,16 +8,19 @@ from somrs.ontology.services import Parameter, ServiceType
 from somrs.planner.model.facts import Facts
 from somrs.planner.model.operators import Pattern
 from somrs.planner.model.repertoire import Repertoire, repertoire
-from tests.unit.planner.grounding.test_grounding import ONTOLOGY, service, world
+from tests.unit.planner.grounding.test_grounding import ONTOLOGY, make_world, service
 
 
-def told(found: Repertoire) -> dict[str, list[str]]:
+def describe_repertoire(compiled_repertoire: Repertoire) -> dict[str, list[str]]:
     """For each outcome the patterns of effects that bring it about."""
 
-    def shown(pattern: Pattern) -> str:
+    def format_pattern(pattern: Pattern) -> str:
         return f"{pattern[0]}({', '.join(map(str, pattern[1]))})"
 
-    return {("" if truth else "NOT ") + predicate: [shown(p) for _, p in made] for (truth, predicate), made in found.achievers.items()}
+    return {
+        ("" if truth else "NOT ") + predicate: [format_pattern(p) for _, p in entries]
+        for (truth, predicate), entries in compiled_repertoire.achievers.items()
+    }
 
 
 @pytest.mark.parametrize(
@@ -51,48 +54,52 @@ def told(found: Repertoire) -> dict[str, list[str]]:
     ],
 )
 def test_what_effects_bring_about(effect: str, expected: dict[str, list[str]]) -> None:
-    assert told(repertoire(ONTOLOGY, (service("Do", None, effect, T="Object", P="Object"),))) == expected
+    assert describe_repertoire(repertoire(ONTOLOGY, (service("Do", None, effect, T="Object", P="Object"),))) == expected
 
 
 def test_what_is_counted_comes_about_with_any_value() -> None:
-    found = repertoire(ONTOLOGY, (service("Fill", None, "?T.Count = ?T.Count + 1", T="Thing"),), True)
-    assert told(found) == {".Count": [".Count(?T, ?)"]}
+    compiled_repertoire = repertoire(ONTOLOGY, (service("Fill", None, "?T.Count = ?T.Count + 1", T="Thing"),), True)
+    assert describe_repertoire(compiled_repertoire) == {".Count": [".Count(?T, ?)"]}
 
 
 def test_each_alternative_of_each_service_brings_it_about() -> None:
-    either = service("Either", "marked(T1) OR marked(T2)", "marked(?T)", T="Thing")
-    found = repertoire(ONTOLOGY, (either, service("Mark", None, "marked(?T)", T="Thing")))
-    assert [operator.service.name for operator, _ in found.achievers[True, "marked"] if operator.service] == ["Either", "Either", "Mark"]
-    assert found.omissions == ()
+    either_service = service("Either", "marked(T1) OR marked(T2)", "marked(?T)", T="Thing")
+    compiled_repertoire = repertoire(ONTOLOGY, (either_service, service("Mark", None, "marked(?T)", T="Thing")))
+    assert [operator.service.name for operator, _ in compiled_repertoire.achievers[True, "marked"] if operator.service] == [
+        "Either",
+        "Either",
+        "Mark",
+    ]
+    assert compiled_repertoire.omissions == ()
 
 
 def test_services_that_cannot_be_expressed_are_left_out() -> None:
-    find = ServiceType(name="Find", outputs=(Parameter(name="P", type="Object"),), effect="T1 on ?P")
-    found = repertoire(ONTOLOGY, (find, service("Mark", None, "marked(?T)", T="Thing")))
-    assert [(str(one), one.formula, one.reason) for one in found.omissions] == [
+    find_service = ServiceType(name="Find", outputs=(Parameter(name="P", type="Object"),), effect="T1 on ?P")
+    compiled_repertoire = repertoire(ONTOLOGY, (find_service, service("Mark", None, "marked(?T)", T="Thing")))
+    assert [(str(omission), omission.formula, omission.reason) for omission in compiled_repertoire.omissions] == [
         ("Find: T1 on ?P: ?P is known only when the service is done", "Find: T1 on ?P", "?P is known only when the service is done")
     ]
-    assert set(told(found)) == {"marked", "marked *"}
-    assert found.vocabulary.relations == {"on", "heldBy", "marked"}
+    assert set(describe_repertoire(compiled_repertoire)) == {"marked", "marked *"}
+    assert compiled_repertoire.vocabulary.relations == {"on", "heldBy", "marked"}
 
 
 # Facts
 
 
 def test_facts_are_found_by_any_argument() -> None:
-    _, known = world("marked(T1)", service("Lay", None, "?T on ?P", T="Thing", P="Place"), facts="T1 on P1")
-    facts = Facts(known)
-    added = [("on", ("T2", "P1")), ("on", ("C1", "P1")), ("on", ("T2", "P2"))]
-    assert [facts.add(fact) for fact in (("on", ("T1", "P1")), *added, added[0])] == [False, True, True, True, False]
-    assert [*facts.new] == added
-    assert [fact in facts for fact in (("on", ("T1", "P1")), *added, ("on", ("C1", "P2")))] == [True, True, True, True, False]
-    for asked, found in (
+    _, world = make_world("marked(T1)", service("Lay", None, "?T on ?P", T="Thing", P="Place"), facts="T1 on P1")
+    facts = Facts(world)
+    new_facts = [("on", ("T2", "P1")), ("on", ("C1", "P1")), ("on", ("T2", "P2"))]
+    assert [facts.add(fact) for fact in (("on", ("T1", "P1")), *new_facts, new_facts[0])] == [False, True, True, True, False]
+    assert [*facts.new] == new_facts
+    assert [fact in facts for fact in (("on", ("T1", "P1")), *new_facts, ("on", ("C1", "P2")))] == [True, True, True, True, False]
+    for known_arguments, matches in (
         ((None, None), [("T1", "P1"), ("T2", "P1"), ("C1", "P1"), ("T2", "P2")]),
         ((None, "P1"), [("T1", "P1"), ("T2", "P1"), ("C1", "P1")]),
         (("T2", None), [("T2", "P1"), ("T2", "P2")]),
         (("C1", "P1"), [("C1", "P1")]),
         ((None, "R1"), []),
     ):
-        assert facts.find_facts("on", asked) == found
-        assert facts.count("on", asked) >= len(found)
-    assert [facts.count("on", asked) for asked in ((None, None), (None, "P1"), ("T2", None))] == [4, 3, 2]
+        assert facts.find_facts("on", known_arguments) == matches
+        assert facts.count("on", known_arguments) >= len(matches)
+    assert [facts.count("on", known_arguments) for known_arguments in ((None, None), (None, "P1"), ("T2", None))] == [4, 3, 2]

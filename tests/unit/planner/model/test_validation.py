@@ -10,11 +10,11 @@ from msgspec.structs import replace
 from somrs.entish.parse import parse
 from somrs.planner.model.plan import Link, Plan, Step
 from somrs.planner.model.validation import validate
-from tests.support.planned import sound
-from tests.unit.planner.test_planning import TRANSFER, WASH, problem
+from tests.support.planned import make_sound_plan
+from tests.unit.planner.test_planning import TRANSFER, WASH, make_problem
 
-ASKED = problem("Jar001.Clean = TRUE", TRANSFER, WASH)
-PLAN = sound(ASKED)
+PROBLEM = make_problem("Jar001.Clean = TRUE", TRANSFER, WASH)
+PLAN = make_sound_plan(PROBLEM)
 
 
 def changed(number: int, **fields: object) -> Plan:
@@ -35,9 +35,9 @@ def changed(number: int, **fields: object) -> Plan:
     ],
 )
 def test_what_is_wrong_is_said(broken: Callable[[], Plan], wrong: list[str]) -> None:
-    found = validate(broken(), ASKED)
-    assert len(found) == len(wrong), found
-    for line, words in zip(found, wrong, strict=True):
+    defects = validate(broken(), PROBLEM)
+    assert len(defects) == len(wrong), defects
+    for line, words in zip(defects, wrong, strict=True):
         assert words in line
 
 

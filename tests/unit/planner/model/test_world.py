@@ -49,12 +49,12 @@ FACTS = [
     Fact("near", ("P1", "P3")),
     Fact("marked", ("T1",)),
 ]
-PUT = ServiceType(name="Put", inputs=(Parameter(name="T", type="Thing"),), effect="?T on P1 AND P1 near P2 AND ?T.Level = 1 m")
+PUT_SERVICE = ServiceType(name="Put", inputs=(Parameter(name="T", type="Thing"),), effect="?T on P1 AND P1 near P2 AND ?T.Level = 1 m")
 WIPE = ServiceType(name="Wipe", inputs=(Parameter(name="T", type="Thing"),), effect="?T.Clean = TRUE")
 
 
-def world(*services: AvailableService, excluded: frozenset[str] = frozenset()) -> World:
-    offered = services or (AvailableService(PUT, ("R1", "R2")), AvailableService(WIPE, ("R2", "Far")))
+def make_world(*services: AvailableService, excluded: frozenset[str] = frozenset()) -> World:
+    offered = services or (AvailableService(PUT_SERVICE, ("R1", "R2")), AvailableService(WIPE, ("R2", "Far")))
     return World(Problem(ontology=ONTOLOGY, map=Map(OBJECTS, FACTS), goal=parse("marked(T1)"), services=offered, excluded=excluded))
 
 
@@ -86,20 +86,20 @@ def world(*services: AvailableService, excluded: frozenset[str] = frozenset()) -
     ],
 )
 def test_what_is_of_all_the_types(argument: Argument, types: set[str], expected: bool) -> None:
-    assert world().has_types(argument, types) is expected
-    assert world().is_eligible(argument, types) is expected
+    assert make_world().has_types(argument, types) is expected
+    assert make_world().is_eligible(argument, types) is expected
 
 
 def test_what_is_excluded_is_of_its_type_and_not_to_be_used() -> None:
-    asked = world(excluded=frozenset({"T1", "R2"}))
-    assert asked.has_types("T1", {"Thing"})
-    assert not asked.is_eligible("T1", {"Thing"})
-    assert asked.providers == {"Put": ("R1",), "Wipe": ("Far",)}
-    assert [*asked.domain(frozenset({"Thing"}))] == ["T2", "C1"]
+    world = make_world(excluded=frozenset({"T1", "R2"}))
+    assert world.has_types("T1", {"Thing"})
+    assert not world.is_eligible("T1", {"Thing"})
+    assert world.providers == {"Put": ("R1",), "Wipe": ("Far",)}
+    assert [*world.domain(frozenset({"Thing"}))] == ["T2", "C1"]
 
 
 @pytest.mark.parametrize(
-    ("type_name", "other", "expected"),
+    ("type_name", "supertype", "expected"),
     [
         ("Cup", "Thing", True),
         ("Thing", "Cup", False),
@@ -110,14 +110,14 @@ def test_what_is_excluded_is_of_its_type_and_not_to_be_used() -> None:
         ("provider of Put", "Object", False),
     ],
 )
-def test_whether_all_of_one_type_are_of_the_other(type_name: str, other: str, expected: bool) -> None:
-    assert world().is_subtype(type_name, other) is expected
+def test_whether_all_of_one_type_are_of_the_other(type_name: str, supertype: str, expected: bool) -> None:
+    assert make_world().is_subtype(type_name, supertype) is expected
 
 
 def test_those_who_offer_less_offer_what_more_offer() -> None:
-    asked = world(AvailableService(PUT, ("R1", "R2")), AvailableService(WIPE, ("R2",)))
-    assert asked.is_subtype("provider of Wipe", "provider of Put")
-    assert not asked.is_subtype("provider of Put", "provider of Wipe")
+    world = make_world(AvailableService(PUT_SERVICE, ("R1", "R2")), AvailableService(WIPE, ("R2",)))
+    assert world.is_subtype("provider of Wipe", "provider of Put")
+    assert not world.is_subtype("provider of Put", "provider of Wipe")
 
 
 @pytest.mark.parametrize(
@@ -133,7 +133,7 @@ def test_those_who_offer_less_offer_what_more_offer() -> None:
     ],
 )
 def test_the_objects_of_all_the_types(types: set[str], expected: list[str]) -> None:
-    assert sorted(world().domain(frozenset(types))) == sorted(expected)
+    assert sorted(make_world().domain(frozenset(types))) == sorted(expected)
 
 
 @pytest.mark.parametrize(
@@ -141,7 +141,7 @@ def test_the_objects_of_all_the_types(types: set[str], expected: list[str]) -> N
     [("T1", "Clean", True), ("C1", "Level", True), ("P1", "Clean", False), ("Nobody", "Level", False)],
 )
 def test_which_attributes_an_object_may_have(name: str, path: str, expected: bool) -> None:
-    assert world().has_attribute(name, path) is expected
+    assert make_world().has_attribute(name, path) is expected
 
 
 # What holds now
@@ -168,11 +168,11 @@ def test_which_attributes_an_object_may_have(name: str, path: str, expected: boo
     ],
 )
 def test_what_is_so(fact: Pattern, expected: bool) -> None:
-    assert world().fact_holds(fact) is expected
+    assert make_world().fact_holds(fact) is expected
 
 
 @pytest.mark.parametrize(
-    ("predicate", "known", "found", "count"),
+    ("predicate", "known_arguments", "expected_facts", "count"),
     [
         ("on", (None, None), [("T1", "P1"), ("T2", "P1"), ("C1", "P2")], 3),
         ("on", ("T1", None), [("T1", "P1")], 1),
@@ -201,18 +201,18 @@ def test_what_is_so(fact: Pattern, expected: bool) -> None:
     ],
 )
 def test_the_facts_that_may_have_the_known_arguments(
-    predicate: str, known: tuple[Argument | None, ...], found: list[tuple[Argument, ...]], count: int
+    predicate: str, known_arguments: tuple[Argument | None, ...], expected_facts: list[tuple[Argument, ...]], count: int
 ) -> None:
-    asked = world()
-    assert asked.find_facts(predicate, known) == found
-    assert asked.find_facts(predicate, known) is asked.find_facts(predicate, known), "it is kept"
-    assert asked.count(predicate, known) == count
+    world = make_world()
+    assert world.find_facts(predicate, known_arguments) == expected_facts
+    assert world.find_facts(predicate, known_arguments) is world.find_facts(predicate, known_arguments), "it is kept"
+    assert world.count(predicate, known_arguments) == count
 
 
 def test_facts_of_symmetric_relations_are_written_in_one_way() -> None:
-    asked = world()
-    assert asked.canonical(("near", ("P2", "P1"))) == ("near", ("P1", "P2"))
-    assert asked.canonical(("on", ("T1", "P1"))) == ("on", ("T1", "P1"))
+    world = make_world()
+    assert world.canonical(("near", ("P2", "P1"))) == ("near", ("P1", "P2"))
+    assert world.canonical(("on", ("T1", "P1"))) == ("on", ("T1", "P1"))
 
 
 # What is settled
@@ -234,16 +234,16 @@ def test_facts_of_symmetric_relations_are_written_in_one_way() -> None:
     ],
 )
 def test_what_no_service_changes_is_settled(literal: str, bound: Binding, expected: bool) -> None:
-    asked = world()
+    world = make_world()
     for _ in range(2):
-        assert asked.holds_statically(parse(literal), {**bound, "Other": "T2"}) is expected  # type: ignore[arg-type]
+        assert world.holds_statically(parse(literal), {**bound, "Other": "T2"}) is expected  # type: ignore[arg-type]
 
 
 def test_the_ways_in_which_something_is_so_keep_what_was_bound() -> None:
-    asked = world()
-    found = asked.find_bindings(parse("?T on ?P"), {"P": "P1", "Other": "R1"})  # type: ignore[arg-type]
-    assert [*found] == [{"P": "P1", "Other": "R1", "T": "T1"}, {"P": "P1", "Other": "R1", "T": "T2"}]
-    far = asked.find_bindings(parse("NOT ?Provider.Mode = Fast"), {PROVIDER: "Far"})  # type: ignore[arg-type]
+    world = make_world()
+    found_bindings = world.find_bindings(parse("?T on ?P"), {"P": "P1", "Other": "R1"})  # type: ignore[arg-type]
+    assert [*found_bindings] == [{"P": "P1", "Other": "R1", "T": "T1"}, {"P": "P1", "Other": "R1", "T": "T2"}]
+    far = world.find_bindings(parse("NOT ?Provider.Mode = Fast"), {PROVIDER: "Far"})  # type: ignore[arg-type]
     assert [*far] == [{PROVIDER: "Far"}]
 
 
@@ -263,7 +263,7 @@ def test_the_ways_in_which_something_is_so_keep_what_was_bound() -> None:
     ],
 )
 def test_comparisons_with_values_of_attributes(comparison: str, hidden: dict[str, float], bound: Binding, expected: bool) -> None:
-    assert world().passes(Compared(parse(comparison), hidden), bound) is expected  # type: ignore[arg-type]
+    assert make_world().passes(Compared(parse(comparison), hidden), bound) is expected  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -278,8 +278,8 @@ def test_objects_are_names_in_formulas(argument: Argument, term: Name | Number |
 
 
 def priced(cost: str | None, *prices: tuple[str, float]) -> tuple[World, ServiceType]:
-    service = ServiceType(name="Put", inputs=PUT.inputs, effect=PUT.effect, cost=cost)
-    return world(AvailableService(service, ("R1", "R2"), prices), AvailableService(WIPE, ("R1",))), service
+    service = ServiceType(name="Put", inputs=PUT_SERVICE.inputs, effect=PUT_SERVICE.effect, cost=cost)
+    return make_world(AvailableService(service, ("R1", "R2"), prices), AvailableService(WIPE, ("R1",))), service
 
 
 @pytest.mark.parametrize(
@@ -300,14 +300,14 @@ def priced(cost: str | None, *prices: tuple[str, float]) -> tuple[World, Service
     ],
 )
 def test_what_a_use_of_a_service_costs(cost: str | None, prices: tuple[tuple[str, float], ...], bound: Binding, expected: float) -> None:
-    asked, service = priced(cost, *prices)
-    assert asked.cost(service, bound) == expected
+    world, service = priced(cost, *prices)
+    assert world.cost(service, bound) == expected
 
 
 def test_who_never_asked_is_thought_to_ask_what_services_cost_as_a_rule() -> None:
-    asked, _ = priced(None, ("R1", 3.0), ("R2", 5.0))
-    assert asked.cost(WIPE, {}) == 4.0
-    assert asked.cost(None, {}) == 0.0
+    world, _ = priced(None, ("R1", 3.0), ("R2", 5.0))
+    assert world.cost(WIPE, {}) == 4.0
+    assert world.cost(None, {}) == 0.0
 
 
 @pytest.mark.parametrize(

@@ -8,13 +8,13 @@ from somrs.entish.formula import Literal, conjuncts
 from somrs.entish.parse import parse
 from somrs.ontology.services import ServiceType
 from somrs.planner.search.conflict import find_minimal_conflict, find_torn_object, is_impossible
-from tests.unit.planner.grounding.test_grounding import GO, PUT, TAKE, service, world
+from tests.unit.planner.grounding.test_grounding import GO_SERVICE, PUT_SERVICE, TAKE_SERVICE, make_world, service
 
 MARK = service("Mark", None, "marked(?T)", T="Thing")
 BURN = service("Burn", "marked(R1)", "?T.Clean = TRUE AND NOT marked(R1)", T="Thing")
 WEIGH = service("Weigh", None, "?T.Count = ?N AND marked(?T)", T="Thing", N="number")
 LAY = service("Lay", None, "?T on ?P", T="Thing", P="Place")
-CARRY = PUT, TAKE, GO
+CARRY = PUT_SERVICE, TAKE_SERVICE, GO_SERVICE
 WAY = "T1 on P1, R1 at P1, P2 near P1"
 
 
@@ -38,21 +38,21 @@ def parts(goal: str) -> tuple[Literal, ...]:
     ],
 )
 def test_what_is_certain_not_to_come_about(goal: str, services: tuple[ServiceType, ...], facts: str, certain: bool) -> None:
-    _, known = world(goal, *services, facts=facts)
-    assert is_impossible(parts(goal), known) is certain
+    _, world = make_world(goal, *services, facts=facts)
+    assert is_impossible(parts(goal), world) is certain
 
 
 @pytest.mark.parametrize("limit", ["EFFORT", "FACTS"])
 def test_what_takes_too_long_is_not_certain(limit: str, monkeypatch: pytest.MonkeyPatch) -> None:
     goal = "T1.Clean = TRUE AND T2.Clean = TRUE"
-    _, known = world(goal, BURN, facts="marked R1")
-    assert is_impossible(parts(goal), known)
+    _, world = make_world(goal, BURN, facts="marked R1")
+    assert is_impossible(parts(goal), world)
     monkeypatch.setattr(f"somrs.planner.search.conflict.{limit}", 0)
-    assert not is_impossible(parts(goal), known)
+    assert not is_impossible(parts(goal), world)
 
 
 @pytest.mark.parametrize(
-    ("goal", "left"),
+    ("goal", "conflict"),
     [
         ("T1 on P1 AND T1 on P2", "T1 on P1 AND T1 on P2"),
         ("T1 on P1 AND T1 on P2 AND marked(T1)", "T1 on P1 AND T1 on P2"),
@@ -63,19 +63,19 @@ def test_what_takes_too_long_is_not_certain(limit: str, monkeypatch: pytest.Monk
         ("marked(P1)", "marked(P1)"),
     ],
 )
-def test_of_parts_as_few_are_left_as_are_impossible_together(goal: str, left: str) -> None:
-    _, known = world(goal, LAY, MARK)
-    assert find_minimal_conflict(parts(goal), known) == parts(left)
+def test_of_parts_as_few_are_left_as_are_impossible_together(goal: str, conflict: str) -> None:
+    _, world = make_world(goal, LAY, MARK)
+    assert find_minimal_conflict(parts(goal), world) == parts(conflict)
 
 
 def test_after_so_many_attempts_what_is_left_is_made_no_smaller(monkeypatch: pytest.MonkeyPatch) -> None:
     goal = "marked(T1) AND T1 on P1 AND T2 on P1 AND T1 on P2"
-    _, known = world(goal, LAY, MARK)
-    found = []
+    _, world = make_world(goal, LAY, MARK)
+    conflict_sizes = []
     for attempts in range(7):
         monkeypatch.setattr("somrs.planner.search.conflict.PARTS", attempts)
-        found.append(len(find_minimal_conflict(parts(goal), known)))
-    assert found == [4, 4, 4, 3, 3, 2, 2]
+        conflict_sizes.append(len(find_minimal_conflict(parts(goal), world)))
+    assert conflict_sizes == [4, 4, 4, 3, 3, 2, 2]
 
 
 @pytest.mark.parametrize(
@@ -96,5 +96,5 @@ def test_after_so_many_attempts_what_is_left_is_made_no_smaller(monkeypatch: pyt
     ],
 )
 def test_what_would_be_in_two_places(goal: str, thing: str | None) -> None:
-    _, known = world(goal, *CARRY, service("Like", None, "?T likes ?P", T="Thing", P="Place"))
-    assert find_torn_object(parts(goal), known) == thing
+    _, world = make_world(goal, *CARRY, service("Like", None, "?T likes ?P", T="Thing", P="Place"))
+    assert find_torn_object(parts(goal), world) == thing

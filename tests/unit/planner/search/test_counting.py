@@ -9,7 +9,7 @@ from somrs.entish.parse import parse_term
 from somrs.ontology.services import ServiceType
 from somrs.planner.grounding.task import Move, Task
 from somrs.planner.search.counting import Counters, CountingFailed, Numbers, reaches_goal, remove_redundant_moves, search_with_counters
-from tests.unit.planner.grounding.test_grounding import grounded, service, use, world
+from tests.unit.planner.grounding.test_grounding import format_action, ground_problem, make_world, service
 
 Values = dict[str, dict[str, float | str | bool]]
 FILL = service("Fill", None, "?T.Count = ?T.Count + 1", T="Thing")
@@ -17,16 +17,16 @@ MARK = service("Mark", None, "marked(?T)", T="Thing")
 
 
 def counted(goal: str, *services: ServiceType, values: Values | None = None, facts: str = "") -> tuple[Task, Counters]:
-    problem, known = world(goal, *services, facts=facts, values=values or {}, counting=True)
-    task = Task(grounded((problem, known)))
-    return task, Counters(task, known)
+    problem, world = make_world(goal, *services, facts=facts, values=values or {}, counting=True)
+    task = Task(ground_problem((problem, world)))
+    return task, Counters(task, world)
 
 
 def move_of(task: Task, name: str) -> Move:
-    return next(move for move in task.moves if use(move.action) == name)
+    return next(move for move in task.moves if format_action(move.action) == name)
 
 
-def one(precondition: str | None, effect: str, values: Values) -> tuple[Counters, Move]:
+def make_single_move(precondition: str | None, effect: str, values: Values) -> tuple[Counters, Move]:
     """The counters of a task with one service, and its use for T1; the numbers of others come first."""
     task, counters = counted("marked(T1)", service("Do", precondition, f"{effect}marked(?T)", T="Thing"), FILL, LIFT, LEVEL, values=values)
     return counters, move_of(task, "Do T=T1")
@@ -64,14 +64,14 @@ LEVEL = service("Raise", None, "?T.Level = ?T.Level + 1 m", T="Thing")
     ],
 )
 def test_what_a_move_asks_of_counters(condition: str, values: dict[str, float | str | bool], allowed: bool, gap: float) -> None:
-    counters, move = one(condition, "", {"T1": values})
+    counters, move = make_single_move(condition, "", {"T1": values})
     for _ in range(2):
         assert counters.allows(move, counters.initial) is allowed
     assert counters.gap(move, counters.initial) == pytest.approx(gap)
 
 
 def test_the_numbers_that_are_given_count_and_not_those_of_the_beginning() -> None:
-    counters, move = one("?T.Count >= 2", "", {"T1": {"Count": 1.0}})
+    counters, move = make_single_move("?T.Count >= 2", "", {"T1": {"Count": 1.0}})
     place = counters.names.index("T1.Count")
 
     def with_number(value: float | None) -> Numbers:
@@ -82,7 +82,7 @@ def test_the_numbers_that_are_given_count_and_not_those_of_the_beginning() -> No
 
 
 @pytest.mark.parametrize(
-    ("effect", "values", "made"),
+    ("effect", "values", "expected_numbers"),
     [
         ("?T.Count = ?T.Count + 2", {"Count": 1.0}, {"T1.Count": 3.0}),
         ("?T.Count = ?T.Count - 2", {"Count": 1.0}, {"T1.Count": -1.0}),
@@ -102,29 +102,31 @@ def test_the_numbers_that_are_given_count_and_not_those_of_the_beginning() -> No
         ("?T.Count = ?T.Weight AND ?T.Weight = ?T.Count", {"Count": 1.0, "Weight": 2.0}, {"T1.Count": 2.0, "T1.Weight": 1.0}),
     ],
 )
-def test_what_a_move_makes_of_counters(effect: str, values: dict[str, float | str | bool], made: dict[str, float] | None) -> None:
-    counters, move = one(None, f"{effect} AND ", {"T1": values})
-    before = dict(zip(counters.names, counters.initial, strict=True))
-    after = counters.apply(move, counters.initial)
-    if made is None:
-        assert after is None
+def test_what_a_move_makes_of_counters(
+    effect: str, values: dict[str, float | str | bool], expected_numbers: dict[str, float] | None
+) -> None:
+    counters, move = make_single_move(None, f"{effect} AND ", {"T1": values})
+    numbers_before = dict(zip(counters.names, counters.initial, strict=True))
+    numbers_after = counters.apply(move, counters.initial)
+    if expected_numbers is None:
+        assert numbers_after is None
     else:
-        assert after is not None
-        assert dict(zip(counters.names, after, strict=True)) == {**before, **made}
+        assert numbers_after is not None
+        assert dict(zip(counters.names, numbers_after, strict=True)) == {**numbers_before, **expected_numbers}
 
 
 def test_a_move_that_sets_no_counter_leaves_them_as_they_are() -> None:
-    counters, move = one(None, "", {"T1": {"Count": 1.0}})
+    counters, move = make_single_move(None, "", {"T1": {"Count": 1.0}})
     assert counters.apply(move, (7.0, 8.0)) == (7.0, 8.0)
 
 
 def test_the_counters_of_a_task() -> None:
     task, counters = counted("T1.Count >= 2 AND T2.Level >= 1 m", FILL, LEVEL, values={"T1": {"Count": 1.0}})
     assert len(task.moves) > 2
-    known = {name: (counters.initial[place], counters.unit(place)) for place, name in enumerate(counters.names)}
-    assert known["T1.Count"] == (1.0, None)
-    assert known["T2.Level"] == (None, "m")
-    assert len(known) == len(counters.names) == len(counters.attributes)
+    initial_numbers = {name: (counters.initial[place], counters.unit(place)) for place, name in enumerate(counters.names)}
+    assert initial_numbers["T1.Count"] == (1.0, None)
+    assert initial_numbers["T2.Level"] == (None, "m")
+    assert len(initial_numbers) == len(counters.names) == len(counters.attributes)
     assert counters.measure_term(parse_term("3 m")) == Number(3.0, "m")
     assert counters.measure_term(parse_term("T1.Count")) == Number(1.0)
     assert counters.measure_term(parse_term("T2.Count")) is None
@@ -137,9 +139,9 @@ CLOSE = service("Close", "?T.Count >= 2", "marked(?T)", T="Thing")
 USE = service("Use", "?T.Count >= 1", "?T.Count = ?T.Count - 1 AND ?T.Clean = TRUE", T="Thing")
 
 
-def found(task: Task, counters: Counters, states: int = 1000) -> list[str] | None:
+def find_actions(task: Task, counters: Counters, states: int = 1000) -> list[str] | None:
     moves = search_with_counters(task, counters, states)
-    return [use(move.action) for move in moves] if moves is not None else None
+    return [format_action(move.action) for move in moves] if moves is not None else None
 
 
 @pytest.mark.parametrize(
@@ -155,14 +157,14 @@ def found(task: Task, counters: Counters, states: int = 1000) -> list[str] | Non
 )
 def test_plans_that_count(goal: str, services: tuple[ServiceType, ...], values: Values, expected: list[str] | None) -> None:
     task, counters = counted(goal, *services, values=values)
-    assert found(task, counters) == expected
+    assert find_actions(task, counters) == expected
 
 
 def test_what_a_step_uses_up_is_made_up_for() -> None:
     task, counters = counted("T1.Clean = TRUE AND T1.Count >= 1", FILL, USE, values={"T1": {"Count": 1.0}})
     moves = search_with_counters(task, counters, 1000)
     assert moves is not None
-    assert sorted(use(move.action) for move in moves) == ["Fill T=T1", "Use T=T1"]
+    assert sorted(format_action(move.action) for move in moves) == ["Fill T=T1", "Use T=T1"]
     assert reaches_goal(moves, task, counters)
 
 
@@ -170,7 +172,7 @@ def test_so_many_states_are_looked_at_and_no_more() -> None:
     task, counters = counted("T1.Count >= 4", FILL, values={"T1": {"Count": 0.0}})
     with pytest.raises(CountingFailed, match="3 states were looked at"):
         search_with_counters(task, counters, 2)
-    assert found(task, counters, 5) == ["Fill T=T1"] * 4
+    assert find_actions(task, counters, 5) == ["Fill T=T1"] * 4
     with pytest.raises(CountingFailed, match="5 states were looked at"):
         search_with_counters(task, counters, 4)
 
@@ -216,4 +218,4 @@ def test_a_move_needs_what_is_so() -> None:
     )
     mark, wash = move_of(task, "Mark T=T1"), move_of(task, "Wash T=T1")
     assert [reaches_goal(moves, task, counters) for moves in ([mark, wash], [wash], [wash, mark], [])] == [True, False, False, False]
-    assert found(task, counters) == ["Mark T=T1", "Wash T=T1"]
+    assert find_actions(task, counters) == ["Mark T=T1", "Wash T=T1"]

@@ -9,7 +9,15 @@ from somrs.ontology.services import ServiceType
 from somrs.planner.grounding.task import Move, Task
 from somrs.planner.search.progress import Progress, measure_progress
 from somrs.planner.search.search import AdditiveHeuristic, TooHard, cheapest, remove_redundant_moves, search
-from tests.unit.planner.grounding.test_grounding import GO, PUT, TAKE, grounded, service, use, world
+from tests.unit.planner.grounding.test_grounding import (
+    GO_SERVICE,
+    PUT_SERVICE,
+    TAKE_SERVICE,
+    format_action,
+    ground_problem,
+    make_world,
+    service,
+)
 
 MARK = service("Mark", None, "marked(?T)", T="Thing")
 WASH = service("Wash", None, "?T likes P1", T="Thing")
@@ -25,24 +33,29 @@ def costing(service: ServiceType, cost: int) -> ServiceType:
 
 
 def task_of(goal: str, *services: ServiceType, facts: str = "") -> Task:
-    return Task(grounded(world(goal, *services, facts=facts)))
+    return Task(ground_problem(make_world(goal, *services, facts=facts)))
 
 
-def told(moves: list[Move] | None) -> list[str] | None:
-    return [use(move.action) for move in moves] if moves is not None else None
+def format_moves(moves: list[Move] | None) -> list[str] | None:
+    return [format_action(move.action) for move in moves] if moves is not None else None
 
 
 def moves_of(task: Task, *names: str) -> list[Move]:
-    by_name = {use(move.action): move for move in task.moves}
+    by_name = {format_action(move.action): move for move in task.moves}
     return [by_name[name] for name in names]
 
 
 @pytest.mark.parametrize(
     ("goal", "services", "facts", "expected"),
     [
-        ("T1 on P1", (PUT,), "T1 on P1", []),
+        ("T1 on P1", (PUT_SERVICE,), "T1 on P1", []),
         ("marked(T1)", (MARK,), "", ["Mark T=T1"]),
-        ("T1 on P2", (PUT, TAKE, GO), WAY, ["Take T=T1 Provider=R1 P=P1", "Go To=P2 Provider=R1 From=P1", "Put T=T1 P=P2 Provider=R1"]),
+        (
+            "T1 on P2",
+            (PUT_SERVICE, TAKE_SERVICE, GO_SERVICE),
+            WAY,
+            ["Take T=T1 Provider=R1 P=P1", "Go To=P2 Provider=R1 From=P1", "Put T=T1 P=P2 Provider=R1"],
+        ),
         ("marked(T1) OR marked(T2) AND marked(C1)", (MARK,), "", ["Mark T=T1"]),
         ("T1.Clean = TRUE AND marked(T1)", (SOIL, RINSE), "T1 likes P1", ["Rinse T=T1", "Soil T=T1"]),
         ("T1.Clean = TRUE AND marked(T1)", (RINSE, SOIL), "T1 likes P1", ["Rinse T=T1", "Soil T=T1"]),
@@ -52,12 +65,12 @@ def moves_of(task: Task, *names: str) -> list[Move]:
 )
 def test_the_moves_that_reach_the_goal(goal: str, services: tuple[ServiceType, ...], facts: str, expected: list[str] | None) -> None:
     task = task_of(goal, *services, facts=facts)
-    for found in (search(task), search(task, cheap=True), cheapest(task)):
-        assert told(found) == expected
+    for moves in (search(task), search(task, cheap=True), cheapest(task)):
+        assert format_moves(moves) == expected
 
 
 @pytest.mark.parametrize(
-    ("mark", "wash", "label", "at_once", "cheap"),
+    ("mark", "wash", "label", "first_plan", "cheap"),
     [
         (1, 1, 1, ["Mark T=T1"], ["Mark T=T1"]),
         (5, 1, 1, ["Mark T=T1"], ["Wash T=T1", "Label T=T1"]),
@@ -65,37 +78,37 @@ def test_the_moves_that_reach_the_goal(goal: str, services: tuple[ServiceType, .
         (5, 5, 5, ["Mark T=T1"], ["Mark T=T1"]),
     ],
 )
-def test_a_cheaper_plan_is_taken_unless_there_is_a_hurry(mark: int, wash: int, label: int, at_once: list[str], cheap: list[str]) -> None:
+def test_a_cheaper_plan_is_taken_unless_there_is_a_hurry(mark: int, wash: int, label: int, first_plan: list[str], cheap: list[str]) -> None:
     task = task_of("marked(T1)", costing(MARK, mark), costing(WASH, wash), costing(LABEL, label))
-    assert told(search(task)) == at_once
-    assert told(search(task, cheap=True)) == told(cheapest(task)) == cheap
+    assert format_moves(search(task)) == first_plan
+    assert format_moves(search(task, cheap=True)) == format_moves(cheapest(task)) == cheap
     task.hurry = True
-    assert told(cheapest(task)) == at_once
+    assert format_moves(cheapest(task)) == first_plan
 
 
 @pytest.mark.parametrize(
-    ("goal", "services", "needed"),
+    ("goal", "services", "required_effort"),
     [
         ("marked(T1)", (MARK,), 3),
         ("marked(T1)", (WASH, LABEL), 10),
         ("marked(T1) AND marked(T2)", (MARK,), 10),
-        ("T1 on P2", (PUT, TAKE, GO), 71),
+        ("T1 on P2", (PUT_SERVICE, TAKE_SERVICE, GO_SERVICE), 71),
     ],
 )
-def test_a_search_ends_when_it_has_looked_at_so_much(goal: str, services: tuple[ServiceType, ...], needed: int) -> None:
+def test_a_search_ends_when_it_has_looked_at_so_much(goal: str, services: tuple[ServiceType, ...], required_effort: int) -> None:
     """The moves of each state that is left behind count, and what each estimate looks at."""
     task = task_of(goal, *services, facts=WAY)
-    assert search(task, needed) is not None
+    assert search(task, required_effort) is not None
     with pytest.raises(TooHard):
-        search(task, needed - 1)
+        search(task, required_effort - 1)
 
 
 def test_where_a_cheaper_plan_takes_too_long_the_first_one_does() -> None:
     task = task_of("marked(T1)", costing(MARK, 5), costing(WASH, 1), costing(LABEL, 1))
     with pytest.raises(TooHard):
         search(task, 17, cheap=True)
-    assert told(cheapest(task, 17)) == ["Mark T=T1"]
-    assert told(cheapest(task, 18)) == ["Wash T=T1", "Label T=T1"]
+    assert format_moves(cheapest(task, 17)) == ["Mark T=T1"]
+    assert format_moves(cheapest(task, 18)) == ["Wash T=T1", "Label T=T1"]
 
 
 def test_a_search_that_gave_up_says_how_far_it_got() -> None:
@@ -106,7 +119,7 @@ def test_a_search_that_gave_up_says_how_far_it_got() -> None:
 
 
 @pytest.mark.parametrize(
-    ("states", "together", "parts"),
+    ("states", "held_count", "parts"),
     [
         ([[]], 0, 3),
         ([[], ["Mark T=T1"]], 1, 3),
@@ -116,26 +129,26 @@ def test_a_search_that_gave_up_says_how_far_it_got() -> None:
         ([["Mark T=T1", "Wash T=T1"], ["Wash T=T1", "Wash T=T2"]], 2, 2),
     ],
 )
-def test_how_far_states_are_from_the_nearest_alternative(states: list[list[str]], together: int, parts: int) -> None:
+def test_how_far_states_are_from_the_nearest_alternative(states: list[list[str]], held_count: int, parts: int) -> None:
     task = task_of("marked(T1) AND marked(T2) AND marked(C1) OR T1 likes P1 AND T2 likes P1", MARK, WASH)
-    looked_at = []
+    visited_states = []
     for names in states:
         state = task.initial
         for move in moves_of(task, *names):
             state = move.apply(state)
-        looked_at.append(state)
-    assert measure_progress(task, looked_at) == Progress(states=len(states), held_count=together, parts=parts)
+        visited_states.append(state)
+    assert measure_progress(task, visited_states) == Progress(states=len(states), held_count=held_count, parts=parts)
 
 
 @pytest.mark.parametrize(
     ("goal", "services", "facts", "distance", "helpful"),
     [
-        ("T1 on P1", (PUT,), "T1 on P1", 0.0, {"goal"}),
+        ("T1 on P1", (PUT_SERVICE,), "T1 on P1", 0.0, {"goal"}),
         ("marked(T1)", (MARK,), "", 1.0, {"Mark T=T1"}),
         ("marked(T1) AND marked(T2)", (MARK,), "", 2.0, {"Mark T=T1", "Mark T=T2"}),
         ("marked(T1) OR marked(T2) AND marked(C1)", (MARK,), "", 1.0, {"Mark T=T1"}),
         ("marked(T1)", (WASH, LABEL), "", 2.0, {"Wash T=T1"}),
-        ("T1 on P2", (PUT, TAKE, GO), WAY, 3.0, {"Take T=T1 Provider=R1 P=P1", "Go To=P2 Provider=R1 From=P1"}),
+        ("T1 on P2", (PUT_SERVICE, TAKE_SERVICE, GO_SERVICE), WAY, 3.0, {"Take T=T1 Provider=R1 P=P1", "Go To=P2 Provider=R1 From=P1"}),
         ("T1.Clean = TRUE AND T2.Clean = TRUE", (BURN,), "marked R1", 2.0, {"Burn T=T1", "Burn T=T2"}),
     ],
 )
@@ -143,8 +156,8 @@ def test_how_far_the_goal_is_and_what_a_way_there_begins_with(
     goal: str, services: tuple[ServiceType, ...], facts: str, distance: float, helpful: set[str]
 ) -> None:
     task = task_of(goal, *services, facts=facts)
-    found, moves = AdditiveHeuristic(task).evaluate(task.initial)
-    assert (found, {use(move.action) for move in moves}) == (distance, helpful)
+    estimate, moves = AdditiveHeuristic(task).evaluate(task.initial)
+    assert (estimate, {format_action(move.action) for move in moves}) == (distance, helpful)
 
 
 def test_a_state_from_which_nothing_leads_to_the_goal_has_no_distance() -> None:
@@ -156,11 +169,11 @@ def test_a_state_from_which_nothing_leads_to_the_goal_has_no_distance() -> None:
 def test_the_cheapest_way_is_as_far_as_it_costs() -> None:
     task = task_of("marked(T1)", costing(MARK, 5), costing(WASH, 1), costing(LABEL, 3))
     assert [AdditiveHeuristic(task, cheap=cheap).evaluate(task.initial)[0] for cheap in (False, True)] == [1.0, 4.0]
-    assert told([*AdditiveHeuristic(task, cheap=True).evaluate(task.initial)[1]]) == ["Wash T=T1"]
+    assert format_moves([*AdditiveHeuristic(task, cheap=True).evaluate(task.initial)[1]]) == ["Wash T=T1"]
 
 
 @pytest.mark.parametrize(
-    ("goal", "moves", "kept"),
+    ("goal", "moves", "expected"),
     [
         ("marked(T1)", ["Mark T=T2", "Mark T=T1", "Mark T=C1"], ["Mark T=T1"]),
         ("marked(T1)", ["Mark T=T1", "Mark T=T1"], ["Mark T=T1"]),
@@ -170,6 +183,6 @@ def test_the_cheapest_way_is_as_far_as_it_costs() -> None:
         ("marked(T1) OR marked(T2)", ["Wash T=T1", "Label T=T1", "Mark T=T2"], ["Mark T=T2"]),
     ],
 )
-def test_what_a_plan_can_do_without_goes_with_what_only_that_makes_possible(goal: str, moves: list[str], kept: list[str]) -> None:
+def test_what_a_plan_can_do_without_goes_with_what_only_that_makes_possible(goal: str, moves: list[str], expected: list[str]) -> None:
     task = task_of(f"({goal}) OR marked(C1) AND marked(T2) AND T2 likes P1", MARK, WASH, LABEL)
-    assert told(remove_redundant_moves(moves_of(task, *moves), task)) == kept
+    assert format_moves(remove_redundant_moves(moves_of(task, *moves), task)) == expected

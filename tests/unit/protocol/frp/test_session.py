@@ -75,7 +75,7 @@ class Pair:
             self.ask_with(answer)
         return message
 
-    def both(self) -> tuple[State, State]:
+    def states(self) -> tuple[State, State]:
         return self.coordinator.state, self.participant.state
 
     def _note(self, arrow: str, message: Message) -> None:
@@ -87,13 +87,13 @@ def _two() -> tuple[Pair, Pair, list[str]]:
     return Pair("Robot1.TransferObject", log), Pair("Robot2.TransferObject", log), log
 
 
-def _arrange_both(one: Pair, two: Pair) -> None:
-    one.ask(ARRANGE)
-    two.ask(ARRANGE)
-    one.answer(TERMS)
-    two.answer(msgspec.structs.replace(TERMS, price=9.0, duration=12.0))
-    one.ask_with(one.coordinator.accept())
-    two.ask(Cancel(reason="another was cheaper"))
+def _arrange_both(first: Pair, second: Pair) -> None:
+    first.ask(ARRANGE)
+    second.ask(ARRANGE)
+    first.answer(TERMS)
+    second.answer(msgspec.structs.replace(TERMS, price=9.0, duration=12.0))
+    first.ask_with(first.coordinator.accept())
+    second.ask(Cancel(reason="another was cheaper"))
 
 
 ARRANGED = [
@@ -108,37 +108,37 @@ ARRANGED = [
 
 
 def test_scenario_1() -> None:
-    one, two, log = _two()
-    _arrange_both(one, two)
-    one.ask(EXECUTE)
-    one.answer(Progress(fraction=0.5))
-    one.answer(COMPLETED)
-    one.ask(End(outcome=Outcome.ACCOMPLISHED))
+    first, second, log = _two()
+    _arrange_both(first, second)
+    first.ask(EXECUTE)
+    first.answer(Progress(fraction=0.5))
+    first.answer(COMPLETED)
+    first.ask(End(outcome=Outcome.ACCOMPLISHED))
     assert log == [
         *ARRANGED,
         "<- Robot1.TransferObject Progress",
         "<- Robot1.TransferObject Completed",
         "-> Robot1.TransferObject End",
     ]
-    assert one.both() == two.both() == (State.ENDED, State.ENDED)
-    assert two.participant.reason == "another was cheaper"
-    assert one.coordinator.terms == TERMS
+    assert first.states() == second.states() == (State.ENDED, State.ENDED)
+    assert second.participant.reason == "another was cheaper"
+    assert first.coordinator.terms == TERMS
 
 
 def test_scenario_1b() -> None:
-    one, two, log = _two()
-    _arrange_both(one, two)
-    one.ask(EXECUTE)
-    one.answer(Failed(description="the drive is out of order", situation=LYING))
-    again = Pair("Robot2.TransferObject", log, attempt=2)
-    again.ask(msgspec.structs.replace(ARRANGE, precondition=LYING))
-    again.answer(msgspec.structs.replace(TERMS, precondition=LYING))
-    again.ask_with(again.coordinator.accept())
-    again.ask(msgspec.structs.replace(EXECUTE, precondition=LYING))
-    again.answer(COMPLETED)
-    assert one.both() == (State.FAILED, State.FAILED), "the failed one stays until the transaction ends"
-    one.ask(End(outcome=Outcome.ACCOMPLISHED))
-    again.ask(End(outcome=Outcome.ACCOMPLISHED))
+    first, second, log = _two()
+    _arrange_both(first, second)
+    first.ask(EXECUTE)
+    first.answer(Failed(description="the drive is out of order", situation=LYING))
+    retry = Pair("Robot2.TransferObject", log, attempt=2)
+    retry.ask(msgspec.structs.replace(ARRANGE, precondition=LYING))
+    retry.answer(msgspec.structs.replace(TERMS, precondition=LYING))
+    retry.ask_with(retry.coordinator.accept())
+    retry.ask(msgspec.structs.replace(EXECUTE, precondition=LYING))
+    retry.answer(COMPLETED)
+    assert first.states() == (State.FAILED, State.FAILED), "the failed one stays until the transaction ends"
+    first.ask(End(outcome=Outcome.ACCOMPLISHED))
+    retry.ask(End(outcome=Outcome.ACCOMPLISHED))
     assert log == [
         *ARRANGED,
         "<- Robot1.TransferObject Failed",
@@ -150,7 +150,7 @@ def test_scenario_1b() -> None:
         "-> Robot1.TransferObject End",
         "-> Robot2.TransferObject End",
     ]
-    assert one.both() == again.both() == (State.ENDED, State.ENDED)
+    assert first.states() == retry.states() == (State.ENDED, State.ENDED)
 
 
 def _offered() -> Pair:
@@ -201,23 +201,23 @@ def test_accepting_other_terms_than_those_offered_is_an_error_here_and_a_fault_t
         pair.coordinator.send(Accept(terms="urn:uuid:other"))
     header = Header(sender=TM, recipient=SM, message_id="m", transaction="t1", participant=pair.participant.participant)
     for body in (Accept(terms="urn:uuid:other"), EXECUTE):
-        heard = pair.participant.receive(Message(header=header, body=body))
-        assert [type(answer.body).__name__ for answer in heard.answers] == ["Fault"]
+        result = pair.participant.receive(Message(header=header, body=body))
+        assert [type(answer.body).__name__ for answer in result.answers] == ["Fault"]
         assert pair.participant.state is State.OFFERED
 
 
 def test_a_message_of_another_session_is_a_local_error() -> None:
-    one, two = Pair("A", []), Pair("B", [])
+    first, second = Pair("A", []), Pair("B", [])
     with pytest.raises(UsageError, match="look sessions up"):
-        two.participant.receive(one.coordinator.send(ARRANGE))
+        second.participant.receive(first.coordinator.send(ARRANGE))
 
 
 def test_the_same_message_twice_is_answered_with_the_same_message() -> None:
     pair = Pair("A", [])
     arrange = pair.ask(ARRANGE)
     terms = pair.answer(TERMS)
-    heard = pair.participant.receive(arrange)
-    assert (heard.kind, heard.answers) == (Kind.REPEATED, (terms,))
+    result = pair.participant.receive(arrange)
+    assert (result.kind, result.answers) == (Kind.REPEATED, (terms,))
 
 
 def test_stop_crossing_completed() -> None:
@@ -226,9 +226,9 @@ def test_stop_crossing_completed() -> None:
     stop = pair.coordinator.send(Stop(reason="the client cancelled"))
     assert pair.participant.receive(stop).answers == (completed,)
     assert pair.coordinator.receive(completed).moved
-    assert pair.both() == (State.COMPLETED, State.COMPLETED)
+    assert pair.states() == (State.COMPLETED, State.COMPLETED)
     pair.ask(Compensate(situation="Jar002 isOn Shelf001"))
-    assert pair.both() == (State.COMPENSATING, State.COMPENSATING)
+    assert pair.states() == (State.COMPENSATING, State.COMPENSATING)
 
 
 def test_stop_overtaking_execute_starts_nothing() -> None:
@@ -239,7 +239,7 @@ def test_stop_overtaking_execute_starts_nothing() -> None:
     for late in (execute, accept):
         assert pair.participant.receive(late).kind is Kind.LATE
     pair.coordinator.receive(stopped)
-    assert pair.both() == (State.STOPPED, State.STOPPED)
+    assert pair.states() == (State.STOPPED, State.STOPPED)
 
 
 def test_terms_that_expired_before_the_accept_came() -> None:
@@ -262,7 +262,7 @@ def test_who_was_stopped_before_it_began_has_nothing_to_undo() -> None:
     assert isinstance(stranded.body, Stranded)
     assert not stranded.body.tried
     pair.coordinator.receive(stranded)
-    assert pair.both() == (State.STRANDED, State.STRANDED)
+    assert pair.states() == (State.STRANDED, State.STRANDED)
 
 
 def test_an_unreachable_participant_that_comes_back_working_is_stopped() -> None:
@@ -270,10 +270,10 @@ def test_an_unreachable_participant_that_comes_back_working_is_stopped() -> None
     assert pair.coordinator.abandon()
     assert pair.coordinator.state is State.UNREACHABLE
     pair.answer(Progress(fraction=0.3))
-    assert pair.both() == (State.STOPPING, State.STOPPING)
+    assert pair.states() == (State.STOPPING, State.STOPPING)
     pair.answer(Stopped(situation=LYING))
     pair.ask(End(outcome=Outcome.FAILED))
-    assert pair.both() == (State.ENDED, State.ENDED)
+    assert pair.states() == (State.ENDED, State.ENDED)
     assert not pair.coordinator.abandon()
 
 
@@ -309,10 +309,10 @@ def test_who_missed_the_end_is_told_again() -> None:
 
 def test_sessions_go_through_the_journal() -> None:
     pair = _executing()
-    kept = pair.participant.copy()
-    read = msgspec.msgpack.decode(msgspec.msgpack.encode(kept), type=ParticipantSession)
+    saved = pair.participant.copy()
+    read = msgspec.msgpack.decode(msgspec.msgpack.encode(saved), type=ParticipantSession)
     pair.answer(COMPLETED)
-    assert read == kept
+    assert read == saved
     assert read.state is State.EXECUTING
     assert read.send(COMPLETED) == pair.participant._repeat("Completed")[0]
     coordinator = pair.coordinator.copy()
@@ -329,21 +329,21 @@ CHOICES: tuple[FrpBody, ...] = (
 def test_any_interleaving_of_what_was_sent_keeps_the_contract(script: list[tuple[int, bool]]) -> None:
     """Each step of the script says something that may be said, or delivers any message ever sent, to its recipient."""
     pair = Pair("A", [])
-    sent: list[Message] = []
+    messages: list[Message] = []
     accepted = False
     for number, deliver in script:
-        if deliver and sent:
-            message = sent[number % len(sent)]
-            heard = (pair.participant if message.header.recipient == SM else pair.coordinator).receive(message)
-            sent += heard.answers
+        if deliver and messages:
+            message = messages[number % len(messages)]
+            result = (pair.participant if message.header.recipient == SM else pair.coordinator).receive(message)
+            messages += result.answers
         else:
             body = CHOICES[number % len(CHOICES)]
             session = pair.participant if number % 2 else pair.coordinator
             try:
-                sent.append(session.send(body))  # type: ignore[arg-type]  # what the other side says is refused, too
+                messages.append(session.send(body))  # type: ignore[arg-type]  # what the other side says is refused, too
             except UsageError:
                 if pair.coordinator.state is State.OFFERED and number % 3 == 0:
-                    sent.append(pair.coordinator.accept())
+                    messages.append(pair.coordinator.accept())
                     accepted = True
         if pair.participant.state in (State.EXECUTING, State.STOPPING, State.COMPLETED):
             assert accepted
@@ -364,57 +364,57 @@ def test_a_participant_survives_any_message_of_anybody(script: list[tuple[int, i
 
 
 def test_the_last_report_is_said_again_as_it_was() -> None:
-    one, two, _ = _two()
-    one.ask(ARRANGE)
-    two.ask(ARRANGE)
-    offered = one.participant.send(TERMS)
-    refused = two.participant.send(Refuse(reason="too heavy"))
-    assert one.participant.last_report() == (offered,)
-    assert two.participant.last_report() == (refused,)
-    one.coordinator.receive(offered)
-    one.ask_with(one.coordinator.accept())
-    assert one.participant.last_report() == ()
-    one.ask(EXECUTE)
-    done = one.participant.send(COMPLETED)
-    assert one.participant.last_report() == (done,)
+    first, second, _ = _two()
+    first.ask(ARRANGE)
+    second.ask(ARRANGE)
+    offered = first.participant.send(TERMS)
+    refused = second.participant.send(Refuse(reason="too heavy"))
+    assert first.participant.last_report() == (offered,)
+    assert second.participant.last_report() == (refused,)
+    first.coordinator.receive(offered)
+    first.ask_with(first.coordinator.accept())
+    assert first.participant.last_report() == ()
+    first.ask(EXECUTE)
+    completed = first.participant.send(COMPLETED)
+    assert first.participant.last_report() == (completed,)
 
 
 def test_an_answer_to_what_was_never_asked_moves_nothing() -> None:
-    one, _, _ = _two()
-    one.ask(ARRANGE)
-    offered = one.participant.send(TERMS)
+    pair, _, _ = _two()
+    pair.ask(ARRANGE)
+    offered = pair.participant.send(TERMS)
     stray = msgspec.structs.replace(offered, header=msgspec.structs.replace(offered.header, relates_to="urn:uuid:other"))
-    heard = one.coordinator.receive(stray)
-    assert (heard.kind, heard.moved, one.coordinator.state) == (Kind.LATE, False, State.ARRANGING)
-    assert one.coordinator.receive(offered).moved
-    assert one.coordinator.state is State.OFFERED
+    result = pair.coordinator.receive(stray)
+    assert (result.kind, result.moved, pair.coordinator.state) == (Kind.LATE, False, State.ARRANGING)
+    assert pair.coordinator.receive(offered).moved
+    assert pair.coordinator.state is State.OFFERED
 
 
 def test_a_fault_about_a_question_ends_no_contract_and_one_about_an_order_does() -> None:
-    one, _, _ = _two()
-    asked = one.coordinator.send(ARRANGE)
-    question = one.coordinator.send(Query())
-    for about, state in ((question, State.ARRANGING), (asked, State.ENDED)):
+    pair, _, _ = _two()
+    arrange = pair.coordinator.send(ARRANGE)
+    question = pair.coordinator.send(Query())
+    for subject, state in ((question, State.ARRANGING), (arrange, State.ENDED)):
         header = Header(
             sender=SM,
             recipient=TM,
             message_id=f"f{state}",
-            relates_to=about.header.message_id,
+            relates_to=subject.header.message_id,
             transaction="t1",
-            participant=about.header.participant,
+            participant=subject.header.participant,
         )
-        one.coordinator.receive(Message(header=header, body=Fault(code="Sender", text="no")))
-        assert one.coordinator.state is state
+        pair.coordinator.receive(Message(header=header, body=Fault(code="Sender", text="no")))
+        assert pair.coordinator.state is state
 
 
 def test_nothing_is_accepted_before_it_was_offered() -> None:
-    one, _, _ = _two()
-    one.ask(ARRANGE)
+    pair, _, _ = _two()
+    pair.ask(ARRANGE)
     with pytest.raises(UsageError):
-        one.coordinator.accept()
-    assert one.both() == (State.ARRANGING, State.ARRANGING)
-    assert one.coordinator.order == one.participant.order == ARRANGE
-    one.answer(TERMS)
+        pair.coordinator.accept()
+    assert pair.states() == (State.ARRANGING, State.ARRANGING)
+    assert pair.coordinator.order == pair.participant.order == ARRANGE
+    pair.answer(TERMS)
     with pytest.raises(UsageError, match="would be accepted"):
-        one.coordinator.send(Accept(terms="others"))
-    assert one.both() == (State.OFFERED, State.OFFERED)
+        pair.coordinator.send(Accept(terms="others"))
+    assert pair.states() == (State.OFFERED, State.OFFERED)

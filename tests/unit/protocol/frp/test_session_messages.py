@@ -42,7 +42,7 @@ from somrs.protocol.messages.frp import (
     Terms,
 )
 
-TM, SM, OTHER = "http://here/tm", "http://there/sm", "http://there/other"
+TM, SM, OTHER_ADDRESS = "http://here/tm", "http://there/sm", "http://there/other"
 IDENTITY = "Robot1.TransferObject#s1"
 ARRANGE = Arrange(service_type="TransferObject", inputs={}, effect="A isOn B")
 TERMS = Terms(effect="A isOn B", price=4.0, duration=30.0)
@@ -76,17 +76,17 @@ def message(
 
 
 def offered() -> tuple[CoordinatorSession, ParticipantSession]:
-    one, other = coordinator(), participant()
-    other.receive(one.send(ARRANGE))
-    one.receive(other.send(TERMS))
-    return one, other
+    coordinator_side, participant_side = coordinator(), participant()
+    participant_side.receive(coordinator_side.send(ARRANGE))
+    coordinator_side.receive(participant_side.send(TERMS))
+    return coordinator_side, participant_side
 
 
 def executing() -> tuple[CoordinatorSession, ParticipantSession]:
-    one, other = offered()
-    other.receive(one.accept())
-    other.receive(one.send(EXECUTE))
-    return one, other
+    coordinator_side, participant_side = offered()
+    participant_side.receive(coordinator_side.accept())
+    participant_side.receive(coordinator_side.send(EXECUTE))
+    return coordinator_side, participant_side
 
 
 @pytest.mark.parametrize(("attempt", "identity"), [(1, "A.B#s1"), (2, "A.B#s1.2")])
@@ -100,8 +100,8 @@ def test_the_first_attempt_is_meant_when_none_is_named() -> None:
 
 
 def test_a_message_says_who_says_it_to_whom_and_of_what() -> None:
-    said = coordinator().send(ARRANGE)
-    assert said == Message(
+    arrange = coordinator().send(ARRANGE)
+    assert arrange == Message(
         header=Header(
             sender=TM,
             recipient=SM,
@@ -112,14 +112,14 @@ def test_a_message_says_who_says_it_to_whom_and_of_what() -> None:
         ),
         body=ARRANGE,
     )
-    heard = participant()
-    heard.receive(said)
-    assert heard.send(TERMS) == Message(
+    session = participant()
+    session.receive(arrange)
+    assert session.send(TERMS) == Message(
         header=Header(
             sender=SM,
             recipient=TM,
             message_id=message_id("t1", IDENTITY, "participant", 1, "Terms"),
-            relates_to=said.header.message_id,
+            relates_to=arrange.header.message_id,
             reply_to=SM,
             transaction="t1",
             participant=IDENTITY,
@@ -129,7 +129,7 @@ def test_a_message_says_who_says_it_to_whom_and_of_what() -> None:
 
 
 @pytest.mark.parametrize(
-    ("state", "body", "heard", "related"),
+    ("state", "body", "received", "related"),
     [
         (State.ARRANGING, TERMS, ("Arrange",), "Arrange"),
         (State.ARRANGING, Refuse(reason="r"), ("Arrange",), "Arrange"),
@@ -148,16 +148,16 @@ def test_a_message_says_who_says_it_to_whom_and_of_what() -> None:
     ],
 )
 def test_what_a_participant_says_is_an_answer_to_what_it_heard(
-    state: State, body: FrpBody, heard: tuple[str, ...], related: str | None
+    state: State, body: FrpBody, received: tuple[str, ...], related: str | None
 ) -> None:
     session = participant(state)
-    session.received_messages = {name: MessageRecord(id=f"urn:{name}", body=ARRANGE) for name in heard}
-    said = session.send(body)  # type: ignore[arg-type]  # all of them are a participant's
-    assert said.header.relates_to == (f"urn:{related}" if related else None)
+    session.received_messages = {name: MessageRecord(id=f"urn:{name}", body=ARRANGE) for name in received}
+    reply = session.send(body)  # type: ignore[arg-type]  # all of them are a participant's
+    assert reply.header.relates_to == (f"urn:{related}" if related else None)
 
 
 @pytest.mark.parametrize(
-    ("state", "body", "heard", "related"),
+    ("state", "body", "received", "related"),
     [
         (State.OFFERED, Accept(terms="urn:Terms"), ("Terms",), "Terms"),
         (State.OFFERED, Cancel(reason="r"), ("Terms",), "Terms"),
@@ -169,12 +169,12 @@ def test_what_a_participant_says_is_an_answer_to_what_it_heard(
     ],
 )
 def test_what_a_coordinator_says_is_an_answer_to_what_it_heard(
-    state: State, body: FrpBody, heard: tuple[str, ...], related: str | None
+    state: State, body: FrpBody, received: tuple[str, ...], related: str | None
 ) -> None:
     session = coordinator(state)
-    session.received_messages = {name: MessageRecord(id=f"urn:{name}", body=TERMS) for name in heard}
-    said = session.send(body)  # type: ignore[arg-type]  # all of them are a coordinator's
-    assert said.header.relates_to == (f"urn:{related}" if related else None)
+    session.received_messages = {name: MessageRecord(id=f"urn:{name}", body=TERMS) for name in received}
+    reply = session.send(body)  # type: ignore[arg-type]  # all of them are a coordinator's
+    assert reply.header.relates_to == (f"urn:{related}" if related else None)
 
 
 def test_signs_of_life_have_ids_of_their_own_and_take_none_from_the_contract() -> None:
@@ -190,16 +190,16 @@ def test_signs_of_life_have_ids_of_their_own_and_take_none_from_the_contract() -
 
 @pytest.mark.parametrize("body", [Query(), Status(state=State.NEW), Fault(code="c", text="t"), Progress(fraction=0.5)])
 def test_what_changes_no_contract_takes_no_number_from_it(body: Query | Status | Fault | Progress) -> None:
-    one, other = executing()
-    number = one.number, other.number
+    coordinator_side, participant_side = executing()
+    number = coordinator_side.number, participant_side.number
     if isinstance(body, Query):
-        one.send(body)
+        coordinator_side.send(body)
     elif isinstance(body, Progress):
-        other.send(body)
+        participant_side.send(body)
     else:
-        asked = Query() if isinstance(body, Status) else Completed(situation="")
-        assert [type(said.body) for said in other.receive(message(asked)).answers] == [type(body)]
-    assert (one.number, other.number) == number
+        request = Query() if isinstance(body, Status) else Completed(situation="")
+        assert [type(answer.body) for answer in participant_side.receive(message(request)).answers] == [type(body)]
+    assert (coordinator_side.number, participant_side.number) == number
 
 
 def test_the_last_message_is_no_sign_of_life() -> None:
@@ -209,12 +209,12 @@ def test_the_last_message_is_no_sign_of_life() -> None:
     assert terms == session.sent_messages["Terms"].id
     session.send(Progress(fraction=0.5))
     assert session.last_message == terms
-    done = session.send(Completed(situation=""))
-    assert session.last_message == done.header.message_id
+    completed = session.send(Completed(situation=""))
+    assert session.last_message == completed.header.message_id
 
 
 @pytest.mark.parametrize(
-    ("state", "asked", "answer", "then"),
+    ("state", "request", "answer", "state_after"),
     [
         (State.NEW, Accept(terms="x"), Failed(description="there is no contract here, so Accept started nothing"), State.FAILED),
         (State.NEW, EXECUTE, Failed(description="there is no contract here, so Execute started nothing"), State.FAILED),
@@ -244,26 +244,26 @@ def test_the_last_message_is_no_sign_of_life() -> None:
         (State.EXECUTING, Completed(situation=""), Fault(code=NOT_ALLOWED, text="Completed is not for a participant"), State.EXECUTING),
     ],
 )
-def test_what_a_participant_answers_at_once(state: State, asked: FrpBody, answer: FrpBody, then: State) -> None:
+def test_what_a_participant_answers_at_once(state: State, request: FrpBody, answer: FrpBody, state_after: State) -> None:
     session = participant(state)
-    [said] = session.receive(message(asked)).answers
-    assert (said.body, said.header.relates_to, said.header.recipient, session.state) == (answer, "urn:x", TM, then)
+    [reply] = session.receive(message(request)).answers
+    assert (reply.body, reply.header.relates_to, reply.header.recipient, session.state) == (answer, "urn:x", TM, state_after)
 
 
 @pytest.mark.parametrize("state", [State.NEW, State.EXECUTING, State.ENDED])
 def test_a_fault_is_never_answered(state: State) -> None:
-    heard = participant(state).receive(message(Fault(code="c", text="t")))
-    assert (heard.kind, heard.state_before, heard.state, heard.answers) == (Kind.LATE, state, state, ())
+    result = participant(state).receive(message(Fault(code="c", text="t")))
+    assert (result.kind, result.state_before, result.state, result.answers) == (Kind.LATE, state, state, ())
 
 
 @pytest.mark.parametrize(
     ("body", "sender", "reply_to", "peer"),
     [
-        (Query(), OTHER, OTHER, TM),
-        (Fault(code="c", text="t"), OTHER, OTHER, TM),
-        (STOP, OTHER, OTHER, OTHER),
-        (STOP, OTHER, TM, TM),
-        (STOP, OTHER, ANONYMOUS, OTHER),
+        (Query(), OTHER_ADDRESS, OTHER_ADDRESS, TM),
+        (Fault(code="c", text="t"), OTHER_ADDRESS, OTHER_ADDRESS, TM),
+        (STOP, OTHER_ADDRESS, OTHER_ADDRESS, OTHER_ADDRESS),
+        (STOP, OTHER_ADDRESS, TM, TM),
+        (STOP, OTHER_ADDRESS, ANONYMOUS, OTHER_ADDRESS),
     ],
 )
 def test_whoever_gives_orders_is_answered_from_then_on(body: FrpBody, sender: str, reply_to: str, peer: str) -> None:
@@ -274,8 +274,11 @@ def test_whoever_gives_orders_is_answered_from_then_on(body: FrpBody, sender: st
 
 def test_whoever_asks_for_the_state_is_told_where_it_wants() -> None:
     _, session = executing()
-    [said] = session.receive(message(Query(), sender=OTHER)).answers
-    assert (said.header.recipient, said.body) == (OTHER, Status(state=State.EXECUTING, last_message=session.sent_messages["Terms"].id))
+    [reply] = session.receive(message(Query(), sender=OTHER_ADDRESS)).answers
+    assert (reply.header.recipient, reply.body) == (
+        OTHER_ADDRESS,
+        Status(state=State.EXECUTING, last_message=session.sent_messages["Terms"].id),
+    )
 
 
 @pytest.mark.parametrize(
@@ -294,13 +297,13 @@ def test_only_the_terms_that_were_offered_are_accepted(body: FrpBody, relates_to
     terms = session.sent_messages["Terms"].id
     if isinstance(body, Accept):
         body = Accept(terms=body.terms.replace("TERMS", terms))
-    heard = session.receive(message(body, relates_to=terms if relates_to == "TERMS" else relates_to))
-    assert heard.moved is moved
+    result = session.receive(message(body, relates_to=terms if relates_to == "TERMS" else relates_to))
+    assert result.moved is moved
     assert (session.state is State.OFFERED) is not moved
     if not moved:
         named = body.terms if isinstance(body, Accept) else relates_to
         text = f"{type(body).__name__} names the terms {named}, and {terms} were offered"
-        assert [answer.body for answer in heard.answers] == [Fault(code=NOT_ALLOWED, text=text)]
+        assert [answer.body for answer in result.answers] == [Fault(code=NOT_ALLOWED, text=text)]
 
 
 @pytest.mark.parametrize(
@@ -318,9 +321,12 @@ def test_why_a_participant_ended(hear: Callable[[], Message], reason: str) -> No
 
 
 def test_a_refusal_is_why_both_ended() -> None:
-    one, other = offered()
-    one.receive(other.send(Refuse(reason="the terms expired")))
-    assert (one.state, one.reason, other.state, other.reason) == (State.ENDED, "the terms expired") * 2
+    coordinator_side, participant_side = offered()
+    coordinator_side.receive(participant_side.send(Refuse(reason="the terms expired")))
+    assert (coordinator_side.state, coordinator_side.reason, participant_side.state, participant_side.reason) == (
+        State.ENDED,
+        "the terms expired",
+    ) * 2
 
 
 @pytest.mark.parametrize(
@@ -334,7 +340,7 @@ def test_why_a_coordinator_ended(state: State, body: Cancel | End | Stop, reason
 
 
 @pytest.mark.parametrize(
-    ("state", "heard", "reason", "answer"),
+    ("state", "received", "reason", "answer"),
     [
         (State.NEW, Completed(situation=""), "ended", End(outcome=Outcome.CANCELLED)),
         (State.NEW, TERMS, "ended", Cancel(reason="no such service is wanted here")),
@@ -348,22 +354,22 @@ def test_why_a_coordinator_ended(state: State, body: Cancel | End | Stop, reason
         (State.ENDED, Completed(situation=""), "", None),
     ],
 )
-def test_what_a_coordinator_answers_at_once(state: State, heard: FrpBody, reason: str, answer: FrpBody | None) -> None:
+def test_what_a_coordinator_answers_at_once(state: State, received: FrpBody, reason: str, answer: FrpBody | None) -> None:
     session = coordinator(state)
-    found = session.receive(message(heard))
-    assert [said.body for said in found.answers] == ([answer] if answer is not None else [])
+    result = session.receive(message(received))
+    assert [reply.body for reply in result.answers] == ([answer] if answer is not None else [])
     assert session.reason == reason
 
 
-@pytest.mark.parametrize("last", [END, Cancel(reason="too dear")])
-def test_who_missed_the_end_hears_it_as_it_was(last: End | Cancel) -> None:
+@pytest.mark.parametrize("ending", [END, Cancel(reason="too dear")])
+def test_who_missed_the_end_hears_it_as_it_was(ending: End | Cancel) -> None:
     session = coordinator(State.COMMITTED)
-    said = session.send(last)
-    assert session.receive(message(Completed(situation=""))).answers == (said,)
+    final_message = session.send(ending)
+    assert session.receive(message(Completed(situation=""))).answers == (final_message,)
 
 
 @pytest.mark.parametrize(
-    ("state", "then"),
+    ("state", "state_after"),
     [
         (State.NEW, None),
         (State.OFFERED, None),
@@ -373,14 +379,14 @@ def test_who_missed_the_end_hears_it_as_it_was(last: End | Cancel) -> None:
         (State.UNREACHABLE, None),
     ],
 )
-def test_only_who_owes_something_is_given_up(state: State, then: State | None) -> None:
+def test_only_who_owes_something_is_given_up(state: State, state_after: State | None) -> None:
     session = coordinator(state)
-    assert session.abandon() is (then is not None)
-    assert session.state is (then or state)
+    assert session.abandon() is (state_after is not None)
+    assert session.state is (state_after or state)
 
 
 @pytest.mark.parametrize(
-    ("before", "asked_in", "says", "related", "then"),
+    ("state_before", "query_state", "reported_state", "related", "state_after"),
     [
         (State.COMMITTED, State.COMMITTED, State.NEW, True, State.FAILED),
         (State.EXECUTING, State.COMMITTED, State.NEW, True, State.FAILED),
@@ -391,12 +397,14 @@ def test_only_who_owes_something_is_given_up(state: State, then: State | None) -
         (State.COMPLETED, State.EXECUTING, State.NEW, True, State.COMPLETED),
     ],
 )
-def test_who_knows_nothing_of_its_contract_has_failed(before: State, asked_in: State, says: State, related: bool, then: State) -> None:
-    session = coordinator(asked_in)
+def test_who_knows_nothing_of_its_contract_has_failed(
+    state_before: State, query_state: State, reported_state: State, related: bool, state_after: State
+) -> None:
+    session = coordinator(query_state)
     query = session.send(Query())
-    session.state = before
-    session.receive(message(Status(state=says), relates_to=query.header.message_id if related else "urn:other"))
-    assert session.state is then
+    session.state = state_before
+    session.receive(message(Status(state=reported_state), relates_to=query.header.message_id if related else "urn:other"))
+    assert session.state is state_after
 
 
 def test_who_says_nothing_of_its_contract_without_being_asked_has_not_failed() -> None:
@@ -420,10 +428,10 @@ def test_who_says_nothing_of_its_contract_without_being_asked_has_not_failed() -
 )
 def test_an_answer_to_something_else_moves_nothing(body: FrpBody, kind: str | None, moved: bool) -> None:
     session = coordinator()
-    said = {"Arrange": session.send(ARRANGE), "Query": session.send(Query())}
-    heard = session.receive(message(body, relates_to=said[kind].header.message_id if kind else None))
-    assert heard.moved is moved
-    assert (heard.state_before, heard.state) == (State.ARRANGING, session.state)
+    requests = {"Arrange": session.send(ARRANGE), "Query": session.send(Query())}
+    result = session.receive(message(body, relates_to=requests[kind].header.message_id if kind else None))
+    assert result.moved is moved
+    assert (result.state_before, result.state) == (State.ARRANGING, session.state)
 
 
 @pytest.mark.parametrize("kind", ["Arrange", "Accept", "Execute"])
@@ -434,26 +442,26 @@ def test_a_fault_about_any_order_ends_the_contract(kind: str) -> None:
 
 
 def test_a_fault_about_an_undoing_leaves_it_stranded() -> None:
-    session, other = executing()
-    session.receive(other.send(Completed(situation="")))
+    session, participant_side = executing()
+    session.receive(participant_side.send(Completed(situation="")))
     session.receive(message(Fault(code="c", text="t"), relates_to=session.send(COMPENSATE).header.message_id))
     assert session.state is State.STRANDED
 
 
 def test_a_message_moves_once_and_signs_of_life_each_time() -> None:
-    session, other = executing()
-    progress = other.send(Progress(fraction=0.5))
+    session, participant_side = executing()
+    progress = participant_side.send(Progress(fraction=0.5))
     assert [session.receive(progress).kind for _ in range(2)] == [Kind.MOVES, Kind.MOVES]
     assert "Progress" not in session.received_messages
-    done = other.send(Completed(situation=""))
-    assert [session.receive(done).kind for _ in range(2)] == [Kind.MOVES, Kind.REPEATED]
+    completed = participant_side.send(Completed(situation=""))
+    assert [session.receive(completed).kind for _ in range(2)] == [Kind.MOVES, Kind.REPEATED]
     assert session.received_messages["Completed"] == MessageRecord(
-        id=done.header.message_id, body=Completed(situation=""), relates_to=done.header.relates_to, state=State.EXECUTING
+        id=completed.header.message_id, body=Completed(situation=""), relates_to=completed.header.relates_to, state=State.EXECUTING
     )
 
 
 @pytest.mark.parametrize(
-    ("session", "say", "text"),
+    ("session", "body", "text"),
     [
         (coordinator(), EXECUTE, f"{IDENTITY} in t1 is New: Execute cannot be said now, but Arrange"),
         (coordinator(), Query(), f"{IDENTITY} in t1 is New: Query cannot be said now, but Arrange"),
@@ -465,20 +473,20 @@ def test_a_message_moves_once_and_signs_of_life_each_time() -> None:
     ],
 )
 def test_what_cannot_be_said_now_is_an_error_that_says_what_can(
-    session: CoordinatorSession | ParticipantSession, say: FrpBody, text: str
+    session: CoordinatorSession | ParticipantSession, body: FrpBody, text: str
 ) -> None:
-    before = session.copy()
+    session_before = session.copy()
     with pytest.raises(UsageError) as error:
-        session.send(say)  # type: ignore[arg-type]  # each of its own side
+        session.send(body)  # type: ignore[arg-type]  # each of its own side
     assert str(error.value) == text
-    assert session == before
+    assert session == session_before
 
 
-@pytest.mark.parametrize(("state", "can"), [(State.OFFERED, "Accept, Cancel"), (State.ENDED, "nothing")])
-def test_nothing_can_be_accepted_where_nothing_was_offered(state: State, can: str) -> None:
+@pytest.mark.parametrize(("state", "allowed"), [(State.OFFERED, "Accept, Cancel"), (State.ENDED, "nothing")])
+def test_nothing_can_be_accepted_where_nothing_was_offered(state: State, allowed: str) -> None:
     with pytest.raises(UsageError) as error:
         coordinator(state).accept()
-    assert str(error.value) == f"{IDENTITY} in t1 is {state.value}: Accept cannot be said now, but {can}"
+    assert str(error.value) == f"{IDENTITY} in t1 is {state.value}: Accept cannot be said now, but {allowed}"
 
 
 @pytest.mark.parametrize("header", [{"transaction": "t2"}, {"participant": "p2"}])
@@ -500,9 +508,13 @@ def test_a_session_is_opened_by_a_message_with_both_ids(header: dict[str, None])
 def test_what_was_ordered_and_offered_is_known_on_both_sides() -> None:
     assert (coordinator().order, coordinator().terms, coordinator().terms_id) == (None, None, None)
     assert (participant().order, participant().terms) == (None, None)
-    one, other = offered()
-    assert (one.order, one.terms, one.terms_id) == (ARRANGE, TERMS, other.sent_messages["Terms"].id)
-    assert (other.order, other.terms) == (ARRANGE, TERMS)
+    coordinator_side, participant_side = offered()
+    assert (coordinator_side.order, coordinator_side.terms, coordinator_side.terms_id) == (
+        ARRANGE,
+        TERMS,
+        participant_side.sent_messages["Terms"].id,
+    )
+    assert (participant_side.order, participant_side.terms) == (ARRANGE, TERMS)
 
 
 @pytest.mark.parametrize(
@@ -520,12 +532,12 @@ def test_the_last_report_is_that_of_its_state(state: State, report: str | None) 
     session.sent_messages = {
         name: MessageRecord(id=f"urn:{name}", body=TERMS) for name in ("Terms", "Refuse", "Completed", "Stranded", "Progress")
     }
-    assert [said.header.message_id for said in session.last_report()] == ([f"urn:{report}"] if report else [])
+    assert [answer.header.message_id for answer in session.last_report()] == ([f"urn:{report}"] if report else [])
 
 
 def test_what_is_kept_stays_as_it_was() -> None:
     for session in (coordinator(), participant(State.ARRANGING)):
-        kept = session.copy()
-        assert kept == session
+        saved = session.copy()
+        assert saved == session
         session.send(ARRANGE if isinstance(session, CoordinatorSession) else TERMS)  # type: ignore[arg-type]  # each of its own side
-        assert kept != session
+        assert saved != session

@@ -36,14 +36,14 @@ SIDES = (
 )
 
 
-@pytest.mark.parametrize(("table", "all_states", "heard", "said"), SIDES)
+@pytest.mark.parametrize(("table", "all_states", "received_types", "sent_types"), SIDES)
 def test_every_message_means_something_in_every_state(
-    table: Table, all_states: tuple[State, ...], heard: tuple[MessageType, ...], said: tuple[MessageType, ...]
+    table: Table, all_states: tuple[State, ...], received_types: tuple[MessageType, ...], sent_types: tuple[MessageType, ...]
 ) -> None:
-    for state, message in product(all_states, heard):
+    for state, message in product(all_states, received_types):
         entry = table[state][message]
         assert entry.next_state in all_states
-        assert entry.answer is None or entry.answer in said
+        assert entry.answer is None or entry.answer in sent_types
         assert entry.kind is Kind.MOVES or entry.next_state is state, f"{message.__name__} in {state} stays where it is"
 
 
@@ -56,7 +56,7 @@ def test_a_participant_only_moves_forward() -> None:
     for state, row in states.PARTICIPANT.items():
         assert all(RANK[entry.next_state] > RANK[state] for entry in row.values() if entry.kind is Kind.MOVES)
     for state, sends in states.PARTICIPANT_SENDS.items():
-        assert all(RANK[after] > RANK[state] for message, after in sends.items() if message is not Progress)
+        assert all(RANK[target] > RANK[state] for message, target in sends.items() if message is not Progress)
 
 
 def test_a_message_repeated_at_once_never_moves_a_participant_twice() -> None:
@@ -104,7 +104,7 @@ def test_every_state_can_be_left_towards_the_end() -> None:
         reach = {State.ENDED}
         while True:
             further = {s for s, row in table.items() if any(e.next_state in reach for e in row.values())}
-            further |= {s for s, row in sends.items() if any(after in reach for after in row.values())}
+            further |= {s for s, row in sends.items() if any(target in reach for target in row.values())}
             if further <= reach:
                 break
             reach |= further
@@ -119,30 +119,30 @@ def _moves(pair: Pair) -> list[Pair]:
     """What can happen next to one coordinator and one participant, on a medium where a message once sent may arrive at any
     time, any number of times, or never: it holds the set of everything that was ever sent."""
     coordinator, participant, medium = pair
-    after: list[Pair] = []
+    successors: list[Pair] = []
     for message, state in states.COORDINATOR_SENDS.get(coordinator, {}).items():
-        after.append((state, participant, medium | {("p", message)}))
+        successors.append((state, participant, medium | {("p", message)}))
     for message, state in states.PARTICIPANT_SENDS.get(participant, {}).items():
-        after.append((coordinator, state, medium | {("c", message)}))
+        successors.append((coordinator, state, medium | {("c", message)}))
     for side, message in medium:
         if side == "p":
             entry = states.PARTICIPANT[participant][message]
-            after.append((coordinator, entry.next_state, medium | ({("c", entry.answer)} if entry.answer else frozenset())))
+            successors.append((coordinator, entry.next_state, medium | ({("c", entry.answer)} if entry.answer else frozenset())))
         else:
             entry = states.COORDINATOR[coordinator][message]
-            after.append((entry.next_state, participant, medium | ({("p", entry.answer)} if entry.answer else frozenset())))
-    return after
+            successors.append((entry.next_state, participant, medium | ({("p", entry.answer)} if entry.answer else frozenset())))
+    return successors
 
 
 def _reachable() -> set[Pair]:
     start: Pair = (State.NEW, State.NEW, frozenset())
-    seen, waiting = {start}, [start]
+    visited, waiting = {start}, [start]
     while waiting:
         for pair in _moves(waiting.pop()):
-            if pair not in seen:
-                seen.add(pair)
+            if pair not in visited:
+                visited.add(pair)
                 waiting.append(pair)
-    return seen
+    return visited
 
 
 def test_one_coordinator_and_one_participant_agree_whatever_the_medium_does() -> None:
@@ -150,16 +150,16 @@ def test_one_coordinator_and_one_participant_agree_whatever_the_medium_does() ->
     assert len(reachable) > 200
     believed_over = {State.COMPLETED, State.FAILED, State.STOPPED, State.COMPENSATED, State.STRANDED}
     for coordinator, participant, medium in reachable:
-        at = f"{coordinator.value}/{participant.value} with {sorted(m.__name__ for _, m in medium)}"
+        description = f"{coordinator.value}/{participant.value} with {sorted(m.__name__ for _, m in medium)}"
         if participant is State.EXECUTING:
-            assert ("p", Execute) in medium, at
-            assert coordinator in (State.EXECUTING, State.STOPPING), f"someone works who is believed not to: {at}"
+            assert ("p", Execute) in medium, description
+            assert coordinator in (State.EXECUTING, State.STOPPING), f"someone works who is believed not to: {description}"
         if coordinator in believed_over:
-            assert participant not in (State.EXECUTING, State.STOPPING), f"another could be given the same step: {at}"
-        assert ("c", frp.Fault) not in medium, f"one side found a message wrong: {at}"
+            assert participant not in (State.EXECUTING, State.STOPPING), f"another could be given the same step: {description}"
+        assert ("c", frp.Fault) not in medium, f"one side found a message wrong: {description}"
         if coordinator is State.ENDED and participant is State.ENDED:
             continue
-        assert _can_end(coordinator, participant, medium), at
+        assert _can_end(coordinator, participant, medium), description
 
 
 def _can_end(coordinator: State, participant: State, medium: frozenset[Message]) -> bool:

@@ -109,7 +109,7 @@ def test_what_is_no_event_has_no_sentence() -> None:
 
 def of_kind(kind: EventKind) -> Iterator[str]:
     examples = {type(event): event for event, _ in (*SENTENCES, *FAILURES)}
-    return (one.__name__ for one, event in examples.items() if kind_of(event) is kind)
+    return (event_type.__name__ for event_type, event in examples.items() if kind_of(event) is kind)
 
 
 def test_what_an_event_is_in_the_life_of_its_task() -> None:
@@ -118,7 +118,7 @@ def test_what_an_event_is_in_the_life_of_its_task() -> None:
             "TaskStated", "Planned", "ServicesAsked", "TermsOffered", "ServiceRefused", "ServiceChosen", "StepStarted", "ProgressNoted",
             "StepCompleted", "StepStopped", "FoundSo", "MayTryAgain", "Stopping",
         },
-        EventKind.SETBACK: {one.__name__ for one in typing.get_args(ServiceFailure)} | {"GoalFailed", "WorkStranded"},
+        EventKind.SETBACK: {event_type.__name__ for event_type in typing.get_args(ServiceFailure)} | {"GoalFailed", "WorkStranded"},
         EventKind.HANDLER: {"HandlerBegun"},
         EventKind.REPLACE: {"ServiceReplaced"},
         EventKind.REPLAN: {"Replanned", "TriedOnceMore"},

@@ -36,14 +36,14 @@ def structs_of(module: object) -> list[type[Struct]]:
 
 
 def test_what_is_left_out_of_a_message_is_false_or_empty_but_for_these() -> None:
-    found = {
+    defaults = {
         f"{kind.__name__}.{field.name}": field.default
         for module in MODULES
         for kind in structs_of(module)
         for field in structs.fields(kind)
         if field.default is True or (isinstance(field.default, str) and field.default)
     }
-    assert found == {
+    assert defaults == {
         "CancelTask.reason": "cancelled by the client",
         "ContractView.currency": "EUR",
         "Quotation.currency": "EUR",
@@ -94,7 +94,7 @@ def test_the_id_of_a_message_is_the_uuid_of_its_parts(parts: tuple[object, ...])
 
 
 @pytest.mark.parametrize(
-    ("text", "found"),
+    ("text", "normalised"),
     [
         ("uuid:AB", "urn:uuid:ab"),
         (" URN:UUID:aB\n", "urn:uuid:ab"),
@@ -103,12 +103,12 @@ def test_the_id_of_a_message_is_the_uuid_of_its_parts(parts: tuple[object, ...])
         ("xuuid:AB", "xuuid:AB"),
     ],
 )
-def test_an_id_is_one_in_either_spelling(text: str, found: str) -> None:
-    assert normalised_id(text) == found
+def test_an_id_is_one_in_either_spelling(text: str, normalised: str) -> None:
+    assert normalised_id(text) == normalised
 
 
 def test_an_answer_goes_where_it_is_wanted_and_says_what_it_answers() -> None:
-    asked = Header(sender="a", recipient="b", message_id="m", relates_to="l", reply_to="c", transaction="t", participant="p")
+    request_header = Header(sender="a", recipient="b", message_id="m", relates_to="l", reply_to="c", transaction="t", participant="p")
     body = frp.Status(state=frp.State.NEW)
     answer = Header(
         sender="me",
@@ -119,23 +119,23 @@ def test_an_answer_goes_where_it_is_wanted_and_says_what_it_answers() -> None:
         transaction="t",
         participant="p",
     )
-    assert reply(Message(header=asked, body=frp.Query()), body, "me") == Message(header=answer, body=body)
+    assert reply(Message(header=request_header, body=frp.Query()), body, "me") == Message(header=answer, body=body)
 
 
 # Leases and pages
 
 
 @pytest.mark.parametrize(
-    ("wanted", "lease"), [(0.001, SHORTEST), (SHORTEST, SHORTEST), (1.5, 1.5), (LONGEST, LONGEST), (LONGEST + 1, LONGEST)]
+    ("requested", "lease"), [(0.001, SHORTEST), (SHORTEST, SHORTEST), (1.5, 1.5), (LONGEST, LONGEST), (LONGEST + 1, LONGEST)]
 )
-def test_a_lease_is_as_long_as_was_asked_within_limits(wanted: float, lease: float) -> None:
-    assert grant_lease(wanted) == lease
+def test_a_lease_is_as_long_as_was_asked_within_limits(requested: float, lease: float) -> None:
+    assert grant_lease(requested) == lease
 
 
-@pytest.mark.parametrize("wanted", [0.0, -1.0, math.inf, math.nan])
-def test_what_is_no_duration_is_no_lease(wanted: float) -> None:
+@pytest.mark.parametrize("requested", [0.0, -1.0, math.inf, math.nan])
+def test_what_is_no_duration_is_no_lease(requested: float) -> None:
     with pytest.raises(UsageError, match=r"^a lease of \S+ s is not one: ask for 1 to 3600 seconds$"):
-        grant_lease(wanted)
+        grant_lease(requested)
 
 
 def test_the_size_of_a_value_is_that_of_its_json() -> None:
@@ -143,7 +143,7 @@ def test_the_size_of_a_value_is_that_of_its_json() -> None:
 
 
 @pytest.mark.parametrize(
-    ("items", "limit", "room", "page"),
+    ("items", "limit", "max_bytes", "page"),
     [
         (["aa", "bb", "cc"], 9, 8, ["aa", "bb"]),
         (["aa", "bb", "cc"], 9, 7, ["aa"]),
@@ -154,8 +154,8 @@ def test_the_size_of_a_value_is_that_of_its_json() -> None:
         (["aaaa", ""], 9, 5, ["aaaa"]),
     ],
 )
-def test_a_page_has_what_fits_and_the_first_in_any_case(items: list[str], limit: int, room: int, page: list[str]) -> None:
-    assert [*fit_page(items, limit, room)] == page
+def test_a_page_has_what_fits_and_the_first_in_any_case(items: list[str], limit: int, max_bytes: int, page: list[str]) -> None:
+    assert [*fit_page(items, limit, max_bytes)] == page
 
 
 def test_a_page_has_so_many_items_and_bytes_if_nothing_else_is_said() -> None:
@@ -200,9 +200,11 @@ def test_definitions_are_sorted_by_what_they_define() -> None:
     attribute, relation = AttributeType(name="A", kind=Kind.TEXT), RelationType(name="isOn", joins=("Thing", "Thing"))
     function, service = FunctionType(name="f", parameters=("Thing",)), ServiceType(name="S", effect="?A isOn ?B")
     kind = ObjectType(name="Thing", parent=None)
-    found = by_kind(iter((service, kind, function, relation, attribute)))
-    assert found == Definitions(attributes=(attribute,), relations=(relation,), functions=(function,), types=(kind,), services=(service,))
-    assert [*found.all_definitions()] == [attribute, relation, function, kind, service]
+    definitions = by_kind(iter((service, kind, function, relation, attribute)))
+    assert definitions == Definitions(
+        attributes=(attribute,), relations=(relation,), functions=(function,), types=(kind,), services=(service,)
+    )
+    assert [*definitions.all_definitions()] == [attribute, relation, function, kind, service]
 
 
 # Orders

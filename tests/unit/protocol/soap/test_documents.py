@@ -80,7 +80,7 @@ def test_a_fault_outside_a_contract_has_no_detail() -> None:
 def test_a_refusal_says_why_in_its_reason(body: knowledge.Rejected | clients.TaskRejected, reason: str) -> None:
     root = etree.fromstring(encode(Message(header=HEADER, body=body)))
     assert root.findtext(f".//{{{soap.ENV}}}Text") == reason
-    assert [one.text for one in root.iter(f"{{{soap.ENV}}}Value")] == [SENDER]
+    assert [element.text for element in root.iter(f"{{{soap.ENV}}}Value")] == [SENDER]
     assert root.findtext(f".//{{{soap.WSA}}}Action") == soap.action(type(body))
 
 
@@ -112,9 +112,9 @@ def test_the_codes_of_soap_need_no_prefix(name: str) -> None:
 
 
 def test_a_fault_names_what_it_answers_and_says_no_more_than_it_may() -> None:
-    found = soap.fault(WireError("env:Sender", "x" * 4001 + "<"), "urn:uuid:7").decode()
+    document = soap.fault(WireError("env:Sender", "x" * 4001 + "<"), "urn:uuid:7").decode()
     related = "<wsa:RelatesTo>urn:uuid:7</wsa:RelatesTo>"
-    assert found == fault_document("<env:Value>env:Sender</env:Value>", "x" * 4000, relates_to=related)
+    assert document == fault_document("<env:Value>env:Sender</env:Value>", "x" * 4000, relates_to=related)
 
 
 @pytest.mark.parametrize(("code", "upgrade"), [("env:VersionMismatch", True), ("env:Sender", False)])
@@ -213,9 +213,9 @@ def test_an_envelope_without_a_header_is_read_as_far_as_it_goes() -> None:
     assert refused(document).text == "a is no message that is known here"
     fault = fault_document("<env:Value>env:Receiver</env:Value>")
     bare = fault.partition("<env:Header>")[0] + fault.partition("</env:Header>")[2]
-    found = decode(bare.encode())
-    assert found.body == frp.Fault(code="env:Receiver", text="no")
-    assert found.header == Header(sender=ANONYMOUS, recipient=ANONYMOUS, message_id=message_id("fault", None))
+    message = decode(bare.encode())
+    assert message.body == frp.Fault(code="env:Receiver", text="no")
+    assert message.header == Header(sender=ANONYMOUS, recipient=ANONYMOUS, message_id=message_id("fault", None))
 
 
 def test_a_fault_without_an_id_has_one_made_of_what_it_answers() -> None:

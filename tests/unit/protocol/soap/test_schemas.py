@@ -264,9 +264,9 @@ def test_a_description_has_an_operation_for_each_message(monkeypatch: pytest.Mon
     kinds = (orders.SaveTemplate, frp.Query, frp.Execute)
     monkeypatch.setitem(wsdl.COMPONENTS, "painter", ("Painter", kinds))
     for path in ("/painter", "painter/", "/painter/x"):
-        found = wsdl.description(path, "http://h/painter")
-        assert found is not None
-        assert found.decode() == DESCRIPTION
+        description = wsdl.description(path, "http://h/painter")
+        assert description is not None
+        assert description.decode() == DESCRIPTION
 
 
 @pytest.mark.parametrize(
@@ -284,7 +284,7 @@ MAP = ["MapChanged", "OntologyChanged"]
 
 
 @pytest.mark.parametrize(
-    ("path", "name", "namespace", "others"),
+    ("path", "name", "namespace", "other_messages"),
     [
         ("repository", "Repository", KNOWLEDGE, []),
         ("registry", "Registry", DIRECTORY, MAP),
@@ -299,10 +299,10 @@ MAP = ["MapChanged", "OntologyChanged"]
         ("simulator", "Simulator", None, MAP),
     ],
 )
-def test_what_a_component_understands(path: str, name: str, namespace: str | None, others: list[str]) -> None:
+def test_what_a_component_understands(path: str, name: str, namespace: str | None, other_messages: list[str]) -> None:
     requests = [kind.__name__ for kind in NAMESPACES[namespace] if kind in REQUESTS] if namespace is not None else []
-    found, kinds = wsdl.COMPONENTS[path]
-    assert (found, [kind.__name__ for kind in kinds]) == (name, requests + others)
+    component_name, kinds = wsdl.COMPONENTS[path]
+    assert (component_name, [kind.__name__ for kind in kinds]) == (name, requests + other_messages)
 
 
 def test_there_is_no_schema_of_another_protocol_and_no_description_of_another_component() -> None:

@@ -99,11 +99,11 @@ def test_a_fault_says_its_reason_even_if_xml_cannot_carry_it() -> None:
 
 
 @pytest.mark.parametrize(
-    ("said", "meant"),
+    ("code", "expected_code"),
     [("Sender", "env:Sender"), ("Receiver", "env:Receiver"), ("ActionNotSupported", "wsa:ActionNotSupported"), ("x:y", "env:Sender")],
 )
-def test_fault_codes_without_a_prefix(said: str, meant: str) -> None:
-    assert decode(encode(structs.replace(ARRANGE, body=frp.Fault(code=said, text="t")))).body == frp.Fault(code=meant, text="t")
+def test_fault_codes_without_a_prefix(code: str, expected_code: str) -> None:
+    assert decode(encode(structs.replace(ARRANGE, body=frp.Fault(code=code, text="t")))).body == frp.Fault(code=expected_code, text="t")
 
 
 def test_the_prefixes_of_a_foreign_fault_mean_what_they_are_bound_to() -> None:
@@ -155,12 +155,12 @@ def test_unicode_encodings_are_read(encoding: str) -> None:
 
 
 def test_size() -> None:
-    room = MOST_BYTES - len(encode(query("")))
-    assert len(encode(query("a" * room))) == MOST_BYTES
-    assert decode(encode(query("a" * room))) == query("a" * room)
+    free_bytes = MOST_BYTES - len(encode(query("")))
+    assert len(encode(query("a" * free_bytes))) == MOST_BYTES
+    assert decode(encode(query("a" * free_bytes))) == query("a" * free_bytes)
     with pytest.raises(WireError, match="262145 bytes"):
-        encode(query("a" * (room + 1)))
-    assert "262145 bytes" in refused(encode(query("a" * room)) + b" ").text
+        encode(query("a" * (free_bytes + 1)))
+    assert "262145 bytes" in refused(encode(query("a" * free_bytes)) + b" ").text
 
 
 @pytest.mark.parametrize("depth", [33, 200, 60_000])
@@ -177,8 +177,8 @@ def test_a_repeated_addressing_header(name: str) -> None:
 
 
 def test_relations_of_another_kind_may_be_there_besides() -> None:
-    other = '<wsa:RelatesTo RelationshipType="urn:x">urn:y</wsa:RelatesTo>'
-    assert decode(changed("</env:Header>", f"{other * 2}</env:Header>").encode()) == ARRANGE
+    other_relation = '<wsa:RelatesTo RelationshipType="urn:x">urn:y</wsa:RelatesTo>'
+    assert decode(changed("</env:Header>", f"{other_relation * 2}</env:Header>").encode()) == ARRANGE
 
 
 @pytest.mark.parametrize("header", ["x:Security", "wsa:Strange"])
@@ -186,10 +186,10 @@ def test_headers_that_are_not_understood(header: str) -> None:
     def with_header(attributes: str) -> str:
         return changed("</env:Header>", f'<{header} xmlns:x="urn:x" {attributes}/></env:Header>')
 
-    for must in ("1", "true", " true "):
-        assert refused(with_header(f'env:mustUnderstand="{must}"')).code == "env:MustUnderstand"
-        assert refused(with_header(f'env:mustUnderstand="{must}" env:role="{soap.ENV}/role/next"')).code == "env:MustUnderstand"
-        assert decode(with_header(f'env:mustUnderstand="{must}" env:role="{soap.ENV}/role/none"').encode()) == ARRANGE
+    for flag in ("1", "true", " true "):
+        assert refused(with_header(f'env:mustUnderstand="{flag}"')).code == "env:MustUnderstand"
+        assert refused(with_header(f'env:mustUnderstand="{flag}" env:role="{soap.ENV}/role/next"')).code == "env:MustUnderstand"
+        assert decode(with_header(f'env:mustUnderstand="{flag}" env:role="{soap.ENV}/role/none"').encode()) == ARRANGE
     for optional in ("", 'env:mustUnderstand="0"', 'env:mustUnderstand="false"'):
         assert decode(with_header(optional).encode()) == ARRANGE
 
@@ -202,8 +202,8 @@ def not_understood(fault: bytes) -> list[str]:
 
 
 def test_a_fault_names_every_header_that_was_not_understood() -> None:
-    must = 'env:mustUnderstand="1"'
-    blocks = f'<x:A xmlns:x="urn:x" {must}/><B xmlns="urn:y?a=1&amp;b=2" {must}/><wsa:Strange {must}/><xml:c {must}/><d {must}/>'
+    attribute = 'env:mustUnderstand="1"'
+    blocks = f'<x:A xmlns:x="urn:x" {attribute}/><B xmlns="urn:y?a=1&amp;b=2" {attribute}/><wsa:Strange {attribute}/><xml:c {attribute}/><d {attribute}/>'
     document = changed("</env:Header>", f"{blocks}</env:Header>")
     fault = soap.fault(refused(document))
     assert not_understood(fault) == ["{urn:x}A", "{urn:y?a=1&b=2}B", f"{{{soap.WSA}}}Strange", f"{{{soap.XML}}}c", "d"]
@@ -237,7 +237,7 @@ def test_a_code_beneath_one_that_is_known_may_be_strange() -> None:
 
 
 @pytest.mark.parametrize(
-    ("document", "code", "says"),
+    ("document", "code", "excerpt"),
     [
         (DOCUMENT.replace(soap.ENV, "http://schemas.xmlsoap.org/soap/envelope/"), "env:VersionMismatch", "SOAP 1.2"),
         ("<a/>", SENDER, "a SOAP Envelope was expected"),
@@ -269,10 +269,10 @@ def test_a_code_beneath_one_that_is_known_may_be_strange() -> None:
         (changed(' name="Object"', ""), SENDER, "Entry elements with a name"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_with_a_message(document: str, code: str, says: str) -> None:
+def test_what_is_wrong_with_a_message(document: str, code: str, excerpt: str) -> None:
     error = refused(document)
     assert error.code == code
-    assert says in error.text
+    assert excerpt in error.text
 
 
 def test_ids_are_one_in_either_spelling() -> None:
@@ -311,8 +311,8 @@ def test_no_mutation_does_harm(data: st.DataObject) -> None:
     for _ in range(data.draw(st.integers(1, 3))):
         start = data.draw(st.integers(0, len(document)))
         end = data.draw(st.integers(start, min(len(document), start + 40)))
-        own = [document[end : end + 30], document[start:end] * 2]
-        piece = data.draw(st.sampled_from([b"", b"<", b"/>", b"&#0;", b"&x;", b"<a/>", b"<?a?>", b"xmlns:a=''", b"\xff", b" ", *own]))
+        pieces = [document[end : end + 30], document[start:end] * 2]
+        piece = data.draw(st.sampled_from([b"", b"<", b"/>", b"&#0;", b"&x;", b"<a/>", b"<?a?>", b"xmlns:a=''", b"\xff", b" ", *pieces]))
         document = document[:start] + piece + document[end:]
     with contextlib.suppress(WireError):
         assert isinstance(decode(document), Message)

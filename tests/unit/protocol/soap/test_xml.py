@@ -171,8 +171,8 @@ def test_what_is_as_it_always_is_is_left_out() -> None:
     ],
 )
 def test_what_an_element_means(hint: Any, text: str, value: object) -> None:
-    found = reader(hint, X)(element(text))
-    assert (found, type(found)) == (value, type(value))
+    result = reader(hint, X)(element(text))
+    assert (result, type(result)) == (value, type(value))
 
 
 @pytest.mark.parametrize(
@@ -218,8 +218,8 @@ def test_a_value_is_of_one_of_three_kinds() -> None:
 
 def test_elements_that_are_somebody_elses_are_passed_over_and_the_order_is_free() -> None:
     read = struct_reader(Drawing, X, frozenset((f"{{{X}}}Version",)))
-    found = read(element("<m:Done>1</m:Done><m:Version/><m:Colors>red</m:Colors><m:ShapeDrawn><m:Circle/></m:ShapeDrawn>"))
-    assert found == Drawing(Circle(), None, done=True, colors=(Color.RED,))
+    drawing = read(element("<m:Done>1</m:Done><m:Version/><m:Colors>red</m:Colors><m:ShapeDrawn><m:Circle/></m:ShapeDrawn>"))
+    assert drawing == Drawing(Circle(), None, done=True, colors=(Color.RED,))
 
 
 @pytest.mark.parametrize(("value", "text"), [(1, "1"), (0.1, "0.1"), (True, "true"), ("x", "x"), (1e300, "1e+300")])

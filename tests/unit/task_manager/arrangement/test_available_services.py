@@ -64,39 +64,39 @@ def test_who_failed_or_would_not_serve_is_not_asked_and_the_planner_hears_why() 
     assert services.broken is state.broken
 
 
-@pytest.mark.parametrize(("failures", "may"), [(0, False), (1, True), (MOST_FAILURES - 1, True), (MOST_FAILURES, False)])
-def test_who_failed_a_few_times_in_a_row_may_be_asked_again(failures: int, may: bool) -> None:
+@pytest.mark.parametrize(("failures", "allowed"), [(0, False), (1, True), (MOST_FAILURES - 1, True), (MOST_FAILURES, False)])
+def test_who_failed_a_few_times_in_a_row_may_be_asked_again(failures: int, allowed: bool) -> None:
     services, state, _ = available(offer("Robot1"), offer("Robot2"))
     services.exclude({"Robot1.TransferObject": "too heavy"})
     for _ in range(failures):
         services.failed("Robot1.TransferObject", "it broke")
     assert state.failures.get("Robot1.TransferObject", 0) == failures
-    assert service_names(services.readmit_failed()) == (("Robot1.TransferObject",) if may else ())
-    assert (services.broken == {}) is may
+    assert service_names(services.readmit_failed()) == (("Robot1.TransferObject",) if allowed else ())
+    assert (services.broken == {}) is allowed
     assert service_names(services.readmit_failed()) == (), "what is not broken is asked anyway"
 
 
 @pytest.mark.parametrize(
-    ("provider", "working", "may"), [("Robot1", None, True), ("Robot1", True, True), ("Robot1", False, False), ("Robot2", None, True)]
+    ("provider", "working", "allowed"), [("Robot1", None, True), ("Robot1", True, True), ("Robot1", False, False), ("Robot2", None, True)]
 )
-def test_a_device_that_is_known_to_be_broken_is_not_asked_again(provider: str, working: bool | None, may: bool) -> None:
+def test_a_device_that_is_known_to_be_broken_is_not_asked_again(provider: str, working: bool | None, allowed: bool) -> None:
     services, _, replica = available(offer(provider))
     if working is not None:
         replica.map = replica.map.changed([ValueSet(provider, WORKING, working)])
     services.failed(f"{provider}.TransferObject", "it broke")
-    assert service_names(services.readmit_failed()) == ((f"{provider}.TransferObject",) if may else ())
+    assert service_names(services.readmit_failed()) == ((f"{provider}.TransferObject",) if allowed else ())
 
 
 def test_for_a_step_those_are_asked_again_that_can_do_it() -> None:
     services, _, _ = available(offer("Robot1"), offer("Robot1", WORK), offer("Robot2"))
-    run, other = step_run(), step_run()
-    for one in (run, other):
-        one.excluded = {"Robot1.TransferObject": "it broke", "Robot2.TransferObject": "too heavy"}
+    run, other_run = step_run(), step_run()
+    for affected_run in (run, other_run):
+        affected_run.excluded = {"Robot1.TransferObject": "it broke", "Robot2.TransferObject": "too heavy"}
     services.failed("Robot1.TransferObject", "it broke")
     services.failed("Robot1.Work", "it broke")
     assert service_names(services.readmit_failed(run)) == ("Robot1.TransferObject",)
     assert services.broken == {"Robot1.Work": "it broke"}
-    assert (run.excluded, other.excluded) == (
+    assert (run.excluded, other_run.excluded) == (
         {"Robot2.TransferObject": "too heavy"},
         {"Robot1.TransferObject": "it broke", "Robot2.TransferObject": "too heavy"},
     )
@@ -136,8 +136,8 @@ def test_a_step_needs_what_its_type_says_and_what_was_reported(service_type: str
     replica.map = replica.map.changed([ValueSet("Jar001", "Clean", True)])
     run = step_run(service_type)
     run.reported = parse(reported) if reported is not None else None
-    found = services.precondition(run)
-    assert (str(found) if found is not None else None) == precondition
+    current_precondition = services.precondition(run)
+    assert (str(current_precondition) if current_precondition is not None else None) == precondition
 
 
 def test_without_what_it_needs_a_step_has_no_precondition_now() -> None:

@@ -22,10 +22,10 @@ from somrs.task_manager.requests import ForPlan, Requests
 from somrs.task_manager.reservations import BlockedPlan, Reservation, Reservations
 from somrs.task_manager.timers import Answer, PlanWanted
 from tests.unit.planner.test_planning import MAP, TRANSFER, laboratory
-from tests.unit.task_manager.execution.test_participants import carried_out
+from tests.unit.task_manager.execution.test_participants import run_effects
 
-WISH = "Jar001 isOn Shelf2"
-NONE = NoPlan("there is none")
+GOAL = "Jar001 isOn Shelf2"
+NO_PLAN = NoPlan("there is none")
 
 
 def step(id: str = "step1", jar: str = "Jar001") -> Step:
@@ -34,7 +34,7 @@ def step(id: str = "step1", jar: str = "Jar001") -> Step:
 
 
 PLAN = Plan((step(),))
-WANTED = Reservation(changes=frozenset({"Jar001"}))
+RESERVATION = Reservation(changes=frozenset({"Jar001"}))
 
 
 def offer(name: str, service_type: ServiceType = TRANSFER) -> Offer:
@@ -56,30 +56,30 @@ def context() -> TaskManagerContext:
     )
 
 
-class Requesting:
+class PlanRequestHarness:
     """The second plan of the third goal of a task; another task may have something."""
 
-    def __init__(self, *held: str, before: Workflow | None = None, holds: bool = True, effect: str = WISH) -> None:
+    def __init__(self, *held: str, old_workflow: Workflow | None = None, reserves: bool = True, effect: str = GOAL) -> None:
         self.context = context()
         self.reservations = self.context.reservations
         self.reservations.add_task("other", "")
-        self.reservations.add_task("task1", WISH)
+        self.reservations.add_task("task1", GOAL)
         if held:
-            self.others(*held)
+            self.reserve_elsewhere(*held)
         self.services = AvailableServices(KnownServices(), self.context.replica)
         self.request = PlanRequest(owner="task1", goal=3, serial=2, task=Submit(effect=effect))
-        only_shown = {} if holds else {"holds": False}
-        self.requester = PlanRequester(self.request, self.services, self.context, before, **only_shown)
+        options = {} if reserves else {"holds": False}
+        self.requester = PlanRequester(self.request, self.services, self.context, old_workflow, **options)
 
-    def others(self, *held: str) -> None:
+    def reserve_elsewhere(self, *held: str) -> None:
         self.reservations.hold("other", Reservation(changes=frozenset(held)))
 
     def discovered(self, *offers: Offer) -> Problem:
-        effects, found = carried_out(self.requester.discovered(offers))
-        assert found is None
-        return self.asked(effects)
+        effects, result = run_effects(self.requester.discovered(offers))
+        assert result is None
+        return self.asked_problem(effects)
 
-    def asked(self, effects: list[Effect]) -> Problem:
+    def asked_problem(self, effects: list[Effect]) -> Problem:
         (ask,) = effects
         assert isinstance(ask, Ask)
         assert ask.question == self.request.question == PlanWanted("task1", 3, 2, self.request.attempt)
@@ -87,97 +87,93 @@ class Requesting:
         return ask.task
 
     def answered(self, value: Answer) -> tuple[list[Effect], object]:
-        return carried_out(self.requester.answered(value))
+        return run_effects(self.requester.answered(value))
 
 
 def test_first_the_services_on_offer_are_asked_for() -> None:
-    requesting = Requesting()
-    effects = [*requesting.requester.begin(5.0)]
+    harness = PlanRequestHarness()
+    effects = [*harness.requester.begin(5.0)]
     assert [effect.message.body for effect in effects if isinstance(effect, Send)] == [Discover()]
-    (request,) = requesting.context.requests.pending.values()
+    (request,) = harness.context.requests.pending.values()
     assert (request.purpose, request.expires_at) == (ForPlan("task1", 3, 2), 35.0)
-    assert carried_out(requesting.requester.discovered("the registry is out of order")) == ([], "the registry is out of order")
-    assert [*requesting.requester.withdraw()] == [], "the planner was not asked"
+    assert run_effects(harness.requester.discovered("the registry is out of order")) == ([], "the registry is out of order")
+    assert [*harness.requester.withdraw()] == [], "the planner was not asked"
 
 
 def test_the_planner_is_asked_for_a_plan_with_what_may_be_used() -> None:
-    requesting = Requesting("Jar002")
-    requesting.services.exclude({"Robot2.TransferObject": "it broke"})
-    requesting.context.quotes.record_quote("Robot1.TransferObject", 4.0, 60.0)
-    problem = requesting.discovered(offer("Robot1"), offer("Robot2"))
-    assert (str(problem.goal), problem.excluded, problem.map) == (WISH, frozenset({"Jar002"}), MAP)
-    assert [(one.providers, one.prices) for one in problem.services] == [(("Robot1",), (("Robot1", 4.0),))]
+    harness = PlanRequestHarness("Jar002")
+    harness.services.exclude({"Robot2.TransferObject": "it broke"})
+    harness.context.quotes.record_quote("Robot1.TransferObject", 4.0, 60.0)
+    problem = harness.discovered(offer("Robot1"), offer("Robot2"))
+    assert (str(problem.goal), problem.excluded, problem.map) == (GOAL, frozenset({"Jar002"}), MAP)
+    assert [(service.providers, service.prices) for service in problem.services] == [(("Robot1",), (("Robot1", 4.0),))]
     assert problem.lost == (LostService(TRANSFER, "Robot2.TransferObject", "it broke"),)
     assert (problem.rest, problem.promised) == ((), frozenset())
-    assert (requesting.request.attempt, requesting.request.avoided, requesting.request.ignores_reservations) == (
-        1,
-        frozenset({"Jar002"}),
-        False,
-    )
-    assert [*requesting.requester.withdraw()] == [Withdraw(PlanWanted("task1", 3, 2, 1))]
+    assert (harness.request.attempt, harness.request.avoided, harness.request.ignores_reservations) == (1, frozenset({"Jar002"}), False)
+    assert [*harness.requester.withdraw()] == [Withdraw(PlanWanted("task1", 3, 2, 1))]
 
 
 def test_what_still_stands_of_the_plan_before_is_kept() -> None:
-    before = Workflow.from_plan(Plan((step("a"), step("b", "Jar002"), step("c", "Robot1"))))
+    old_workflow = Workflow.from_plan(Plan((step("a"), step("b", "Jar002"), step("c", "Robot1"))))
     for id, progress in (("a", Progress.COMPLETED), ("b", Progress.ARRANGED), ("c", Progress.ARRANGING)):
-        before.move(before.runs[id], progress)
-    problem = Requesting(before=before).discovered(offer("Robot1"))
-    assert ([one.id for one in problem.rest], problem.promised) == (["b", "c"], frozenset({"b"}))
+        old_workflow.move(old_workflow.runs[id], progress)
+    problem = PlanRequestHarness(old_workflow=old_workflow).discovered(offer("Robot1"))
+    assert ([remaining_step.id for remaining_step in problem.rest], problem.promised) == (["b", "c"], frozenset({"b"}))
 
 
 def test_a_task_that_does_not_fit_the_map_any_more_has_no_plan() -> None:
-    requesting = Requesting(effect="Gone isOn Shelf2")
-    effects, found = carried_out(requesting.requester.discovered((offer("Robot1"),)))
-    assert isinstance(found, str)
-    assert (effects, found.partition(":")[0], requesting.request.attempt) == ([], "the task does not fit the map any more", 0)
+    harness = PlanRequestHarness(effect="Gone isOn Shelf2")
+    effects, result = run_effects(harness.requester.discovered((offer("Robot1"),)))
+    assert isinstance(result, str)
+    assert (effects, result.partition(":")[0], harness.request.attempt) == ([], "the task does not fit the map any more", 0)
 
 
-@pytest.mark.parametrize("holds", [True, False])
-def test_what_the_plan_needs_is_the_tasks_from_then_on(holds: bool) -> None:
-    requesting = Requesting("Jar002", holds=holds)
-    requesting.discovered(offer("Robot1"))
-    assert requesting.answered(PLAN) == ([], PLAN)
-    assert requesting.reservations.held.get("task1") == (WANTED if holds else None)
+@pytest.mark.parametrize("reserves", [True, False])
+def test_what_the_plan_needs_is_the_tasks_from_then_on(reserves: bool) -> None:
+    harness = PlanRequestHarness("Jar002", reserves=reserves)
+    harness.discovered(offer("Robot1"))
+    assert harness.answered(PLAN) == ([], PLAN)
+    assert harness.reservations.held.get("task1") == (RESERVATION if reserves else None)
 
 
-@pytest.mark.parametrize("value", [NONE, ErrorAnswer("out of memory")])
+@pytest.mark.parametrize("value", [NO_PLAN, ErrorAnswer("out of memory")])
 def test_without_others_in_the_way_it_is_not_asked_once_more(value: Answer) -> None:
-    requesting = Requesting()
-    requesting.discovered(offer("Robot1"))
-    assert requesting.answered(value) == ([], value)
+    harness = PlanRequestHarness()
+    harness.discovered(offer("Robot1"))
+    assert harness.answered(value) == ([], value)
 
 
 def test_whether_there_would_be_a_plan_without_others_is_found_out() -> None:
-    requesting = Requesting("Jar001")
-    requesting.discovered(offer("Robot1"))
-    effects, found = requesting.answered(NONE)
-    problem = requesting.asked(effects)
-    assert (found, problem.excluded, requesting.request.attempt, requesting.request.ignores_reservations) == (None, frozenset(), 2, True)
-    assert requesting.answered(PLAN) == ([], BlockedPlan(reservation=WANTED, holders={"other": frozenset({"Jar001"})}, plan=PLAN))
-    assert "task1" not in requesting.reservations.held
-    assert requesting.answered(NONE) == ([], NONE), "it is not asked a third time"
+    harness = PlanRequestHarness("Jar001")
+    harness.discovered(offer("Robot1"))
+    effects, result = harness.answered(NO_PLAN)
+    problem = harness.asked_problem(effects)
+    assert (result, problem.excluded, harness.request.attempt, harness.request.ignores_reservations) == (None, frozenset(), 2, True)
+    assert harness.answered(PLAN) == ([], BlockedPlan(reservation=RESERVATION, holders={"other": frozenset({"Jar001"})}, plan=PLAN))
+    assert "task1" not in harness.reservations.held
+    assert harness.answered(NO_PLAN) == ([], NO_PLAN), "it is not asked a third time"
 
 
 def test_trouble_is_no_sign_that_others_are_in_the_way() -> None:
-    requesting = Requesting("Jar001")
-    requesting.discovered(offer("Robot1"))
-    assert requesting.answered(ErrorAnswer("out of memory")) == ([], ErrorAnswer("out of memory"))
+    harness = PlanRequestHarness("Jar001")
+    harness.discovered(offer("Robot1"))
+    assert harness.answered(ErrorAnswer("out of memory")) == ([], ErrorAnswer("out of memory"))
 
 
 def test_when_others_have_taken_it_meanwhile_another_plan_is_looked_for_first() -> None:
-    requesting = Requesting("Jar002")
-    requesting.discovered(offer("Robot1"))
-    requesting.others("Jar001")
-    effects, found = requesting.answered(PLAN)
-    assert (found, requesting.asked(effects).excluded) == (None, frozenset({"Jar001", "Jar002"}))
-    assert (requesting.request.attempt, requesting.request.ignores_reservations) == (2, False)
-    assert requesting.answered(PLAN) == ([], BlockedPlan(reservation=WANTED, holders={"other": frozenset({"Jar001"})}, plan=PLAN))
+    harness = PlanRequestHarness("Jar002")
+    harness.discovered(offer("Robot1"))
+    harness.reserve_elsewhere("Jar001")
+    effects, result = harness.answered(PLAN)
+    assert (result, harness.asked_problem(effects).excluded) == (None, frozenset({"Jar001", "Jar002"}))
+    assert (harness.request.attempt, harness.request.ignores_reservations) == (2, False)
+    assert harness.answered(PLAN) == ([], BlockedPlan(reservation=RESERVATION, holders={"other": frozenset({"Jar001"})}, plan=PLAN))
 
 
 def test_what_is_had_regardless_of_others_is_waited_for_though_they_were_not_avoided() -> None:
-    requesting = Requesting("Jar002")
-    requesting.discovered(offer("Robot1"))
-    requesting.answered(NONE)
-    requesting.others("Jar001")
-    effects, found = requesting.answered(PLAN)
-    assert (effects, type(found)) == ([], BlockedPlan)
+    harness = PlanRequestHarness("Jar002")
+    harness.discovered(offer("Robot1"))
+    harness.answered(NO_PLAN)
+    harness.reserve_elsewhere("Jar001")
+    effects, result = harness.answered(PLAN)
+    assert (effects, type(result)) == ([], BlockedPlan)

@@ -33,9 +33,9 @@ TYPES = {
 }
 
 
-def offered(who: str, price: float, start: float, finish: float) -> Bid:
+def offered(participant: str, price: float, start: float, finish: float) -> Bid:
     terms = Terms(effect="", price=price, duration=finish - start)
-    return Bid(participant=who, terms=terms, terms_id="", start=start, finish=finish)
+    return Bid(participant=participant, terms=terms, terms_id="", start=start, finish=finish)
 
 
 @pytest.mark.parametrize(("start_from", "start"), [(None, 5.0), (3.0, 5.0), (8.0, 8.0), (0.0, 5.0)])
@@ -57,8 +57,8 @@ def test_a_bid_starts_when_the_step_can_and_the_service_is_free(start_from: floa
     ],
 )
 def test_a_bid_begins_after_what_its_device_is_committed_to(busy: list[tuple[float, float]], start: float) -> None:
-    found = fit_bid(offered("who", 1.0, 10.0, 20.0), busy)
-    assert (found.start, found.finish, found.participant) == (start, start + 10.0, "who")
+    fitted_bid = fit_bid(offered("who", 1.0, 10.0, 20.0), busy)
+    assert (fitted_bid.start, fitted_bid.finish, fitted_bid.participant) == (start, start + 10.0, "who")
 
 
 @pytest.mark.parametrize(
@@ -77,8 +77,8 @@ def test_a_bid_begins_after_what_its_device_is_committed_to(busy: list[tuple[flo
     ],
 )
 def test_the_policy_prefers(policy: Policy, value: float, bids: list[tuple[str, float, float]], chosen: str) -> None:
-    made = [offered(who, price, 0.0, finish) for who, price, finish in bids]
-    assert choose_bid(made, Submit(effect="", policy=policy, time_value=value), 3.0).participant == chosen
+    candidates = [offered(participant, price, 0.0, finish) for participant, price, finish in bids]
+    assert choose_bid(candidates, Submit(effect="", policy=policy, time_value=value), 3.0).participant == chosen
 
 
 def offer(service_type: str, provider: str = "Robot1") -> Offer:
@@ -86,7 +86,7 @@ def offer(service_type: str, provider: str = "Robot1") -> Offer:
 
 
 @pytest.mark.parametrize(
-    ("wanted", "provider", "alike", "excluded", "found"),
+    ("service_type", "provider", "alike", "excluded", "services"),
     [
         ("Work", None, (), (), ["Robot1.Work", "Robot2.Work", "Robot1.FinestWork"]),
         ("FineWork", None, (), (), ["Robot1.FinestWork"]),
@@ -98,16 +98,18 @@ def offer(service_type: str, provider: str = "Robot1") -> Offer:
         ("Round", None, (), (), ["Robot1.Circle"]),
     ],
 )
-def test_who_can_be_asked(wanted: str, provider: str | None, alike: tuple[str, ...], excluded: tuple[str, ...], found: list[str]) -> None:
+def test_who_can_be_asked(
+    service_type: str, provider: str | None, alike: tuple[str, ...], excluded: tuple[str, ...], services: list[str]
+) -> None:
     offers = [offer("Work"), offer("Work", "Robot2"), offer("FinestWork"), offer("Lost"), offer("Circle")]
-    step = Step("step1", wanted, {}, parse("Jar001.Clean = TRUE"), provider=provider, alternative_providers=alike)
-    assert [one.service for one in able_offers(step, offers, TYPES, excluded)] == found
+    step = Step("step1", service_type, {}, parse("Jar001.Clean = TRUE"), provider=provider, alternative_providers=alike)
+    assert [able_offer.service for able_offer in able_offers(step, offers, TYPES, excluded)] == services
 
 
 def test_a_type_that_comes_with_an_offer_goes_before_that_of_the_ontology() -> None:
     ontology = laboratory().extended([ServiceType(name="Work", effect="old"), ServiceType(name="Rest", effect="")])
-    known = service_types(ontology, [offer("Work"), offer("FineWork")])
-    assert (known["Work"], known["FineWork"], known["Rest"].name) == (TYPES["Work"], TYPES["FineWork"], "Rest")
+    types_by_name = service_types(ontology, [offer("Work"), offer("FineWork")])
+    assert (types_by_name["Work"], types_by_name["FineWork"], types_by_name["Rest"].name) == (TYPES["Work"], TYPES["FineWork"], "Rest")
 
 
 JAR: dict[str, Term] = {"Object": Name("Jar001"), "Destination": Name("Shelf2")}
@@ -120,15 +122,15 @@ def test_a_precondition_is_as_the_map_makes_it_true_now() -> None:
 
 
 @pytest.mark.parametrize(
-    ("precondition", "why"), [("?Object isOn Shelf2", "Jar001 isOn Shelf2 does not hold"), ("?Object isOn Nothing", "Nothing")]
+    ("precondition", "reason"), [("?Object isOn Shelf2", "Jar001 isOn Shelf2 does not hold"), ("?Object isOn Nothing", "Nothing")]
 )
-def test_a_precondition_that_cannot_hold_is_an_error(precondition: str, why: str) -> None:
-    with pytest.raises(LookupError, match=why):
+def test_a_precondition_that_cannot_hold_is_an_error(precondition: str, reason: str) -> None:
+    with pytest.raises(LookupError, match=reason):
         precondition_now(STEP, ServiceType(name="Work", effect="", precondition=precondition), MAP, laboratory())
 
 
 @pytest.mark.parametrize(
-    ("situation", "said"),
+    ("situation", "expected_text"),
     [
         (None, None),
         ("Jar001 isOn Shelf1", "Jar001 isOn Shelf1"),
@@ -137,6 +139,6 @@ def test_a_precondition_that_cannot_hold_is_an_error(precondition: str, why: str
         ("Jar002 isOn Shelf1", None),
     ],
 )
-def test_of_a_situation_that_is_told_which_concerns_the_step_and_is_still_so(situation: str | None, said: str | None) -> None:
-    found = relevant_situation(STEP, parse(situation) if situation is not None else None, MAP, laboratory())
-    assert (str(found) if found is not None else None) == said
+def test_of_a_situation_that_is_told_which_concerns_the_step_and_is_still_so(situation: str | None, expected_text: str | None) -> None:
+    relevant_part = relevant_situation(STEP, parse(situation) if situation is not None else None, MAP, laboratory())
+    assert (str(relevant_part) if relevant_part is not None else None) == expected_text

@@ -18,7 +18,7 @@ from somrs.protocol.messages.frp import State
 from somrs.task_manager.execution.execution_log import ExecutionLog, Work, concerned_objects, situation_to_restore
 from somrs.task_manager.execution.workflow import StepRun
 from tests.unit.planner.test_planning import MAP, TRANSFER, laboratory
-from tests.unit.task_manager.execution.test_participants import Table
+from tests.unit.task_manager.execution.test_participants import TransactionHarness
 
 NOW = MAP.changed([ValueSet("DoorAB", "Open", False), ValueSet("Jar001", "Weight", 0.3)])
 MOVED, CLEANED = "Jar001 isOn Shelf2", "Jar001.Clean = TRUE"
@@ -42,8 +42,8 @@ MOVED, CLEANED = "Jar001 isOn Shelf2", "Jar001.Clean = TRUE"
 )
 def test_what_is_restored(effect: str, restored: str | None) -> None:
     step = Step(id="s1", service_type="Any", inputs={}, effect=parse(effect))
-    found = situation_to_restore(step, NOW, laboratory())
-    assert (str(found) if found is not None else None) == restored
+    formula = situation_to_restore(step, NOW, laboratory())
+    assert (str(formula) if formula is not None else None) == restored
 
 
 def test_that_nothing_is_known_of_an_object_is_not_restored() -> None:
@@ -78,7 +78,7 @@ def begin(log: ExecutionLog, effect: str = MOVED, goal: GoalKind = GoalKind.TASK
     inputs = {"Object": Name("Jar001")}
     number = log.work_count + 1
     run = StepRun(step=Step(f"step{number}", "TransferObject", {**inputs}, parse(effect)), label=f"l{number}", key=f"k{number}", goal=goal)
-    member = Table().invited()
+    member = TransactionHarness().invited()
     member.id = f"p{number}"
     return log.begin(run, structs.replace(TRANSFER, kind=kind), member, NOW, laboratory(), 10.0 + number)
 
@@ -103,12 +103,12 @@ def test_what_is_begun_is_noted_with_what_it_takes_away() -> None:
     assert (str(first.prior_situation), first.concerned, first.goal) == ("Jar001 isOn Shelf1", ("Jar001",), GoalKind.TASK)
     assert (first.state, first.result, first.ended, first.superseded, first.supersedes) == (State.EXECUTING, None, None, False, None)
     assert (second.number, second.prior_situation, second.goal, log.work_count) == (2, None, GoalKind.UNDO, 2)
-    looked = begin(log, kind=ServiceKind.COGNITIVE)
-    assert (looked.prior_situation, looked.concerned) == (None, ())
+    look_work = begin(log, kind=ServiceKind.COGNITIVE)
+    assert (look_work.prior_situation, look_work.concerned) == (None, ())
 
 
 @pytest.mark.parametrize(
-    ("state", "goals", "effect", "taken_over"),
+    ("state", "goals", "effect", "superseded"),
     [
         (State.FAILED, (GoalKind.TASK, GoalKind.TASK), "Jar001 isOn Platform001", True),
         (State.STOPPED, (GoalKind.TASK, GoalKind.HANDLER), "Jar001 isOn Platform001", True),
@@ -120,31 +120,31 @@ def test_what_is_begun_is_noted_with_what_it_takes_away() -> None:
     ],
 )
 def test_what_was_interrupted_is_taken_over_by_what_goes_on_with_it(
-    state: State, goals: tuple[GoalKind, GoalKind], effect: str, taken_over: bool
+    state: State, goals: tuple[GoalKind, GoalKind], effect: str, superseded: bool
 ) -> None:
     log = ExecutionLog()
     first = ended(log, state, goal=goals[0])
     first.prior_situation = parse("Jar001 isOn Washer1")
     second = begin(log, effect, goals[1])
-    assert (first.superseded, second.supersedes) == (taken_over, 1 if taken_over else None)
-    assert (str(second.prior_situation) == "Jar001 isOn Washer1") is taken_over
+    assert (first.superseded, second.supersedes) == (superseded, 1 if superseded else None)
+    assert (str(second.prior_situation) == "Jar001 isOn Washer1") is superseded
     log.drop(second)
     assert ([*log], first.superseded, log.work_count) == ([first], False, 2)
 
 
-@pytest.mark.parametrize(("effect", "taken_over"), [("Jar002 isOn Platform001", True), (CLEANED, True), (MOVED, False)])
-def test_only_what_was_done_last_to_the_same_objects_is_taken_over(effect: str, taken_over: bool) -> None:
+@pytest.mark.parametrize(("effect", "superseded"), [("Jar002 isOn Platform001", True), (CLEANED, True), (MOVED, False)])
+def test_only_what_was_done_last_to_the_same_objects_is_taken_over(effect: str, superseded: bool) -> None:
     log = ExecutionLog()
     first = ended(log, State.FAILED)
     ended(log, State.COMPLETED, effect, GoalKind.UNDO if effect == MOVED else GoalKind.TASK)
     begin(log)
-    assert first.superseded is taken_over
+    assert first.superseded is superseded
 
 
 def test_work_is_found_by_its_number_and_by_who_did_it() -> None:
-    log, table = ExecutionLog(), Table()
+    log, transaction = ExecutionLog(), TransactionHarness()
     works = [begin(log) for _ in range(3)]
-    member = table.invited()
+    member = transaction.invited()
     assert log.work_of(member) is None
     works[0].participant = works[1].participant = member.id
     assert log.work_of(member) is works[1]
@@ -169,8 +169,8 @@ def test_what_is_to_be_undone(state: State, to_undo: bool, interrupted: bool) ->
     assert (log.to_undo(), log.interrupted()) == ([*log] if to_undo else [], [*log] if interrupted else [])
     for change in ({"goal": GoalKind.UNDO}, {"taken_over": True}, {"before": None}):
         changed: dict[str, Any] = {**change}
-        other = ExecutionLog(works=[structs.replace(log.works[0], **changed)])
-        assert (other.to_undo(), other.interrupted()) == ([], [])
+        other_log = ExecutionLog(works=[structs.replace(log.works[0], **changed)])
+        assert (other_log.to_undo(), other_log.interrupted()) == ([], [])
 
 
 def test_last_things_are_undone_first() -> None:
@@ -181,7 +181,7 @@ def test_last_things_are_undone_first() -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "goal", "taken_over", "matters"),
+    ("kind", "goal", "superseded", "matters"),
     [
         (ServiceKind.PHYSICAL, GoalKind.TASK, False, True),
         (ServiceKind.PHYSICAL, GoalKind.HANDLER, False, True),
@@ -190,9 +190,9 @@ def test_last_things_are_undone_first() -> None:
         (ServiceKind.PHYSICAL, GoalKind.UNDO, False, False),
     ],
 )
-def test_the_client_has_to_know_of_what_changed_things(kind: ServiceKind, goal: GoalKind, taken_over: bool, matters: bool) -> None:
+def test_the_client_has_to_know_of_what_changed_things(kind: ServiceKind, goal: GoalKind, superseded: bool, matters: bool) -> None:
     work = begin(ExecutionLog(), goal=goal, kind=kind)
-    work.superseded = taken_over
+    work.superseded = superseded
     assert work.matters is matters
 
 
@@ -203,9 +203,11 @@ def test_work_ends_once() -> None:
     assert (work.result, work.ended) == (State.FAILED, 20.0)
 
 
-@pytest.mark.parametrize(("situation", "told"), [("Jar001 isOn Shelf1 AND Robot1 isInside RoomA", True), ("Robot1 isInside RoomA", False)])
-def test_a_situation_tells_of_work_when_it_speaks_of_what_that_changes(situation: str, told: bool) -> None:
-    assert begin(ExecutionLog()).is_described_by(parse(situation)) is told
+@pytest.mark.parametrize(
+    ("situation", "is_described"), [("Jar001 isOn Shelf1 AND Robot1 isInside RoomA", True), ("Robot1 isInside RoomA", False)]
+)
+def test_a_situation_tells_of_work_when_it_speaks_of_what_that_changes(situation: str, is_described: bool) -> None:
+    assert begin(ExecutionLog()).is_described_by(parse(situation)) is is_described
 
 
 def test_work_as_clients_see_it() -> None:

@@ -7,11 +7,11 @@ import pytest
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.bodies import FrpBody
 from somrs.protocol.messages.frp import State
-from tests.unit.task_manager.execution.test_participants import OFFER, Table
+from tests.unit.task_manager.execution.test_participants import OFFER, TransactionHarness
 
 
 def test_of_one_that_was_not_asked_nothing_is_known() -> None:
-    member = Table().participants.make_member(OFFER, "step1", "1.1/step1")
+    member = TransactionHarness().participants.make_member(OFFER, "step1", "1.1/step1")
     assert (member.state, member.bid, member.last_order, member.lost_version, member.final_state) == (State.NEW, None, None, None, None)
     assert (member.fraction, member.last_heard_time, member.begins_by, member.change_number) == (0.0, 0.0, 0.0, 0)
     assert (member.note, member.exit_reason) == ("", "")
@@ -19,15 +19,15 @@ def test_of_one_that_was_not_asked_nothing_is_known() -> None:
 
 
 @pytest.mark.parametrize(
-    ("body", "tried"),
+    ("body", "tried_to_undo"),
     [
         (frp.Stranded(description="stuck"), True),
         (frp.Stranded(description="stuck", tried=False), False),
         (frp.Compensated(situation="Jar1.Clean = FALSE"), False),
     ],
 )
-def test_things_may_be_another_way_when_it_tried_to_undo_its_work_in_vain(body: FrpBody, tried: bool) -> None:
-    table = Table()
-    member = table.in_state(State.COMPENSATING)
-    table.says(member, body, 200.0)
-    assert member.tried_to_undo is tried
+def test_things_may_be_another_way_when_it_tried_to_undo_its_work_in_vain(body: FrpBody, tried_to_undo: bool) -> None:
+    transaction = TransactionHarness()
+    member = transaction.in_state(State.COMPENSATING)
+    transaction.member_says(member, body, 200.0)
+    assert member.tried_to_undo is tried_to_undo

@@ -36,23 +36,23 @@ ME, DAY = "tm", 86_400.0
 T = TypeVar("T")
 
 
-def carried_out(doing: Generator[Effect, None, T]) -> tuple[list[Effect], T]:
+def run_effects(generator: Generator[Effect, None, T]) -> tuple[list[Effect], T]:
     """What it has done, and what it comes to."""
     effects: list[Effect] = []
     while True:
         try:
-            effects.append(next(doing))
+            effects.append(next(generator))
         except StopIteration as end:
             return effects, end.value
 
 
-class Table:
+class TransactionHarness:
     """Participants of one transaction, and what was noted of them."""
 
     def __init__(self) -> None:
         self.members, self.queues = Members(), DeviceQueues()
-        self.told: list[tuple[Event, float]] = []
-        self.noted: list[tuple[float, Message]] = []
+        self.logged_events: list[tuple[Event, float]] = []
+        self.logged_messages: list[tuple[float, Message]] = []
         self.replica = Replica(ME, "repository", version=7)
         self.touched: dict[str, None] = {}
         context = TaskManagerContext(
@@ -65,49 +65,49 @@ class Table:
             commitments=dict,
             still_at_work=lambda work: True,
         )
-        self.participants = Participants("task1", self.members, context, self._tell, self._note)
-        self._said = 0
+        self.participants = Participants("task1", self.members, context, self._log_event, self._log_message)
+        self._message_count = 0
 
-    def _tell(self, event: Event, now: float) -> None:
-        self.told.append((event, now))
+    def _log_event(self, event: Event, now: float) -> None:
+        self.logged_events.append((event, now))
 
-    def _note(self, now: float, message: Message) -> None:
-        self.noted.append((now, message))
+    def _log_message(self, now: float, message: Message) -> None:
+        self.logged_messages.append((now, message))
 
     def invited(self, step: str = "1.1/step1", now: float = 0.0) -> Member:
-        return carried_out(self.participants.invite(OFFER, "step1", step, ARRANGE, now, 10.0))[1]
+        return run_effects(self.participants.invite(OFFER, "step1", step, ARRANGE, now, 10.0))[1]
 
     def message(self, participant: str | None, body: FrpBody) -> Message:
-        self._said += 1
+        self._message_count += 1
         header = Header(
             sender=OFFER.address,
             recipient=ME,
-            message_id=f"said {self._said}",
+            message_id=f"said {self._message_count}",
             reply_to=OFFER.address,
             transaction="task1",
             participant=participant,
         )
         return Message(header=header, body=body)
 
-    def says(self, member: Member, body: FrpBody, now: float = 0.0) -> tuple[list[Effect], tuple[Member, ReceiveResult] | None]:
-        return carried_out(self.participants.receive(self.message(member.id, body), now))
+    def member_says(self, member: Member, body: FrpBody, now: float = 0.0) -> tuple[list[Effect], tuple[Member, ReceiveResult] | None]:
+        return run_effects(self.participants.receive(self.message(member.id, body), now))
 
     def offered(self, duration: float = 30.0) -> Member:
         member = self.invited()
-        self.says(member, frp.Terms(effect="", price=5.0, duration=duration))
+        self.member_says(member, frp.Terms(effect="", price=5.0, duration=duration))
         return member
 
     def committed(self, duration: float = 30.0) -> Member:
         member = self.offered(duration)
         assert member.session.terms_id is not None
-        carried_out(self.participants.accept(member, member.session.terms_id, 0.0))
+        run_effects(self.participants.accept(member, member.session.terms_id, 0.0))
         return member
 
-    def executing(self, now: float = 100.0, duration: float = 30.0, *, begun: bool = False) -> Member:
+    def executing(self, now: float = 100.0, duration: float = 30.0, *, started: bool = False) -> Member:
         member = self.committed(duration)
-        carried_out(self.participants.execute(member, EXECUTE, now))
-        if begun:
-            self.says(member, frp.Progress(fraction=0.1), now)
+        run_effects(self.participants.execute(member, EXECUTE, now))
+        if started:
+            self.member_says(member, frp.Progress(fraction=0.1), now)
         return member
 
     def in_state(self, state: State) -> Member:
@@ -121,14 +121,14 @@ class Table:
         member = self.executing()
         match state:
             case State.STOPPING:
-                carried_out(self.participants.halt(member, "enough", 100.0))
+                run_effects(self.participants.halt(member, "enough", 100.0))
             case State.COMPLETED:
-                self.says(member, frp.Completed(situation="Jar1.Clean = TRUE"), 100.0)
+                self.member_says(member, frp.Completed(situation="Jar1.Clean = TRUE"), 100.0)
             case State.COMPENSATING:
-                self.says(member, frp.Completed(situation="Jar1.Clean = TRUE"), 100.0)
-                carried_out(self.participants.compensate(member, "Jar1.Clean = FALSE", 100.0))
+                self.member_says(member, frp.Completed(situation="Jar1.Clean = TRUE"), 100.0)
+                run_effects(self.participants.compensate(member, "Jar1.Clean = FALSE", 100.0))
             case State.UNREACHABLE:
-                carried_out(self.participants.give_up_member(member))
+                run_effects(self.participants.give_up_member(member))
         assert member.state is state
         return member
 
@@ -138,7 +138,7 @@ def sends(effects: list[Effect]) -> list[tuple[object, float | None]]:
     return [(effect.message.body, effect.expires_at) for effect in effects if isinstance(effect, Send)]
 
 
-def wakes(effects: list[Effect]) -> dict[str, float | None]:
+def timer_times(effects: list[Effect]) -> dict[str, float | None]:
     """When which kind of timer is to ring."""
     return {type(effect.timer).__name__: effect.at for effect in effects if isinstance(effect, SetTimer)}
 
@@ -147,40 +147,44 @@ def wakes(effects: list[Effect]) -> dict[str, float | None]:
 
 
 def test_who_is_asked_is_a_participant_of_its_own_each_time() -> None:
-    table = Table()
-    effects, first = carried_out(table.participants.invite(OFFER, "step1", "1.1/step1", ARRANGE, 3.0, 10.0))
-    second = table.invited(step="1.2/step1", now=4.0)
-    assert [*table.members] == [first, second]
+    transaction = TransactionHarness()
+    effects, first = run_effects(transaction.participants.invite(OFFER, "step1", "1.1/step1", ARRANGE, 3.0, 10.0))
+    second = transaction.invited(step="1.2/step1", now=4.0)
+    assert [*transaction.members] == [first, second]
     assert (first.id, first.number, first.step, first.label, first.offer) == ("Robot1.Work#step1", 1, "1.1/step1", "step1", OFFER)
     assert (second.id, second.number, second.step) == ("Robot1.Work#step1.2", 2, "1.2/step1")
     assert sends(effects) == [(ARRANGE, 13.0)]
-    (sent,) = [effect.message for effect in effects if isinstance(effect, Send)]
-    assert (sent.header.sender, sent.header.recipient, sent.header.transaction) == (ME, OFFER.address, "task1")
-    assert [at for at, _ in table.noted] == [3.0, 4.0]
-    assert table.noted[0][1] == sent
-    assert (table.members.invited_count, table.members.change_count, first.change_number, second.change_number) == (2, 2, 1, 2)
+    (arrange_message,) = [effect.message for effect in effects if isinstance(effect, Send)]
+    assert (arrange_message.header.sender, arrange_message.header.recipient, arrange_message.header.transaction) == (
+        ME,
+        OFFER.address,
+        "task1",
+    )
+    assert [time for time, _ in transaction.logged_messages] == [3.0, 4.0]
+    assert transaction.logged_messages[0][1] == arrange_message
+    assert (transaction.members.invited_count, transaction.members.change_count, first.change_number, second.change_number) == (2, 2, 1, 2)
 
 
 def test_who_is_known_only_is_not_asked() -> None:
-    table = Table()
-    table.invited()
-    found = table.participants.make_member(OFFER, "step2", "1.1/step2")
-    assert (found.id, found.number, found.state) == ("Robot1.Work#step2.2", 2, State.NEW)
-    assert (table.members.invited_count, len([*table.members])) == (1, 1)
+    transaction = TransactionHarness()
+    transaction.invited()
+    member = transaction.participants.make_member(OFFER, "step2", "1.1/step2")
+    assert (member.id, member.number, member.state) == ("Robot1.Work#step2.2", 2, State.NEW)
+    assert (transaction.members.invited_count, len([*transaction.members])) == (1, 1)
 
 
 def test_what_is_told_is_kept_up_for_as_long_as_it_matters() -> None:
-    table = Table()
-    member = table.offered()
+    transaction = TransactionHarness()
+    member = transaction.offered()
     assert member.session.terms_id is not None
-    effects, _ = carried_out(table.participants.accept(member, member.session.terms_id, 50.0))
+    effects, _ = run_effects(transaction.participants.accept(member, member.session.terms_id, 50.0))
     assert sends(effects) == [(frp.Accept(terms=member.session.terms_id), 70.0)]
-    effects, _ = carried_out(table.participants.execute(member, EXECUTE, 60.0))
-    told = frp.Execute(inputs={}, begin_by=80.0)
-    assert sends(effects) == [(told, 80.0)]
-    assert (member.last_order, member.begins_by) == (told, 80.0)
-    assert table.queues.at_work == {"Robot1": [AtWork("task1", "Robot1.Work#step1")]}
-    effects, _ = carried_out(table.participants.halt(member, "enough", 61.0))
+    effects, _ = run_effects(transaction.participants.execute(member, EXECUTE, 60.0))
+    order = frp.Execute(inputs={}, begin_by=80.0)
+    assert sends(effects) == [(order, 80.0)]
+    assert (member.last_order, member.begins_by) == (order, 80.0)
+    assert transaction.queues.at_work == {"Robot1": [AtWork("task1", "Robot1.Work#step1")]}
+    effects, _ = run_effects(transaction.participants.halt(member, "enough", 61.0))
     assert sends(effects) == [(frp.Stop(reason="enough"), 81.0)]
 
 
@@ -191,11 +195,11 @@ def test_what_is_told_is_kept_up_for_as_long_as_it_matters() -> None:
 def test_a_service_has_ten_times_as_long_as_it_said_from_when_it_is_to_start_and_a_minute_at_least(
     duration: float, start: float | None, overdue: float
 ) -> None:
-    table = Table()
-    member = table.committed(duration)
+    transaction = TransactionHarness()
+    member = transaction.committed(duration)
     if start is not None:
         member.bid = Bid(participant=member.id, terms=TERMS, terms_id="", start=start, finish=start + duration)
-    effects, _ = carried_out(table.participants.execute(member, EXECUTE, 100.0))
+    effects, _ = run_effects(transaction.participants.execute(member, EXECUTE, 100.0))
     assert [effect for effect in effects if isinstance(effect, SetTimer)] == [
         SetTimer(SilenceDue("task1", member.id), 120.0),
         SetTimer(OverdueDue("task1", member.id), overdue),
@@ -204,25 +208,25 @@ def test_a_service_has_ten_times_as_long_as_it_said_from_when_it_is_to_start_and
 
 
 def test_who_has_done_something_is_told_to_undo_it() -> None:
-    table = Table()
-    member = table.in_state(State.COMPLETED)
+    transaction = TransactionHarness()
+    member = transaction.in_state(State.COMPLETED)
     member.reported, member.lost_version = True, 3
-    effects, could = carried_out(table.participants.compensate(member, "Jar1.Clean = FALSE", 200.0))
-    assert could is True
+    effects, accepted = run_effects(transaction.participants.compensate(member, "Jar1.Clean = FALSE", 200.0))
+    assert accepted is True
     assert sends(effects) == [(frp.Compensate(situation="Jar1.Clean = FALSE", begin_by=220.0), 220.0)]
-    assert wakes(effects) == {"SilenceDue": 220.0, "OverdueDue": 500.0}
+    assert timer_times(effects) == {"SilenceDue": 220.0, "OverdueDue": 500.0}
     assert (member.reported, member.state) == (False, State.COMPENSATING)
-    assert [one.lost_version for one in table.members] == [None]
-    assert table.queues.at_work == {"Robot1": [AtWork("task1", member.id)] * 2}
+    assert [listed_member.lost_version for listed_member in transaction.members] == [None]
+    assert transaction.queues.at_work == {"Robot1": [AtWork("task1", member.id)] * 2}
 
 
 @pytest.mark.parametrize("state", [State.COMMITTED, State.UNREACHABLE])
 def test_who_cannot_be_told_to_undo_is_left_alone(state: State) -> None:
-    table = Table()
-    member = table.in_state(state)
-    before = (member.reported, member.lost_version)
-    assert carried_out(table.participants.compensate(member, "Jar1.Clean = FALSE", 200.0)) == ([], False)
-    assert (member.reported, member.lost_version, member.state) == (*before, state)
+    transaction = TransactionHarness()
+    member = transaction.in_state(state)
+    state_before = (member.reported, member.lost_version)
+    assert run_effects(transaction.participants.compensate(member, "Jar1.Clean = FALSE", 200.0)) == ([], False)
+    assert (member.reported, member.lost_version, member.state) == (*state_before, state)
 
 
 @pytest.mark.parametrize(
@@ -237,14 +241,14 @@ def test_who_cannot_be_told_to_undo_is_left_alone(state: State) -> None:
     ],
 )
 def test_only_who_has_not_begun_is_dismissed(state: State, cancelled: bool) -> None:
-    table = Table()
-    member = table.in_state(state)
-    effects, _ = carried_out(table.participants.dismiss(member, "not needed", 200.0))
+    transaction = TransactionHarness()
+    member = transaction.in_state(state)
+    effects, _ = run_effects(transaction.participants.dismiss(member, "not needed", 200.0))
     assert sends(effects) == ([(frp.Cancel(reason="not needed"), 200.0 + DAY)] if cancelled else [])
 
 
 @pytest.mark.parametrize(
-    ("state", "said"),
+    ("state", "expected"),
     [
         (State.OFFERED, [(frp.Cancel(reason="enough"), 200.0 + DAY)]),
         (State.EXECUTING, [(frp.Stop(reason="enough"), 220.0)]),
@@ -253,15 +257,15 @@ def test_only_who_has_not_begun_is_dismissed(state: State, cancelled: bool) -> N
         (State.COMPENSATING, []),
     ],
 )
-def test_whoever_works_has_to_stop_and_who_does_not_goes_home(state: State, said: list[tuple[object, float]]) -> None:
-    table = Table()
-    table.in_state(state)
-    effects, _ = carried_out(table.participants.stop("enough", 200.0))
-    assert sends(effects) == said
+def test_whoever_works_has_to_stop_and_who_does_not_goes_home(state: State, expected: list[tuple[object, float]]) -> None:
+    transaction = TransactionHarness()
+    transaction.in_state(state)
+    effects, _ = run_effects(transaction.participants.stop("enough", 200.0))
+    assert sends(effects) == expected
 
 
 @pytest.mark.parametrize(
-    ("state", "body", "left_in"),
+    ("state", "body", "final_state"),
     [
         (State.ARRANGING, frp.Cancel(reason="the task is over"), State.ARRANGING),
         (State.COMMITTED, frp.End(outcome=Outcome.FAILED), State.COMMITTED),
@@ -270,25 +274,25 @@ def test_whoever_works_has_to_stop_and_who_does_not_goes_home(state: State, said
         (State.COMPENSATING, frp.End(outcome=Outcome.FAILED), State.STRANDED),
     ],
 )
-def test_everybody_hears_of_the_end(state: State, body: FrpBody, left_in: State) -> None:
-    table = Table()
-    member = table.in_state(state)
-    effects, _ = carried_out(table.participants.end(Outcome.FAILED, 300.0))
+def test_everybody_hears_of_the_end(state: State, body: FrpBody, final_state: State) -> None:
+    transaction = TransactionHarness()
+    member = transaction.in_state(state)
+    effects, _ = run_effects(transaction.participants.end(Outcome.FAILED, 300.0))
     assert sends(effects) == [(body, 300.0 + DAY)]
-    assert member.final_state is left_in
+    assert member.final_state is final_state
     assert member.lost_version == (7 if state in (State.EXECUTING, State.COMPENSATING) else None)
 
 
 def test_after_the_end_those_are_kept_that_may_report_yet() -> None:
-    table = Table()
-    done, lost, reported = table.invited(), table.invited(), table.invited()
+    transaction = TransactionHarness()
+    finished, lost, reported = transaction.invited(), transaction.invited(), transaction.invited()
     lost.lost_version = 3
     reported.lost_version, reported.reported = 3, True
-    table.participants.forget([None, "nobody", done.id])
-    assert [*table.members] == [lost]
-    assert table.members.former == {done.id: done}
-    assert [table.members.find_known_member(id) for id in (lost.id, done.id, reported.id, None)] == [lost, done, None, None]
-    assert [table.members.find_member(id) for id in (lost.id, done.id, None)] == [lost, None, None]
+    transaction.participants.forget([None, "nobody", finished.id])
+    assert [*transaction.members] == [lost]
+    assert transaction.members.former == {finished.id: finished}
+    assert [transaction.members.find_known_member(id) for id in (lost.id, finished.id, reported.id, None)] == [lost, finished, None, None]
+    assert [transaction.members.find_member(id) for id in (lost.id, finished.id, None)] == [lost, None, None]
 
 
 # Who is at work
@@ -307,57 +311,57 @@ def test_after_the_end_those_are_kept_that_may_report_yet() -> None:
     ],
 )
 def test_who_works_and_whose_a_step_is(state: State, working: bool, held: bool) -> None:
-    table = Table()
-    member = table.in_state(state)
-    assert table.members.working == ([member] if working else [])
-    assert table.members.at_work(member.id) is working
-    assert table.members.held("1.1/step1") is held
-    assert table.members.held("1.1/step2") is False
-    assert table.members.at_work("nobody") is False
+    transaction = TransactionHarness()
+    member = transaction.in_state(state)
+    assert transaction.members.working == ([member] if working else [])
+    assert transaction.members.at_work(member.id) is working
+    assert transaction.members.held("1.1/step1") is held
+    assert transaction.members.held("1.1/step2") is False
+    assert transaction.members.at_work("nobody") is False
 
 
 @pytest.mark.parametrize(("halting", "reporting"), [(True, False), (False, True)])
 def test_a_device_is_taken_until_it_stands_still_and_what_it_did_is_known(halting: bool, reporting: bool) -> None:
-    table = Table()
-    member = table.in_state(State.COMPLETED)
+    transaction = TransactionHarness()
+    member = transaction.in_state(State.COMPLETED)
     member.halting, member.reporting = halting, reporting
-    assert table.members.at_work(member.id) is True
-    assert table.members.working == ([member] if halting else [])
+    assert transaction.members.at_work(member.id) is True
+    assert transaction.members.working == ([member] if halting else [])
 
 
 # Hearing
 
 
 def test_what_a_participant_says_is_noted_and_counts_as_a_sign_of_life() -> None:
-    table = Table()
-    member = table.executing()
+    transaction = TransactionHarness()
+    member = transaction.executing()
     member.queried = True
-    changes, noted = table.members.change_count, len(table.noted)
-    effects, received = table.says(member, frp.Progress(fraction=0.5), 110.0)
+    changes, noted = transaction.members.change_count, len(transaction.logged_messages)
+    effects, received = transaction.member_says(member, frp.Progress(fraction=0.5), 110.0)
     assert effects == []
     assert received is not None
     assert (received[0], received[1].moved) == (member, True)
     assert (member.last_heard_time, member.queried, member.begins_by) == (110.0, False, 0.0)
-    assert (table.members.change_count, [at for at, _ in table.noted[noted:]]) == (changes, [110.0])
-    table.says(member, frp.Completed(situation="Jar1.Clean = TRUE"), 111.0)
-    assert (table.members.change_count, member.change_number) == (changes + 1, changes + 1)
+    assert (transaction.members.change_count, [time for time, _ in transaction.logged_messages[noted:]]) == (changes, [110.0])
+    transaction.member_says(member, frp.Completed(situation="Jar1.Clean = TRUE"), 111.0)
+    assert (transaction.members.change_count, member.change_number) == (changes + 1, changes + 1)
 
 
 def test_who_has_come_to_an_end_is_not_watched_any_more_and_who_comes_back_is() -> None:
-    table = Table()
-    member = table.executing()
-    effects, _ = table.says(member, frp.Completed(situation="Jar1.Clean = TRUE"), 110.0)
+    transaction = TransactionHarness()
+    member = transaction.executing()
+    effects, _ = transaction.member_says(member, frp.Completed(situation="Jar1.Clean = TRUE"), 110.0)
     assert effects == [SetTimer(SilenceDue("task1", member.id), None), SetTimer(OverdueDue("task1", member.id), None)]
-    back = Table()
-    member = back.in_state(State.UNREACHABLE)
-    effects, _ = back.says(member, frp.Progress(fraction=0.5), 500.0)
+    other_transaction = TransactionHarness()
+    member = other_transaction.in_state(State.UNREACHABLE)
+    effects, _ = other_transaction.member_says(member, frp.Progress(fraction=0.5), 500.0)
     assert [type(body).__name__ for body, _ in sends(effects)] == ["Stop"]
-    assert wakes(effects) == {"SilenceDue": 520.0, "OverdueDue": 800.0}
-    assert [type(message.body).__name__ for _, message in back.noted[-2:]] == ["Progress", "Stop"]
+    assert timer_times(effects) == {"SilenceDue": 520.0, "OverdueDue": 800.0}
+    assert [type(message.body).__name__ for _, message in other_transaction.logged_messages[-2:]] == ["Progress", "Stop"]
 
 
 @pytest.mark.parametrize(
-    ("state", "status", "again"),
+    ("state", "status", "repeated"),
     [
         (State.EXECUTING, State.OFFERED, True),
         (State.EXECUTING, State.COMMITTED, True),
@@ -368,24 +372,24 @@ def test_who_has_come_to_an_end_is_not_watched_any_more_and_who_comes_back_is() 
         (State.STOPPING, State.COMMITTED, False),
     ],
 )
-def test_who_was_not_reached_by_what_it_was_told_is_told_again(state: State, status: State, again: bool) -> None:
-    table = Table()
-    member = table.in_state(state)
-    told = member.last_order
-    effects, _ = table.says(member, frp.Status(state=status), 110.0)
-    assert [until for _, until in sends(effects)] == ([130.0] if again else [])
-    assert (type(member.last_order), member.begins_by) == (type(told), 130.0 if again else 120.0)
+def test_who_was_not_reached_by_what_it_was_told_is_told_again(state: State, status: State, repeated: bool) -> None:
+    transaction = TransactionHarness()
+    member = transaction.in_state(state)
+    first_order = member.last_order
+    effects, _ = transaction.member_says(member, frp.Status(state=status), 110.0)
+    assert [expires_at for _, expires_at in sends(effects)] == ([130.0] if repeated else [])
+    assert (type(member.last_order), member.begins_by) == (type(first_order), 130.0 if repeated else 120.0)
 
 
 def test_a_stranger_is_sent_home() -> None:
-    table = Table()
-    message = table.message("Robot9.Work#step1", frp.Completed(situation="Jar1.Clean = TRUE"))
-    effects, received = carried_out(table.participants.receive(message, 5.0))
+    transaction = TransactionHarness()
+    message = transaction.message("Robot9.Work#step1", frp.Completed(situation="Jar1.Clean = TRUE"))
+    effects, received = run_effects(transaction.participants.receive(message, 5.0))
     assert received is None
-    (sent,) = [effect for effect in effects if isinstance(effect, Send)]
-    assert isinstance(sent.message.body, frp.End)
-    assert sent.message.header.recipient == OFFER.address
-    assert table.noted == []
+    (farewell,) = [effect for effect in effects if isinstance(effect, Send)]
+    assert isinstance(farewell.message.body, frp.End)
+    assert farewell.message.header.recipient == OFFER.address
+    assert transaction.logged_messages == []
 
 
 @pytest.mark.parametrize(
@@ -401,14 +405,14 @@ def test_who_is_sent_home_hears_it_where_it_wants_its_answers(
     transaction: str | None, participant: str | None, reply_to: str, recipients: list[str]
 ) -> None:
     header = Header(sender=OFFER.address, recipient=ME, message_id="1", reply_to=reply_to, transaction=transaction, participant=participant)
-    sent = answer_stranger(Message(header=header, body=frp.Completed(situation="")), ME)
-    found = [effect.message.header for effect in sent if isinstance(effect, Send)]
-    assert [header.recipient for header in found] == recipients
-    assert all((header.sender, header.transaction, header.participant) == (ME, transaction, participant) for header in found)
+    effects = answer_stranger(Message(header=header, body=frp.Completed(situation="")), ME)
+    headers = [effect.message.header for effect in effects if isinstance(effect, Send)]
+    assert [header.recipient for header in headers] == recipients
+    assert all((header.sender, header.transaction, header.participant) == (ME, transaction, participant) for header in headers)
 
 
 @pytest.mark.parametrize(
-    ("state", "body", "out", "said"),
+    ("state", "body", "excluded", "expected"),
     [
         (State.ARRANGING, ARRANGE, True, [(frp.Cancel(reason="could not be reached: no route"), 50.0 + DAY)]),
         (State.OFFERED, ARRANGE, False, []),
@@ -419,97 +423,99 @@ def test_who_is_sent_home_hears_it_where_it_wants_its_answers(
         (State.COMPLETED, frp.Stop(reason="enough"), False, []),
     ],
 )
-def test_who_cannot_be_reached_is_out_unless_it_works(state: State, body: FrpBody, out: bool, said: list[tuple[object, float]]) -> None:
-    table = Table()
-    member = table.in_state(state)
-    changes = table.members.change_count
-    effects, found = carried_out(table.participants.delivery_failed(table.message(member.id, body), "no route", 50.0))
-    assert found is (member if out else None)
-    assert sends(effects) == said
-    assert member.exit_reason == ("could not be reached: no route" if out else "")
-    assert member.change_number == (table.members.change_count if out else changes)
-    assert (table.members.change_count > changes) is out
+def test_who_cannot_be_reached_is_out_unless_it_works(
+    state: State, body: FrpBody, excluded: bool, expected: list[tuple[object, float]]
+) -> None:
+    transaction = TransactionHarness()
+    member = transaction.in_state(state)
+    changes = transaction.members.change_count
+    effects, excluded_member = run_effects(transaction.participants.delivery_failed(transaction.message(member.id, body), "no route", 50.0))
+    assert excluded_member is (member if excluded else None)
+    assert sends(effects) == expected
+    assert member.exit_reason == ("could not be reached: no route" if excluded else "")
+    assert member.change_number == (transaction.members.change_count if excluded else changes)
+    assert (transaction.members.change_count > changes) is excluded
     assert member.lost_version == (7 if state is State.COMMITTED else None)
-    assert carried_out(table.participants.delivery_failed(table.message("nobody", body), "no route", 50.0)) == ([], None)
+    assert run_effects(transaction.participants.delivery_failed(transaction.message("nobody", body), "no route", 50.0)) == ([], None)
 
 
 # Silence, and lateness
 
 
 def test_a_timer_that_rings_too_early_is_set_again() -> None:
-    table = Table()
-    member = table.executing(100.0, begun=True)
-    effects, given_up = carried_out(table.participants.silent(member.id, 119.5))
-    assert (wakes(effects), sends(effects), given_up) == ({"SilenceDue": 120.0}, [], None)
-    assert (member.queried, table.told) == (False, [])
+    transaction = TransactionHarness()
+    member = transaction.executing(100.0, started=True)
+    effects, lost_member = run_effects(transaction.participants.silent(member.id, 119.5))
+    assert (timer_times(effects), sends(effects), lost_member) == ({"SilenceDue": 120.0}, [], None)
+    assert (member.queried, transaction.logged_events) == (False, [])
 
 
-@pytest.mark.parametrize(("begun", "until"), [(True, 140.0), (False, 160.0)])
-def test_who_is_silent_is_asked_and_then_given_up(begun: bool, until: float) -> None:
+@pytest.mark.parametrize(("started", "deadline"), [(True, 140.0), (False, 160.0)])
+def test_who_is_silent_is_asked_and_then_given_up(started: bool, deadline: float) -> None:
     """Who was not heard to begin may do so when its order is just about to expire, and is waited for twice as long from then on."""
-    table = Table()
-    member = table.executing(100.0, begun=begun)
-    effects, given_up = carried_out(table.participants.silent(member.id, 120.0))
-    assert (sends(effects), wakes(effects), given_up) == ([(frp.Query(), until)], {"SilenceDue": until}, None)
-    assert table.told == [(ServiceSilent(service="Robot1.Work"), 120.0)]
+    transaction = TransactionHarness()
+    member = transaction.executing(100.0, started=started)
+    effects, lost_member = run_effects(transaction.participants.silent(member.id, 120.0))
+    assert (sends(effects), timer_times(effects), lost_member) == ([(frp.Query(), deadline)], {"SilenceDue": deadline}, None)
+    assert transaction.logged_events == [(ServiceSilent(service="Robot1.Work"), 120.0)]
     assert member.queried is True
-    effects, given_up = carried_out(table.participants.silent(member.id, until))
-    assert given_up is member
-    assert wakes(effects) == {"SilenceDue": None, "OverdueDue": None}
-    assert (member.state, member.lost_version, member.change_number) == (State.UNREACHABLE, 7, table.members.change_count)
-    assert len(table.told) == 1
+    effects, lost_member = run_effects(transaction.participants.silent(member.id, deadline))
+    assert lost_member is member
+    assert timer_times(effects) == {"SilenceDue": None, "OverdueDue": None}
+    assert (member.state, member.lost_version, member.change_number) == (State.UNREACHABLE, 7, transaction.members.change_count)
+    assert len(transaction.logged_events) == 1
 
 
 @pytest.mark.parametrize("state", [State.COMMITTED, State.COMPLETED, State.UNREACHABLE])
 def test_the_silence_of_who_does_not_work_means_nothing(state: State) -> None:
-    table = Table()
-    member = table.in_state(state)
+    transaction = TransactionHarness()
+    member = transaction.in_state(state)
     member.queried = True
-    assert carried_out(table.participants.silent(member.id, 900.0)) == ([], None)
-    assert carried_out(table.participants.overdue(member.id, 900.0)) == ([], None)
-    assert carried_out(table.participants.silent("nobody", 900.0)) == ([], None)
-    assert carried_out(table.participants.overdue("nobody", 900.0)) == ([], None)
-    assert (member.state, table.told) == (state, [])
+    assert run_effects(transaction.participants.silent(member.id, 900.0)) == ([], None)
+    assert run_effects(transaction.participants.overdue(member.id, 900.0)) == ([], None)
+    assert run_effects(transaction.participants.silent("nobody", 900.0)) == ([], None)
+    assert run_effects(transaction.participants.overdue("nobody", 900.0)) == ([], None)
+    assert (member.state, transaction.logged_events) == (state, [])
 
 
 def test_who_takes_far_too_long_is_stopped_and_then_given_up() -> None:
-    table = Table()
-    member = table.executing()
-    effects, given_up = carried_out(table.participants.overdue(member.id, 400.0))
+    transaction = TransactionHarness()
+    member = transaction.executing()
+    effects, lost_member = run_effects(transaction.participants.overdue(member.id, 400.0))
     assert sends(effects) == [(frp.Stop(reason="it takes far longer than it said"), 420.0)]
-    assert (wakes(effects), given_up) == ({"OverdueDue": 460.0}, None)
-    assert table.told == [(ServiceOverdue(service="Robot1.Work"), 400.0)]
-    effects, given_up = carried_out(table.participants.overdue(member.id, 460.0))
-    assert (given_up, sends(effects), member.state) == (member, [], State.UNREACHABLE)
-    assert len(table.told) == 1
+    assert (timer_times(effects), lost_member) == ({"OverdueDue": 460.0}, None)
+    assert transaction.logged_events == [(ServiceOverdue(service="Robot1.Work"), 400.0)]
+    effects, lost_member = run_effects(transaction.participants.overdue(member.id, 460.0))
+    assert (lost_member, sends(effects), member.state) == (member, [], State.UNREACHABLE)
+    assert len(transaction.logged_events) == 1
 
 
 def test_who_undoes_for_far_too_long_is_sent_home_and_waited_for_until_it_stands_still() -> None:
-    table = Table()
-    member = table.in_state(State.COMPENSATING)
-    table.says(member, frp.Progress(fraction=0.1), 101.0)
-    effects, given_up = carried_out(table.participants.overdue(member.id, 400.0))
+    transaction = TransactionHarness()
+    member = transaction.in_state(State.COMPENSATING)
+    transaction.member_says(member, frp.Progress(fraction=0.1), 101.0)
+    effects, lost_member = run_effects(transaction.participants.overdue(member.id, 400.0))
     assert sends(effects) == [(frp.End(outcome=Outcome.FAILED), 400.0 + DAY)]
-    assert (wakes(effects), given_up) == ({"SilenceDue": None, "OverdueDue": 420.0}, None)
-    assert table.told == [(ServiceOverdue(service="Robot1.Work", undoing=True), 400.0)]
-    assert (member.halting, table.members.working) == (True, [member])
-    assert carried_out(table.participants.overdue(member.id, 420.0)) == ([], member)
-    assert (member.halting, table.members.working) == (False, [])
+    assert (timer_times(effects), lost_member) == ({"SilenceDue": None, "OverdueDue": 420.0}, None)
+    assert transaction.logged_events == [(ServiceOverdue(service="Robot1.Work", undoing=True), 400.0)]
+    assert (member.halting, transaction.members.working) == (True, [member])
+    assert run_effects(transaction.participants.overdue(member.id, 420.0)) == ([], member)
+    assert (member.halting, transaction.members.working) == (False, [])
 
 
 def test_whoever_watches_the_task_hears_of_a_contract_that_changed() -> None:
-    table = Table()
-    member = table.executing()
-    table.touched.clear()
-    carried_out(table.participants.give_up_member(member))
-    assert table.touched == {"task1": None}
+    transaction = TransactionHarness()
+    member = transaction.executing()
+    transaction.touched.clear()
+    run_effects(transaction.participants.give_up_member(member))
+    assert transaction.touched == {"task1": None}
 
 
 def test_who_is_given_up_twice_is_lost_once() -> None:
-    table = Table()
-    member = table.in_state(State.UNREACHABLE)
-    changes = table.members.change_count
-    table.replica.version = 9
-    assert carried_out(table.participants.give_up_member(member)) == ([], None)
-    assert (member.lost_version, table.members.change_count) == (7, changes)
+    transaction = TransactionHarness()
+    member = transaction.in_state(State.UNREACHABLE)
+    changes = transaction.members.change_count
+    transaction.replica.version = 9
+    assert run_effects(transaction.participants.give_up_member(member)) == ([], None)
+    assert (member.lost_version, transaction.members.change_count) == (7, changes)
     assert isinstance(member.session, CoordinatorSession)

@@ -48,8 +48,8 @@ def test_a_report_is_settled_when_the_map_shows_what_came_of_it(body: Body, vers
 
 
 @pytest.mark.parametrize(
-    "about", [ProgressSubject("p"), WorkSubject("p", "Jar001 isOn Shelf1", "it contradicts"), UnobservedSubject("Jar001", 3)]
+    "subject", [ProgressSubject("p"), WorkSubject("p", "Jar001 isOn Shelf1", "it contradicts"), UnobservedSubject("Jar001", 3)]
 )
-def test_what_a_report_is_about_is_known_when_it_is_read_back(about: ReportSubject) -> None:
-    report = Report(update=UpdateMap(situation="Jar001 isOn Shelf1"), subject=about)
+def test_what_a_report_is_about_is_known_when_it_is_read_back(subject: ReportSubject) -> None:
+    report = Report(update=UpdateMap(situation="Jar001 isOn Shelf1"), subject=subject)
     assert Codec[Report](Report).decode(encode(report)) == report

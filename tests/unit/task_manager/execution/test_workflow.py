@@ -12,11 +12,11 @@ from somrs.planner.model.plan import Link, Plan, Step
 from somrs.protocol.messages.events import GoalKind
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow
-from tests.unit.task_manager.execution.test_participants import OFFER, Table
+from tests.unit.task_manager.execution.test_participants import OFFER, TransactionHarness
 
 
-def step(id: str, object: str = "Jar1", **more: Any) -> Step:
-    return Step(id, "Work", {"Object": Name(object)}, parse(f"{object}.Clean = TRUE"), **more)
+def step(id: str, object: str = "Jar1", **options: Any) -> Step:
+    return Step(id, "Work", {"Object": Name(object)}, parse(f"{object}.Clean = TRUE"), **options)
 
 
 def chain() -> Workflow:
@@ -29,15 +29,15 @@ def ids(runs: list[StepRun]) -> str:
     return "".join(run.step.id for run in runs)
 
 
-def member(table: Table, step: str) -> Member:
-    return table.invited(step)
+def member(transaction: TransactionHarness, step: str) -> Member:
+    return transaction.invited(step)
 
 
-def taken(workflow: Workflow, id: str, table: Table, start: float = 0.0, finish: float = 10.0) -> Member:
+def assign_step(workflow: Workflow, id: str, transaction: TransactionHarness, start: float = 0.0, finish: float = 10.0) -> Member:
     run = workflow.runs[id]
-    who = member(table, run.key)
-    workflow.assign(run, who, start, finish)
-    return who
+    participant = member(transaction, run.key)
+    workflow.assign(run, participant, start, finish)
+    return participant
 
 
 def state(workflow: Workflow) -> tuple[str, str, bool, bool, bool]:
@@ -55,16 +55,16 @@ def test_steps_are_known_by_their_names() -> None:
 
 
 def test_steps_are_arranged_when_those_before_are_promised_and_begin_when_they_are_done() -> None:
-    workflow, table = chain(), Table()
+    workflow, transaction = chain(), TransactionHarness()
     assert state(workflow) == ("ad", "", False, False, False)
     workflow.move(workflow.runs["a"], Progress.ARRANGING)
     assert state(workflow) == ("d", "", False, False, False)
-    taken(workflow, "a", table)
+    assign_step(workflow, "a", transaction)
     assert state(workflow) == ("bd", "a", False, False, False)
-    taken(workflow, "b", table)
-    taken(workflow, "c", table)
+    assign_step(workflow, "b", transaction)
+    assign_step(workflow, "c", transaction)
     assert state(workflow) == ("d", "a", False, False, False)
-    taken(workflow, "d", table)
+    assign_step(workflow, "d", transaction)
     assert state(workflow) == ("", "ad", True, False, False)
     workflow.move(workflow.runs["a"], Progress.EXECUTING)
     assert state(workflow) == ("", "d", True, True, False)
@@ -82,10 +82,10 @@ def test_steps_are_arranged_when_those_before_are_promised_and_begin_when_they_a
 
 
 def test_what_is_known_of_a_workflow_is_known_when_it_is_read_back() -> None:
-    workflow, table = chain(), Table()
-    taken(workflow, "a", table, 1.0, 2.0)
-    taken(workflow, "b", table, 3.0, 4.0)
-    taken(workflow, "d", table, 5.0, 6.0)
+    workflow, transaction = chain(), TransactionHarness()
+    assign_step(workflow, "a", transaction, 1.0, 2.0)
+    assign_step(workflow, "b", transaction, 3.0, 4.0)
+    assign_step(workflow, "d", transaction, 5.0, 6.0)
     workflow.move(workflow.runs["a"], Progress.COMPLETED)
     workflow.move(workflow.runs["d"], Progress.EXECUTING)
     workflow.set_failure(workflow.runs["c"], "broken")
@@ -97,21 +97,21 @@ def test_what_is_known_of_a_workflow_is_known_when_it_is_read_back() -> None:
 
 
 def test_a_service_has_a_step_until_it_loses_it() -> None:
-    workflow, table = chain(), Table()
+    workflow, transaction = chain(), TransactionHarness()
     run = workflow.runs["a"]
     run.is_waiting = True
-    who = taken(workflow, "a", table, 1.0, 2.0)
-    assert (run.participant, run.provider, run.start, run.finish, run.is_waiting) == (who.id, "Robot1", 1.0, 2.0, False)
-    assert (workflow.run_of(who), workflow.held_by(who)) == (run, run)
-    other = member(table, run.key)
-    assert (workflow.run_of(other), workflow.held_by(other)) == (run, None)
-    assert workflow.held_by(member(table, "elsewhere")) is None
+    participant = assign_step(workflow, "a", transaction, 1.0, 2.0)
+    assert (run.participant, run.provider, run.start, run.finish, run.is_waiting) == (participant.id, "Robot1", 1.0, 2.0, False)
+    assert (workflow.run_of(participant), workflow.held_by(participant)) == (run, run)
+    other_participant = member(transaction, run.key)
+    assert (workflow.run_of(other_participant), workflow.held_by(other_participant)) == (run, None)
+    assert workflow.held_by(member(transaction, "elsewhere")) is None
     workflow.release(run, "it broke")
     assert (run.progress, run.participant, run.provider, run.failure) == (Progress.OPEN, None, None, "it broke")
     assert workflow.failed is run
     assert [*workflow.promised("Robot1")] == []
     workflow.set_failure(run, None)
-    assert [one.failure for one in workflow] == [None] * 4
+    assert [step_run.failure for step_run in workflow] == [None] * 4
     assert workflow.failed is None
 
 
@@ -123,9 +123,9 @@ def test_the_first_of_the_steps_that_failed_is_recovered_first() -> None:
 
 
 def test_a_step_can_start_when_those_before_it_are_promised_to_be_over() -> None:
-    workflow, table = chain(), Table()
-    taken(workflow, "a", table, 0.0, 50.0)
-    taken(workflow, "b", table, 50.0, 70.0)
+    workflow, transaction = chain(), TransactionHarness()
+    assign_step(workflow, "a", transaction, 0.0, 50.0)
+    assign_step(workflow, "b", transaction, 50.0, 70.0)
     assert workflow.earliest_start(workflow.runs["c"], 10.0) == 70.0
     assert workflow.earliest_start(workflow.runs["c"], 80.0) == 80.0
     workflow.move(workflow.runs["b"], Progress.COMPLETED)
@@ -134,7 +134,7 @@ def test_a_step_can_start_when_those_before_it_are_promised_to_be_over() -> None
 
 
 @pytest.mark.parametrize(
-    ("steps", "taken_over"),
+    ("steps", "adopted_id"),
     [
         ([step("x", "Jara")], "x"),
         ([step("x", "Jarb")], ""),
@@ -145,38 +145,38 @@ def test_a_step_can_start_when_those_before_it_are_promised_to_be_over() -> None
         ([step("x", "Jara", provider="Robot2"), step("y", "Jara")], "y"),
     ],
 )
-def test_a_new_plan_takes_over_what_stands_of_the_old_one(steps: list[Step], taken_over: str) -> None:
-    old, table = Workflow.from_plan(Plan((step("a", "Jara"),)), "1.1/"), Table()
-    who = taken(old, "a", table, 3.0, 4.0)
+def test_a_new_plan_takes_over_what_stands_of_the_old_one(steps: list[Step], adopted_id: str) -> None:
+    old, transaction = Workflow.from_plan(Plan((step("a", "Jara"),)), "1.1/"), TransactionHarness()
+    participant = assign_step(old, "a", transaction, 3.0, 4.0)
     old.runs["a"].precondition = parse("Jara.Open = TRUE")
     new = Workflow.from_plan(Plan(tuple(steps)), "1.2/")
-    left = [*new.adopt(old, table.members)]
+    leftover = [*new.adopt(old, transaction.members)]
     adopted = [run for run in new if run.progress is Progress.ARRANGED]
-    assert left == ([] if taken_over else [who])
-    assert ids(adopted) == taken_over
+    assert leftover == ([] if adopted_id else [participant])
+    assert ids(adopted) == adopted_id
     for run in adopted:
-        assert (run.participant, run.start, run.finish, run.step.provider in (None, "Robot1")) == (who.id, 3.0, 4.0, True)
-        assert (str(run.precondition), who.step) == ("Jara.Open = TRUE", run.key)
+        assert (run.participant, run.start, run.finish, run.step.provider in (None, "Robot1")) == (participant.id, 3.0, 4.0, True)
+        assert (str(run.precondition), participant.step) == ("Jara.Open = TRUE", run.key)
 
 
 @pytest.mark.parametrize("progress", [Progress.OPEN, Progress.ARRANGING, Progress.EXECUTING, Progress.COMPLETED])
 def test_of_an_old_plan_only_what_is_promised_is_taken_over(progress: Progress) -> None:
-    old, table = Workflow.from_plan(Plan((step("a"), step("b"))), "1.1/"), Table()
-    taken(old, "a", table)
+    old, transaction = Workflow.from_plan(Plan((step("a"), step("b"))), "1.1/"), TransactionHarness()
+    assign_step(old, "a", transaction)
     old.move(old.runs["a"], progress)
-    second = taken(old, "b", table)
+    second = assign_step(old, "b", transaction)
     old.runs["a"].provider = OFFER.provider
     new = Workflow.from_plan(Plan((step("x"),)), "1.2/")
-    assert [*new.adopt(old, table.members)] == []
+    assert [*new.adopt(old, transaction.members)] == []
     assert new.runs["x"].participant == second.id
 
 
 def test_two_promises_are_taken_over_by_two_steps() -> None:
-    old, table = Workflow.from_plan(Plan((step("a"), step("b"), step("c"))), "1.1/"), Table()
-    who = [taken(old, id, table) for id in "abc"]
+    old, transaction = Workflow.from_plan(Plan((step("a"), step("b"), step("c"))), "1.1/"), TransactionHarness()
+    participants = [assign_step(old, id, transaction) for id in "abc"]
     new = Workflow.from_plan(Plan((step("x"), step("y"))), "1.2/")
-    assert [*new.adopt(old, table.members)] == [who[2]]
-    assert [run.participant for run in new] == [who[0].id, who[1].id]
+    assert [*new.adopt(old, transaction.members)] == [participants[2]]
+    assert [run.participant for run in new] == [participants[0].id, participants[1].id]
 
 
 def test_steps_of_one_device_are_bound_together() -> None:

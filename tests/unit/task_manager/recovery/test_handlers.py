@@ -14,27 +14,33 @@ from somrs.task_manager.execution.execution_log import Work
 from somrs.task_manager.recovery.handlers import fitting_handlers
 from tests.unit.planner.test_planning import MAP, TRANSFER, laboratory
 
-AWAY, BACK = "?Object isOn Platform001", "?Object isOn Shelf1"
+ON_PLATFORM, ON_SHELF = "?Object isOn Platform001", "?Object isOn Shelf1"
 
 
-def handler(effect: str = AWAY, when: str | None = None, service_type: str | None = None, on: Occasion = Occasion.FAILURE) -> Handler:
-    return Handler(on=on, effect=effect, when=when, service_type=service_type)
+def handler(
+    effect: str = ON_PLATFORM, condition: str | None = None, service_type: str | None = None, occasion: Occasion = Occasion.FAILURE
+) -> Handler:
+    return Handler(on=occasion, effect=effect, when=condition, service_type=service_type)
 
 
 @pytest.mark.parametrize(
     ("of_task", "of_type", "effects"),
     [
         ([], [], []),
-        ([handler(AWAY), handler(BACK)], [handler("?Provider.Working = TRUE")], [AWAY, BACK, "?Provider.Working = TRUE"]),
-        ([handler(service_type="TransferObject")], [], [AWAY]),
-        ([handler(service_type="WashJar"), handler(BACK)], [], [BACK]),
-        ([handler(on=Occasion.COMPENSATION), handler(BACK)], [], [BACK]),
-        ([handler(when="?Object isOn Shelf1")], [], [AWAY]),
-        ([handler(when="?Provider isInside ?Somewhere")], [], [AWAY]),
-        ([handler(when="?Object isOn Shelf2"), handler(BACK)], [], [BACK]),
-        ([handler(when="?Object isOn Gone"), handler(BACK)], [], [BACK]),
-        ([handler("no formula"), handler(BACK)], [], [BACK]),
-        ([], [handler(BACK, service_type="WashJar")], [BACK]),
+        (
+            [handler(ON_PLATFORM), handler(ON_SHELF)],
+            [handler("?Provider.Working = TRUE")],
+            [ON_PLATFORM, ON_SHELF, "?Provider.Working = TRUE"],
+        ),
+        ([handler(service_type="TransferObject")], [], [ON_PLATFORM]),
+        ([handler(service_type="WashJar"), handler(ON_SHELF)], [], [ON_SHELF]),
+        ([handler(occasion=Occasion.COMPENSATION), handler(ON_SHELF)], [], [ON_SHELF]),
+        ([handler(condition="?Object isOn Shelf1")], [], [ON_PLATFORM]),
+        ([handler(condition="?Provider isInside ?Somewhere")], [], [ON_PLATFORM]),
+        ([handler(condition="?Object isOn Shelf2"), handler(ON_SHELF)], [], [ON_SHELF]),
+        ([handler(condition="?Object isOn Gone"), handler(ON_SHELF)], [], [ON_SHELF]),
+        ([handler("no formula"), handler(ON_SHELF)], [], [ON_SHELF]),
+        ([], [handler(ON_SHELF, service_type="WashJar")], [ON_SHELF]),
     ],
 )
 def test_those_fit_that_are_for_the_step_and_the_situation(of_task: list[Handler], of_type: list[Handler], effects: list[str]) -> None:
@@ -50,6 +56,6 @@ def test_those_fit_that_are_for_the_step_and_the_situation(of_task: list[Handler
         provider="Robot1",
         started_at=1.0,
     )
-    found = fitting_handlers(of_task, work, Occasion.FAILURE, Replica("tm", "repository", laboratory(), MAP))
+    handlers = fitting_handlers(of_task, work, Occasion.FAILURE, Replica("tm", "repository", laboratory(), MAP))
     bound = [effect.replace("?Object", "Jar001").replace("?Provider", "Robot1") for effect in effects]
-    assert found == [Handler(on=Occasion.FAILURE, effect=effect) for effect in bound]
+    assert handlers == [Handler(on=Occasion.FAILURE, effect=effect) for effect in bound]

@@ -9,7 +9,7 @@ from tests.unit.task_manager.execution.test_participants import OFFER
 
 
 @pytest.mark.parametrize(
-    ("others", "possible", "known", "rung"),
+    ("alternatives", "possible", "outcome_known", "rung"),
     [
         (True, True, True, Rung.REPLACE),
         (False, True, True, Rung.REPLAN),
@@ -17,8 +17,8 @@ from tests.unit.task_manager.execution.test_participants import OFFER
         (True, True, False, Rung.REPLAN),
     ],
 )
-def test_the_cheapest_rung_that_can_help(others: bool, possible: bool, known: bool, rung: Rung) -> None:
-    assert next_rung([OFFER] if others else [], possible, known) is rung
+def test_the_cheapest_rung_that_can_help(alternatives: bool, possible: bool, outcome_known: bool, rung: Rung) -> None:
+    assert next_rung([OFFER] if alternatives else [], possible, outcome_known) is rung
 
 
 def test_nothing_is_planned_anew_for_ever_without_anything_done() -> None:

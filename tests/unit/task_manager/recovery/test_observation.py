@@ -25,13 +25,13 @@ from somrs.task_manager.recovery.observation import Look, LookPlan, LookQueue, O
 from somrs.task_manager.requests import ForLook
 from tests.unit.planner.test_planning import MAP, TRANSFER, laboratory
 from tests.unit.task_manager.arrangement.test_plan_request import context, offer
-from tests.unit.task_manager.execution.test_participants import Table, carried_out
+from tests.unit.task_manager.execution.test_participants import TransactionHarness, run_effects
 
-SEEN = f"?Thing.{UNKNOWN} = FALSE"
+KNOWN_EFFECT = f"?Thing.{UNKNOWN} = FALSE"
 
 
-def looking(
-    name: str = "FindObject", type: str = "Graspable", effect: str = SEEN, kind: ServiceKind = ServiceKind.COGNITIVE
+def look_service_type(
+    name: str = "FindObject", type: str = "Graspable", effect: str = KNOWN_EFFECT, kind: ServiceKind = ServiceKind.COGNITIVE
 ) -> ServiceType:
     return ServiceType(name=name, effect=effect, inputs=(Parameter(name="Thing", type=type),), kind=kind)
 
@@ -56,34 +56,34 @@ def work(number: int = 1, kind: ServiceKind = ServiceKind.PHYSICAL, participant:
     )
 
 
-class Looking:
+class ObservationHarness:
     """A task whose first work was lost."""
 
     def __init__(self) -> None:
-        self.table, self.context, self.reports = Table(), context(), Reports()
-        self.member = self.table.invited()
+        self.transaction, self.context, self.reports = TransactionHarness(), context(), Reports()
+        self.member = self.transaction.invited()
         self.work = work(participant=self.member.id)
-        self.looks, self.known = LookQueue(), KnownServices()
-        self.told: list[tuple[Event, float, Work]] = []
+        self.look_queue, self.known_services = LookQueue(), KnownServices()
+        self.logged_events: list[tuple[Event, float, Work]] = []
         self.observation = Observation(
-            self.looks,
+            self.look_queue,
             owner="task1",
             log=ExecutionLog(works=[self.work]),
-            members=self.table.members,
-            services=AvailableServices(self.known, self.context.replica),
+            members=self.transaction.members,
+            services=AvailableServices(self.known_services, self.context.replica),
             reports=self.reports,
             context=self.context,
-            log_event=lambda event, now, work: self.told.append((event, now, work)),
+            log_event=lambda event, now, work: self.logged_events.append((event, now, work)),
         )
 
-    def begun(self) -> Look:
-        self.looks.unseen.append(Unseen("Jar001", 1))
-        carried_out(self.observation.begin(5.0))
-        assert self.looks.current_look is not None
-        return self.looks.current_look
+    def begin_look(self) -> Look:
+        self.look_queue.unseen.append(Unseen("Jar001", 1))
+        run_effects(self.observation.begin(5.0))
+        assert self.look_queue.current_look is not None
+        return self.look_queue.current_look
 
     def discovered(self, *offers: Offer) -> LookPlan | None:
-        return carried_out(self.observation.discovered(ForLook("task1", self.looks.look_count), offers, 6.0))[1]
+        return run_effects(self.observation.discovered(ForLook("task1", self.look_queue.look_count), offers, 6.0))[1]
 
 
 UNSEEN = UpdateMap(
@@ -94,80 +94,80 @@ UNSEEN = UpdateMap(
 
 
 def test_what_work_left_that_changes_things_is_looked_at_one_after_the_other() -> None:
-    looks = LookQueue()
-    looks.add_work(work(2, ServiceKind.COGNITIVE))
-    looks.add_work(work(3, ServiceKind.SOFTWARE))
-    assert looks.unseen == []
-    looks.add_work(work(4))
-    looks.requeue(Look(object="Jar003", work=1, since_version=0, serial=1))
-    assert looks.unseen == [Unseen("Jar001", 4), Unseen("Jar002", 4), Unseen("Jar003", 1)]
-    looks.drop()
-    assert len(looks.unseen) == 3
-    looks.current_look = Look(object="Jar004", work=5, since_version=0, serial=1)
-    looks.drop()
-    assert (looks.unseen[0], len(looks.unseen)) == (Unseen("Jar004", 5), 4)
-    looks.drop()
-    assert len(looks.unseen) == 4
+    look_queue = LookQueue()
+    look_queue.add_work(work(2, ServiceKind.COGNITIVE))
+    look_queue.add_work(work(3, ServiceKind.SOFTWARE))
+    assert look_queue.unseen == []
+    look_queue.add_work(work(4))
+    look_queue.requeue(Look(object="Jar003", work=1, since_version=0, serial=1))
+    assert look_queue.unseen == [Unseen("Jar001", 4), Unseen("Jar002", 4), Unseen("Jar003", 1)]
+    look_queue.drop()
+    assert len(look_queue.unseen) == 3
+    look_queue.current_look = Look(object="Jar004", work=5, since_version=0, serial=1)
+    look_queue.drop()
+    assert (look_queue.unseen[0], len(look_queue.unseen)) == (Unseen("Jar004", 5), 4)
+    look_queue.drop()
+    assert len(look_queue.unseen) == 4
 
 
-@pytest.mark.parametrize(("lost_at", "since"), [(3, 3), (0, 0), (None, 7)])
-def test_it_is_found_out_who_can_look_at_what_is_next(lost_at: int | None, since: int) -> None:
-    looking = Looking()
-    looking.member.lost_version = lost_at
-    looking.looks.unseen += [Unseen("Jar001", 1), Unseen("Jar002", 1)]
-    effects = [*looking.observation.begin(5.0)]
-    assert looking.looks.current_look is not None
-    asking = looking.looks.current_look
-    assert (asking.object, asking.work, asking.since_version, asking.serial, asking.plans) == ("Jar001", 1, since, 1, [])
-    assert looking.looks.unseen == [Unseen("Jar002", 1)]
+@pytest.mark.parametrize(("lost_at", "since_version"), [(3, 3), (0, 0), (None, 7)])
+def test_it_is_found_out_who_can_look_at_what_is_next(lost_at: int | None, since_version: int) -> None:
+    harness = ObservationHarness()
+    harness.member.lost_version = lost_at
+    harness.look_queue.unseen += [Unseen("Jar001", 1), Unseen("Jar002", 1)]
+    effects = [*harness.observation.begin(5.0)]
+    assert harness.look_queue.current_look is not None
+    look = harness.look_queue.current_look
+    assert (look.object, look.work, look.since_version, look.serial, look.plans) == ("Jar001", 1, since_version, 1, [])
+    assert harness.look_queue.unseen == [Unseen("Jar002", 1)]
     assert [effect.message.body for effect in effects if isinstance(effect, Send)] == [Discover()]
-    (request,) = looking.context.requests.pending.values()
+    (request,) = harness.context.requests.pending.values()
     assert request.purpose == ForLook("task1", 1)
 
 
 def test_of_one_who_is_not_known_any_more_nothing_is_known_since_now() -> None:
-    looking = Looking()
-    looking.work.participant = "nobody"
-    assert looking.begun().since_version == 7
+    harness = ObservationHarness()
+    harness.work.participant = "nobody"
+    assert harness.begin_look().since_version == 7
 
 
 def test_somebody_looks_if_anybody_can_and_then_the_next() -> None:
-    one = Looking()
-    look = one.begun()
-    offers = offer("Robot1"), offer("Robot2", looking()), offer("Robot3", looking("Look"))
-    assert one.discovered(*offers) == LookPlan(look_plan("Jar001"), look)
-    assert (one.looks.current_look, look.plans, one.known.offers) == (None, [look_plan("Jar001", "Look")], offers)
-    assert carried_out(one.observation.next_plan(look, 9.0)) == ([], LookPlan(look_plan("Jar001", "Look"), look))
+    harness = ObservationHarness()
+    look = harness.begin_look()
+    offers = offer("Robot1"), offer("Robot2", look_service_type()), offer("Robot3", look_service_type("Look"))
+    assert harness.discovered(*offers) == LookPlan(look_plan("Jar001"), look)
+    assert (harness.look_queue.current_look, look.plans, harness.known_services.offers) == (None, [look_plan("Jar001", "Look")], offers)
+    assert run_effects(harness.observation.next_plan(look, 9.0)) == ([], LookPlan(look_plan("Jar001", "Look"), look))
     assert look.plans == []
-    assert one.told == [
-        (events.LookBegun(service_type="FindObject", object="Jar001"), 6.0, one.work),
-        (events.LookBegun(service_type="Look", object="Jar001"), 9.0, one.work),
+    assert harness.logged_events == [
+        (events.LookBegun(service_type="FindObject", object="Jar001"), 6.0, harness.work),
+        (events.LookBegun(service_type="Look", object="Jar001"), 9.0, harness.work),
     ]
-    assert one.reports.waiting == []
+    assert harness.reports.waiting == []
 
 
 @pytest.mark.parametrize("offers", [(offer("Robot1"),), "the registry is out of order"])
 def test_when_nobody_can_look_the_map_says_that_nothing_is_known(offers: tuple[Offer, ...] | str) -> None:
-    one = Looking()
-    one.begun()
-    effects, found = carried_out(one.observation.discovered(ForLook("task1", 1), offers, 6.0))
-    assert (found, one.looks.current_look) == (None, None)
-    assert one.told == [(events.NobodyLooks(object="Jar001"), 6.0, one.work)]
-    assert one.reports.waiting == [Report(update=UNSEEN, subject=UnobservedSubject("Jar001", 1))]
+    harness = ObservationHarness()
+    harness.begin_look()
+    effects, result = run_effects(harness.observation.discovered(ForLook("task1", 1), offers, 6.0))
+    assert (result, harness.look_queue.current_look) == (None, None)
+    assert harness.logged_events == [(events.NobodyLooks(object="Jar001"), 6.0, harness.work)]
+    assert harness.reports.waiting == [Report(update=UNSEEN, subject=UnobservedSubject("Jar001", 1))]
     assert [effect.message.body for effect in effects if isinstance(effect, Send)] == [UNSEEN]
-    assert one.known.offers == (() if isinstance(offers, str) else offers)
+    assert harness.known_services.offers == (() if isinstance(offers, str) else offers)
 
 
 def test_an_answer_to_what_is_not_asked_any_more_means_nothing() -> None:
-    one = Looking()
-    assert carried_out(one.observation.discovered(ForLook("task1", 0), (offer("Robot1", looking()),), 6.0)) == ([], None)
-    look = one.begun()
-    assert carried_out(one.observation.discovered(ForLook("task1", 2), (offer("Robot1", looking()),), 6.0)) == ([], None)
-    assert (one.looks.current_look, one.told, one.known.offers) == (look, [], ())
+    harness = ObservationHarness()
+    assert run_effects(harness.observation.discovered(ForLook("task1", 0), (offer("Robot1", look_service_type()),), 6.0)) == ([], None)
+    look = harness.begin_look()
+    assert run_effects(harness.observation.discovered(ForLook("task1", 2), (offer("Robot1", look_service_type()),), 6.0)) == ([], None)
+    assert (harness.look_queue.current_look, harness.logged_events, harness.known_services.offers) == (look, [], ())
 
 
 @pytest.mark.parametrize(
-    ("state", "reported", "known", "said"),
+    ("state", "reported", "member_known", "announced"),
     [
         (State.UNREACHABLE, True, True, False),
         (State.UNREACHABLE, False, True, True),
@@ -175,18 +175,18 @@ def test_an_answer_to_what_is_not_asked_any_more_means_nothing() -> None:
         (State.UNREACHABLE, True, False, True),
     ],
 )
-def test_nothing_is_said_of_what_was_reported_meanwhile(state: State, reported: bool, known: bool, said: bool) -> None:
-    one = Looking()
-    look = one.begun()
-    one.work.state, one.member.reported = state, reported
-    if not known:
-        one.work.participant = "nobody"
-    effects, found = carried_out(one.observation.next_plan(look, 9.0))
-    assert (found, bool(effects), bool(one.reports.waiting), bool(one.told)) == (None, said, said, said)
+def test_nothing_is_said_of_what_was_reported_meanwhile(state: State, reported: bool, member_known: bool, announced: bool) -> None:
+    harness = ObservationHarness()
+    look = harness.begin_look()
+    harness.work.state, harness.member.reported = state, reported
+    if not member_known:
+        harness.work.participant = "nobody"
+    effects, result = run_effects(harness.observation.next_plan(look, 9.0))
+    assert (result, bool(effects), bool(harness.reports.waiting), bool(harness.logged_events)) == (None, announced, announced, announced)
 
 
 @pytest.mark.parametrize(
-    ("state", "known", "problems", "lost_at"),
+    ("state", "member_known", "problems", "lost_at"),
     [
         (State.UNREACHABLE, True, (), 7),
         (State.FAILED, True, (), 3),
@@ -194,33 +194,35 @@ def test_nothing_is_said_of_what_was_reported_meanwhile(state: State, reported: 
         (State.UNREACHABLE, False, (), 3),
     ],
 )
-def test_when_the_map_says_it_what_is_reported_later_is_news(state: State, known: bool, problems: tuple[str, ...], lost_at: int) -> None:
-    one = Looking()
-    one.member.lost_version, one.work.state = 3, state
-    if not known:
-        one.work.participant = "nobody"
-    one.observation.assumed(UnobservedSubject("Jar001", 1), problems, 9.0)
-    assert one.member.lost_version == lost_at
-    assert one.told == ([(events.KnownOtherwise(object="Jar001", problems=problems), 9.0, one.work)] if problems else [])
+def test_when_the_map_says_it_what_is_reported_later_is_news(
+    state: State, member_known: bool, problems: tuple[str, ...], lost_at: int
+) -> None:
+    harness = ObservationHarness()
+    harness.member.lost_version, harness.work.state = 3, state
+    if not member_known:
+        harness.work.participant = "nobody"
+    harness.observation.assumed(UnobservedSubject("Jar001", 1), problems, 9.0)
+    assert harness.member.lost_version == lost_at
+    assert harness.logged_events == ([(events.KnownOtherwise(object="Jar001", problems=problems), 9.0, harness.work)] if problems else [])
 
 
 @pytest.mark.parametrize(
-    ("object", "types", "found"),
+    ("object", "types", "service_types"),
     [
-        ("Jar001", [looking("Look"), TRANSFER, looking(), looking()], ["FindObject", "Look"]),
-        ("Gone", [looking()], []),
-        ("Shelf1", [looking()], []),
-        ("Shelf1", [looking(type="Object")], ["FindObject"]),
-        ("Jar001", [looking(kind=ServiceKind.PHYSICAL)], []),
-        ("Jar001", [looking(effect=f"?Thing.{UNKNOWN} = TRUE")], []),
-        ("Jar001", [looking(effect=f"?Other.{UNKNOWN} = FALSE")], []),
+        ("Jar001", [look_service_type("Look"), TRANSFER, look_service_type(), look_service_type()], ["FindObject", "Look"]),
+        ("Gone", [look_service_type()], []),
+        ("Shelf1", [look_service_type()], []),
+        ("Shelf1", [look_service_type(type="Object")], ["FindObject"]),
+        ("Jar001", [look_service_type(kind=ServiceKind.PHYSICAL)], []),
+        ("Jar001", [look_service_type(effect=f"?Thing.{UNKNOWN} = TRUE")], []),
+        ("Jar001", [look_service_type(effect=f"?Other.{UNKNOWN} = FALSE")], []),
         ("Jar001", [ServiceType(name="Look", effect=f"Jar001.{UNKNOWN} = FALSE", kind=ServiceKind.COGNITIVE)], []),
         (
             "Jar001",
             [
                 ServiceType(
                     name="Look",
-                    effect=SEEN,
+                    effect=KNOWN_EFFECT,
                     inputs=(Parameter(name="Thing", type="Object"), Parameter(name="Place", type="Object")),
                     kind=ServiceKind.COGNITIVE,
                 )
@@ -229,9 +231,9 @@ def test_when_the_map_says_it_what_is_reported_later_is_news(state: State, known
         ),
     ],
 )
-def test_those_can_look_whose_service_makes_the_object_known(object: str, types: Iterable[ServiceType], found: list[str]) -> None:
+def test_those_can_look_whose_service_makes_the_object_known(object: str, types: Iterable[ServiceType], service_types: list[str]) -> None:
     offers = [offer("Robot1", service_type) for service_type in types]
-    assert look_plans(object, offers, MAP, laboratory()) == [look_plan(object, service_type) for service_type in found]
+    assert look_plans(object, offers, MAP, laboratory()) == [look_plan(object, service_type) for service_type in service_types]
 
 
 @pytest.mark.parametrize(

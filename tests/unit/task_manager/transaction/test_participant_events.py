@@ -27,15 +27,15 @@ from somrs.task_manager.transaction.state import TaskState
 from somrs.task_manager.transaction.views import view
 from tests.support.virtual_system import SITE
 
-WISH, BEFORE = "Jar002 isOn Platform001", "Jar002 isOn Cupboard001"
-ONE, TWO = "Robot1.TransferObject", "Robot2.TransferObject"
+GOAL, INITIAL_SITUATION = "Jar002 isOn Platform001", "Jar002 isOn Cupboard001"
+FIRST_SERVICE, SECOND_SERVICE = "Robot1.TransferObject", "Robot2.TransferObject"
 
 
-class Desk:
+class TaskManagerHarness:
     """A Task Manager whose Repository, Registry and planner answer at once; services say what the test has them say."""
 
     def __init__(
-        self, *robots: str, rejects: tuple[str, ...] = (), found: Iterable[object] = (), held: bool = False, **wanted: object
+        self, *robots: str, rejects: tuple[str, ...] = (), plan_results: Iterable[object] = (), held: bool = False, **options: object
     ) -> None:
         loaded = load_text(SITE, "site.yaml")
         assert loaded.map is not None
@@ -52,29 +52,29 @@ class Desk:
         """What the Registry answers instead of what is on offer."""
         self.held = held
         """Whether the planner's answers wait until the test gives them."""
-        self.found = [*found]
+        self.plan_results = [*plan_results]
         """What the planner answers next, in place of what it would find."""
         self.reports: list[UpdateMap] = []
-        self.said = 0
-        self.says_client(clients.Submit(**{"effect": WISH, **wanted}), 0.0)  # type: ignore[arg-type]  # fields of Submit
+        self.message_count = 0
+        self.client_says(clients.Submit(**{"effect": GOAL, **options}), 0.0)  # type: ignore[arg-type]  # fields of Submit
 
     @property
     def task(self) -> TaskState:
         (task,) = self.manager.state.tasks.values()
         return task
 
-    def give(self, event: Input, now: float) -> list[Effect]:
+    def feed(self, event: Input, now: float) -> list[Effect]:
         """All that comes of it, once everybody has answered."""
         effects = self.manager.handle(event, now)
         for effect in [*effects]:
             match effect:
                 case Ask(question, Problem() as problem) if not self.held:
-                    effects += self.give(Answered(question, self.found.pop(0) if self.found else plan(problem)), now)
+                    effects += self.feed(Answered(question, self.plan_results.pop(0) if self.plan_results else plan(problem)), now)
                 case Send(Message(body=Discover()) as message):
                     body = self.registry or Discovered(offers=self.offers)
-                    effects += self.give(Received(reply(message, body, "registry")), now)
+                    effects += self.feed(Received(reply(message, body, "registry")), now)
                 case Send(Message(body=UpdateMap() as update) as message):
-                    effects += self.give(Received(reply(message, self._update(update), "repository")), now)
+                    effects += self.feed(Received(reply(message, self._update(update), "repository")), now)
         return effects
 
     def _update(self, update: UpdateMap) -> Body:
@@ -82,43 +82,47 @@ class Desk:
         if self.rejects:
             return Rejected(problems=self.rejects)
         situation = update.situation
-        made = changes(parse(situation), self.replica.map, self.replica.ontology) if situation is not None else update.changes
-        self.replica.map = self.replica.map.changed(made)
+        map_changes = changes(parse(situation), self.replica.map, self.replica.ontology) if situation is not None else update.changes
+        self.replica.map = self.replica.map.changed(map_changes)
         self.replica.version += 1
         return Updated(version=self.replica.version)
 
-    def says_client(self, body: Body, now: float) -> list[Effect]:
-        self.said += 1
-        header = Header(sender="client", recipient="tm", message_id=f"client {self.said}", reply_to="client")
-        return self.give(Received(Message(header=header, body=body)), now)
+    def client_says(self, body: Body, now: float) -> list[Effect]:
+        self.message_count += 1
+        header = Header(sender="client", recipient="tm", message_id=f"client {self.message_count}", reply_to="client")
+        return self.feed(Received(Message(header=header, body=body)), now)
 
-    def member(self, service: str = ONE) -> Member:
+    def member(self, service: str = FIRST_SERVICE) -> Member:
         """The one of that service that was asked last."""
         return [member for member in self.task.members if member.offer.service == service][-1]
 
-    def message(self, body: FrpBody, service: str = ONE, by: Member | None = None, about: str | None = None) -> Message:
+    def message(
+        self, body: FrpBody, service: str = FIRST_SERVICE, sender: Member | None = None, request_kind: str | None = None
+    ) -> Message:
         """What one of them would say; `about`: the kind of message that it answers."""
-        self.said += 1
-        member = by or self.member(service)
+        self.message_count += 1
+        member = sender or self.member(service)
         header = Header(
             sender=member.offer.address,
             recipient="tm",
-            message_id=f"said {self.said}",
+            message_id=f"said {self.message_count}",
             reply_to=member.offer.address,
-            relates_to=member.session.sent_messages[about].id if about is not None else None,
+            relates_to=member.session.sent_messages[request_kind].id if request_kind is not None else None,
             transaction=self.task.id,
             participant=member.id,
         )
         return Message(header=header, body=body)
 
-    def says(self, body: FrpBody, now: float, service: str = ONE, by: Member | None = None, about: str | None = None) -> list[Effect]:
-        return self.give(Received(self.message(body, service, by, about)), now)
+    def service_says(
+        self, body: FrpBody, now: float, service: str = FIRST_SERVICE, sender: Member | None = None, request_kind: str | None = None
+    ) -> list[Effect]:
+        return self.feed(Received(self.message(body, service, sender, request_kind)), now)
 
     def rings(self, timer: Timer, now: float) -> list[Effect]:
-        return self.give(TimerFired(timer), now)
+        return self.feed(TimerFired(timer), now)
 
-    def offer(self, now: float = 1.0, service: str = ONE, price: float = 10.0) -> list[Effect]:
-        return self.says(frp.Terms(effect=WISH, price=price, duration=60.0), now, service)
+    def offer(self, now: float = 1.0, service: str = FIRST_SERVICE, price: float = 10.0) -> list[Effect]:
+        return self.service_says(frp.Terms(effect=GOAL, price=price, duration=60.0), now, service)
 
     def executing(self) -> list[Effect]:
         """All who were asked have given terms, and the first is at work; what it was told comes back."""
@@ -128,8 +132,8 @@ class Desk:
         assert self.member().state is State.EXECUTING
         return effects
 
-    def news(self, since: int) -> list[tuple[Event, str | None, GoalKind | None]]:
-        return [(noted.event, noted.step, noted.goal) for noted in self.task.events[since:]]
+    def news(self, event_count: int) -> list[tuple[Event, str | None, GoalKind | None]]:
+        return [(noted.event, noted.step, noted.goal) for noted in self.task.events[event_count:]]
 
 
 def bodies(effects: list[Effect]) -> list[str]:
@@ -140,105 +144,113 @@ STEP = ("step1", GoalKind.TASK)
 
 
 def test_a_task_from_its_statement_to_its_end() -> None:
-    desk = Desk(deadline=500.0)
-    desk.executing()
-    effects = desk.says(frp.Completed(situation=WISH), 61.0)
-    assert desk.news(0) == [
-        (events.TaskStated(effect=WISH), None, None),
+    harness = TaskManagerHarness(deadline=500.0)
+    harness.executing()
+    effects = harness.service_says(frp.Completed(situation=GOAL), 61.0)
+    assert harness.news(0) == [
+        (events.TaskStated(effect=GOAL), None, None),
         (events.Planned(steps=1), None, None),
-        (events.ServicesAsked(services=(ONE,)), *STEP),
-        (events.TermsOffered(service=ONE, price=10.0, currency="EUR", duration=60.0), *STEP),
-        (events.ServiceChosen(service=ONE, price=10.0, currency="EUR", duration=60.0), *STEP),
-        (events.StepStarted(service=ONE), *STEP),
-        (events.StepCompleted(service=ONE, situation=WISH), *STEP),
+        (events.ServicesAsked(services=(FIRST_SERVICE,)), *STEP),
+        (events.TermsOffered(service=FIRST_SERVICE, price=10.0, currency="EUR", duration=60.0), *STEP),
+        (events.ServiceChosen(service=FIRST_SERVICE, price=10.0, currency="EUR", duration=60.0), *STEP),
+        (events.StepStarted(service=FIRST_SERVICE), *STEP),
+        (events.StepCompleted(service=FIRST_SERVICE, situation=GOAL), *STEP),
         (events.TaskEnded(outcome=Outcome.ACCOMPLISHED, reasons=()), None, None),
     ]
-    assert desk.reports == [UpdateMap(situation=WISH, author=ONE)]
+    assert harness.reports == [UpdateMap(situation=GOAL, author=FIRST_SERVICE)]
     assert bodies(effects) == ["UpdateMap", "End"]
-    seen = view(desk.task)
-    (step,), (work,) = seen.steps, seen.work
-    assert (step.state, step.service, step.price, step.duration, step.fraction) == (State.COMPLETED, ONE, 10.0, 60.0, 1.0)
-    assert (work.state, work.result, work.began, work.ended, work.situation) == (State.COMPLETED, State.COMPLETED, 1.0, 61.0, WISH)
-    assert (work.note, work.before, seen.outcome, seen.ended_at) == ("", BEFORE, Outcome.ACCOMPLISHED, 61.0)
+    task_view = view(harness.task)
+    (step,), (work,) = task_view.steps, task_view.work
+    assert (step.state, step.service, step.price, step.duration, step.fraction) == (State.COMPLETED, FIRST_SERVICE, 10.0, 60.0, 1.0)
+    assert (work.state, work.result, work.began, work.ended, work.situation) == (State.COMPLETED, State.COMPLETED, 1.0, 61.0, GOAL)
+    assert (work.note, work.before, task_view.outcome, task_view.ended_at) == ("", INITIAL_SITUATION, Outcome.ACCOMPLISHED, 61.0)
     assert {effect.timer: effect.at for effect in effects if isinstance(effect, SetTimer) and not isinstance(effect.timer, SilenceDue)}[
-        DeadlineDue(desk.task.id)
+        DeadlineDue(harness.task.id)
     ] is None
-    assert (desk.manager.open, desk.task.messages, desk.task.message_count, desk.task.setbacks) == ([], [], 6, 0)
+    assert (harness.manager.open, harness.task.messages, harness.task.message_count, harness.task.setbacks) == ([], [], 6, 0)
 
 
 def test_who_refuses_is_not_asked_again_and_the_next_is_taken() -> None:
-    desk = Desk("Robot1", "Robot2")
-    desk.offer(1.0, TWO)
-    since = len(desk.task.events)
-    effects = desk.says(frp.Refuse(reason="too heavy"), 2.0)
-    assert desk.news(since)[0] == (events.ServiceRefused(service=ONE, reason="too heavy"), *STEP)
+    harness = TaskManagerHarness("Robot1", "Robot2")
+    harness.offer(1.0, SECOND_SERVICE)
+    event_count = len(harness.task.events)
+    effects = harness.service_says(frp.Refuse(reason="too heavy"), 2.0)
+    assert harness.news(event_count)[0] == (events.ServiceRefused(service=FIRST_SERVICE, reason="too heavy"), *STEP)
     assert bodies(effects) == ["Accept", "Execute"]
-    assert desk.member().exit_reason == "too heavy"
-    assert [run.excluded for run in desk.task.goal] == [{ONE: "too heavy"}]
+    assert harness.member().exit_reason == "too heavy"
+    assert [run.excluded for run in harness.task.goal] == [{FIRST_SERVICE: "too heavy"}]
 
 
 def test_who_could_not_be_reached_is_out() -> None:
-    desk = Desk("Robot1", "Robot2")
-    desk.offer(1.0, TWO)
-    (asked,) = [one.message for one in desk.task.messages if one.message.header.participant == desk.member().id]
-    effects = desk.give(DeliveryFailed(asked, "no route"), 2.0)
+    harness = TaskManagerHarness("Robot1", "Robot2")
+    harness.offer(1.0, SECOND_SERVICE)
+    (arrange_message,) = [entry.message for entry in harness.task.messages if entry.message.header.participant == harness.member().id]
+    effects = harness.feed(DeliveryFailed(arrange_message, "no route"), 2.0)
     assert bodies(effects) == ["Cancel", "Accept", "Execute"]
-    assert [run.excluded for run in desk.task.goal] == [{ONE: "could not be reached: no route"}]
+    assert [run.excluded for run in harness.task.goal] == [{FIRST_SERVICE: "could not be reached: no route"}]
 
 
 def test_what_was_not_begun_leaves_nothing_to_undo() -> None:
-    desk = Desk("Robot1", "Robot2")
-    desk.executing()
-    since = len(desk.task.events)
-    effects = desk.says(frp.Failed(description="too late", tried=False), 5.0)
-    assert desk.news(since)[0] == (events.NotBegun(service=ONE, description="too late"), *STEP)
-    assert (desk.task.log.works, desk.reports) == ([], [])
+    harness = TaskManagerHarness("Robot1", "Robot2")
+    harness.executing()
+    event_count = len(harness.task.events)
+    effects = harness.service_says(frp.Failed(description="too late", tried=False), 5.0)
+    assert harness.news(event_count)[0] == (events.NotBegun(service=FIRST_SERVICE, description="too late"), *STEP)
+    assert (harness.task.log.works, harness.reports) == ([], [])
     assert bodies(effects)[-1] == "Arrange"
-    assert desk.member().exit_reason == "too late"
+    assert harness.member().exit_reason == "too late"
 
 
 @pytest.mark.parametrize(
     ("body", "event", "state", "note"),
     [
         (
-            frp.Failed(description="stuck", situation=BEFORE),
-            events.StepFailed(service=ONE, description="stuck", situation=BEFORE),
+            frp.Failed(description="stuck", situation=INITIAL_SITUATION),
+            events.StepFailed(service=FIRST_SERVICE, description="stuck", situation=INITIAL_SITUATION),
             State.FAILED,
             "failed: stuck",
         ),
-        (frp.Stopped(situation=BEFORE), events.StepStopped(service=ONE), State.STOPPED, "stopped"),
+        (frp.Stopped(situation=INITIAL_SITUATION), events.StepStopped(service=FIRST_SERVICE), State.STOPPED, "stopped"),
     ],
 )
 def test_what_a_failure_left_is_on_the_map_before_another_is_asked(body: FrpBody, event: Event, state: State, note: str) -> None:
-    desk = Desk("Robot1", "Robot2")
-    desk.executing()
-    since = len(desk.task.events)
-    effects = desk.says(body, 5.0)
-    assert [one for one, *_ in desk.news(since)] == [event, events.ServiceReplaced(), events.ServicesAsked(services=(TWO,))]
-    assert desk.reports == [UpdateMap(situation=BEFORE, author=ONE)]
+    harness = TaskManagerHarness("Robot1", "Robot2")
+    harness.executing()
+    event_count = len(harness.task.events)
+    effects = harness.service_says(body, 5.0)
+    assert [logged_event for logged_event, *_ in harness.news(event_count)] == [
+        event,
+        events.ServiceReplaced(),
+        events.ServicesAsked(services=(SECOND_SERVICE,)),
+    ]
+    assert harness.reports == [UpdateMap(situation=INITIAL_SITUATION, author=FIRST_SERVICE)]
     assert bodies(effects) == ["UpdateMap", "Arrange"]
-    (work,) = desk.task.log.works
-    assert (work.state, work.result, work.ended, work.situation, work.note) == (state, state, 5.0, BEFORE, note)
-    (run,) = desk.task.goal
-    assert (run.excluded, str(run.reported), desk.task.services.broken) == ({ONE: note}, BEFORE, {ONE: note})
-    assert desk.task.services.failures == {ONE: 1}
-    assert desk.task.look_queue.unseen == []
+    (work,) = harness.task.log.works
+    assert (work.state, work.result, work.ended, work.situation, work.note) == (state, state, 5.0, INITIAL_SITUATION, note)
+    (run,) = harness.task.goal
+    assert (run.excluded, str(run.reported), harness.task.services.broken) == (
+        {FIRST_SERVICE: note},
+        INITIAL_SITUATION,
+        {FIRST_SERVICE: note},
+    )
+    assert harness.task.services.failures == {FIRST_SERVICE: 1}
+    assert harness.task.look_queue.unseen == []
 
 
 def test_a_failure_of_which_nothing_is_known_is_looked_at() -> None:
-    desk = Desk("Robot1", "Robot2")
-    desk.executing()
-    since = len(desk.task.events)
-    desk.says(frp.Failed(description="stuck"), 5.0)
-    assert [type(one).__name__ for one, *_ in desk.news(since)][:2] == ["StepFailed", "NobodyLooks"]
-    (report,) = desk.reports
+    harness = TaskManagerHarness("Robot1", "Robot2")
+    harness.executing()
+    event_count = len(harness.task.events)
+    harness.service_says(frp.Failed(description="stuck"), 5.0)
+    assert [type(event).__name__ for event, *_ in harness.news(event_count)][:2] == ["StepFailed", "NobodyLooks"]
+    (report,) = harness.reports
     assert (report.author, report.situation) == ("nobody could look", None)
 
 
 def test_progress_is_told_when_it_is_news_and_put_on_the_map_when_it_changed_something() -> None:
-    desk = Desk()
-    desk.executing()
-    since = len(desk.task.events)
+    harness = TaskManagerHarness()
+    harness.executing()
+    event_count = len(harness.task.events)
     held = "Jar002 isHeldBy Robot1"
     for body in (
         frp.Progress(fraction=0.1),
@@ -247,136 +259,149 @@ def test_progress_is_told_when_it_is_news_and_put_on_the_map_when_it_changed_som
         frp.Progress(fraction=0.4, note="carries", situation=held),
         frp.Progress(fraction=0.5),
     ):
-        desk.says(body, 5.0)
-        assert desk.member().fraction == body.fraction
-    assert desk.news(since) == [
-        (events.ProgressNoted(service=ONE, note="drives"), *STEP),
-        (events.ProgressNoted(service=ONE, note="carries"), *STEP),
+        harness.service_says(body, 5.0)
+        assert harness.member().fraction == body.fraction
+    assert harness.news(event_count) == [
+        (events.ProgressNoted(service=FIRST_SERVICE, note="drives"), *STEP),
+        (events.ProgressNoted(service=FIRST_SERVICE, note="carries"), *STEP),
     ]
-    assert desk.reports == [UpdateMap(situation=held, author=ONE)]
-    (work,) = desk.task.log.works
-    assert (work.situation, work.state, desk.member().note) == (held, State.EXECUTING, "carries")
+    assert harness.reports == [UpdateMap(situation=held, author=FIRST_SERVICE)]
+    (work,) = harness.task.log.works
+    assert (work.situation, work.state, harness.member().note) == (held, State.EXECUTING, "carries")
 
 
 def test_a_report_that_is_rejected_counts_as_a_failure() -> None:
-    desk = Desk("Robot1", "Robot2", rejects=("there is no such place",))
-    desk.executing()
-    since = len(desk.task.events)
-    desk.says(frp.Completed(situation=WISH), 61.0)
-    assert desk.news(since)[:2] == [
-        (events.StepCompleted(service=ONE, situation=WISH), *STEP),
-        (events.ReportRejected(service=ONE, problems=("there is no such place",)), *STEP),
+    harness = TaskManagerHarness("Robot1", "Robot2", rejects=("there is no such place",))
+    harness.executing()
+    event_count = len(harness.task.events)
+    harness.service_says(frp.Completed(situation=GOAL), 61.0)
+    assert harness.news(event_count)[:2] == [
+        (events.StepCompleted(service=FIRST_SERVICE, situation=GOAL), *STEP),
+        (events.ReportRejected(service=FIRST_SERVICE, problems=("there is no such place",)), *STEP),
     ]
-    why = "reported an impossible situation: there is no such place"
-    (work,) = desk.task.log.works
-    assert (work.state, work.result, work.note) == (State.FAILED, State.FAILED, why)
-    assert desk.task.services.broken == {ONE: why}
+    reason = "reported an impossible situation: there is no such place"
+    (work,) = harness.task.log.works
+    assert (work.state, work.result, work.note) == (State.FAILED, State.FAILED, reason)
+    assert harness.task.services.broken == {FIRST_SERVICE: reason}
 
 
 def test_one_that_falls_silent_is_lost_and_nothing_is_known_of_what_it_left() -> None:
-    desk = Desk("Robot1", "Robot2")
-    desk.executing()
-    member = desk.member()
-    desk.replica.version = 4
-    since = len(desk.task.events)
-    desk.rings(SilenceDue(desk.task.id, member.id), 41.0)
-    desk.rings(SilenceDue(desk.task.id, member.id), 81.0)
-    told = [one for one, *_ in desk.news(since)]
-    assert told[:2] == [events.ServiceSilent(service=ONE), events.ServiceLost(service=ONE, silent=True)]
-    (work,) = desk.task.log.works
+    harness = TaskManagerHarness("Robot1", "Robot2")
+    harness.executing()
+    member = harness.member()
+    harness.replica.version = 4
+    event_count = len(harness.task.events)
+    harness.rings(SilenceDue(harness.task.id, member.id), 41.0)
+    harness.rings(SilenceDue(harness.task.id, member.id), 81.0)
+    logged_events = [event for event, *_ in harness.news(event_count)]
+    assert logged_events[:2] == [events.ServiceSilent(service=FIRST_SERVICE), events.ServiceLost(service=FIRST_SERVICE, silent=True)]
+    (work,) = harness.task.log.works
     assert (work.state, work.result, work.ended) == (State.STRANDED, State.UNREACHABLE, 81.0)
-    assert work.note == desk.task.services.broken[ONE] == "fell silent while it worked"
-    assert desk.task.services.failures == {}
-    assert desk.reports[0].expected_version == 4
+    assert work.note == harness.task.services.broken[FIRST_SERVICE] == "fell silent while it worked"
+    assert harness.task.services.failures == {}
+    assert harness.reports[0].expected_version == 4
 
 
 @pytest.mark.parametrize(
     "late",
-    [frp.Completed(situation=BEFORE), frp.Failed(description="", situation=BEFORE), frp.Stopped(situation=BEFORE)],
+    [
+        frp.Completed(situation=INITIAL_SITUATION),
+        frp.Failed(description="", situation=INITIAL_SITUATION),
+        frp.Stopped(situation=INITIAL_SITUATION),
+    ],
 )
 def test_the_report_of_one_that_was_given_up_is_put_on_the_map_after_the_end(late: FrpBody) -> None:
-    desk = Desk()
-    desk.executing()
-    member = desk.member()
-    desk.says_client(clients.CancelTask(task=desk.task.id), 10.0)
-    desk.rings(StopDue(desk.task.id), 70.0)
-    assert desk.task.outcome is Outcome.CANCELLED
-    assert [*desk.task.members] == [member]
-    lost_at, before = member.lost_version, len(desk.reports)
+    harness = TaskManagerHarness()
+    harness.executing()
+    member = harness.member()
+    harness.client_says(clients.CancelTask(task=harness.task.id), 10.0)
+    harness.rings(StopDue(harness.task.id), 70.0)
+    assert harness.task.outcome is Outcome.CANCELLED
+    assert [*harness.task.members] == [member]
+    lost_at, report_count = member.lost_version, len(harness.reports)
     for _ in range(2):
-        desk.says(late, 80.0)
-    assert desk.reports[before:] == [UpdateMap(situation=BEFORE, author=ONE, expected_version=lost_at)]
+        harness.service_says(late, 80.0)
+    assert harness.reports[report_count:] == [UpdateMap(situation=INITIAL_SITUATION, author=FIRST_SERVICE, expected_version=lost_at)]
 
 
 def test_one_that_takes_far_too_long_is_stopped_and_then_lost() -> None:
-    desk = Desk("Robot1", "Robot2")
-    desk.executing()
-    timer = OverdueDue(desk.task.id, desk.member().id)
-    since = len(desk.task.events)
-    assert bodies(desk.rings(timer, 700.0)) == ["Stop"]
-    desk.rings(timer, 760.0)
-    assert [one for one, *_ in desk.news(since)][:2] == [events.ServiceOverdue(service=ONE), events.ServiceLost(service=ONE)]
+    harness = TaskManagerHarness("Robot1", "Robot2")
+    harness.executing()
+    timer = OverdueDue(harness.task.id, harness.member().id)
+    event_count = len(harness.task.events)
+    assert bodies(harness.rings(timer, 700.0)) == ["Stop"]
+    harness.rings(timer, 760.0)
+    assert [event for event, *_ in harness.news(event_count)][:2] == [
+        events.ServiceOverdue(service=FIRST_SERVICE),
+        events.ServiceLost(service=FIRST_SERVICE),
+    ]
 
 
 # Ending
 
 
-@pytest.mark.parametrize(("reason", "said"), [("no more", "no more"), ("", "cancelled by the client")])
-def test_a_task_that_is_cancelled_stops_everybody_and_undoes_what_was_done(reason: str, said: str) -> None:
-    desk = Desk(deadline=500.0)
-    desk.executing()
-    since = len(desk.task.events)
-    effects = desk.says_client(clients.CancelTask(task=desk.task.id, reason=reason), 10.0)
+@pytest.mark.parametrize(("reason", "expected_reason"), [("no more", "no more"), ("", "cancelled by the client")])
+def test_a_task_that_is_cancelled_stops_everybody_and_undoes_what_was_done(reason: str, expected_reason: str) -> None:
+    harness = TaskManagerHarness(deadline=500.0)
+    harness.executing()
+    event_count = len(harness.task.events)
+    effects = harness.client_says(clients.CancelTask(task=harness.task.id, reason=reason), 10.0)
     assert bodies(effects) == ["Stop", "Cancelling"]
     wakes = {effect.timer: effect.at for effect in effects if isinstance(effect, SetTimer)}
-    assert (wakes[DeadlineDue(desk.task.id)], wakes[StopDue(desk.task.id)]) == (None, 70.0)
-    assert (desk.task.phase, desk.task.ending, desk.task.reasons) == (clients.Phase.RECOVERING, Outcome.CANCELLED, (said,))
-    desk.says_client(clients.CancelTask(task=desk.task.id, reason="once more"), 11.0)
-    effects = desk.says(frp.Stopped(situation=BEFORE), 12.0)
-    assert [one for one, *_ in desk.news(since)] == [
-        events.Stopping(reason=said),
-        events.StepStopped(service=ONE),
+    assert (wakes[DeadlineDue(harness.task.id)], wakes[StopDue(harness.task.id)]) == (None, 70.0)
+    assert (harness.task.phase, harness.task.ending, harness.task.reasons) == (
+        clients.Phase.RECOVERING,
+        Outcome.CANCELLED,
+        (expected_reason,),
+    )
+    harness.client_says(clients.CancelTask(task=harness.task.id, reason="once more"), 11.0)
+    effects = harness.service_says(frp.Stopped(situation=INITIAL_SITUATION), 12.0)
+    assert [event for event, *_ in harness.news(event_count)] == [
+        events.Stopping(reason=expected_reason),
+        events.StepStopped(service=FIRST_SERVICE),
         events.WorkUndone(),
-        events.TaskEnded(outcome=Outcome.CANCELLED, reasons=(said, f"TransferObject by {ONE} was undone: {BEFORE}")),
+        events.TaskEnded(
+            outcome=Outcome.CANCELLED, reasons=(expected_reason, f"TransferObject by {FIRST_SERVICE} was undone: {INITIAL_SITUATION}")
+        ),
     ]
     assert bodies(effects) == ["UpdateMap", "End"]
-    assert [effect.timer for effect in effects if isinstance(effect, SetTimer)].count(StopDue(desk.task.id)) == 2
-    assert desk.task.services.broken == {}, "it was called off, and did not fail"
-    assert (desk.task.outcome, desk.task.ended_at) == (Outcome.CANCELLED, 12.0)
+    assert [effect.timer for effect in effects if isinstance(effect, SetTimer)].count(StopDue(harness.task.id)) == 2
+    assert harness.task.services.broken == {}, "it was called off, and did not fail"
+    assert (harness.task.outcome, harness.task.ended_at) == (Outcome.CANCELLED, 12.0)
 
 
 def test_a_task_whose_deadline_is_over_has_failed() -> None:
-    desk = Desk(deadline=500.0)
-    effects = desk.rings(DeadlineDue(desk.task.id), 500.0)
+    harness = TaskManagerHarness(deadline=500.0)
+    effects = harness.rings(DeadlineDue(harness.task.id), 500.0)
     assert bodies(effects) == ["Cancel"]
-    assert desk.task.outcome is Outcome.FAILED
-    assert desk.task.reasons == ("the deadline of 500 s is over",)
-    assert [one for one, *_ in desk.news(-1)] == [events.TaskEnded(outcome=Outcome.FAILED, reasons=desk.task.reasons)]
+    assert harness.task.outcome is Outcome.FAILED
+    assert harness.task.reasons == ("the deadline of 500 s is over",)
+    assert [event for event, *_ in harness.news(-1)] == [events.TaskEnded(outcome=Outcome.FAILED, reasons=harness.task.reasons)]
 
 
 def test_one_that_does_not_say_that_it_stopped_is_given_up() -> None:
-    desk = Desk()
-    desk.executing()
-    desk.says_client(clients.CancelTask(task=desk.task.id), 10.0)
-    since = len(desk.task.events)
-    effects = desk.rings(StopDue(desk.task.id), 70.0)
-    assert desk.news(since)[0] == (events.ServiceLost(service=ONE, stopping=True), *STEP)
+    harness = TaskManagerHarness()
+    harness.executing()
+    harness.client_says(clients.CancelTask(task=harness.task.id), 10.0)
+    event_count = len(harness.task.events)
+    effects = harness.rings(StopDue(harness.task.id), 70.0)
+    assert harness.news(event_count)[0] == (events.ServiceLost(service=FIRST_SERVICE, stopping=True), *STEP)
     assert "End" in bodies(effects)
-    assert desk.task.outcome is Outcome.CANCELLED
-    assert desk.rings(StopDue(desk.task.id), 80.0) == []
+    assert harness.task.outcome is Outcome.CANCELLED
+    assert harness.rings(StopDue(harness.task.id), 80.0) == []
 
 
 def test_a_procedure_that_was_laid_down_for_a_failure_is_begun_once_for_a_step() -> None:
     aside = "Jar001 isOn Cupboard002"
     handlers = (Handler(on=Occasion.COMPENSATION, effect="Tin001 isOn Platform001"), Handler(on=Occasion.FAILURE, effect=aside))
-    desk = Desk("Robot1", "Robot2", handlers=handlers)
-    desk.executing()
-    for service, begun in ((ONE, ["HandlerBegun", "Planned"]), (TWO, [])):
-        since = len(desk.task.events)
-        desk.says(frp.Failed(description="stuck", situation=BEFORE), 5.0, service)
-        told = [one for one, *_ in desk.news(since)]
-        assert [type(one).__name__ for one in told][1 : len(begun) + 1] == begun
-        assert (events.HandlerBegun(effect=aside) in told) is bool(begun)
-        if service == ONE:
-            desk.offer(6.0, TWO)
-    assert (desk.task.goal_count, desk.task.side_goals) == (2, [])
+    harness = TaskManagerHarness("Robot1", "Robot2", handlers=handlers)
+    harness.executing()
+    for service, event_names in ((FIRST_SERVICE, ["HandlerBegun", "Planned"]), (SECOND_SERVICE, [])):
+        event_count = len(harness.task.events)
+        harness.service_says(frp.Failed(description="stuck", situation=INITIAL_SITUATION), 5.0, service)
+        logged_events = [event for event, *_ in harness.news(event_count)]
+        assert [type(event).__name__ for event in logged_events][1 : len(event_names) + 1] == event_names
+        assert (events.HandlerBegun(effect=aside) in logged_events) is bool(event_names)
+        if service == FIRST_SERVICE:
+            harness.offer(6.0, SECOND_SERVICE)
+    assert (harness.task.goal_count, harness.task.side_goals) == (2, [])

@@ -23,9 +23,11 @@ RADIUS = 0.25
 REACH = (0.36, 0.64)
 
 
-def box(name: str, type: str, x: float, y: float, width: float, depth: float, height: float = 1.0, z: float = 0.0, **more: Value) -> Object:
+def box(
+    name: str, type: str, x: float, y: float, width: float, depth: float, height: float = 1.0, z: float = 0.0, **attributes: Value
+) -> Object:
     shape: dict[str, Value] = {"Shape.Form": "Box", "Shape.Width": width, "Shape.Depth": depth, "Shape.Height": height}
-    return Object(name=name, type=type, values={"PositionX": x, "PositionY": y, "PositionZ": z, **shape, **more})
+    return Object(name=name, type=type, values={"PositionX": x, "PositionY": y, "PositionZ": z, **shape, **attributes})
 
 
 def floor(width: float, depth: float) -> Object:
@@ -37,10 +39,10 @@ def navigator(*objects: Object) -> Navigator:
 
 
 def samples(path: list[Point]) -> list[Point]:
-    counts = [max(1, math.ceil(math.dist(a, b) / 0.02)) for a, b in pairwise(path)]
+    counts = [max(1, math.ceil(math.dist(start, end) / 0.02)) for start, end in pairwise(path)]
     return [
-        (a[0] + (b[0] - a[0]) * i / n, a[1] + (b[1] - a[1]) * i / n)
-        for (a, b), n in zip(pairwise(path), counts, strict=True)
+        (start[0] + (end[0] - start[0]) * i / n, start[1] + (end[1] - start[1]) * i / n)
+        for (start, end), n in zip(pairwise(path), counts, strict=True)
         for i in range(n + 1)
     ]
 
@@ -55,19 +57,19 @@ def plain_distance(solids: list[Solid], size: Point, start: Point, goal: Point, 
 
     open_cells = {(c, r) for c in range(columns + 1) for r in range(rows + 1) if free(c, r)}
     begin, end = ((round(p[0] / cell), round(p[1] / cell)) for p in (start, goal))
-    made, queue = {begin: 0.0}, [(0.0, begin)]
+    costs, queue = {begin: 0.0}, [(0.0, begin)]
     while queue:
         cost, (c, r) = heapq.heappop(queue)
         if (c, r) == end:
             return cost * cell
-        if cost > made[c, r]:
+        if cost > costs[c, r]:
             continue
         for dc, dr in ((dc, dr) for dc in (-1, 0, 1) for dr in (-1, 0, 1)):
-            other = c + dc, r + dr
+            neighbour = c + dc, r + dr
             longer = cost + math.hypot(dc, dr)
-            if other in open_cells and longer < made.get(other, math.inf):
-                made[other] = longer
-                heapq.heappush(queue, (longer, other))
+            if neighbour in open_cells and longer < costs.get(neighbour, math.inf):
+                costs[neighbour] = longer
+                heapq.heappush(queue, (longer, neighbour))
     return math.inf
 
 
@@ -107,14 +109,14 @@ def test_finds_a_way_where_the_plain_search_does_and_a_safe_one(things: list[Obj
     assert length(path) >= narrow / 1.09 - 0.15
 
 
-def two_rooms(*more: Object, gap: float = 0.9) -> Navigator:
+def two_rooms(*extra_objects: Object, gap: float = 0.9) -> Navigator:
     """Two rooms of 4 x 4 m, and a wall between them with a gap in its middle."""
     side = (4 - gap) / 2
     return navigator(
         floor(8.1, 4),
         box("WallA", "Wall", 4.05, side / 2, 0.1, side, 2.5),
         box("WallB", "Wall", 4.05, 4 - side / 2, 0.1, side, 2.5),
-        *more,
+        *extra_objects,
     )
 
 
@@ -125,8 +127,8 @@ def door(open: bool) -> Object:
 def test_passes_a_doorway_in_its_middle() -> None:
     path = two_rooms(door(True)).path((1, 0.5), (7, 0.5), RADIUS)
     assert path is not None
-    through = min(samples(path), key=lambda point: abs(point[0] - 4.05))
-    assert abs(through[1] - 2) < 0.15
+    crossing_point = min(samples(path), key=lambda point: abs(point[0] - 4.05))
+    assert abs(crossing_point[1] - 2) < 0.15
 
 
 def test_does_not_pass_a_closed_door_nor_a_gap_that_is_too_narrow() -> None:
@@ -150,12 +152,14 @@ def test_a_floor_that_ends_at_the_walls_does_not_close_the_door() -> None:
 
 
 def test_what_hangs_above_the_robot_does_not_block_and_what_is_carried_is_no_obstacle() -> None:
-    def across(thing: Object) -> float | None:
+    def crossing_length(thing: Object) -> float | None:
         return navigator(floor(4, 1), thing).distance((0.5, 0.5), (3.5, 0.5), RADIUS)
 
-    assert across(box("Cupboard1", "Cupboard", 2, 0.5, 1, 1, 0.5, 1.9)) == pytest.approx(3)
-    assert across(box("Cupboard1", "Cupboard", 2, 0.5, 1, 1, 0.5, 1.2)) is None
-    assert across(Object(name="Jar1", type="Jar", values={"PositionX": 2.0, "PositionY": 0.5, "PositionZ": 0.0})) == pytest.approx(3)
+    assert crossing_length(box("Cupboard1", "Cupboard", 2, 0.5, 1, 1, 0.5, 1.9)) == pytest.approx(3)
+    assert crossing_length(box("Cupboard1", "Cupboard", 2, 0.5, 1, 1, 0.5, 1.2)) is None
+    assert crossing_length(Object(name="Jar1", type="Jar", values={"PositionX": 2.0, "PositionY": 0.5, "PositionZ": 0.0})) == pytest.approx(
+        3
+    )
 
 
 def test_leaves_a_place_that_is_too_close_to_a_table() -> None:
@@ -179,10 +183,10 @@ def test_reaches_a_jar_on_a_cupboard_at_a_wall_from_the_front() -> None:
     for pose in poses:
         assert plan.free((pose.x, pose.y), RADIUS)
         assert plan.path((5, 5), (pose.x, pose.y), RADIUS) is not None
-        away = math.dist((pose.x, pose.y), pose.target)
-        assert REACH[0] <= away <= REACH[1] + 1e-9
-        assert pose.x + away * math.cos(pose.yaw) == pytest.approx(0.38)
-        assert pose.y + away * math.sin(pose.yaw) == pytest.approx(3.0)
+        distance = math.dist((pose.x, pose.y), pose.target)
+        assert REACH[0] <= distance <= REACH[1] + 1e-9
+        assert pose.x + distance * math.cos(pose.yaw) == pytest.approx(0.38)
+        assert pose.y + distance * math.sin(pose.yaw) == pytest.approx(3.0)
     assert abs(poses[0].yaw) > 2.3, "looking west"
     assert plan.approach((5, 5), (0.38, 3.0), RADIUS, REACH, [Disc(0.9, 3, 0.6)], height=0.8) == [], "somebody stands there"
 
@@ -204,13 +208,13 @@ def test_finds_room_on_a_table_beside_what_stands_there() -> None:
     table = box("Table1", "Table", 3, 3, 1.2, 0.8, 0.7, RotationZ=0.5)
     plan = navigator(floor(6, 6), table)
     solid = plan.solids["Table1"]
-    free, *others = [target for target, _ in edge_targets(solid, 0.1)]
-    taken = [Disc(*target, 0.05) for target in others if math.dist(target, free) > 0.15]
-    poses = plan.approach_support((5, 5), solid, RADIUS, REACH, occupied_spots=taken)
+    free, *other_targets = [target for target, _ in edge_targets(solid, 0.1)]
+    occupied_spots = [Disc(*target, 0.05) for target in other_targets if math.dist(target, free) > 0.15]
+    poses = plan.approach_support((5, 5), solid, RADIUS, REACH, occupied_spots=occupied_spots)
     assert poses
     for pose in poses:
         assert solid.distance(*pose.target) <= -0.06
-        assert all(disc.distance(pose.target) > 0.05 for disc in taken)
+        assert all(disc.distance(pose.target) > 0.05 for disc in occupied_spots)
         assert plan.path((5, 5), (pose.x, pose.y), RADIUS) is not None
 
 

@@ -24,7 +24,7 @@ FOLLOWER = "http://here/simulator"
 DOOR = "  Door1: {type: Door, at: [6, 5, 0], Shape: {Form: Box, Width: 0.1, Depth: 2, Height: 2.1}, Open: true}\nfacts:"
 
 
-class Both:
+class RepositoryAndWorld:
     """A Repository and a world that follows it, joined by a network that loses nothing."""
 
     def __init__(self) -> None:
@@ -38,13 +38,13 @@ class Both:
         self.simulation = self.follower.simulation
 
     def _carry(self, effects: Iterable[Effect]) -> None:
-        sent = [effect.message for effect in effects if isinstance(effect, Send)]
-        while sent:
-            message = sent.pop(0)
+        messages = [effect.message for effect in effects if isinstance(effect, Send)]
+        while messages:
+            message = messages.pop(0)
             parts: dict[str, Component] = {REPOSITORY: self.repository, FOLLOWER: self.follower}
-            to = parts.get(message.header.recipient)
-            if to is not None:
-                sent += [effect.message for effect in to.handle(Received(message), self.now) if isinstance(effect, Send)]
+            recipient = parts.get(message.header.recipient)
+            if recipient is not None:
+                messages += [effect.message for effect in recipient.handle(Received(message), self.now) if isinstance(effect, Send)]
 
     def update(self, update: Alteration) -> None:
         self._carry(self.repository.handle(Received(request(update)), 0.0))
@@ -62,93 +62,93 @@ class Both:
 
 
 def test_a_door_that_is_closed_on_the_map_is_closed_in_the_world() -> None:
-    both = Both()
-    there, back = DriveTo(x=4, y=5), DriveTo(x=8, y=5)
-    assert isinstance(both.drive(there), CommandDone)
-    both.update(UpdateMap(situation="Door1.Open = FALSE"))
-    end = both.drive(back)
+    pair = RepositoryAndWorld()
+    drive_there, drive_back = DriveTo(x=4, y=5), DriveTo(x=8, y=5)
+    assert isinstance(pair.drive(drive_there), CommandDone)
+    pair.update(UpdateMap(situation="Door1.Open = FALSE"))
+    end = pair.drive(drive_back)
     assert isinstance(end, CommandGivenUp)
     assert end.reason == "unreachable"
-    both.update(UpdateMap(situation="Door1.Open = TRUE"))
-    assert isinstance(both.drive(back), CommandDone)
+    pair.update(UpdateMap(situation="Door1.Open = TRUE"))
+    assert isinstance(pair.drive(drive_back), CommandDone)
 
 
 def test_what_is_measured_moves_nothing() -> None:
-    both = Both()
-    before = both.simulation.observe("Jar1")
-    both.update(UpdateMap(situation="Jar1.PositionX = 3 AND Jar1 isOn Floor1"))
-    assert both.simulation.observe("Jar1") == before
+    pair = RepositoryAndWorld()
+    jar_before = pair.simulation.observe("Jar1")
+    pair.update(UpdateMap(situation="Jar1.PositionX = 3 AND Jar1 isOn Floor1"))
+    assert pair.simulation.observe("Jar1") == jar_before
 
 
 def test_what_comes_to_the_map_and_goes_from_it_comes_and_goes() -> None:
-    both = Both()
+    pair = RepositoryAndWorld()
     cup = Object(name="Cup1", type="Cup", values={"PositionX": 10.5, "PositionY": 4.0, "PositionZ": 0.3})
-    both.update(UpdateMap(changes=(ObjectAdded(cup),)))
-    assert both.simulation.observe("Cup1").support == "Platform1"
-    both.update(UpdateMap(changes=(ObjectRemoved("Cup1"),)))
-    assert "Cup1" not in both.simulation.scene.world.solids
+    pair.update(UpdateMap(changes=(ObjectAdded(cup),)))
+    assert pair.simulation.observe("Cup1").support == "Platform1"
+    pair.update(UpdateMap(changes=(ObjectRemoved("Cup1"),)))
+    assert "Cup1" not in pair.simulation.scene.world.solids
 
 
-def called(section: Section, name: str, to: str) -> Define:
-    return Define(renamed=(Renaming(section=section, name=name, to=to),))
+def make_renaming(section: Section, name: str, new_name: str) -> Define:
+    return Define(renamed=(Renaming(section=section, name=name, to=new_name),))
 
 
 @pytest.mark.parametrize("type", ["Jar", "PatrolRobot", "Platform", "Building"])
 def test_what_is_of_a_type_with_another_name_stays_as_it_is(type: str) -> None:
-    both = Both()
-    assert isinstance(both.drive(DriveTo(x=4, y=5)), CommandDone)
-    before = both.simulation.scene.pose("Jar1"), both.simulation.scene.pose("Patrol1")
+    pair = RepositoryAndWorld()
+    assert isinstance(pair.drive(DriveTo(x=4, y=5)), CommandDone)
+    poses_before = pair.simulation.scene.pose("Jar1"), pair.simulation.scene.pose("Patrol1")
     if type != "PatrolRobot":  # which SO-MRS relies on
-        both.update(called(Section.TYPES, type, "Other"))
+        pair.update(make_renaming(Section.TYPES, type, "Other"))
     else:
-        both.update(Define(definitions=Definitions(types=(structs.replace(upper().types[type], name="Other", parent=type),))))
-        robot = structs.replace(both.repository.contents.map.objects["Patrol1"], type="Other")
-        facts = tuple(FactAdded(fact) for fact in both.repository.contents.map.facts_about("Patrol1"))
-        both.update(UpdateMap(changes=(ObjectRemoved("Patrol1"), ObjectAdded(robot), *facts)))
-    assert (both.simulation.scene.pose("Jar1"), both.simulation.scene.pose("Patrol1")) == before
-    assert isinstance(both.drive(DriveTo(x=8, y=5)), CommandDone)
+        pair.update(Define(definitions=Definitions(types=(structs.replace(upper().types[type], name="Other", parent=type),))))
+        robot = structs.replace(pair.repository.contents.map.objects["Patrol1"], type="Other")
+        facts = tuple(FactAdded(fact) for fact in pair.repository.contents.map.facts_about("Patrol1"))
+        pair.update(UpdateMap(changes=(ObjectRemoved("Patrol1"), ObjectAdded(robot), *facts)))
+    assert (pair.simulation.scene.pose("Jar1"), pair.simulation.scene.pose("Patrol1")) == poses_before
+    assert isinstance(pair.drive(DriveTo(x=8, y=5)), CommandDone)
 
 
 def test_a_thing_with_another_name_stays_where_it_is() -> None:
-    both = Both()
-    both.simulation.move("Jar1", 3.0, 4.0, 0.0)
+    pair = RepositoryAndWorld()
+    pair.simulation.move("Jar1", 3.0, 4.0, 0.0)
     for _ in range(50):
-        both.simulation.step()
-    before = both.simulation.observe("Jar1")
-    both.update(RenameObject(name="Jar1", to="Krug"))
-    after = both.simulation.observe("Krug")
-    assert (after.x, after.y, after.z) == pytest.approx((before.x, before.y, before.z), abs=1e-4)
-    assert "Jar1" not in both.simulation.scene.world.solids
-    both.update(RenameObject(name="Platform1", to="Stage1"))
-    assert "Stage1" in both.simulation.scene.world.solids
+        pair.simulation.step()
+    jar_before = pair.simulation.observe("Jar1")
+    pair.update(RenameObject(name="Jar1", to="Krug"))
+    jar_after = pair.simulation.observe("Krug")
+    assert (jar_after.x, jar_after.y, jar_after.z) == pytest.approx((jar_before.x, jar_before.y, jar_before.z), abs=1e-4)
+    assert "Jar1" not in pair.simulation.scene.world.solids
+    pair.update(RenameObject(name="Platform1", to="Stage1"))
+    assert "Stage1" in pair.simulation.scene.world.solids
 
 
 def test_a_thing_in_a_robots_hand_may_get_another_name_or_go() -> None:
-    both = Both()
-    assert isinstance(both.drive(Approach(object="Jar1"), "Robot1"), CommandDone)
-    assert isinstance(both.drive(Grip(object="Jar1"), "Robot1"), CommandDone)
-    both.update(RenameObject(name="Jar1", to="Krug"))
-    assert both.simulation.observe("Krug").held_by == "Robot1"
-    assert isinstance(both.drive(DriveTo(x=4, y=5), "Robot1"), CommandDone)
-    assert both.simulation.scene.pose("Krug")[:2] == pytest.approx((4, 5), abs=1)
+    pair = RepositoryAndWorld()
+    assert isinstance(pair.drive(Approach(object="Jar1"), "Robot1"), CommandDone)
+    assert isinstance(pair.drive(Grip(object="Jar1"), "Robot1"), CommandDone)
+    pair.update(RenameObject(name="Jar1", to="Krug"))
+    assert pair.simulation.observe("Krug").held_by == "Robot1"
+    assert isinstance(pair.drive(DriveTo(x=4, y=5), "Robot1"), CommandDone)
+    assert pair.simulation.scene.pose("Krug")[:2] == pytest.approx((4, 5), abs=1)
     ends: list[CommandDone | CommandGivenUp] = []
-    both.simulation.command("Robot1", Place(support="Floor1"), ends.append)
-    both.simulation.step()
-    both.update(UpdateMap(changes=(ObjectRemoved("Krug"),)))
+    pair.simulation.command("Robot1", Place(support="Floor1"), ends.append)
+    pair.simulation.step()
+    pair.update(UpdateMap(changes=(ObjectRemoved("Krug"),)))
     while not ends:
-        assert both.simulation.time < 300
-        both.simulation.step()
+        assert pair.simulation.time < 300
+        pair.simulation.step()
     assert isinstance(ends[0], CommandGivenUp)
     assert "Krug was taken out of the world" in ends[0].description
-    assert isinstance(both.drive(DriveTo(x=4, y=4), "Robot1"), CommandDone)
+    assert isinstance(pair.drive(DriveTo(x=4, y=4), "Robot1"), CommandDone)
 
 
 def test_a_change_that_no_message_can_hold_is_followed_too() -> None:
     """It is read from the map as it is then."""
-    both = Both()
-    both.update(Define(definitions=Definitions(types=(structs.replace(upper().types["Cup"], name="Mug", doc="x" * 60_000),))))
+    pair = RepositoryAndWorld()
+    pair.update(Define(definitions=Definitions(types=(structs.replace(upper().types["Cup"], name="Mug", doc="x" * 60_000),))))
     mugs = [Object(name=f"Mug{n}", type="Mug", values={"PositionX": 10.5, "PositionY": 4.0, "PositionZ": 0.3 + n}) for n in range(2)]
-    both.update(UpdateMap(changes=tuple(map(ObjectAdded, mugs))))
-    both.update(called(Section.TYPES, "Mug", "Beaker"))
-    assert {"Mug0", "Mug1"} <= both.simulation.scene.world.solids.keys()
-    assert both.simulation.scene.world.solids["Mug0"].type == "Beaker"
+    pair.update(UpdateMap(changes=tuple(map(ObjectAdded, mugs))))
+    pair.update(make_renaming(Section.TYPES, "Mug", "Beaker"))
+    assert {"Mug0", "Mug1"} <= pair.simulation.scene.world.solids.keys()
+    assert pair.simulation.scene.world.solids["Mug0"].type == "Beaker"

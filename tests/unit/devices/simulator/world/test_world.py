@@ -20,7 +20,7 @@ from tests.support.simulator_room import ONTOLOGY, Run, box, robot, room, shell,
 
 
 def test_every_physical_object_of_the_map_is_in_the_world() -> None:
-    scene = Scene(room(more=[Object(name="Room1", type="CuboidRoom")]), ONTOLOGY)
+    scene = Scene(room(extra_objects=[Object(name="Room1", type="CuboidRoom")]), ONTOLOGY)
     assert set(scene.world.solids) == set(room().objects)
     assert scene.observe("Jar002").support == "Cupboard001"
     assert scene.observe("Robot1").support == "Floor1"
@@ -34,11 +34,11 @@ def test_types_bring_their_defaults() -> None:
 
 
 def test_things_stay_where_they_are_for_a_minute() -> None:
-    run = Run(room(more=[thing("Carton1", "Carton", 4, 5.2, 0.74, RotationZ=0.5)]))
-    before = run.simulation.scene.pose("Carton1"), run.simulation.scene.pose("Jar002")
+    run = Run(room(extra_objects=[thing("Carton1", "Carton", 4, 5.2, 0.74, RotationZ=0.5)]))
+    poses_before = run.simulation.scene.pose("Carton1"), run.simulation.scene.pose("Jar002")
     run.simulation.scene.step(12000)
-    after = run.simulation.scene.pose("Carton1"), run.simulation.scene.pose("Jar002")
-    assert np.allclose(before, after, atol=1e-3)
+    poses_after = run.simulation.scene.pose("Carton1"), run.simulation.scene.pose("Jar002")
+    assert np.allclose(poses_before, poses_after, atol=1e-3)
 
 
 def sleeping(run: Run) -> list[str]:
@@ -47,12 +47,12 @@ def sleeping(run: Run) -> list[str]:
 
 
 def test_what_sleeps_is_as_it_would_be_awake(monkeypatch: pytest.MonkeyPatch) -> None:
-    more = [thing("Jar003", "Jar", 0.4, 4.3, 0.8), thing("Carton1", "Carton", 4, 5.2, 0.74, RotationZ=0.5)]
+    extra_things = [thing("Jar003", "Jar", 0.4, 4.3, 0.8), thing("Carton1", "Carton", 4, 5.2, 0.74, RotationZ=0.5)]
     ends = []
     for wake in (scene_module.RESTING, math.inf):
         monkeypatch.setattr(scene_module, "RESTING", wake)
-        run = Run(room(more=more))
-        run.all("Robot1", Grip(object="Jar003"), Place(support="Platform001"))
+        run = Run(room(extra_objects=extra_things))
+        run.execute_all("Robot1", Grip(object="Jar003"), Place(support="Platform001"))
         for _ in range(100):
             run.step()
         assert sleeping(run) == (["Jar002", "Jar003", "Carton1"] if wake < math.inf else [])
@@ -64,11 +64,11 @@ def test_what_sleeps_is_as_it_would_be_awake(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_what_sleeps_falls_when_what_it_stands_on_is_gone() -> None:
     run = Run(room())
-    run.until(lambda: sleeping(run))
+    run.run_until(lambda: sleeping(run))
     assert run.simulation.observe("Jar002").support == "Cupboard001"
     assert run.simulation.scene.touches("Jar002", ["Cupboard001"])
     run.simulation.remove("Cupboard001")
-    run.until(lambda: run.simulation.time > 3 and not run.simulation.busy)
+    run.run_until(lambda: run.simulation.time > 3 and not run.simulation.busy)
     assert run.simulation.observe("Jar002").support == "Floor1"
     assert run.simulation.scene.pose("Jar002")[2] < 0.1
 
@@ -78,7 +78,7 @@ def test_nothing_is_busy_until_somebody_says_something() -> None:
     assert not run.simulation.busy
     run.start("Robot1", DriveTo(x=3, y=3))
     assert run.simulation.busy
-    run.until(lambda: not run.simulation.busy)
+    run.run_until(lambda: not run.simulation.busy)
 
 
 def test_physics_that_stopped_making_sense_is_an_error() -> None:
@@ -91,28 +91,33 @@ def test_physics_that_stopped_making_sense_is_an_error() -> None:
 
 def test_what_appears_while_it_runs_is_there_and_changes_nothing_else() -> None:
     run = Run(room())
-    run.all("Robot1", Grip(object="Jar002"))
+    run.execute_all("Robot1", Grip(object="Jar002"))
     ends = run.start("Robot1", Approach(object="Platform001"))
     for _ in range(100):
         run.step()
-    before = run.simulation.state("Robot1"), run.simulation.observe("Jar002")
+    states_before = run.simulation.state("Robot1"), run.simulation.observe("Jar002")
     run.simulation.add(thing("Cup1", "Cup", 4, 5, 0.74))
     run.simulation.add(box("Table002", "Table", (2.5, 4.5, 0), (0.8, 0.8, 0.7)))
     run.simulation.add(robot("Robot3", (7, 5.3, 2.0)))
-    after = run.simulation.state("Robot1"), run.simulation.observe("Jar002")
-    assert (after[0].x, after[0].y, after[0].holding) == pytest.approx((before[0].x, before[0].y, "Jar002"), abs=1e-6)
-    assert math.dist((before[1].x, before[1].y, before[1].z), (after[1].x, after[1].y, after[1].z)) < 1e-6
-    run.until(lambda: ends)
+    states_after = run.simulation.state("Robot1"), run.simulation.observe("Jar002")
+    assert (states_after[0].x, states_after[0].y, states_after[0].holding) == pytest.approx(
+        (states_before[0].x, states_before[0].y, "Jar002"), abs=1e-6
+    )
+    assert (
+        math.dist((states_before[1].x, states_before[1].y, states_before[1].z), (states_after[1].x, states_after[1].y, states_after[1].z))
+        < 1e-6
+    )
+    run.run_until(lambda: ends)
     assert isinstance(ends[0], CommandDone)
-    run.all("Robot1", Place(support="Table002"))
-    run.all("Robot3", Grip(object="Cup1"), Place(support="Platform001"))
+    run.execute_all("Robot1", Place(support="Table002"))
+    run.execute_all("Robot3", Grip(object="Cup1"), Place(support="Platform001"))
     assert run.simulation.observe("Cup1").support == "Platform001"
     assert not run.collisions
 
 
 def test_what_is_removed_is_gone() -> None:
     run = Run(room())
-    run.all("Robot1", Grip(object="Jar002"))
+    run.execute_all("Robot1", Grip(object="Jar002"))
     run.simulation.remove("Jar002")
     assert run.simulation.state("Robot1").holding is None
     ends = run.start("Robot2", DriveTo(x=3, y=3))
@@ -120,7 +125,7 @@ def test_what_is_removed_is_gone() -> None:
     run.simulation.remove("Robot2")
     assert [end.reason for end in ends if isinstance(end, CommandGivenUp)] == ["stopped"]
     run.simulation.remove("Platform001")
-    run.all("Robot1", DriveTo(x=6.5, y=1.5))
+    run.execute_all("Robot1", DriveTo(x=6.5, y=1.5))
     with pytest.raises(UsageError, match="not in the simulated world"):
         run.simulation.observe("Jar002")
 
@@ -128,7 +133,7 @@ def test_what_is_removed_is_gone() -> None:
 def test_somebody_can_move_a_thing() -> None:
     run = Run(room())
     run.simulation.move("Jar002", 4, 5.2, 0.74)
-    run.until(lambda: not run.simulation.busy)
+    run.run_until(lambda: not run.simulation.busy)
     assert run.simulation.observe("Jar002").support == "Table001"
     with pytest.raises(UsageError, match="not a thing"):
         run.simulation.move("Table001", 1, 1, 0)
@@ -149,7 +154,10 @@ def test_an_object_that_cannot_be_built_is_named(path: str, value: float) -> Non
 
 def test_a_polygon_is_cut_into_triangles_of_its_area() -> None:
     outline = ((0.0, 0.0), (4.0, 0.0), (4.0, 3.0), (2.0, 3.0), (2.0, 1.0), (0.0, 1.0))
-    area = sum(abs((b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1])) / 2 for a, b, c in triangles(outline))
+    area = sum(
+        abs((second[0] - first[0]) * (third[1] - first[1]) - (third[0] - first[0]) * (second[1] - first[1])) / 2
+        for first, second, third in triangles(outline)
+    )
     assert area == pytest.approx(8.0)
 
 
@@ -158,19 +166,19 @@ def test_robots_work_on_a_floor_with_an_outline() -> None:
     shape: dict[str, float | str | bool] = {"Shape.Form": "Polygon", "Shape.Outline": text, "Shape.Height": 0.1}
     floor = thing("Floor1", "Floor", 0, 0, -0.1, **shape)
     run = Run(Map([floor, thing("Cup1", "Cup", 5, 3.2, 0), robot("Robot1", (1, 1, 0))]))
-    run.all("Robot1", Grip(object="Cup1"), DriveTo(x=1, y=1), Place(support="Floor1"))
+    run.execute_all("Robot1", Grip(object="Cup1"), DriveTo(x=1, y=1), Place(support="Floor1"))
     assert run.simulation.observe("Cup1").support == "Floor1"
-    end = run.do("Robot1", DriveTo(x=1, y=3.5))
+    end = run.execute("Robot1", DriveTo(x=1, y=3.5))
     assert isinstance(end, CommandGivenUp)
     assert end.reason == "unreachable"
 
 
 def test_a_cup_is_moved_in_an_office_with_a_hundred_pieces_of_furniture() -> None:
-    chance = random.Random(5)
+    rng = random.Random(5)
     desks = [box(f"Desk{i}", "Table", (2 + 3 * (i % 10), 8 + 3 * (i // 10), 0), (1.4, 0.7, 0.74)) for i in range(60)]
     chairs = [box(f"Chair{i}", "Chair", (2 + 3 * (i % 10), 8.8 + 3 * (i // 10), 0), (0.45, 0.45, 0.85)) for i in range(60)]
-    cups = [thing(f"Cup{i}", "Cup", 2 + 3 * (i % 10) + chance.uniform(-0.5, 0.5), 8 + 3 * (i // 10), 0.74) for i in range(10)]
+    cups = [thing(f"Cup{i}", "Cup", 2 + 3 * (i % 10) + rng.uniform(-0.5, 0.5), 8 + 3 * (i // 10), 0.74) for i in range(10)]
     floor = box("Floor1", "Floor", (16, 13, -0.1), (33, 27, 0.1))
     run = Run(Map([floor, *desks, *chairs, *cups, robot("Robot1", (5, 3, 0)), robot("Robot2", (25, 3, 0))]))
-    run.all("Robot1", Grip(object="Cup3"), Place(support="Desk5"))
+    run.execute_all("Robot1", Grip(object="Cup3"), Place(support="Desk5"))
     assert run.simulation.observe("Cup3").support == "Desk5"
