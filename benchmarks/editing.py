@@ -17,7 +17,7 @@ from msgspec import structs
 
 from somrs.client.client import Addresses, Client
 from somrs.kernel.component import Received, Record
-from somrs.kernel.pending import JournaledComponent
+from somrs.kernel.durability import JournaledComponent
 from somrs.ontology.files.loading import upper
 from somrs.ontology.naming import DefinitionKey, Renaming, Section
 from somrs.ontology.objects import ValueSet

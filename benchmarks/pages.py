@@ -23,7 +23,7 @@ from playwright.sync_api import Browser, Page, sync_playwright
 from rich.console import Console
 from rich.table import Table
 
-from somrs.cli.importing import import_site
+from somrs.cli.import_commands import import_site
 from somrs.client.client import Addresses
 from somrs.deployment.system import System
 from somrs.ontology.files.dump import dump_map

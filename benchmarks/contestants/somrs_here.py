@@ -16,7 +16,7 @@ from somrs.runtime.host import Host
 from somrs.runtime.node import CarryOut, Report
 from somrs.service_manager.participant.participant import ServiceManager
 from somrs.service_manager.sdk.orders import Halt, Perform, Quote, Undo
-from somrs.service_manager.sdk.work import carry_out
+from somrs.service_manager.sdk.service_runner import carry_out
 from somrs.storage.journal import Journal
 from somrs.storage.repository_store import repository_journal
 from somrs.task_manager.manager import SCHEMA, TaskManager

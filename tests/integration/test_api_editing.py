@@ -11,10 +11,10 @@ import httpx
 import pytest
 from msgspec import structs
 
-from somrs.api.affected import WordUserKind
 from somrs.api.ontology import ImportOntology
 from somrs.api.remote import LiveApi
-from somrs.cli.editing import alter
+from somrs.api.word_uses import WordUserKind
+from somrs.cli.edit_commands import alter
 from somrs.client.client import Client, Refused, client_name
 from somrs.client.refusals import error_report
 from somrs.errors import InputError, ModelError

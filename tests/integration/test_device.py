@@ -13,7 +13,7 @@ from somrs.client.client import Addresses
 from somrs.deployment.device import DeviceRunner, device_journal, load
 from somrs.errors import DeviceError, UsageError
 from somrs.kernel.component import Effect, Input, Received, Send, Started, TimerFired
-from somrs.kernel.pending import JournaledComponent
+from somrs.kernel.durability import JournaledComponent
 from somrs.ontology.types import AttributeType, Kind
 from somrs.protocol.frp.session import CoordinatorBody, CoordinatorSession, ParticipantSession
 from somrs.protocol.messages import frp

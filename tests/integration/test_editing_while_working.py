@@ -10,7 +10,7 @@ from somrs.protocol.messages.clients import Phase
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.knowledge import Alteration, Define, Defined, Definitions, RenameObject, Updated
-from somrs.runtime.virtual import Work
+from somrs.runtime.virtual_time import Work
 from somrs.service_manager.sdk.orders import Order, ServiceFailed
 from tests.support.virtual_system import Robot, VirtualSystem
 

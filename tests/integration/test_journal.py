@@ -26,7 +26,7 @@ from somrs.entish.parse import parse
 from somrs.errors import UsageError
 from somrs.kernel.codec import Migration, Schema
 from somrs.kernel.component import Answered, DeliveryFailed, ErrorAnswer, Input, Received, Record, Started, TimerFired
-from somrs.kernel.pending import Entry, JournalCodec, JournaledComponent, PendingEffects
+from somrs.kernel.durability import Entry, JournalCodec, JournaledComponent, PendingEffects
 from somrs.kernel.replica import ReplicaDue
 from somrs.planner.model.plan import Link, NoPlan, Plan, Step
 from somrs.protocol.messages.records import ReadRecords, Records, TaskRecord

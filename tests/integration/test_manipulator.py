@@ -24,7 +24,7 @@ from somrs.repository.component import Repository
 from somrs.repository.state import Contents
 from somrs.service_manager.sdk.device import Ask, MapReader
 from somrs.service_manager.sdk.orders import Advance, Halt, Order, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo, WorkDone
-from somrs.service_manager.sdk.work import carry_out
+from somrs.service_manager.sdk.service_runner import carry_out
 from tests.support.robot_lab import map_after, run, simulator, site
 from tests.support.virtual_devices import make_ask
 

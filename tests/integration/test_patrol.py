@@ -14,7 +14,7 @@ from somrs.devices.simulator.link.commands import Fault
 from somrs.ontology.files.loading import load_text, upper
 from somrs.service_manager import Device
 from somrs.service_manager.sdk.orders import Halt, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo, WorkDone
-from tests.support.looking_lab import SITE, carry_order, lab, look_order, map_after
+from tests.support.observation_lab import SITE, carry_order, lab, look_order, map_after
 from tests.support.paths import ROOT
 from tests.support.robot_lab import run
 

@@ -18,7 +18,7 @@ from somrs.repository.component import Repository
 from somrs.repository.state import Contents
 from somrs.service_manager.sdk.device import MapReader
 from somrs.service_manager.sdk.orders import Order, Perform, Quote, Quoted, ServiceFailed, WorkDone
-from somrs.service_manager.sdk.work import carry_out
+from somrs.service_manager.sdk.service_runner import carry_out
 from tests.support.command import somrs
 from tests.support.lab import lab
 from tests.support.robot_lab import run

@@ -17,7 +17,7 @@ from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.planner.encodings.sas import decode_moves, encode_sas
-from somrs.planner.grounding.finite import FiniteTask, Operation
+from somrs.planner.grounding.finite_task import FiniteTask, Operation
 from somrs.planner.grounding.merging import merge_task
 from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import AvailableService, Problem

@@ -16,9 +16,9 @@ from somrs.service_manager.participant.participant import ServiceManager
 from somrs.service_manager.sdk.orders import Capability, Profile
 from somrs.task_manager.device_queue import AtWork, DeviceQueues
 from somrs.task_manager.reservations import Reservation, Reservations
-from tests.integration.test_rival_task_managers import Hands, run_until_executing
+from tests.integration.test_competing_tasks import Hands, run_until_executing
+from tests.support.event_sentences import texts
 from tests.support.examples import examples
-from tests.support.told import texts
 from tests.support.virtual_system import Robot, VirtualSystem
 
 JARS = ("Jar001", "Jar002", "Tin001")

@@ -13,7 +13,7 @@ from somrs.protocol.messages.clients import ContractView, MessageView, StepView,
 from somrs.protocol.messages.events import EventKind
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.records import TaskRecord
-from somrs.service_manager.participant import speech
+from somrs.service_manager.participant import messaging
 from somrs.task_manager.arrangement import call_for_proposals
 from somrs.task_manager.execution import participants
 from somrs.task_manager.recovery import ladder
@@ -52,7 +52,7 @@ def test_the_words_and_the_limits_are_those_of_the_program() -> None:
     for name, value in {
         "REPLY_TIME": call_for_proposals.REPLY_TIME,
         "SILENCE": participants.SILENCE,
-        "CUT_OFF": speech.CUT_OFF,
+        "CUT_OFF": messaging.CUT_OFF,
         "LATENESS": participants.LATENESS,
         "LEAST_TIME": participants.LEAST_TIME,
         "STOP_TIME": transaction.STOP_TIME,
@@ -60,7 +60,7 @@ def test_the_words_and_the_limits_are_those_of_the_program() -> None:
     }.items():
         (row,) = [line for line in TEXT.splitlines() if f"`{name}`" in line and line.startswith("|")]
         assert re.search(rf"\b{value:g}\b", row), row
-    assert 2 * participants.SILENCE > speech.CUT_OFF
+    assert 2 * participants.SILENCE > messaging.CUT_OFF
 
 
 def test_every_field_of_what_is_kept_is_explained() -> None:

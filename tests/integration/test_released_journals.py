@@ -11,7 +11,7 @@ import pytest
 
 from somrs.kernel.codec import decode_untyped, encode
 from somrs.kernel.component import Send, Started, TimerFired
-from somrs.kernel.pending import JournaledComponent
+from somrs.kernel.durability import JournaledComponent
 from somrs.protocol.messages.clients import Phase
 from somrs.protocol.messages.events import GoalKind
 from somrs.protocol.messages.frp import Outcome, State

@@ -26,16 +26,16 @@ from somrs.protocol.messages.frp import Fault, Outcome, State
 from somrs.protocol.messages.records import Records, TaskRecord
 from somrs.protocol.soap import soap
 from somrs.protocol.soap.document import MOST_BYTES
-from somrs.runtime.virtual import Work
+from somrs.runtime.virtual_time import Work
 from somrs.service_manager.sdk.orders import Advance, Order, WorkDone
 from somrs.task_manager.manager import REMEMBERED, SCHEMA, TaskManager
 from somrs.task_manager.state import TaskManagerState
 from somrs.task_manager.subscriptions import TaskSubscriptions
 from somrs.task_manager.transaction.transaction import Transaction
 from tests.integration.test_task_manager import GOAL, breaks
+from tests.support.event_sentences import texts
 from tests.support.examples import examples
 from tests.support.relay import Relay
-from tests.support.told import texts
 from tests.support.virtual_system import Robot, VirtualSystem, transfer_effect
 
 HUGE_NUMBER = 1_000_000

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from somrs.protocol.messages.clients import CancelTask, Policy, Preview, Previewed, ReadTasks, Tasks
 from somrs.protocol.messages.frp import Arrange, Failed, Outcome, State
-from somrs.runtime.virtual import Work
+from somrs.runtime.virtual_time import Work
 from somrs.service_manager.sdk.orders import Advance, Order, ServiceFailed, WorkDone
-from tests.support.told import texts
+from tests.support.event_sentences import texts
 from tests.support.virtual_system import Robot, VirtualSystem, transfer_effect
 
 GOAL = "Jar002 isOn Platform001"

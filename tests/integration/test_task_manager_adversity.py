@@ -14,7 +14,7 @@ from somrs.protocol.messages.clients import CancelTask, Phase, Policy, Preview, 
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.knowledge import Updated, UpdateMap
-from somrs.runtime.virtual import Work
+from somrs.runtime.virtual_time import Work
 from somrs.service_manager.sdk.orders import Advance, Order, ServiceFailed
 from somrs.task_manager.manager import REMEMBERED, TaskManager
 from tests.support.virtual_system import Robot, Script, VirtualSystem

@@ -6,15 +6,15 @@ from msgspec import structs
 
 from somrs.client.task_report import view
 from somrs.gui.pages.task import observed_objects
+from somrs.gui.pages.task_bids import bid_status
+from somrs.gui.pages.task_cancel_dialog import cancel_consequences
 from somrs.gui.pages.task_chapters import Chapter, failures, summary
-from somrs.gui.pages.task_ending import cancel_consequences
 from somrs.gui.pages.task_story import story
-from somrs.gui.pages.task_terms import bid_status
-from somrs.gui.pages.task_words import gist
+from somrs.gui.pages.task_text import gist
 from somrs.ontology.services import Handler, Occasion
 from somrs.protocol.messages.clients import CancelTask
 from somrs.protocol.messages.records import TaskRecord
-from somrs.runtime.virtual import Work
+from somrs.runtime.virtual_time import Work
 from somrs.service_manager.sdk.orders import Order, ServiceFailed
 from tests.integration.test_recovery import BOTH_JARS, GOAL, goes_silent, holding, patrolled_system, restore_object, run_until_step_done
 from tests.support.virtual_system import Robot, VirtualSystem

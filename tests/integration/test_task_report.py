@@ -16,7 +16,7 @@ from somrs.protocol.messages.clients import CancelTask, ReadTasks, TaskNews, Tas
 from somrs.protocol.messages.events import EventKind
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.records import TaskRecord
-from somrs.runtime.virtual import Work
+from somrs.runtime.virtual_time import Work
 from somrs.service_manager.sdk.orders import Advance, Order
 from tests.integration.test_recovery import BOTH_JARS, GOAL, goes_silent, holding, patrolled_system, restore_object, run_until_step_done
 from tests.support.virtual_system import Robot, VirtualSystem

@@ -13,11 +13,11 @@ from somrs.ontology.objects import Map
 from somrs.ontology.services import PROVIDER, Parameter, ServiceType
 from somrs.ontology.truth import formula_holds
 from somrs.ontology.types import Ontology
-from somrs.planner.model.causal import derive_links
+from somrs.planner.model.causal_links import derive_links
 from somrs.planner.model.plan import Plan, Step
 from somrs.planner.model.problem import AvailableService, Problem
 from somrs.planner.model.validation import apply_step
-from somrs.runtime.virtual import Work
+from somrs.runtime.virtual_time import Work
 from somrs.service_manager.sdk.orders import Capability, Order, Profile, WorkDone
 from tests.support.virtual_system import Robot, VirtualSystem
 

@@ -12,7 +12,7 @@ import pytest
 from somrs.sites.pddl import classical, read
 from tests.support.courier import DOMAIN, PROBLEM
 from tests.support.paths import SHARED
-from verification.codmap.play import run_problem
+from verification.codmap.problem_run import run_problem
 from verification.codmap.referee import judges, objections
 
 PUBLISHED = SHARED / "benchmarks" / "codmap"

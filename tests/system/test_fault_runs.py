@@ -12,7 +12,7 @@ import pytest
 from somrs.kernel.component import Effect, Effects, EffectsReturning, Input, Received, TimerFired
 from somrs.protocol.messages.clients import CancelTask, Policy
 from somrs.protocol.messages.frp import Accept, Outcome
-from somrs.runtime.virtual import KillPoint, World
+from somrs.runtime.virtual_time import KillPoint, World
 from somrs.service_manager.participant.timers import TermsDue
 from somrs.task_manager.execution.execution_log import ExecutionLog
 from somrs.task_manager.execution.member import Member
@@ -22,13 +22,9 @@ from somrs.task_manager.reservations import Reservations
 from somrs.task_manager.transaction.participant_events import GoalAction, ParticipantEvents
 from tests.support.paths import ROOT
 from verification.fault_runs.draw import draw
-from verification.fault_runs.hands import DeviceManager
-from verification.fault_runs.likeness import difference
 from verification.fault_runs.properties import Property
 from verification.fault_runs.result import Result, play_scenario, run
-from verification.fault_runs.shrink import minimize, shrink_scenario
-from verification.fault_runs.stage import ComponentFactory
-from verification.fault_runs.story import (
+from verification.fault_runs.scenario import (
     AT_WORK,
     Cut,
     DeviceTraits,
@@ -41,6 +37,10 @@ from verification.fault_runs.story import (
     WorkFault,
     WorkFaultKind,
 )
+from verification.fault_runs.scenario_run import ComponentFactory
+from verification.fault_runs.shrink import minimize, shrink_scenario
+from verification.fault_runs.simulated_device import DeviceManager
+from verification.fault_runs.state_diff import difference
 
 
 @pytest.fixture(scope="module")

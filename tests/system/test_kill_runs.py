@@ -12,13 +12,13 @@ from somrs.ontology.objects import ValueSet
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.knowledge import Event
 from tests.support import warm
-from verification.kill_runs import truth
+from verification.kill_runs import checks
 from verification.kill_runs.bystanders import AUTHOR, CHANGED, PATH, Acknowledged
+from verification.kill_runs.checks import LoggedMessage
 from verification.kill_runs.draw import CELLS, MAX_ATTEMPTS, MESSAGES, Victim, draw_case
-from verification.kill_runs.plays import scenarios_of
 from verification.kill_runs.run import Run
-from verification.kill_runs.stage import RunningSystem
-from verification.kill_runs.truth import LoggedMessage
+from verification.kill_runs.running_system import RunningSystem
+from verification.kill_runs.scenarios import scenarios_of
 
 pytestmark = pytest.mark.long
 
@@ -85,13 +85,13 @@ def takeover_messages(time: float) -> list[tuple[float, str, str]]:
     ],
 )
 def test_what_a_conversation_must_not_be_is_found(messages: list[tuple[float, str, str]], wrong: str) -> None:
-    violations = [*truth.protocol(make_messages(*messages))]
+    violations = [*checks.protocol(make_messages(*messages))]
     assert wrong in violations[0] if wrong else not violations, violations
 
 
 def test_who_is_not_at_home_is_found() -> None:
-    assert not [*truth.at_home({FIRST_PARTICIPANT: State.ENDED, SECOND_PARTICIPANT: State.NEW})]
-    assert [*truth.at_home({FIRST_PARTICIPANT: State.ENDED, SECOND_PARTICIPANT: State.EXECUTING})] == [
+    assert not [*checks.at_home({FIRST_PARTICIPANT: State.ENDED, SECOND_PARTICIPANT: State.NEW})]
+    assert [*checks.at_home({FIRST_PARTICIPANT: State.ENDED, SECOND_PARTICIPANT: State.EXECUTING})] == [
         f"{SECOND_PARTICIPANT} is Executing after the end"
     ]
 
@@ -99,10 +99,10 @@ def test_who_is_not_at_home_is_found() -> None:
 def test_what_was_acknowledged_and_is_lost_is_found() -> None:
     acknowledged = Acknowledged(versions={"a": 3, "b": 4}, tasks=["t", "u"])
     events = [Event(version=v, at=0.0, author=AUTHOR, changes=(ValueSet(CHANGED, PATH, label),)) for label, v in (("a", 3), ("b", 4))]
-    assert not [*truth.lost_updates(acknowledged, events)]
-    assert len([*truth.lost_updates(acknowledged, events[:1])]) == 1
+    assert not [*checks.lost_updates(acknowledged, events)]
+    assert len([*checks.lost_updates(acknowledged, events[:1])]) == 1
     twice = [*events, Event(version=5, at=0.0, author=AUTHOR, changes=(ValueSet(CHANGED, PATH, "b"),))]
-    assert len([*truth.lost_updates(acknowledged, twice)]) == 1
-    assert not [*truth.lost_tasks(acknowledged, dict.fromkeys(("t", "u"), Outcome.ACCOMPLISHED))]
-    assert len([*truth.lost_tasks(acknowledged, {"t": Outcome.ACCOMPLISHED})]) == 1
-    assert len([*truth.lost_tasks(acknowledged, {"t": Outcome.ACCOMPLISHED, "u": None})]) == 1
+    assert len([*checks.lost_updates(acknowledged, twice)]) == 1
+    assert not [*checks.lost_tasks(acknowledged, dict.fromkeys(("t", "u"), Outcome.ACCOMPLISHED))]
+    assert len([*checks.lost_tasks(acknowledged, {"t": Outcome.ACCOMPLISHED})]) == 1
+    assert len([*checks.lost_tasks(acknowledged, {"t": Outcome.ACCOMPLISHED, "u": None})]) == 1

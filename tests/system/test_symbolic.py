@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from somrs.cli.importing import import_sources
+from somrs.cli.import_commands import import_sources
 from somrs.client.client import Client
 from somrs.deployment.system import System, symbolic
 from somrs.devices.symbolic.agent import Faults, Mishap, SymbolicAgent

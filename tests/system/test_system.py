@@ -18,7 +18,7 @@ import msgspec
 import pytest
 from rich.console import Console
 
-from somrs.cli.importing import importer, write_import
+from somrs.cli.import_commands import importer, write_import
 from somrs.client.client import Addresses, Client
 from somrs.client.trace import Line
 from somrs.demo.scenarios import play

@@ -18,7 +18,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
-from verification.codmap.play import run_problem
+from verification.codmap.problem_run import run_problem
 from verification.codmap.referee import judges
 from verification.codmap.result import Result
 from verification.codmap.table import table

@@ -14,11 +14,11 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from verification.fault_runs.draw import draw
 from verification.fault_runs.properties import Violation
+from verification.fault_runs.report import MessageLog, figures, report_lines
 from verification.fault_runs.result import Result, play_scenario, run
+from verification.fault_runs.scenario import Scenario
+from verification.fault_runs.scenario_run import ScenarioRun
 from verification.fault_runs.shrink import shrink_scenario
-from verification.fault_runs.stage import ScenarioRun
-from verification.fault_runs.story import Scenario
-from verification.fault_runs.told import MessageLog, figures, report_lines
 
 PROGRESS_INTERVAL = 5000
 """Runs between two lines of a file that the progress is written to."""

@@ -10,7 +10,7 @@ from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.clients import Cancelling, CancelTask, Preview, Previewed, Submit, Submitted, TaskRejected
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Fault
-from verification.fault_runs.story import TaskRequest
+from verification.fault_runs.scenario import TaskRequest
 
 PATIENCE = 15.0
 """Seconds after which a request without an answer is made again."""

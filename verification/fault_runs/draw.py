@@ -7,9 +7,8 @@ from collections.abc import Iterator
 
 from somrs.ontology.services import Handler, Occasion
 from somrs.protocol.messages.clients import Policy
-from somrs.runtime.virtual import KillPoint
-from verification.fault_runs.site import FLOOR, RECOGNITION, SERVICES
-from verification.fault_runs.story import (
+from somrs.runtime.virtual_time import KillPoint
+from verification.fault_runs.scenario import (
     AT_WORK,
     Cut,
     Departure,
@@ -26,6 +25,7 @@ from verification.fault_runs.story import (
     WorkFault,
     WorkFaultKind,
 )
+from verification.fault_runs.site import FLOOR, RECOGNITION, SERVICES
 
 OFTEN, SELDOM, RARELY = 0.5, 0.15, 0.05
 """Probabilities."""

@@ -29,12 +29,12 @@ from somrs.task_manager.manager import TaskManager
 from somrs.task_manager.transaction.state import TaskState
 from somrs.task_manager.transaction.views import view
 from verification.fault_runs.client import preview_id
+from verification.fault_runs.ground_truth import Action
 from verification.fault_runs.site import RECOGNITION
-from verification.fault_runs.truth import Action
 
 if TYPE_CHECKING:
-    from verification.fault_runs.hands import DeviceWork, SimulatedDevice
-    from verification.fault_runs.stage import ScenarioRun
+    from verification.fault_runs.scenario_run import ScenarioRun
+    from verification.fault_runs.simulated_device import DeviceWork, SimulatedDevice
 
 Pair = tuple[str, str]
 """Transaction and participant."""

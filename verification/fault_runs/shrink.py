@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TypeVar
 
-from verification.fault_runs.story import DeviceTraits, Fault, Scenario, TaskRequest
+from verification.fault_runs.scenario import DeviceTraits, Fault, Scenario, TaskRequest
 
 T = TypeVar("T")
 

@@ -9,7 +9,7 @@ from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import PART_OF, Ontology, Value
-from verification.fault_runs.story import Scenario, Setting
+from verification.fault_runs.scenario import Scenario, Setting
 
 FLOOR = "Floor1"
 """Where things come to lie that are dropped."""

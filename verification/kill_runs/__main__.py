@@ -22,7 +22,7 @@ from somrs.errors import SomrsError
 from verification.kill_runs.draw import CELLS, MAX_ATTEMPTS, draw_case
 from verification.kill_runs.report import result_line, summary
 from verification.kill_runs.run import Result, Run
-from verification.kill_runs.stage import RunningSystem
+from verification.kill_runs.running_system import RunningSystem
 
 ROUNDS = 3
 """So many runs there are for each message and each victim, unless another number is wanted."""

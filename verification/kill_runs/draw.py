@@ -8,7 +8,7 @@ from enum import StrEnum
 
 from somrs.protocol.frp.states import TO_COORDINATOR, TO_PARTICIPANT
 from somrs.protocol.messages.clients import Policy
-from verification.kill_runs.plays import CHEAP, DEAR, PLACES, THINGS, Scenario, scenarios_of
+from verification.kill_runs.scenarios import CHEAP, DEAR, PLACES, THINGS, Scenario, scenarios_of
 
 MESSAGES = tuple(dict.fromkeys(kind.__name__ for kind in (*TO_PARTICIPANT, *TO_COORDINATOR)))
 """Every type of message of the Failure Recovery Protocol."""

@@ -19,11 +19,11 @@ from somrs.protocol.messages import frp
 from somrs.protocol.messages.clients import Cancelling, CancelTask, Submit, TaskView
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.records import ReadRecords
-from verification.kill_runs import truth
+from verification.kill_runs import checks
 from verification.kill_runs.bystanders import CHANGED, Acknowledged, Bystanders
 from verification.kill_runs.draw import Case, Victim
-from verification.kill_runs.plays import THINGS, Action, Trigger
-from verification.kill_runs.stage import RunningSystem, Trouble
+from verification.kill_runs.running_system import RunningSystem, Trouble
+from verification.kill_runs.scenarios import THINGS, Action, Trigger
 from verification.kill_runs.tail import Tail
 
 LOOK = 0.001
@@ -239,18 +239,18 @@ class Run:
         self._measure(result, view)
         await running_system.mend()
         states = await self._sent_home(view.task)
-        homeless = list(truth.at_home(states))
+        homeless = list(checks.at_home(states))
         records = await TaskHistory(running_system.client.records, running_system.client).first(ReadRecords(task=view.task), 2)
         if len(records) != 1:
             result.problems.append(f"{len(records)} records of the task are kept, and not one")
-        result.problems += truth.outcome(case, view, records, state.device, state.cancelled_at)
+        result.problems += checks.outcome(case, view, records, state.device, state.cancelled_at)
         for record in records:
-            result.problems += truth.protocol(truth.logged_messages(record))
+            result.problems += checks.protocol(checks.logged_messages(record))
         result.problems += await self._disagreements(result)
-        result.problems += truth.undone(case, view, await running_system.client.map())
+        result.problems += checks.undone(case, view, await running_system.client.map())
         result.lost += homeless
-        result.lost += truth.lost_tasks(acknowledged, await self._outcomes(acknowledged))
-        result.lost += truth.lost_updates(acknowledged, (await running_system.client.history(CHANGED, limit=1000)).events)
+        result.lost += checks.lost_tasks(acknowledged, await self._outcomes(acknowledged))
+        result.lost += checks.lost_updates(acknowledged, (await running_system.client.history(CHANGED, limit=1000)).events)
         order_ids = {line.message_id for line in self.lines if line.type in ("Accept", "Execute", "Stop", "Compensate")}
         result.acknowledged = len(acknowledged.tasks) + len(acknowledged.versions) + len(order_ids) + 1
 
@@ -286,7 +286,7 @@ class Run:
                         states[participant] = await self._running_system.state(
                             addresses[_device_name(participant)], transaction, participant
                         )
-                    if not [*truth.at_home(states)]:
+                    if not [*checks.at_home(states)]:
                         return states
             if time.monotonic() > end:
                 if len(states) < len(participants):
@@ -303,8 +303,8 @@ class Run:
             map = await running_system.client.map()
             observed = {thing: await running_system.operator.observe(thing) for thing in THINGS}
             robots = await running_system.operator.robots()
-            result.unknown = truth.unknown(map, THINGS)
-            wrong = [*truth.of_things(map, running_system.ontology, observed), *truth.of_robots(map, running_system.ontology, robots)]
+            result.unknown = checks.unknown(map, THINGS)
+            wrong = [*checks.of_things(map, running_system.ontology, observed), *checks.of_robots(map, running_system.ontology, robots)]
             if not wrong or time.monotonic() > end:
                 return wrong
             await asyncio.sleep(0.2)

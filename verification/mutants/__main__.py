@@ -25,7 +25,7 @@ from rich.text import Text
 from somrs.errors import SomrsError
 from verification.mutants.mutations import Mutant, all_mutants
 from verification.mutants.record import Record
-from verification.mutants.running import Runner
+from verification.mutants.runner_process import Runner
 from verification.mutants.tree import Tree
 from verification.mutants.trial import FLOOR, Result, try_mutant
 

@@ -12,7 +12,7 @@ from coverage import CoverageData
 from somrs.errors import SomrsError
 from verification.mutants.mutations import Mutant
 from verification.mutants.runner import RunRequest
-from verification.mutants.running import Runner
+from verification.mutants.runner_process import Runner
 from verification.mutants.tree import Tree, digest
 
 TESTED_BY = ("tests/unit", "tests/integration")

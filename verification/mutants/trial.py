@@ -11,7 +11,7 @@ from somrs.errors import SomrsError
 from verification.mutants.mutations import Mutant
 from verification.mutants.record import Record
 from verification.mutants.runner import TIME_LIMIT_SIGNALS, RunRequest
-from verification.mutants.running import Runner
+from verification.mutants.runner_process import Runner
 from verification.mutants.tree import Tree
 
 FIRST = (10, 50)

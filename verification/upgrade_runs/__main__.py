@@ -19,7 +19,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from somrs import __version__
-from somrs.cli.importing import problem_of
+from somrs.cli.import_commands import problem_of
 from somrs.errors import SomrsError
 from somrs.ontology.files.site import dump_site
 from verification.upgrade_runs.release import ROOT, build_release, release_name

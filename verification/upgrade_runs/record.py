@@ -18,7 +18,7 @@ import sqlite3
 import tempfile
 from pathlib import Path
 
-from somrs.cli.importing import problem_of
+from somrs.cli.import_commands import problem_of
 from somrs.client.client import Addresses, Client
 from somrs.ontology.files.site import dump_site
 from somrs.protocol.messages.clients import Phase, Submit

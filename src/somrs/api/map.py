@@ -9,7 +9,7 @@ from somrs.client.operations import Document, operation
 from somrs.ontology.files.site import dump_site
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.protocol.messages.knowledge import Considered, Events, History, ReadEvents, RenameObject, Rows, Updated, UpdateMap
-from somrs.repository.past import rewind_map
+from somrs.repository.rollback import rewind_map
 
 YAML = "application/yaml"
 

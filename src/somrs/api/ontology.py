@@ -6,9 +6,9 @@ from collections.abc import Iterable, Iterator
 
 import msgspec
 
-from somrs.api.affected import WordUse, find_obsolete_words, find_word_uses
 from somrs.api.context import Context
 from somrs.api.orders import OrderService
+from somrs.api.word_uses import WordUse, find_obsolete_words, find_word_uses
 from somrs.client.operations import Document, operation
 from somrs.ontology.consistency import ontology_violations
 from somrs.ontology.dependency_index import required_definitions

@@ -61,7 +61,7 @@ def check_files(site: Sequence[Path]) -> None:
 
 async def run_system(site: Sequence[Path], data: Path, speed: str, host: str, fresh: bool, launcher: Launcher) -> None:
     """Run a system until somebody ends it."""
-    from somrs.cli.importing import import_sources
+    from somrs.cli.import_commands import import_sources
     from somrs.deployment.programs import until_stopped
     from somrs.deployment.system import System
 
@@ -143,7 +143,7 @@ async def show_object(name: str, data: Path, *, json: bool) -> None:
 
 
 async def history(name: str, data: Path, *, json: bool) -> None:
-    from somrs.cli.editing import describe_event
+    from somrs.cli.edit_commands import describe_event
 
     async with Client(Addresses.read(data)) as client:
         page = await client.history(name)

@@ -166,7 +166,7 @@ def import_(
     output: Annotated[Path | None, typer.Option("--out", "-o", help="The map file to write.")] = None,
 ) -> None:
     """Bring in an existing building, or a planning problem, as a map."""
-    from somrs.cli.importing import import_site as run
+    from somrs.cli.import_commands import import_site as run
 
     guarded(lambda: run(source, output))
 
@@ -241,7 +241,7 @@ def update(
 @map_app.command()
 def events(limit: Limit = 20, before: BeforeOption = None, data: Data = DEFAULT_FOLDER, json: Json = False) -> None:
     """What happened to the map and the ontology, newest first: by whom, when, and what."""
-    from somrs.cli.editing import history as run
+    from somrs.cli.edit_commands import history as run
 
     awaited(run(limit, data, ontology=False, before_version=before, json=json))
 
@@ -259,7 +259,7 @@ def rename(
     json: Json = False,
 ) -> None:
     """Give an object another name, everywhere where it is spoken of."""
-    from somrs.cli.editing import alter
+    from somrs.cli.edit_commands import alter
     from somrs.protocol.messages.knowledge import RenameObject
 
     sys.exit(awaited(alter(RenameObject(name=name, to=to, author=author), data, dry=dry, json=json)))

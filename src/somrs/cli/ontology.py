@@ -26,7 +26,7 @@ DEFAULT_AUTHOR = "somebody at the command line"
 @ontology_app.command()
 def history(limit: Limit = 20, before: BeforeOption = None, data: Data = DEFAULT_FOLDER, json: Json = False) -> None:
     """What changed in the ontology, newest first: by whom, when, and what."""
-    from somrs.cli.editing import history as run
+    from somrs.cli.edit_commands import history as run
 
     awaited(run(limit, data, ontology=True, before_version=before, json=json))
 
@@ -34,7 +34,7 @@ def history(limit: Limit = 20, before: BeforeOption = None, data: Data = DEFAULT
 @ontology_app.command()
 def undo(version: Version, author: Author = DEFAULT_AUTHOR, dry: Dry = False, data: Data = DEFAULT_FOLDER, json: Json = False) -> None:
     """Bring back what a version changed, if nothing changed it since."""
-    from somrs.cli.editing import alter
+    from somrs.cli.edit_commands import alter
     from somrs.protocol.messages.knowledge import Undo
 
     sys.exit(awaited(alter(Undo(version=version, author=author), data, dry=dry, json=json)))
@@ -50,7 +50,7 @@ def remove(
     json: Json = False,
 ) -> None:
     """Remove definitions that nothing needs."""
-    from somrs.cli.editing import alter, remove_definitions
+    from somrs.cli.edit_commands import alter, remove_definitions
     from somrs.cli.options import guarded
 
     alteration = guarded(lambda: remove_definitions(section, names, author))
@@ -68,7 +68,7 @@ def rename(
     json: Json = False,
 ) -> None:
     """Give a definition another name, everywhere where it is spoken of."""
-    from somrs.cli.editing import alter, rename_definition
+    from somrs.cli.edit_commands import alter, rename_definition
     from somrs.cli.options import guarded
 
     alteration = guarded(lambda: rename_definition(section, name, to, author))
@@ -84,12 +84,12 @@ def export(
     data: Data = DEFAULT_FOLDER,
 ) -> None:
     """Write the ontology as it is now to a file."""
-    from somrs.cli import editing, owl_files
+    from somrs.cli import edit_commands, owl_files
 
     if owl_files.is_owl(out):
         awaited(owl_files.export(out, data, map=map, shapes=shapes))
     else:
-        awaited(editing.export(out, data, whole=whole))
+        awaited(edit_commands.export(out, data, whole=whole))
 
 
 @ontology_app.command(name="import")
@@ -102,8 +102,8 @@ def import_(
     json: Json = False,
 ) -> None:
     """Take over the definitions of a file: they are added, or replace those of the same names."""
-    from somrs.cli import editing, owl_files
+    from somrs.cli import edit_commands, owl_files
 
     if owl_files.is_owl(file):
         sys.exit(awaited(owl_files.import_definitions(file, author, data, map=map, dry=dry, json=json)))
-    sys.exit(awaited(editing.import_definitions(file, author, data, dry=dry, json=json)))
+    sys.exit(awaited(edit_commands.import_definitions(file, author, data, dry=dry, json=json)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from somrs.cli.editing import alter
+from somrs.cli.edit_commands import alter
 from somrs.client import terminal
 from somrs.client.client import Addresses, Client
 from somrs.client.owl_change import OwlChange

@@ -30,7 +30,7 @@ from somrs.service_manager.participant.timers import DepartureRequested, Equippe
 from somrs.service_manager.sdk import orders
 from somrs.service_manager.sdk.device import Device, MapReader
 from somrs.service_manager.sdk.orders import Halt, Perform, Quote, Undo
-from somrs.service_manager.sdk.work import carry_out
+from somrs.service_manager.sdk.service_runner import carry_out
 from somrs.storage.journal import Journal
 
 log = logging.getLogger(__name__)

@@ -14,10 +14,10 @@ from somrs.planner.grounding.grounding import Grounding, TooLarge
 from somrs.planner.grounding.merging import merge_task
 from somrs.planner.grounding.relevance import demands
 from somrs.planner.grounding.task import Move, Task
-from somrs.planner.model.choice import generalize_providers
 from somrs.planner.model.operators import Inexpressible, Operator, goal_operators
 from somrs.planner.model.plan import NoPlan, Obstacle, Plan
 from somrs.planner.model.problem import Problem
+from somrs.planner.model.provider_choice import generalize_providers
 from somrs.planner.model.quality import best
 from somrs.planner.model.world import World
 from somrs.planner.repair import prefer_repaired, prefer_shorter

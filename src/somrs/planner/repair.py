@@ -16,7 +16,7 @@ from somrs.errors import FormulaError
 from somrs.ontology.effects import changes, evaluate_effect
 from somrs.ontology.objects import Map
 from somrs.ontology.truth import bindings, formula_holds
-from somrs.planner.model.causal import derive_links, find_useful_steps
+from somrs.planner.model.causal_links import derive_links, find_useful_steps
 from somrs.planner.model.plan import NoPlan, Plan, Step
 from somrs.planner.model.problem import AvailableService, Problem
 from somrs.planner.model.validation import apply_step, validate

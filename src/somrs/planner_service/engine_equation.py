@@ -15,7 +15,7 @@ from scipy.sparse import csr_array
 
 from somrs.planner.encodings.equation import Equation, companions, equation
 from somrs.planner.encodings.sas import parse_sas
-from somrs.planner.grounding.finite import FiniteTask, prune_irrelevant
+from somrs.planner.grounding.finite_task import FiniteTask, prune_irrelevant
 
 UNSOLVABLE = 11
 """As Fast Downward's exit code for the same."""

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from somrs.planner.memory import PlanCache
 from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import Problem
+from somrs.planner.plan_cache import PlanCache
 from somrs.planner.planning import plan_quickly
 from somrs.planner_service.process import PlannerProcess
 

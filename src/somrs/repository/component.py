@@ -64,10 +64,10 @@ from somrs.protocol.messages.knowledge import (
 from somrs.protocol.messages.leases import grant_lease
 from somrs.protocol.messages.paging import PAGE_BYTES, fit_page, size
 from somrs.repository.definition import define_outcome, rename_outcome
-from somrs.repository.looking_back import archive_reply, events_query, history_query, page_query, undo_query
+from somrs.repository.history_queries import archive_reply, events_query, history_query, page_query, undo_query
 from somrs.repository.outcome import VERSION, Outcome, considered, rejected
 from somrs.repository.pages import MapPages, ontology_page
-from somrs.repository.past import inverse
+from somrs.repository.rollback import inverse
 from somrs.repository.state import (
     REMEMBERED,
     Answer,
@@ -79,7 +79,7 @@ from somrs.repository.state import (
     Subscription,
     Task,
 )
-from somrs.repository.undoing import undo_outcome
+from somrs.repository.undo import undo_outcome
 from somrs.repository.update import update_outcome
 from somrs.repository.version_conflict import version_conflicts
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from msgspec import structs
 
 from somrs.entish.parse import nearest
-from somrs.ontology.concerned import violations_after
+from somrs.ontology.affected_objects import violations_after
 from somrs.ontology.conformance import Violation
 from somrs.ontology.consistency import ontology_violations
 from somrs.ontology.dependency_index import lost_dependencies

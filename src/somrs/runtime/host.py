@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 
 from somrs.errors import RemoteError
 from somrs.kernel.component import Component, Received, Stateful
-from somrs.kernel.pending import JournaledComponent
+from somrs.kernel.durability import JournaledComponent
 from somrs.protocol.messages.envelope import Message
 from somrs.runtime.clock import Clock
 from somrs.runtime.http import Server

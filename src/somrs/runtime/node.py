@@ -31,7 +31,7 @@ from somrs.kernel.component import (
     TimerFired,
     Withdraw,
 )
-from somrs.kernel.pending import DELIVERY_TIME, JournaledComponent
+from somrs.kernel.durability import DELIVERY_TIME, JournaledComponent
 from somrs.protocol.messages.envelope import ANONYMOUS, Message
 from somrs.runtime.clock import Clock
 from somrs.runtime.http import NotTaken

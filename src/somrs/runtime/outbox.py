@@ -11,7 +11,7 @@ from itertools import islice
 from typing import Protocol
 
 from somrs.errors import RemoteError
-from somrs.kernel.pending import FIRST_PAUSE, LONGEST_PAUSE
+from somrs.kernel.durability import FIRST_PAUSE, LONGEST_PAUSE
 from somrs.protocol.messages.envelope import ANONYMOUS, Message
 from somrs.runtime.batches import MAX_BATCH_SIZE
 from somrs.runtime.wire import Wire, origin

@@ -6,7 +6,7 @@ from typing import cast
 
 from somrs.kernel.codec import Schema
 from somrs.kernel.component import Component, Input, Stateful
-from somrs.kernel.pending import JournalCodec, JournaledComponent, NumberedEffect
+from somrs.kernel.durability import JournalCodec, JournaledComponent, NumberedEffect
 
 
 class VirtualJournal:

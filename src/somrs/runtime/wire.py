@@ -9,7 +9,7 @@ from typing import NamedTuple, TypeVar
 import aiohttp
 
 from somrs.errors import RemoteError, WireError
-from somrs.kernel.pending import FIRST_PAUSE, LONGEST_PAUSE
+from somrs.kernel.durability import FIRST_PAUSE, LONGEST_PAUSE
 from somrs.protocol.messages.envelope import ANONYMOUS, Message
 from somrs.protocol.soap import soap
 from somrs.protocol.soap.document import MOST_BYTES

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import msgspec
 
-from somrs.kernel.pending import JournalCodec, JournaledComponent
+from somrs.kernel.durability import JournalCodec, JournaledComponent
 from somrs.protocol.messages.clients import WatchTask
 from somrs.protocol.messages.envelope import message_id
 from somrs.protocol.messages.orders import Run, StandingOrder, Template

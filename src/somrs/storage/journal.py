@@ -22,7 +22,7 @@ import somrs
 from somrs.errors import UsageError
 from somrs.kernel.codec import Schema
 from somrs.kernel.component import Stateful
-from somrs.kernel.pending import Entry, JournalCodec, JournaledComponent
+from somrs.kernel.durability import Entry, JournalCodec, JournaledComponent
 from somrs.storage import archive
 from somrs.storage.archive import TaskArchive
 from somrs.storage.disk import Disk, Kind

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 import msgspec
 
-from somrs.kernel.pending import JournalCodec, JournaledComponent
+from somrs.kernel.durability import JournalCodec, JournaledComponent
 from somrs.ontology.naming import Section
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.services import ServiceType

@@ -18,7 +18,7 @@ from somrs.ontology.objects import objects_of
 from somrs.protocol.messages.knowledge import Event, MapPage, OntologyPage, ReadMap, Revision
 from somrs.repository.component import SCHEMA
 from somrs.repository.pages import MapPages, ontology_page
-from somrs.repository.past import PastState
+from somrs.repository.rollback import PastState
 from somrs.repository.state import ArchivedEvents, Contents, EventsOf, HistoryOf, PageOf
 from somrs.storage import journal
 from somrs.storage.disk import Disk, Kind

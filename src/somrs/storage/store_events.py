@@ -13,7 +13,7 @@ from somrs.ontology.naming import Renaming
 from somrs.ontology.objects import Change
 from somrs.protocol.messages.knowledge import Event, Revision
 from somrs.repository.outcome import revert_revision
-from somrs.repository.past import PastState, rewind_map
+from somrs.repository.rollback import PastState, rewind_map
 from somrs.repository.state import EventsOf, HistoryOf, PageOf
 from somrs.storage.disk import Job
 

@@ -12,7 +12,7 @@ from somrs.devices.simulator.link.commands import Fault
 from somrs.gui import icons
 from somrs.gui.components import scene
 from somrs.gui.device_card import SIGNS
-from somrs.gui.pages import task_words
+from somrs.gui.pages import task_text
 from somrs.protocol.messages.clients import Phase
 from somrs.protocol.messages.frp import Outcome
 
@@ -53,7 +53,7 @@ def test_who_left_is_gone_and_not_broken() -> None:
 
 def test_every_state_has_a_label_and_a_sign() -> None:
     assert set(LABELS) == set(SIGNS) == set(DeviceState)
-    assert set(PHASES) == set(task_words.PHASES) == set(Phase)
+    assert set(PHASES) == set(task_text.PHASES) == set(Phase)
     assert set(OUTCOMES) == set(icons.OUTCOMES) == set(Outcome)
 
 

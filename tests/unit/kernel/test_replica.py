@@ -19,7 +19,7 @@ from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.knowledge import Define, Definitions, MapPage, ReadMap, UpdateMap
 from somrs.repository.component import Repository
 from somrs.repository.state import Contents
-from somrs.runtime.virtual import World
+from somrs.runtime.virtual_time import World
 from tests.support.examples import examples
 from tests.support.lab import REPOSITORY, contents, deliver_request, request
 

@@ -13,7 +13,7 @@ from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Map, Object
 from somrs.ontology.units import convert_unit, is_known_unit
 from tests.support.examples import examples
-from tests.support.small import ONTOLOGY, formulas, maps
+from tests.support.small_ontology import ONTOLOGY, formulas, maps
 
 MAP = Map(
     [

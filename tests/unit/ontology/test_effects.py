@@ -14,7 +14,7 @@ from somrs.ontology.indexes import MAX_OWN_KEYS
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet, differences
 from somrs.ontology.truth import formula_holds
 from tests.support.examples import examples
-from tests.support.small import OBJECTS, ONTOLOGY, constants, facts, maps
+from tests.support.small_ontology import OBJECTS, ONTOLOGY, constants, facts, maps
 
 MAP = Map(
     [

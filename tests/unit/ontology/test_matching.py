@@ -18,7 +18,7 @@ from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.truth import formula_holds
 from somrs.ontology.types import RelationType
-from tests.support import small
+from tests.support import small_ontology
 from tests.support.examples import examples
 
 MAP = Map(
@@ -165,7 +165,7 @@ def test_what_is_sure_to_bring_about_all(offered: ServiceType, goal: str, rows: 
     assert [{name: str(term) for name, term in row.items()} for row in found_rows] == rows
 
 
-PLACES = small.ONTOLOGY.extended(
+PLACES = small_ontology.ONTOLOGY.extended(
     [
         *(RelationType(name=name, joins=("Object", "Object"), excludes="place") for name in ("hangs", "leans")),
         RelationType(name="fits", joins=("Object", "Object"), excludes="size"),
@@ -223,13 +223,13 @@ def test_variables_of_both_sides_may_have_the_same_name() -> None:
 
 # In general: what is sure comes true, and what comes true was found possible
 
-effect_relations = small.facts.flatmap(
+effect_relations = small_ontology.facts.flatmap(
     lambda fact: st.tuples(*(st.sampled_from([Variable("P"), Variable("Q"), Name(name)]) for name in fact.arguments)).map(
         lambda arguments: Relation(fact.relation, arguments)
     )
 )
 effects = st.lists(effect_relations | st.builds(Not, effect_relations), min_size=1, max_size=2).map(lambda parts: conjunction(*parts))
-goal_relations = small.facts.map(lambda fact: Relation(fact.relation, tuple(Name(name) for name in fact.arguments)))
+goal_relations = small_ontology.facts.map(lambda fact: Relation(fact.relation, tuple(Name(name) for name in fact.arguments)))
 goals = st.lists(goal_relations | st.builds(Not, goal_relations), min_size=1, max_size=2).map(lambda parts: conjunction(*parts))
 
 
@@ -238,25 +238,29 @@ PAIRED = Map([Object(name="A", type="Object"), Object(name="B", type="Jar")], [F
 
 def made_true(effect: Formula, map: Map, inputs: dict[str, Term]) -> Map | None:
     try:
-        return map.changed(changes(substitute(effect, inputs), map, small.ONTOLOGY))
+        return map.changed(changes(substitute(effect, inputs), map, small_ontology.ONTOLOGY))
     except FormulaError:
         return None  # this effect contradicts itself
 
 
 @examples(60)
-@given(effects, goals, small.maps(), st.sampled_from(["Object", "Thing", "Jar"]))
+@given(effects, goals, small_ontology.maps(), st.sampled_from(["Object", "Thing", "Jar"]))
 @example(parse("?P isPairedWith ?P"), parse("NOT A isPairedWith B"), PAIRED, "Thing")
 def test_matches_agree_with_the_effects_made_true(effect: Formula, goal: Formula, map: Map, type_name: str) -> None:
     offered = service(str(effect), P=type_name, Q="Object")
-    fitting = [Name(o.name) for o in map.objects.values() if small.ONTOLOGY.is_subtype(o.type, type_name)]
+    fitting = [Name(o.name) for o in map.objects.values() if small_ontology.ONTOLOGY.is_subtype(o.type, type_name)]
     all_names = [Name(name) for name in map.objects]
     assignments: list[dict[str, Term]] = [{"P": p, "Q": q} for p, q in itertools.product(fitting, all_names)]
-    for row in achieving_bindings(offered, goal, small.ONTOLOGY, map):
+    for row in achieving_bindings(offered, goal, small_ontology.ONTOLOGY, map):
         for assignment in assignments:
             if all(assignment[name] == term for name, term in row.items()):
                 map_after = made_true(effect, map, assignment)
-                assert map_after is None or formula_holds(goal, map_after, small.ONTOLOGY)
+                assert map_after is None or formula_holds(goal, map_after, small_ontology.ONTOLOGY)
     for assignment in assignments:
         map_after = made_true(effect, map, assignment) if variables(effect) else None
-        if map_after is not None and formula_holds(goal, map_after, small.ONTOLOGY) and not formula_holds(goal, map, small.ONTOLOGY):
-            assert can_achieve(offered, goal, small.ONTOLOGY, map)
+        if (
+            map_after is not None
+            and formula_holds(goal, map_after, small_ontology.ONTOLOGY)
+            and not formula_holds(goal, map, small_ontology.ONTOLOGY)
+        ):
+            assert can_achieve(offered, goal, small_ontology.ONTOLOGY, map)

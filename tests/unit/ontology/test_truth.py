@@ -36,7 +36,7 @@ from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.truth import bindings, evaluate, formula_holds
 from somrs.ontology.types import FunctionType, Ontology, Value
 from tests.support.examples import examples
-from tests.support.small import ONTOLOGY, formulas, maps
+from tests.support.small_ontology import ONTOLOGY, formulas, maps
 
 # The twin: reads values, compares and assigns in the most direct way, in metres and centimetres only
 

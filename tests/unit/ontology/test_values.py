@@ -9,7 +9,7 @@ from somrs.entish.parse import parse_term
 from somrs.ontology.objects import Map, Object
 from somrs.ontology.types import AttributeType, FunctionType, Kind, Value
 from somrs.ontology.values import MeasuredValue, attribute_at, compare, constant, evaluate, measure, value_of
-from tests.support.small import ONTOLOGY as SMALL
+from tests.support.small_ontology import ONTOLOGY as SMALL
 
 ONTOLOGY = SMALL.extended(
     [

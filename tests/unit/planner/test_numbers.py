@@ -14,7 +14,7 @@ from somrs.ontology.types import AttributeType, FunctionType, Kind, ObjectType, 
 from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import AvailableService, Problem
 from somrs.planner.planning import plan
-from tests.support.planned import make_sound_plan
+from tests.support.sound_plans import make_sound_plan
 
 ONTOLOGY: Ontology = upper().extended(
     [

@@ -15,7 +15,7 @@ from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import AvailableService, Problem
 from somrs.planner.model.validation import validate
 from somrs.planner.planning import plan
-from tests.support.planned import make_sound_plan
+from tests.support.sound_plans import make_sound_plan
 
 TRANSFER = ServiceType(
     name="TransferObject",

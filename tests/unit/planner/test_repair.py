@@ -21,7 +21,7 @@ from somrs.protocol.messages import frp
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.knowledge import UpdateMap
-from somrs.runtime.virtual import Work
+from somrs.runtime.virtual_time import Work
 from tests.support.examples import examples
 from tests.support.relay import Relay, carried, goal, problem
 from tests.unit.planner.test_properties import problems

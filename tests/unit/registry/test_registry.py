@@ -30,7 +30,7 @@ from somrs.protocol.messages.knowledge import Define, Definitions, QueryMap
 from somrs.registry.component import SCHEMA, Registry, only_reads
 from somrs.registry.state import LeasesDue
 from somrs.repository.component import Repository
-from somrs.runtime.virtual import World
+from somrs.runtime.virtual_time import World
 from tests.support.lab import REPOSITORY, ask, contents, deliver_request, lab, request, sent_bodies
 
 REGISTRY = "http://here/registry"

@@ -28,9 +28,9 @@ from somrs.protocol.messages.paging import PAGE_BYTES, size
 from somrs.repository.definition import define_outcome, rename_outcome
 from somrs.repository.names import is_name, text_problem, texts
 from somrs.repository.outcome import Outcome, apply_revision, broken_rule, considered, rejected, revert_revision, revision
-from somrs.repository.past import rewind_map, shorten_event
+from somrs.repository.rollback import rewind_map, shorten_event
 from somrs.repository.state import Contents, DefinitionChange
-from somrs.repository.undoing import undo_outcome
+from somrs.repository.undo import undo_outcome
 from somrs.repository.update import update_outcome
 from somrs.repository.version_conflict import version_conflicts
 from tests.support.lab import contents, lab

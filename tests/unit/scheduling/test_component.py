@@ -10,7 +10,7 @@ import pytest
 
 from somrs.kernel.codec import encode
 from somrs.kernel.component import DeliveryFailed, Effect, Input, Notified, Received, Send, Started, TimerFired
-from somrs.kernel.pending import JournalCodec, JournaledComponent
+from somrs.kernel.durability import JournalCodec, JournaledComponent
 from somrs.ontology.files.loading import load_text
 from somrs.protocol.messages import orders
 from somrs.protocol.messages.bodies import Body

@@ -10,7 +10,7 @@ import pytest
 
 from somrs.errors import UsageError
 from somrs.kernel.component import Notified, Send, Started, TimerFired
-from somrs.kernel.pending import JournaledComponent
+from somrs.kernel.durability import JournaledComponent
 from somrs.protocol.messages.clients import WatchTask
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.orders import Daily, Once, RunState

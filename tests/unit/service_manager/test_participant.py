@@ -23,10 +23,10 @@ from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.frp import State
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
-from somrs.runtime.virtual import KillPoint, World
+from somrs.runtime.virtual_time import KillPoint, World
 from somrs.service_manager.participant.calendar import Commitment, first_free_time
+from somrs.service_manager.participant.messaging import CUT_OFF
 from somrs.service_manager.participant.participant import SCHEMA, ServiceManager
-from somrs.service_manager.participant.speech import CUT_OFF
 from somrs.service_manager.participant.timers import DepartureRequested, HeartbeatDue, Observed
 from somrs.service_manager.sdk.device import Device, Result, Situation, Task, predecessor_name, service
 from somrs.service_manager.sdk.orders import Order, Refusal, Report, ServiceFailed

@@ -24,8 +24,8 @@ from somrs.protocol.messages import frp
 from somrs.protocol.messages.envelope import ANONYMOUS, Message, reply
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.knowledge import Rejected, Updated, UpdateMap
+from somrs.service_manager.participant.messaging import CUT_OFF, REPORT_TIME
 from somrs.service_manager.participant.participant import ServiceManager
-from somrs.service_manager.participant.speech import CUT_OFF, REPORT_TIME
 from somrs.service_manager.participant.timers import (
     Activity,
     DepartureRequested,

@@ -18,7 +18,7 @@ from somrs.service_manager.participant import job as jobs_module
 from somrs.service_manager.participant.calendar import Commitment, first_free_time, resolve_overlaps
 from somrs.service_manager.participant.job import Job, Jobs, failure, interruption
 from somrs.service_manager.participant.map_reports import PATIENCE, MapReport, MapReports
-from somrs.service_manager.participant.speech import CUT_OFF, REPORT_TIME, send_message
+from somrs.service_manager.participant.messaging import CUT_OFF, REPORT_TIME, send_message
 from somrs.service_manager.participant.timers import Activity, HeartbeatDue, ReportDue, StartDue, WorkWanted
 
 ADDRESS, REPOSITORY = "http://here/washer", "http://here/repository"

@@ -38,8 +38,8 @@ from somrs.service_manager.sdk.orders import (
     WorkDone,
     answer_of,
 )
+from somrs.service_manager.sdk.service_runner import carry_out
 from somrs.service_manager.sdk.values import as_term, fill_in, money, python_value, seconds, term
-from somrs.service_manager.sdk.work import carry_out
 
 # Amounts and terms
 

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from somrs.kernel.component import Ask, Input, Received, Send, Started
-from somrs.kernel.pending import PendingMessage
+from somrs.kernel.durability import PendingMessage
 from somrs.ontology.objects import Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import AttributeType, Kind, ObjectType
 from somrs.protocol.messages.bodies import Body

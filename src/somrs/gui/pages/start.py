@@ -11,7 +11,7 @@ from somrs.client.hub import News
 from somrs.gui.device_card import state
 from somrs.gui.icons import Badge, Sign
 from somrs.gui.news import follow
-from somrs.gui.pages.task_words import task_sign
+from somrs.gui.pages.task_text import task_sign
 from somrs.gui.shell import PAGE_LINKS, page
 
 MOST_TASKS = 6

@@ -16,11 +16,11 @@ from somrs.gui.components.task.chart import MessageChart
 from somrs.gui.components.task.graph import PlanGraph
 from somrs.gui.components.task.timeline import DeviceTimeline
 from somrs.gui.news import follow
-from somrs.gui.pages.task_head import TaskHeader
+from somrs.gui.pages.task_bids import BidPanel
+from somrs.gui.pages.task_header import TaskHeader
 from somrs.gui.pages.task_scene import TaskScene
-from somrs.gui.pages.task_telling import StoryPanel
-from somrs.gui.pages.task_terms import BidPanel
-from somrs.gui.pages.task_words import task_key
+from somrs.gui.pages.task_story_panel import StoryPanel
+from somrs.gui.pages.task_text import task_key
 from somrs.gui.panel import panel
 from somrs.gui.question_panel import QuestionPanel
 from somrs.gui.shell import page

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
-from somrs.gui.pages.task_words import count_text
+from somrs.gui.pages.task_text import count_text
 from somrs.protocol.messages.events import EventKind
 
 ANSWERS = {

@@ -12,7 +12,7 @@ from somrs.entish.formula import conjuncts
 from somrs.entish.parse import parse
 from somrs.gui.components.floorplan import FloorPlan
 from somrs.gui.components.scene import Scene3D
-from somrs.gui.pages.task_words import device_name
+from somrs.gui.pages.task_text import device_name
 from somrs.protocol.messages.clients import TaskView
 from somrs.protocol.messages.frp import State
 

@@ -9,7 +9,7 @@ from itertools import groupby
 from somrs.client import state_labels
 from somrs.client.task_report import reasons
 from somrs.gui.pages.task_chapters import ANSWERS, LABELS, Chapter, Line
-from somrs.gui.pages.task_words import count_text, gist
+from somrs.gui.pages.task_text import count_text, gist
 from somrs.protocol.messages import events
 from somrs.protocol.messages.clients import Phase, TaskEvent, TaskView
 from somrs.protocol.messages.event_text import failure_text

@@ -21,7 +21,7 @@ from somrs.gui.components.task.list import TaskList
 from somrs.gui.icons import format_duration, format_time, join_names
 from somrs.gui.news import follow
 from somrs.gui.pages import task
-from somrs.gui.pages.task_words import count_text, device_name, due_text, gist, task_key, task_sign
+from somrs.gui.pages.task_text import count_text, device_name, due_text, gist, task_key, task_sign
 from somrs.gui.shell import page
 from somrs.gui.throttle import Throttle
 from somrs.gui.unavailable_banner import UnavailableBanner

@@ -15,7 +15,7 @@ from collections.abc import Iterable, Iterator
 from itertools import product
 from typing import NamedTuple
 
-from somrs.planner.grounding.finite import Assignment, FiniteTask, Operation
+from somrs.planner.grounding.finite_task import Assignment, FiniteTask, Operation
 
 Pair = tuple[int, int]
 """Two variables."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from somrs.planner.grounding.finite import Assignment, FiniteTask, Operation
+from somrs.planner.grounding.finite_task import Assignment, FiniteTask, Operation
 
 if TYPE_CHECKING:  # a process that only reads tasks is to start quickly
     from somrs.planner.grounding.task import Move, Task

@@ -11,7 +11,7 @@ from collections.abc import Callable, Collection, Iterable
 from itertools import combinations
 from math import ceil, sqrt
 
-from somrs.planner.grounding.finite import Assignment, FiniteTask, Operation
+from somrs.planner.grounding.finite_task import Assignment, FiniteTask, Operation
 
 PAIRWISE_LIMIT = 5
 """Of so many literals each pair is excluded; of more, by rows and columns."""

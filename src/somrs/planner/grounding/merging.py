@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from heapq import heapify, heappop, heappush
 
-from somrs.planner.grounding.finite import Assignment, FiniteTask, Operation, prune_irrelevant
+from somrs.planner.grounding.finite_task import Assignment, FiniteTask, Operation, prune_irrelevant
 from somrs.planner.grounding.invariants import find_mutex_groups
 from somrs.planner.grounding.task import Task
 from somrs.planner.model.operators import Fact

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from somrs.planner.grounding.finite import Assignment as Assignment
-from somrs.planner.grounding.finite import State as State
+from somrs.planner.grounding.finite_task import Assignment as Assignment
+from somrs.planner.grounding.finite_task import State as State
 from somrs.planner.grounding.grounding import Action, Grounding
 from somrs.planner.model.operators import EXISTS_SUFFIX, GOAL, Argument, Fact
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass
 
-from somrs.planner.grounding.finite import State
+from somrs.planner.grounding.finite_task import State
 from somrs.planner.grounding.task import Task
 
 

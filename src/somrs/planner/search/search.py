@@ -7,7 +7,7 @@ import contextlib
 from collections.abc import Sequence
 from heapq import heapify, heappop, heappush
 
-from somrs.planner.grounding.finite import Assignment, State
+from somrs.planner.grounding.finite_task import Assignment, State
 from somrs.planner.grounding.task import Move, Task
 from somrs.planner.search.progress import Progress, measure_progress
 

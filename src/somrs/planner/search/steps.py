@@ -12,7 +12,7 @@ from somrs.ontology.effects import evaluate_effect
 from somrs.ontology.objects import Map
 from somrs.planner.grounding.grounding import Action
 from somrs.planner.grounding.task import Move
-from somrs.planner.model.causal import derive_links
+from somrs.planner.model.causal_links import derive_links
 from somrs.planner.model.plan import Plan, Step
 from somrs.planner.model.problem import Problem
 from somrs.planner.model.validation import apply_step, validate

@@ -14,7 +14,7 @@ from somrs.protocol.messages import frp
 from somrs.protocol.messages.frp import State
 from somrs.service_manager.participant.job import Job, Verdict, failure, interruption
 from somrs.service_manager.participant.map_reports import LEFTOVER_REPORT_TIME
-from somrs.service_manager.participant.speech import send_message
+from somrs.service_manager.participant.messaging import send_message
 from somrs.service_manager.participant.state import ServiceManagerState
 from somrs.service_manager.participant.timers import Activity, WorkWanted
 from somrs.service_manager.sdk.orders import Advance, Answer, Failure, Halt, Perform, Undo, WorkDone

@@ -22,7 +22,7 @@ from somrs.service_manager.participant.calendar import Commitment, first_free_ti
 from somrs.service_manager.participant.device_queue import DeviceWork
 from somrs.service_manager.participant.job import Job, interruption
 from somrs.service_manager.participant.map_reports import OBSERVATION_REPORT_TIME
-from somrs.service_manager.participant.speech import REPORT_TIME, send_message
+from somrs.service_manager.participant.messaging import REPORT_TIME, send_message
 from somrs.service_manager.participant.state import ServiceManagerState
 from somrs.service_manager.participant.timers import (
     Activity,

@@ -10,7 +10,7 @@ from somrs.errors import UsageError
 from somrs.sites.pddl import syntax
 from somrs.sites.pddl import text as files
 from somrs.sites.pddl.classical import classical as without_agents
-from somrs.sites.pddl.imported import ImportedProblem, build
+from somrs.sites.pddl.imported_problem import ImportedProblem, build
 
 __all__ = ["ImportedProblem", "classical", "read"]
 

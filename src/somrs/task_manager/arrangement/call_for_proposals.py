@@ -7,8 +7,8 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from msgspec import Struct, field
 
 from somrs.kernel.component import Effects, EffectsReturning, SetTimer
-from somrs.planner.model.choice import assign_provider
 from somrs.planner.model.plan import Step
+from somrs.planner.model.provider_choice import assign_provider
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.directory import Offer

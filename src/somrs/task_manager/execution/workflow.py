@@ -9,8 +9,8 @@ from enum import StrEnum
 from msgspec import Struct, field
 
 from somrs.entish import Formula
-from somrs.planner.model.choice import assign_provider
 from somrs.planner.model.plan import Plan, Step
+from somrs.planner.model.provider_choice import assign_provider
 from somrs.protocol.messages.events import GoalKind
 from somrs.task_manager.context import Interval
 from somrs.task_manager.execution.member import Member

@@ -15,11 +15,11 @@ from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.reports import ProgressSubject, Report, ReportSubject, WorkSubject
 from somrs.task_manager.execution.workflow import Progress, StepRun
-from somrs.task_manager.transaction.goal_pursuit import GoalExecutor
-from somrs.task_manager.transaction.next import NextAction, Proceed
+from somrs.task_manager.transaction.goal_executor import GoalExecutor
+from somrs.task_manager.transaction.next_action import NextAction, Proceed
 from somrs.task_manager.transaction.scope import TaskScope
 from somrs.task_manager.transaction.state import GoalExecution
-from somrs.task_manager.transaction.step_execution import StepExecutor
+from somrs.task_manager.transaction.step_executor import StepExecutor
 
 GoalAction = tuple[GoalExecution | None, NextAction] | None
 """What the transaction has to do next, and for which of its goals."""

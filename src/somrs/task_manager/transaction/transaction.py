@@ -30,8 +30,8 @@ from somrs.task_manager.recovery.observation import Look, LookPlan, Observation
 from somrs.task_manager.requests import ForLook, ForPlan
 from somrs.task_manager.reservations import Reservation
 from somrs.task_manager.timers import Answer, BidsDue, DeadlineDue, OverdueDue, PlanWanted, SilenceDue, StopDue
-from somrs.task_manager.transaction.goal_pursuit import GoalExecutor
-from somrs.task_manager.transaction.next import GoalReached, GoalUnreachable, NextAction, NoPlanFound, Proceed, StepLost
+from somrs.task_manager.transaction.goal_executor import GoalExecutor
+from somrs.task_manager.transaction.next_action import GoalReached, GoalUnreachable, NextAction, NoPlanFound, Proceed, StepLost
 from somrs.task_manager.transaction.participant_events import GoalAction, ParticipantEvents
 from somrs.task_manager.transaction.record import record
 from somrs.task_manager.transaction.scope import TaskScope

@@ -15,7 +15,7 @@ from somrs.entish.parse import parse
 from somrs.errors import UsageError
 from somrs.gui.pages.define.blanks import mentioned_things, propose_blank_names, replace_with_blanks
 from somrs.gui.pages.define.draft import Draft, Procedure, Repeat
-from somrs.gui.pages.define.lines import Line, add_placement, is_same_formula, lines_of, text_of
+from somrs.gui.pages.define.goal_lines import Line, add_placement, is_same_formula, lines_of, text_of
 from somrs.gui.pages.define.orders import repeat_of, schedule_of
 from somrs.kernel.replica import Replica
 from somrs.ontology.files.loading import upper
@@ -25,7 +25,7 @@ from somrs.ontology.types import Kind
 from somrs.protocol.messages.clients import Policy, Submit
 from somrs.protocol.messages.orders import Blank, Daily, Every, Once, StandingOrder, Template
 from somrs.scheduling.templates import check, fill_template
-from tests.support.small import ONTOLOGY, formulas
+from tests.support.small_ontology import ONTOLOGY, formulas
 
 MAP = Map(
     [

@@ -7,11 +7,11 @@ import math
 import pytest
 
 from somrs.errors import InputError
+from somrs.gui.pages.map.change_text import describe_changes, format_value
 from somrs.gui.pages.map.moves import Move, move_changes
 from somrs.gui.pages.map.proposals import Spot, creation_changes, form_for, name_for
-from somrs.gui.pages.map.readings import limits, read, text_of
 from somrs.gui.pages.map.relations import fact_changes, relation_roles
-from somrs.gui.pages.map.words import describe_changes, format_value
+from somrs.gui.pages.map.value_input import limits, read, text_of
 from somrs.ontology.conformance import violations
 from somrs.ontology.files.loading import load
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, ObjectRemoved, ValueSet

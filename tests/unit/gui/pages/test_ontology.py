@@ -8,7 +8,7 @@ import pytest
 
 from somrs.gui.pages.ontology.changes import definition_changes, summary
 from somrs.gui.pages.ontology.drafts import form_of, merge_forms, start_draft
-from somrs.gui.pages.ontology.reading import Mistakes, definition_of, form_path
+from somrs.gui.pages.ontology.form_parser import Mistakes, definition_of, form_path
 from somrs.gui.pages.ontology.sections import ATTRIBUTES, SERVICES, TYPES, section_of
 from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.naming import Renaming, Section

@@ -14,7 +14,7 @@ from hypothesis.strategies import DrawFn, composite
 
 from somrs.planner.encodings.equation import Equation, companions, definite, equation
 from somrs.planner.encodings.sas import encode_sas
-from somrs.planner.grounding.finite import Assignment, Effect, FiniteTask, Operation, State
+from somrs.planner.grounding.finite_task import Assignment, Effect, FiniteTask, Operation, State
 from tests.support.examples import examples
 
 needs_scipy = pytest.mark.skipif(importlib.util.find_spec("scipy") is None, reason="SciPy is not installed")

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 
 from somrs.planner.encodings.satisfiability import Clauses
-from somrs.planner.grounding.finite import Assignment, FiniteTask, Operation
+from somrs.planner.grounding.finite_task import Assignment, FiniteTask, Operation
 from tests.support.examples import examples
 from tests.unit.planner.encodings.test_equation import apply_operation, find_plan, is_satisfied, tasks
 

@@ -6,7 +6,7 @@ import pytest
 from msgspec import structs
 
 from somrs.ontology.services import ServiceType
-from somrs.planner.grounding.finite import FiniteTask
+from somrs.planner.grounding.finite_task import FiniteTask
 from somrs.planner.grounding.merging import merge_task
 from somrs.planner.grounding.task import Task
 from tests.unit.planner.grounding.test_grounding import (

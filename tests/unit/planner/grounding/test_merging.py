@@ -10,7 +10,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from somrs.planner.encodings.sas import encode_sas, parse_sas
-from somrs.planner.grounding.finite import State
+from somrs.planner.grounding.finite_task import State
 from somrs.planner.grounding.grounding import Grounding
 from somrs.planner.grounding.invariants import find_mutex_groups
 from somrs.planner.grounding.merging import merge_task

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from somrs.ontology.services import ServiceType
-from somrs.planner.grounding.finite import Assignment
+from somrs.planner.grounding.finite_task import Assignment
 from somrs.planner.grounding.task import Move, Task
 from tests.unit.planner.grounding.test_grounding import (
     GO_SERVICE,

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from somrs.entish.parse import parse
 from somrs.planner.model.plan import Link, Plan, Step
 from somrs.planner.model.validation import validate
-from tests.support.planned import make_sound_plan
+from tests.support.sound_plans import make_sound_plan
 from tests.unit.planner.test_planning import TRANSFER, WASH, make_problem
 
 PROBLEM = make_problem("Jar001.Clean = TRUE", TRANSFER, WASH)

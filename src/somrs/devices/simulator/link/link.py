@@ -28,7 +28,6 @@ from somrs.devices.simulator.link.commands import (
     Stop,
 )
 from somrs.devices.simulator.link.connection import Link, RobotGaveUp
-from somrs.devices.simulator.link.following import PoseBuffer
 from somrs.devices.simulator.link.lines import (
     HEARTBEAT,
     VERSION,
@@ -53,6 +52,7 @@ from somrs.devices.simulator.link.lines import (
     Unheard,
     encode_line,
 )
+from somrs.devices.simulator.link.pose_buffer import PoseBuffer
 from somrs.errors import UsageError
 
 log = logging.getLogger(__name__)

@@ -9,8 +9,8 @@ import numpy as np
 
 from somrs.devices.simulator.link.commands import Fault
 from somrs.devices.simulator.motion.driving import PATIENCE, ask_aside, drive_to
+from somrs.devices.simulator.motion.placement import ARM, Stand, free_spots, order, reachable_now, spots_here, stands, thing_distances
 from somrs.devices.simulator.motion.robot import PERIOD, GivenUp, Robot, Routine, wait
-from somrs.devices.simulator.motion.standing import ARM, Stand, free_spots, order, reachable_now, spots_here, stands, thing_distances
 from somrs.devices.simulator.motion.traffic import Capsule
 from somrs.devices.simulator.world.dimensions import FINGER, OPENING
 from somrs.devices.simulator.world.distances import Array, distances_from

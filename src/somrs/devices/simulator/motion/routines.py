@@ -7,9 +7,9 @@ import numpy as np
 from somrs.devices.simulator.link.commands import Approach, Command, DriveTo, Grip, LookAround, LookAt, ObjectState, Place, PutDown, Stop
 from somrs.devices.simulator.motion.driving import drive_to
 from somrs.devices.simulator.motion.handling import get_within_reach, pick, place, set_down, spots_on, top_of, withdraw
+from somrs.devices.simulator.motion.placement import outline_spots
 from somrs.devices.simulator.motion.robot import GivenUp, Robot, Routine, stand
 from somrs.devices.simulator.motion.searching import look_around, look_at
-from somrs.devices.simulator.motion.standing import outline_spots
 from somrs.devices.simulator.world.distances import Array
 from somrs.devices.simulator.world.scene import Scene
 from somrs.devices.simulator.world.solids import Role, Solid

@@ -44,10 +44,10 @@ from somrs.devices.simulator.link.lines import (
     read_by_server,
     read_opening,
 )
+from somrs.devices.simulator.server.driving_distances import leg_lengths
 from somrs.devices.simulator.server.faults import Schedule
 from somrs.devices.simulator.server.poses import PoseSubscription, Table, is_same_state, robot_statuses
 from somrs.devices.simulator.server.simulation import Simulation
-from somrs.devices.simulator.server.ways import leg_lengths
 from somrs.devices.simulator.world.camera import Camera, close_up
 from somrs.errors import SimulationError, UsageError, WireError
 from somrs.ports import bound

@@ -17,7 +17,7 @@ from somrs.gui.pages.define.goal import GoalPanel
 from somrs.gui.pages.define.orders import Orders, save_order
 from somrs.gui.pages.define.preview import Preview
 from somrs.gui.pages.define.templates import TemplateMenu
-from somrs.gui.pages.task_words import task_path
+from somrs.gui.pages.task_text import task_path
 from somrs.gui.shell import guarded, notify, page
 from somrs.protocol.messages.clients import Submit
 

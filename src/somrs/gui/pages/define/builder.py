@@ -12,7 +12,7 @@ from somrs.api.choices import Sayable, SayableAttribute
 from somrs.errors import SomrsError
 from somrs.gui.components.fields.picker import Choice, Picker, things
 from somrs.gui.pages.define.form import Form
-from somrs.gui.pages.define.lines import ORDERS, Line, is_same_formula, lines_of, text_of
+from somrs.gui.pages.define.goal_lines import ORDERS, Line, is_same_formula, lines_of, text_of
 from somrs.ontology.types import ABSTRACT, Kind
 
 GROUPS = ("Services can bring it about", "Other relations", "Attributes")

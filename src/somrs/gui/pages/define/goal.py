@@ -10,7 +10,7 @@ from nicegui.events import ValueChangeEventArguments
 from somrs.gui.components.formula import FormulaField
 from somrs.gui.pages.define.builder import Builder
 from somrs.gui.pages.define.form import Form
-from somrs.gui.pages.define.plan import GoalFloorPlan
+from somrs.gui.pages.define.goal_floor_plan import GoalFloorPlan
 from somrs.gui.panel import panel
 
 

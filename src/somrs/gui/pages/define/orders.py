@@ -15,7 +15,7 @@ from somrs.gui.news import follow
 from somrs.gui.pages.define.confirm_dialog import confirm
 from somrs.gui.pages.define.draft import DAILY, INTERVAL, ONE_TIME, Repeat, number
 from somrs.gui.pages.define.form import Form
-from somrs.gui.pages.task_words import task_path
+from somrs.gui.pages.task_text import task_path
 from somrs.gui.panel import panel
 from somrs.gui.shell import author, guarded, notify
 from somrs.protocol.messages.orders import Daily, Every, Filled, Once, OrderSaved, Run, RunState, Schedule, StandingOrder

@@ -7,7 +7,7 @@ from functools import partial
 
 from nicegui import ui
 
-from somrs.gui.pages.map.words import describe_event, format_time
+from somrs.gui.pages.map.change_text import describe_event, format_time
 from somrs.gui.shell import guarded
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.knowledge import Event

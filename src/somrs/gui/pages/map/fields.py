@@ -11,7 +11,7 @@ from nicegui.element import Element
 from nicegui.events import ValueChangeEventArguments
 
 from somrs.errors import InputError
-from somrs.gui.pages.map.readings import in_limits, limits, read, text_of, unit
+from somrs.gui.pages.map.value_input import in_limits, limits, read, text_of, unit
 from somrs.gui.shell import focus
 from somrs.ontology.types import AttributeType, Kind, Ontology, Value
 

@@ -16,17 +16,17 @@ from somrs.client.refusals import Refused
 from somrs.errors import SomrsError
 from somrs.gui.components.floorplan import FloorPlan
 from somrs.gui.news import follow
-from somrs.gui.pages.map.adding import AddPanel
+from somrs.gui.pages.map.add_panel import AddPanel
 from somrs.gui.pages.map.changes import ChangeList
-from somrs.gui.pages.map.finding import SearchPanel
 from somrs.gui.pages.map.form import VERSION_CONFLICT
+from somrs.gui.pages.map.map_view import PLAN, SCENE, VIEWS, MapView
 from somrs.gui.pages.map.moves import Move, move_changes
+from somrs.gui.pages.map.object_drafts import ObjectDrafts
 from somrs.gui.pages.map.past_sheet import PastSheet
 from somrs.gui.pages.map.removal import remove
+from somrs.gui.pages.map.search_panel import SearchPanel
 from somrs.gui.pages.map.sheet import Sheet, SheetActions
-from somrs.gui.pages.map.stage import PLAN, SCENE, VIEWS, MapView
-from somrs.gui.pages.map.times import VersionSlider
-from somrs.gui.pages.map.writing import ObjectDrafts
+from somrs.gui.pages.map.version_slider import VersionSlider
 from somrs.gui.shell import author, guarded, notify, page
 from somrs.ontology.objects import Change
 from somrs.protocol.messages.knowledge import UpdateMap

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from nicegui import ui
 
 from somrs.api.remote import LiveApi
-from somrs.gui.pages.map.words import format_value
+from somrs.gui.pages.map.change_text import format_value
 from somrs.gui.shell import guarded
 
 

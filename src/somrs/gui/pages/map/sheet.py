@@ -10,8 +10,8 @@ from nicegui import ui
 from somrs.api.remote import LiveApi
 from somrs.gui.pages.map.entries import show_events
 from somrs.gui.pages.map.form import ObjectForm
+from somrs.gui.pages.map.object_drafts import ObjectDrafts
 from somrs.gui.pages.map.relations import Relations
-from somrs.gui.pages.map.writing import ObjectDrafts
 from somrs.gui.shell import author, guarded, notify
 from somrs.ontology.objects import Change, objects_of
 from somrs.protocol.messages.knowledge import RenameObject

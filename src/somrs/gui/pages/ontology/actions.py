@@ -11,9 +11,9 @@ from somrs.api.remote import LiveApi
 from somrs.errors import InputError
 from somrs.gui.pages.ontology.changes import definition_changes, summary
 from somrs.gui.pages.ontology.consequences import confirm_change
-from somrs.gui.pages.ontology.pieces import TextTag, in_page_context, titled_dialog
+from somrs.gui.pages.ontology.elements import TextTag, in_page_context, titled_dialog
+from somrs.gui.pages.ontology.ontology_view import OntologyView
 from somrs.gui.pages.ontology.sections import SERVICES, TYPES, Section
-from somrs.gui.pages.ontology.seen import OntologyView
 from somrs.gui.shell import author, guarded, notify
 from somrs.ontology.naming import DefinitionKey, Renaming
 from somrs.ontology.naming import Section as Naming

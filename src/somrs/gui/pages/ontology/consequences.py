@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 from nicegui import ui
 
-from somrs.api.affected import WordUse, WordUserKind
 from somrs.api.ontology import Consequences
+from somrs.api.word_uses import WordUse, WordUserKind
 from somrs.gui.pages.ontology.changes import DefinitionChange, definition_changes, map_change_lines
-from somrs.gui.pages.ontology.pieces import TextTag, cell, note, row, table, titled_dialog
-from somrs.gui.pages.task_words import task_key, task_path
+from somrs.gui.pages.ontology.elements import TextTag, cell, note, row, table, titled_dialog
+from somrs.gui.pages.task_text import task_key, task_path
 from somrs.ontology.naming import Renaming
 
 USERS = {WordUserKind.TASK: "running task", WordUserKind.ORDER: "standing order", WordUserKind.TEMPLATE: "template"}

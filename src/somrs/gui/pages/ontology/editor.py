@@ -16,10 +16,10 @@ from somrs.gui.pages.ontology import forms
 from somrs.gui.pages.ontology.changes import FIELDS, differences
 from somrs.gui.pages.ontology.consequences import confirm_change
 from somrs.gui.pages.ontology.drafts import Draft, form_of, merge_forms, start_draft
+from somrs.gui.pages.ontology.elements import TextTag, in_page_context
 from somrs.gui.pages.ontology.fields import Fields
-from somrs.gui.pages.ontology.pieces import TextTag, in_page_context
-from somrs.gui.pages.ontology.reading import Mistakes, definition_of, form_path
-from somrs.gui.pages.ontology.seen import OntologyView
+from somrs.gui.pages.ontology.form_parser import Mistakes, definition_of, form_path
+from somrs.gui.pages.ontology.ontology_view import OntologyView
 from somrs.gui.shell import author
 from somrs.ontology.naming import Renaming
 from somrs.ontology.naming import Section as Naming

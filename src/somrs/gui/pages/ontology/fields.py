@@ -14,7 +14,7 @@ from nicegui.events import ValueChangeEventArguments
 from somrs.gui.components.draft_storage import DraftStorage
 from somrs.gui.components.formula import FormulaField
 from somrs.gui.pages.ontology.drafts import Draft
-from somrs.gui.pages.ontology.pieces import TextTag, icon_button
+from somrs.gui.pages.ontology.elements import TextTag, icon_button
 from somrs.gui.shell import focus
 from somrs.ontology.types import ObjectType
 

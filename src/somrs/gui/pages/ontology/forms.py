@@ -8,9 +8,9 @@ from nicegui import ui
 
 from somrs.gui.pages.ontology.drafts import COMPUTED, READ, TABLE
 from somrs.gui.pages.ontology.fields import Fields, line
+from somrs.gui.pages.ontology.ontology_view import OntologyView
 from somrs.gui.pages.ontology.sections import ATTRIBUTES, FUNCTIONS, RELATIONS, SERVICES, TYPES
-from somrs.gui.pages.ontology.seen import OntologyView
-from somrs.gui.pages.ontology.typeform import MakeAttribute, TypeForm
+from somrs.gui.pages.ontology.type_form import MakeAttribute, TypeForm
 from somrs.ontology.services import PROVIDER, Occasion, ServiceKind
 from somrs.ontology.types import ROOT, Kind, Ontology
 

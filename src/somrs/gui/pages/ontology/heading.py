@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from nicegui import ui
 
-from somrs.gui.pages.ontology.pieces import OpenDefinition, TextTag, definition_link, note
+from somrs.gui.pages.ontology.elements import OpenDefinition, TextTag, definition_link, note
+from somrs.gui.pages.ontology.ontology_view import OntologyView
 from somrs.gui.pages.ontology.sections import SECTIONS, SERVICES, TYPES, Section, section_of
-from somrs.gui.pages.ontology.seen import OntologyView
 from somrs.ontology.types import ROOT, Definition
 
 DefinitionAction = Callable[[Section, str], Awaitable[object] | None]

@@ -10,8 +10,8 @@ from nicegui import ui
 from nicegui.events import ValueChangeEventArguments
 
 from somrs.gui.components.fields.tree import Node, Tree
+from somrs.gui.pages.ontology.ontology_view import OntologyView
 from somrs.gui.pages.ontology.sections import SECTION, SECTIONS, SERVICES, TYPES, Section
-from somrs.gui.pages.ontology.seen import OntologyView
 
 Marks = Mapping[tuple[str, str], str]
 """What is wrong with a definition, by section and name."""

@@ -22,12 +22,12 @@ from somrs.gui.pages.ontology import heading, sheet
 from somrs.gui.pages.ontology.actions import Actions
 from somrs.gui.pages.ontology.drafts import Draft, start_draft
 from somrs.gui.pages.ontology.editor import Editor, EditorCallbacks
-from somrs.gui.pages.ontology.exchange import Import, export_menu
+from somrs.gui.pages.ontology.elements import TextTag, in_page_context, titled_dialog
+from somrs.gui.pages.ontology.history_dialog import HistoryDialog
+from somrs.gui.pages.ontology.import_export import Import, export_menu
 from somrs.gui.pages.ontology.index import Index, IndexCallbacks
-from somrs.gui.pages.ontology.past import HistoryDialog
-from somrs.gui.pages.ontology.pieces import TextTag, in_page_context, titled_dialog
+from somrs.gui.pages.ontology.ontology_view import OntologyView
 from somrs.gui.pages.ontology.sections import ATTRIBUTES, SECTION, SECTIONS, TYPES, Section
-from somrs.gui.pages.ontology.seen import OntologyView
 from somrs.gui.shell import author, guarded, notify, page
 from somrs.ontology.objects import ObjectAdded, ObjectRemoved
 from somrs.ontology.types import Ontology

@@ -6,7 +6,8 @@ from urllib.parse import quote
 
 from nicegui import ui
 
-from somrs.gui.pages.ontology.pieces import OpenDefinition, TextTag, cell, chapter, definition_link, definition_links, note, row, table
+from somrs.gui.pages.ontology.elements import OpenDefinition, TextTag, cell, chapter, definition_link, definition_links, note, row, table
+from somrs.gui.pages.ontology.ontology_view import OntologyView, TypeAttribute
 from somrs.gui.pages.ontology.sections import (
     ATTRIBUTES,
     FUNCTIONS,
@@ -21,7 +22,6 @@ from somrs.gui.pages.ontology.sections import (
     section_of,
     value_text,
 )
-from somrs.gui.pages.ontology.seen import OntologyView, TypeAttribute
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import PART_OF, AttributeType, Definition, FunctionType, ObjectType, RelationType
 

@@ -18,7 +18,7 @@ from somrs.protocol.messages.knowledge import Alteration, Define, Definitions, R
 from somrs.repository.component import Repository
 from somrs.repository.state import Contents
 from tests.support.lab import REPOSITORY, request
-from tests.support.looking_lab import SITE
+from tests.support.observation_lab import SITE
 
 FOLLOWER = "http://here/simulator"
 DOOR = "  Door1: {type: Door, at: [6, 5, 0], Shape: {Form: Box, Width: 0.1, Depth: 2, Height: 2.1}, Open: true}\nfacts:"

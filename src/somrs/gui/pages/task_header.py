@@ -1,0 +1,123 @@
+"""The head of a task's page: what was wished for by whom, how far it is or how it ended and why, and what can be done about it."""
+
+from __future__ import annotations
+
+import time
+
+from nicegui import ui
+
+from somrs.api.remote import LiveApi
+from somrs.client.task_report import reasons
+from somrs.gui.icons import Badge, format_duration, format_time
+from somrs.gui.pages.task_cancel_dialog import CancelDialog
+from somrs.gui.pages.task_text import PHASES, count_text, due_text, gist, task_key, task_sign
+from somrs.protocol.messages.clients import Phase, Policy, TaskView
+from somrs.protocol.messages.frp import State
+from somrs.protocol.messages.people import person_name
+
+POLICIES = {Policy.PRICE: "the cheapest", Policy.TIME: "the soonest", Policy.WEIGHTED: "price and time"}
+
+
+class TaskHeader:
+    """Changed in place as the task goes on."""
+
+    def __init__(self, api: LiveApi, view: TaskView) -> None:
+        self._view = view
+        self._cancel_dialog = CancelDialog(api, view)
+        with ui.element("header").classes("somrs-sheet somrs-task-head"):
+            with ui.element("div").classes("somrs-task-line"):
+                ui.link("Tasks", "/tasks").classes("somrs-task-back").props('aria-label="Back to all tasks"')
+                self._badge = Badge(PHASES[Phase.PLANNING])
+                self._effect = ui.label(view.effect).classes("somrs-formula somrs-task-effect").props('role="heading" aria-level="1"')
+                self._build_menu(view)
+            with ui.element("div").classes("somrs-task-track").props('role="progressbar" aria-label="Steps done"') as self._track:
+                self._fill = ui.element("div")
+            with ui.element("dl").classes("somrs-task-facts"):
+                self._steps = _fact("Steps")
+                self._elapsed = _fact("Time")
+                _fact("Stated").set_text(f"{format_time(view.submitted_at)} by {person_name(view.client)}")
+                self._due = _fact("Deadline")
+                _fact("Priority").set_text(str(view.priority))
+                _fact("Chosen by").set_text(POLICIES[view.policy])
+                if view.precondition:
+                    _fact("From").set_text(view.precondition)
+                _fact("Id").set_text(task_key(view.task)[:8])
+            self._reason_list = ui.element("ul").classes("somrs-task-why").props('role="status"')
+        self._shown_reasons: tuple[str, ...] | None = None
+        self._clock = ui.timer(1.0, self._tick)
+        self.render(view)
+
+    def _build_menu(self, view: TaskView) -> None:
+        name = f"task-{task_key(view.task)[:8]}"
+        with ui.element("div").classes("somrs-task-ways"):
+            with ui.button("Export", icon="download").props("flat dense no-caps"), ui.menu():
+                _file(f"/api/tasks/{view.task}/chart", f"{name}.svg", "schema", "Messages as a picture (SVG)")
+                self._record = _file("", f"{name}.json", "data_object", "Record, for programs (JSON)")
+            self._cancel = ui.button("Cancel", icon="stop_circle", on_click=self._cancel_dialog.ask).props(
+                "outline dense no-caps color=negative"
+            )
+            self._cancel.props('aria-label="Cancel this task"')
+
+    def render(self, view: TaskView) -> None:
+        self._view = view
+        is_ended = view.phase is Phase.ENDED
+        self._badge.show_sign(task_sign(view.phase, view.outcome))
+        completed_count, share = progress(view)
+        count = len(view.steps)
+        self._steps.set_text(
+            f"{completed_count} of {count_text(count, 'step')} done" if count else "no plan yet" if not is_ended else "none"
+        )
+        self._track.props(f'aria-valuenow="{100 * share:.0f}" aria-valuemin="0" aria-valuemax="100"')
+        self._fill.style(f"width: {100 * share:.1f}%")
+        tone = "good" if view.outcome == "accomplished" else "soft" if is_ended else "accent"
+        self._fill.style(f"background: var(--{tone})")
+        self._cancel.visible = not is_ended
+        self._cancel_dialog.render(view)
+        self._record.props(f'href="/api/{"records" if is_ended else "tasks"}/{view.task}"')
+        current_reasons = reasons(view)
+        if current_reasons != self._shown_reasons:
+            self._shown_reasons = current_reasons
+            self._reason_list.clear()
+            with self._reason_list:
+                for reason in current_reasons:
+                    with ui.element("li"):
+                        ui.label(reason_text(reason)).tooltip(reason)
+        self._reason_list.visible = bool(current_reasons)
+        if is_ended:
+            self._clock.deactivate()
+        self._tick()
+
+    def _tick(self) -> None:
+        view, now = self._view, time.time()
+        end_time = view.ended_at if view.ended_at is not None else now
+        elapsed = format_duration(max(0.0, end_time - view.submitted_at))
+        self._elapsed.set_text(f"{elapsed}, until {format_time(view.ended_at)}" if view.ended_at is not None else f"{elapsed} so far")
+        self._due.set_text(due_text(view.submitted_at, view.deadline, view.outcome is not None, now))
+
+
+def reason_text(reason: str) -> str:
+    """A reason as it stands in the list."""
+    return gist(reason[:1].upper() + reason[1:])
+
+
+def progress(view: TaskView) -> tuple[int, float]:
+    """How many steps are done, and how much of all of them together."""
+    completed_count = sum(step.state is State.COMPLETED for step in view.steps)
+    share = completed_count + sum(step.fraction for step in view.steps if step.state is State.EXECUTING)
+    return completed_count, share / len(view.steps) if view.steps else float(view.outcome == "accomplished")
+
+
+def _fact(name: str) -> ui.label:
+    with ui.element("div"):
+        with ui.element("dt"):
+            ui.label(name)
+        with ui.element("dd"):
+            return ui.label()
+
+
+def _file(target: str, name: str, icon: str, text: str) -> ui.element:
+    """A way in a menu to a file that is kept under this name."""
+    with ui.element("a").props(f'href="{target}" download="{name}"').classes("somrs-file") as link:
+        ui.icon(icon).props('aria-hidden="true"')
+        ui.label(text)
+    return link

@@ -1,0 +1,81 @@
+"""Questions that the archive has to answer: what happened, and how the map and the ontology were."""
+
+from __future__ import annotations
+
+from somrs.entish.parse import nearest
+from somrs.errors import InputError
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.frp import Fault
+from somrs.protocol.messages.knowledge import (
+    Event,
+    Events,
+    History,
+    MapPage,
+    OntologyPage,
+    ReadEvents,
+    ReadHistory,
+    ReadMap,
+    ReadOntology,
+    Undo,
+)
+from somrs.protocol.messages.paging import fit_page
+from somrs.repository.rollback import shorten_event
+from somrs.repository.state import ArchivedEvents, Contents, EventsOf, HistoryOf, PageOf
+
+MAX_EVENTS = 1000
+"""On one page."""
+
+
+def history_query(question: ReadHistory) -> HistoryOf:
+    return HistoryOf(object=question.object, limit=_limit(question.limit))
+
+
+def events_query(question: ReadEvents) -> EventsOf:
+    """Raises InputError for a question about two directions at once."""
+    if question.before is not None and question.after is not None:
+        raise InputError("events are told before a version or after one: give one of the two")
+    # One more than was asked for says that there are more.
+    limit = _limit(question.limit) + 1
+    return EventsOf(limit=limit, before=question.before, after=question.after, ontology=question.ontology, brief=question.brief)
+
+
+def undo_query(undo: Undo) -> EventsOf:
+    """The one event that is to be undone."""
+    return EventsOf(limit=1, before=undo.version + 1)
+
+
+def page_query(question: ReadMap | ReadOntology, at_version: int, contents: Contents) -> PageOf:
+    """The page of the past that is asked for. Raises InputError for a version that is not known."""
+    if not contents.since <= at_version <= contents.version:
+        first = f", from version {contents.since} on" if contents.since else ""
+        raise InputError(
+            f"the map and the ontology are known up to version {contents.version}{first}; version {at_version} is none of these"
+        )
+    return PageOf(question=question, at_version=at_version, version=contents.version, map=contents.map, ontology=contents.ontology)
+
+
+def archive_reply(message: Message, value: object, contents: Contents) -> Body:
+    """What the archive's answer says to whoever asked."""
+    match message.body, value:
+        case ReadHistory(object=name), ArchivedEvents(events):
+            return _history(name, events, contents)
+        case ReadEvents(limit=limit), ArchivedEvents(events):
+            page = tuple(fit_page(map(shorten_event, events), _limit(limit)))
+            return Events(events=page, more=len(page) < len(events), since=contents.since)
+        case ReadMap() | ReadOntology(), MapPage() | OntologyPage() as page_:
+            return page_
+        case question, _:
+            subject = f"the history of {question.object}" if isinstance(question, ReadHistory) else "what happened"
+            return Fault(code="Receiver", text=f"{subject} cannot be read: {value}")
+
+
+def _limit(limit: int) -> int:
+    return min(max(limit, 1), MAX_EVENTS)
+
+
+def _history(name: str, events: tuple[Event, ...], contents: Contents) -> Body:
+    if not events and name not in contents.map.objects:
+        hint = nearest(name, contents.map.objects)
+        return Fault(code="Sender", text=f"there never was an object {name} on the map. {hint}".rstrip())
+    return History(object=name, events=tuple(fit_page(map(shorten_event, events), MAX_EVENTS)))

@@ -1,0 +1,405 @@
+"""A whole system in one process on virtual time: the rim without sockets, disks or waiting. What takes an hour takes none.
+
+The same components run here as in `node.py`; only who carries their effects out is another. Any of them may be killed at any
+point, and those that have a journal can be revived from it.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import partial
+
+from somrs.errors import RemoteError, UsageError
+from somrs.kernel.codec import Schema
+from somrs.kernel.component import (
+    Answered,
+    Ask,
+    Component,
+    DeliveryFailed,
+    Effect,
+    Input,
+    Notified,
+    Received,
+    Record,
+    Send,
+    SetTimer,
+    Started,
+    TimerFired,
+    Withdraw,
+)
+from somrs.kernel.durability import DELIVERY_TIME, FIRST_PAUSE, LONGEST_PAUSE, JournaledComponent
+from somrs.protocol.messages.envelope import Message
+from somrs.runtime.virtual_journal import VirtualJournal
+
+LATENCY = 0.001
+"""Seconds that a message takes."""
+
+Work = Iterator[tuple[float, object]]
+"""What an `Ask` comes to: pairs of seconds and the value reported then; the last is the result. `QUIET`: nothing is reported then."""
+
+QUIET = object()
+
+CarryOut = Callable[[object], Work]
+
+Medium = Callable[[Message], Sequence[float]]
+"""The seconds that a message takes: more than one for a message that comes again, none for one that is lost on the way. What is
+lost is sent again after a pause, as long as its time is not over."""
+
+Watch = Callable[[str, Input], None]
+"""Sees each input, and whose it was, when its effects have been carried out."""
+
+Restored = Callable[[str, Component], None]
+"""Sees each component that comes back from its journal, as its journal has it: before it hears anything new."""
+
+
+class KillPoint(StrEnum):
+    """The point at which a component is killed. Its next input is not acknowledged then, so that a message comes again."""
+
+    BETWEEN_INPUTS = "between two inputs"
+    UNSEEN = "at its next input, of which nothing is on disk yet"
+    JOURNALED = "at its next input, when that is in its journal, with what it records, and nothing else was done"
+    AMID = "at its next input, after some of the effects were carried out"
+
+
+@dataclass(slots=True, eq=False)
+class _Life:
+    """A component from one start to its end. `doom`: when it ends, and after how many effects."""
+
+    address: str
+    component: Component
+    journaled: JournaledComponent | None
+    planned_kill: tuple[KillPoint, int] | None = None
+
+
+@dataclass(slots=True, eq=False)
+class _Transmission:
+    """A message on its way; `by` is who sends it again until `until`, and knows it by its number. None: it is from outside."""
+
+    message: Message
+    deadline: float
+    sender: _Life | None = None
+    number: int = 0
+    pause: float = FIRST_PAUSE
+    waiting: bool = False
+    """No copy is on its way: it waits for its recipient, or for being sent again."""
+    is_settled: bool = False
+    """It was acknowledged, or given up."""
+
+
+def promptly(message: Message) -> Sequence[float]:
+    """Nothing is late, nothing comes twice, and nothing is lost."""
+    return (LATENCY,)
+
+
+def immediate_work(answer: Callable[[object], object]) -> CarryOut:
+    """Work that takes no time; what it raises is its answer."""
+
+    def work(task: object) -> Work:
+        try:
+            yield 0.0, answer(task)
+        except Exception as error:  # noqa: BLE001  # the component says what it means, as in node.py
+            yield 0.0, error
+
+    return work
+
+
+def _refuse_work(task: object) -> object:
+    raise RemoteError(f"nobody here can do {type(task).__name__}")
+
+
+class World:
+    """Components at their addresses, the messages between them, and the time."""
+
+    def __init__(
+        self,
+        start: float = 1_000_000.0,
+        *,
+        medium: Medium = promptly,
+        watch: Watch = lambda address, event: None,
+        restored: Restored = lambda address, component: None,
+    ) -> None:
+        self.now = start
+        self.messages: list[Message] = []
+        """Every message that was sent, in order; a delivery that is tried again counts once."""
+        self.components: dict[str, Component] = {}
+        self.records: dict[str, list[object]] = {}
+        """What each component recorded, by its address."""
+        self._medium, self._watch, self._restored = medium, watch, restored
+        self._lives: dict[str, _Life] = {}
+        self._carry_out: dict[str, CarryOut] = {}
+        self._journals: dict[str, VirtualJournal] = {}
+        self._events: list[tuple[float, int, Callable[[], None]]] = []
+        self._count = itertools.count()
+        self._timers: dict[tuple[str, Hashable], int] = {}
+        self._work: dict[tuple[str, Hashable], int] = {}
+        self._parked: list[_Transmission] = []
+        self._cut_off: set[str] = set()
+        self._posted: set[str] = set()
+
+    # Components
+
+    def add(self, address: str, component: Component, carry_out: CarryOut | None = None, *, journaled: Schema | None = None) -> None:
+        """Put a component at an address, where nothing is known of one before, and start it. `journaled`: its inputs are kept, as data of
+        this schema."""
+        self.records[address] = []
+        self._journals.pop(address, None)
+        self._carry_out[address] = carry_out or immediate_work(_refuse_work)
+        if journaled is not None:
+            self._journals[address] = VirtualJournal(component, journaled)
+        self._begin(address, component)
+
+    def remove(self, address: str) -> None:
+        """It is gone, without a word, and whatever it had under way with it."""
+        self.components.pop(address, None)
+        life = self._lives.pop(address, None)
+        for entries in (self._timers, self._work):
+            for key in [key for key in entries if key[0] == address]:
+                del entries[key]
+        if life is not None:
+            self._parked = [transmission for transmission in self._parked if transmission.sender is not life]
+
+    def kill(self, address: str, moment: KillPoint = KillPoint.BETWEEN_INPUTS, effects: int = 0) -> None:
+        """Kill the component at that moment, `AMID` after so many effects; `alive` tells whether it came. Its disk stays."""
+        if address not in self._lives:
+            raise UsageError(f"{address} cannot be killed: nobody is there")
+        if moment is KillPoint.BETWEEN_INPUTS:
+            self.remove(address)
+        else:
+            self._lives[address].planned_kill = moment, effects
+
+    def alive(self, address: str) -> bool:
+        return address in self._lives
+
+    def revive(self, address: str) -> None:
+        """Start the component again with its journal: it goes on where it stopped. It is killed before, if it has not been yet."""
+        journal = self._journal(address)
+        self.remove(address)
+        records = self.records[address]
+        records += [record for record in journal.restart() if record not in records]
+        self._restored(address, journal.journaled.component)
+        self._begin(address, journal.journaled.component)
+
+    def snapshot(self, address: str) -> None:
+        """What a node does from time to time: the journal of a component begins anew with its state."""
+        self._journal(address).snapshot()
+
+    def _journal(self, address: str) -> VirtualJournal:
+        if address not in self._journals:
+            raise UsageError(f"{address} keeps no journal")
+        return self._journals[address]
+
+    def _begin(self, address: str, component: Component) -> None:
+        journal = self._journals.get(address)
+        self.components[address] = component
+        self._lives[address] = life = _Life(address, component, journal.journaled if journal is not None else None)
+        if life.journaled is not None:
+            self._resume(life, life.journaled)
+        self._feed(address, Started(address))
+        self._deliver_parked()
+
+    def _resume(self, life: _Life, journaled: JournaledComponent) -> None:
+        """Take up what the component had under way when it was killed."""
+        address, pending = life.address, journaled.pending
+        for number, sent_message in pending.messages.items():
+            transmission = _Transmission(sent_message.message, sent_message.expiry_after_restart(self.now), life, number)
+            transmission.waiting = overdue = transmission.deadline <= self.now
+            if not overdue:
+                self._count_once(sent_message.message)
+            self._schedule(self.now, partial(self._expire if overdue else self._transmit, transmission))
+        for timer, fire_time in pending.timers.items():
+            self._set_timer(address, timer, fire_time)
+        answers = dict(pending.find_abandoned_questions(journaled.schema.volatile))
+        for question, task in pending.questions.items():
+            if question in answers:
+                self._schedule(self.now, partial(self._answer, address, question, answers[question], life))
+            else:
+                self._ask(address, question, task)
+
+    def fire_timer(self, address: str, timer: Hashable) -> None:
+        """Ring a timer that is rung from outside."""
+        self._feed(address, TimerFired(timer))
+
+    def notify(self, address: str, notice: object) -> None:
+        """Tell the component what its program would."""
+        self._feed(address, Notified(notice))
+
+    def cut_off(self, address: str) -> None:
+        """It goes on, but nothing reaches it, and nothing that it sends arrives."""
+        self._cut_off.add(address)
+
+    def reconnect(self, address: str) -> None:
+        self._cut_off.discard(address)
+        self._deliver_parked()
+
+    def timers(self, address: str) -> set[Hashable]:
+        """The timers of a component that have yet to ring."""
+        return {timer for owner, timer in self._timers if owner == address}
+
+    def send(self, message: Message) -> None:
+        """Send a message from outside."""
+        self._post(_Transmission(message, self.now + DELIVERY_TIME))
+
+    # Time
+
+    def run(self, seconds: float = 3600.0, until: Callable[[], bool] = lambda: False) -> bool:
+        """Let time pass until the condition holds (True), or for so long, or until nothing is left to happen."""
+        end = self.now + seconds
+        while not until():
+            if not self._events or self._events[0][0] > end:
+                self.now = end
+                return until()
+            self.now, _, action = heapq.heappop(self._events)
+            action()
+        return True
+
+    def _schedule(self, due_time: float, action: Callable[[], None]) -> None:
+        heapq.heappush(self._events, (max(due_time, self.now), next(self._count), action))
+
+    # Inputs and effects
+
+    def _feed(self, address: str, event: Input) -> bool:
+        """Have the component handle an input. Whether it is acknowledged: somebody is there, and was not killed meanwhile."""
+        life = self._lives.get(address)
+        if life is None:
+            return False
+        if life.planned_kill is not None and life.planned_kill[0] is KillPoint.UNSEEN:
+            self.remove(address)
+            return False
+        journal = self._journals.get(address)
+        effects = journal.handle(event, self.now) if journal else [(effect, 0) for effect in life.component.handle(event, self.now)]
+        if life.planned_kill is not None:
+            self._end(address, life, effects, *life.planned_kill)
+            return False
+        for effect, number in effects:
+            self._perform(address, life, effect, number)
+        self._watch(address, event)
+        return True
+
+    def _end(self, address: str, life: _Life, effects: list[tuple[Effect, int]], moment: KillPoint, count: int) -> None:
+        """Carry out what of the effects still comes to be, and no more."""
+        recorded_effects = [(effect, number) for effect, number in effects if isinstance(effect, Record)]
+        for effect, number in effects[:count] if moment is KillPoint.AMID else recorded_effects:
+            self._perform(address, life, effect, number)
+        self.remove(address)
+
+    def _perform(self, address: str, life: _Life, effect: Effect, number: int) -> None:
+        match effect:
+            case Send(message, deadline):
+                self._post(_Transmission(message, deadline if deadline is not None else self.now + DELIVERY_TIME, life, number))
+            case SetTimer(timer, fire_time):
+                self._set_timer(address, timer, fire_time)
+            case Ask(question, task):
+                self._ask(address, question, task)
+            case Withdraw(question):
+                if self._work.pop((address, question), None) is not None:
+                    self._schedule(self.now, partial(self._answer, address, question, RemoteError("withdrawn"), life))
+            case Record(entry):
+                self.records[address].append(entry)
+
+    def _set_timer(self, address: str, timer: Hashable, fire_time: float | None) -> None:
+        self._timers.pop((address, timer), None)
+        if fire_time is not None:
+            serial = self._timers[address, timer] = next(self._count)
+            self._schedule(fire_time, partial(self._fire_timer, address, timer, serial))
+
+    def _fire_timer(self, address: str, timer: Hashable, serial: int) -> None:
+        if self._timers.get((address, timer)) == serial:
+            del self._timers[address, timer]
+            self._feed(address, TimerFired(timer))
+
+    def _ask(self, address: str, question: Hashable, task: object) -> None:
+        serial = self._work[address, question] = next(self._count)
+        self._continue(address, question, serial, self._carry_out[address](task))
+
+    def _answer(self, address: str, question: Hashable, value: object, life: _Life) -> None:
+        if self._lives.get(address) is life:
+            self._feed(address, Answered(question, value))
+
+    def _continue(self, address: str, question: Hashable, serial: int, work: Work) -> None:
+        step = next(work, None)
+        if step is not None:
+            self._schedule(self.now + step[0], partial(self._finish_work_step, address, question, serial, work, step[1]))
+
+    def _finish_work_step(self, address: str, question: Hashable, serial: int, work: Work, value: object) -> None:
+        if self._work.get((address, question)) == serial:
+            if value is not QUIET:
+                self._feed(address, Answered(question, value))
+            if self._work.get((address, question)) == serial:
+                self._continue(address, question, serial, work)
+
+    # Messages
+
+    def _count_once(self, message: Message) -> None:
+        """Of what is taken up after a kill, some was sent before, and some was not."""
+        if message.header.message_id not in self._posted:
+            self._posted.add(message.header.message_id)
+            self.messages.append(message)
+
+    def _post(self, transmission: _Transmission) -> None:
+        self._posted.add(transmission.message.header.message_id)
+        self.messages.append(transmission.message)
+        self._transmit(transmission)
+
+    def _transmit(self, transmission: _Transmission) -> None:
+        """Send the message, for the first time or again."""
+        if self._abandoned(transmission):
+            return
+        transmission.waiting = False
+        times = self._medium(transmission.message)
+        for delay in times:
+            self._schedule(self.now + delay, partial(self._arrive, transmission))
+        if not times:
+            transmission.waiting = True
+            retry_time = self.now + transmission.pause
+            transmission.pause = min(transmission.pause * 2, LONGEST_PAUSE)
+            self._schedule(
+                min(retry_time, transmission.deadline),
+                partial(self._transmit if retry_time < transmission.deadline else self._expire, transmission),
+            )
+
+    def _arrive(self, transmission: _Transmission) -> None:
+        """At its recipient; or its sender repeats it, until it gets through or its time is over."""
+        if self._reaches(transmission.message) and self._feed(transmission.message.header.recipient, Received(transmission.message)):
+            if not transmission.is_settled:
+                self._settle(transmission)
+        elif not (transmission.is_settled or transmission.waiting or self._abandoned(transmission)):
+            transmission.waiting = True
+            self._parked.append(transmission)
+            self._schedule(transmission.deadline, partial(self._expire, transmission))
+
+    def _reaches(self, message: Message) -> bool:
+        sender, recipient = message.header.sender, message.header.recipient
+        return recipient in self.components and not self._cut_off & {sender, recipient}
+
+    def _abandoned(self, transmission: _Transmission) -> bool:
+        """Whether nobody sends it again, because its sender was killed. What is on its way may still arrive."""
+        return transmission.sender is not None and self._lives.get(transmission.sender.address) is not transmission.sender
+
+    def _settle(self, transmission: _Transmission) -> None:
+        transmission.is_settled, transmission.waiting = True, False
+        if transmission.sender is not None and transmission.sender.journaled is not None and not self._abandoned(transmission):
+            transmission.sender.journaled.mark_delivered(transmission.number)
+
+    def _deliver_parked(self) -> None:
+        parked, self._parked = self._parked, []
+        for transmission in parked:
+            if self._reaches(transmission.message):
+                transmission.waiting = False
+                self._schedule(self.now + LATENCY, partial(self._arrive, transmission))
+            else:
+                self._parked.append(transmission)
+
+    def _expire(self, transmission: _Transmission) -> None:
+        if not transmission.waiting or self._abandoned(transmission):
+            return
+        if transmission in self._parked:
+            self._parked.remove(transmission)
+        self._settle(transmission)
+        self._feed(
+            transmission.sender.address if transmission.sender is not None else transmission.message.header.sender,
+            DeliveryFailed(transmission.message, "nobody is there"),
+        )

@@ -1,0 +1,376 @@
+"""Makes one formula true: by a plan, arranged step by step with services, executed, and recovered when a step fails, on the ladder's first
+two rungs (`recovery/ladder.py`).
+
+The goal of a task is pursued so, and so is whatever has to be so on the way: what a handler demands, what a cognitive service is to
+find out, what is to be restored. What the pursuit cannot settle by itself it gives back as `Next`, for the transaction.
+"""
+
+from __future__ import annotations
+
+from msgspec import structs
+
+from somrs.entish.parse import parse
+from somrs.kernel.component import Effects, EffectsReturning
+from somrs.ontology.services import ServiceKind
+from somrs.planner.model.plan import NoPlan, Plan
+from somrs.protocol.messages import events, frp
+from somrs.protocol.messages.clients import Phase
+from somrs.protocol.messages.directory import Offer
+from somrs.protocol.messages.events import GoalKind
+from somrs.protocol.messages.frp import State
+from somrs.task_manager.arrangement.available_services import service_names
+from somrs.task_manager.arrangement.call_for_proposals import MAX_OPEN_CALLS, Arrangement, CallForProposals
+from somrs.task_manager.arrangement.plan_request import PlanRequest, PlanRequester, PlanResult
+from somrs.task_manager.context import known_to_hold
+from somrs.task_manager.execution.member import Member
+from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow
+from somrs.task_manager.recovery.ladder import Rung, next_rung
+from somrs.task_manager.reservations import BlockedPlan
+from somrs.task_manager.timers import Answer, PlanWanted
+from somrs.task_manager.transaction.next_action import GoalReached, GoalUnreachable, NextAction, NoPlanFound, Proceed, StepLost
+from somrs.task_manager.transaction.scope import TaskScope
+from somrs.task_manager.transaction.state import GoalExecution
+from somrs.task_manager.transaction.step_executor import StepExecutor
+
+
+class GoalExecutor:
+    """Goes on with one goal of a task. It has no state of its own."""
+
+    def __init__(self, execution: GoalExecution, scope: TaskScope) -> None:
+        self._execution, self._scope = execution, scope
+        self._context, self._participants, self._services = scope.context, scope.participants, scope.services
+        self._log_event = scope.log_event
+
+    # Planning
+
+    def begin(self, now: float, plan: Plan | None = None) -> EffectsReturning[NextAction | None]:
+        """Have a plan made, or take this one and no other."""
+        if plan is None:
+            yield from self._plan(now)
+            return None
+        self._execution.fixed = True
+        return (yield from self._adopt_plan(plan, now))
+
+    def plan_anew(self, now: float) -> Effects:
+        """The map is another now: what was impossible may be possible."""
+        self._execution.replans.count()
+        yield from self._plan(now)
+
+    def _plan(self, now: float) -> Effects:
+        execution, state = self._execution, self._scope.state
+        execution.phase = Phase.PLANNING
+        # What the client said of the beginning is about the beginning.
+        precondition = state.task.precondition if execution.kind is GoalKind.TASK and execution.plans == 0 else None
+        task = structs.replace(state.task, effect=execution.goal, precondition=precondition)
+        execution.request = PlanRequest(owner=state.id, goal=execution.number, serial=execution.plans, task=task)
+        execution.plans += 1
+        yield from self._requester(execution.request).begin(now)
+
+    def _requester(self, request: PlanRequest) -> PlanRequester:
+        return PlanRequester(request, self._services, self._context, self._execution.workflow)
+
+    def discovered(self, serial: int, offers: tuple[Offer, ...] | str, now: float) -> EffectsReturning[NextAction | None]:
+        """The services on offer are known; to a plan that is not wanted any more it means nothing."""
+        request = self._execution.request
+        if request is None or request.serial != serial:
+            return None
+        result = yield from self._requester(request).discovered(offers)
+        return (yield from self._planned(result, now)) if result is not None else None
+
+    def planned(self, question: PlanWanted, answer: Answer, now: float) -> EffectsReturning[NextAction | None]:
+        """The planner's answer; to a plan that is not wanted any more it means nothing."""
+        request = self._execution.request
+        if request is None or request.question != question:
+            return None
+        result = yield from self._requester(request).answered(answer)
+        return (yield from self._planned(result, now)) if result is not None else None
+
+    def _planned(self, result: PlanResult, now: float) -> EffectsReturning[NextAction | None]:
+        self._execution.request = None
+        match result:
+            case Plan():
+                return (yield from self._adopt_plan(result, now))
+            case BlockedPlan() if self._execution.kind is GoalKind.TASK:
+                yield from self._wait(result, now)
+                return None
+            case BlockedPlan():
+                return (yield from self._fail((f"other tasks have {', '.join(result.objects)}",), now))
+            case NoPlan():
+                broken = self._services.broken
+                lost = (f"{service}: {reason}" for service, reason in broken.items() if service not in result.lost)
+                return NoPlanFound((f"no plan: {result.reasons[0]}", *result.reasons[1:], *lost))
+            case str(reason):
+                return (yield from self._fail((reason,), now))
+            case _:
+                return (yield from self._fail((f"planning failed: {result}",), now))
+
+    def without_plan(self, reasons: tuple[str, ...], now: float) -> EffectsReturning[NextAction | None]:
+        """There is none, and nothing can be undone so that there may be one."""
+        if readmitted := self._services.readmit_failed():
+            self._log_event(events.TriedOnceMore(services=service_names(readmitted)), now)
+            yield from self._plan(now)
+            return None
+        return (yield from self._fail(reasons, now))
+
+    def _wait(self, blocked_plan: BlockedPlan, now: float) -> Effects:
+        """Until those who have what is needed have ended. Who waits has nothing that others might wait for."""
+        execution, reservations = self._execution, self._context.reservations
+        for run in execution:
+            if run.progress is Progress.ARRANGED and (member := self._member(run)) is not None:
+                yield from self._participants.dismiss(member, "the task has to wait for others", now)
+                self._workflow.release(run)
+        execution.phase = Phase.WAITING
+        tasks = {task: reservations.goal(task) for task in blocked_plan.holders}
+        execution.waiting_for = events.WaitsForTasks(tasks=tasks, objects=blocked_plan.objects)
+        self._log_event(execution.waiting_for, now)
+        reservations.wait(self._scope.state.id, blocked_plan.reservation)
+
+    def freed(self, now: float) -> None:
+        """What it waited for is free."""
+        self._execution.waiting_for, self._execution.resumed = None, True
+        self._log_event(events.GoesOn(), now)
+
+    def _adopt_plan(self, plan: Plan, now: float) -> EffectsReturning[NextAction | None]:
+        execution = self._execution
+        execution.replans.planned(len(plan.steps))
+        old = execution.workflow
+        execution.workflow = workflow = Workflow.from_plan(plan, f"{execution.number}.{execution.plans}/", execution.label, execution.kind)
+        for member in workflow.adopt(old, self._scope.state.members) if old is not None else ():
+            yield from self._participants.dismiss(member, "the plan changed", now)
+        if not execution.fixed:
+            self._log_event(events.Planned(steps=len(plan.steps)), now)
+        execution.phase = Phase.ARRANGING
+        return Proceed()
+
+    def invalidate_plan(self, reason: str) -> Effects:
+        """The map is to change while a plan is being made: it has to be made again."""
+        execution = self._execution
+        if execution.request is not None:
+            yield from self._requester(execution.request).withdraw()
+            execution.request = None
+            execution.replan_because, execution.phase = (reason,), Phase.RECOVERING
+
+    def abandon(self) -> Effects:
+        """Nothing is made true any more. Whoever was asked or is committed hears that from the transaction."""
+        execution = self._execution
+        if execution.request is not None:
+            yield from self._requester(execution.request).withdraw()
+            execution.request = None
+        execution.waiting_for, execution.resumed = None, False
+        if execution.kind is GoalKind.TASK:
+            self._context.reservations.stop_waiting(self._scope.state.id)
+        yield from execution.calls.close_all()
+
+    # Arranging
+
+    def proceed(self, now: float) -> EffectsReturning[NextAction | None]:
+        """Do whatever comes next. Nothing does while a plan is being made."""
+        execution = self._execution
+        workflow = execution.workflow
+        if execution.request is not None or execution.waiting_for is not None:
+            return None
+        if execution.resumed:
+            execution.resumed = False
+            yield from self._plan(now)
+        elif execution.replan_because is not None:
+            return (yield from self._replan(now, execution.replan_because))
+        elif workflow is None:
+            return None
+        elif (failed := workflow.failed) is not None:
+            return (yield from self._begin_recovery(failed, (failed.failure or "",), now))
+        elif workflow.is_completed:
+            return (yield from self._finish(now))
+        elif (runs := workflow.open) or execution.calls:
+            execution.phase = Phase.ARRANGING
+            for run in runs[: MAX_OPEN_CALLS - len(execution.calls)]:
+                stands, action = yield from self._arrange(run, now)
+                if not stands:
+                    return action
+        elif workflow.arranged:
+            execution.phase = Phase.EXECUTING
+            for run in workflow.ready:
+                if execution.phase is not Phase.EXECUTING:
+                    break  # the one before found that the plan does not hold any more
+                if reasons := (yield from StepExecutor(execution, self._scope).begin(run, now)):
+                    return (yield from self._replan(now, reasons))
+        return None
+
+    def _arrange(self, run: StepRun, now: float) -> EffectsReturning[tuple[bool, NextAction | None]]:
+        """Ask every able service for terms. One that had the step and came back has to stop first: its report is awaited. Whether the
+        plan stands: there may be nobody to ask."""
+        calls = self._execution.calls
+        if self._scope.state.members.held(run.key) or calls.settles(run.step):
+            return True, None
+        invited = self._services.able_offers(run)
+        if not invited:
+            exclusions = "; ".join(f"{service}: {reason}" for service, reason in run.excluded.items())
+            reasons = (f"no service takes it ({exclusions})" if exclusions else "nobody offers it any more",)
+            return False, (yield from self._begin_recovery(run, reasons, now))
+        earliest, latest = self._workflow.earliest_start(run, now), self._scope.state.latest_finish
+        call = yield from self._arrangement.invite_services(run, invited, earliest, latest, now)
+        yield from calls.open(call)
+        self._log_event(events.ServicesAsked(services=service_names(invited)), now, run)
+        return True, None
+
+    def ask_anew(self, now: float) -> Effects:
+        """Nobody could answer for some time. Who is not heard then is none who does not answer, so that all are asked once more."""
+        yield from self._withdraw("the Task Manager was away, and asks anew", now)
+
+    def _withdraw(self, reason: str, now: float) -> Effects:
+        """Nobody is asked any more."""
+        calls = self._execution.calls
+        for call in calls:
+            yield from self._arrangement.withdraw(call, reason, now)
+        yield from calls.close_all()
+
+    def bids_due(self, now: float) -> EffectsReturning[NextAction | None]:
+        """The time to answer Arrange is over."""
+        calls = self._execution.calls
+        due = [*calls.due(now)]
+        for call in due:
+            yield from self._choose(call, now)
+        yield from calls.set_timer()
+        return Proceed() if due else None
+
+    def terms_received(self, member: Member, terms: frp.Terms, id: str, now: float) -> EffectsReturning[NextAction | None]:
+        """Terms came."""
+        service = member.offer.service
+        self._context.quotes.record_quote(service, terms.price, terms.duration)
+        call = self._execution.calls.find_call(member)
+        if call is None:
+            return None
+        offered = events.TermsOffered(service=service, price=terms.price, currency=terms.currency, duration=terms.duration)
+        arrangement = self._arrangement
+        self._log_event(offered, now, arrangement.run(call))
+        arrangement.add_bid(call, member, terms, id)
+        if not arrangement.is_answered(call):
+            return None
+        yield from self._choose(call, now)
+        return Proceed()
+
+    def participant_left(self, member: Member, reason: str, now: float) -> EffectsReturning[NextAction | None]:
+        """A participant is out before it did anything."""
+        call = self._execution.calls.find_call(member)
+        if call is not None:
+            self._arrangement.participant_left(call, member, reason)
+            if not self._arrangement.is_answered(call):
+                return None
+            yield from self._choose(call, now)
+            return Proceed()
+        if (run := self.run_of(member)) is not None:
+            run.excluded[member.offer.service] = reason
+            self._workflow.release(run)
+            return Proceed()
+        return None
+
+    def _choose(self, call: CallForProposals, now: float) -> Effects:
+        """Take the best of what came; without any, whoever is left is asked."""
+        yield from self._execution.calls.close(call)
+        state = self._scope.state
+        chosen = yield from self._arrangement.award(call, state.task, self._context.commitments(), self._services.broken, now)
+        if chosen is not None and chosen.bid is not None:
+            run, terms = self._arrangement.run(call), chosen.bid.terms
+            self._workflow.bind(run, chosen.offer.provider)
+            event = events.ServiceChosen(service=chosen.offer.service, price=terms.price, currency=terms.currency, duration=terms.duration)
+            self._log_event(event, now, run)
+
+    def run_of(self, member: Member) -> StepRun | None:
+        """The step that the participant is asked for, is committed to, or does."""
+        execution = self._execution
+        call = execution.calls.find_call(member)
+        if call is not None:
+            return self._workflow.runs[call.step]
+        return execution.workflow.held_by(member) if execution.workflow is not None else None
+
+    # Recovering
+
+    def _begin_recovery(self, run: StepRun, reasons: tuple[str, ...], now: float) -> EffectsReturning[NextAction | None]:
+        """The step is nobody's now, and something has to be done about it."""
+        was_started = run.failure is not None
+        is_look = self._execution.kind is GoalKind.LOOK  # that the map does not call a thing unknown is no finding
+        if was_started and not is_look and known_to_hold(run.step.effect, self._context.replica):
+            self._workflow.set_failure(run, None)
+            self._workflow.move(run, Progress.COMPLETED)
+            self._log_event(events.FoundSo(), now, run)
+            return Proceed()
+        if was_started:
+            return StepLost(run.step.id, reasons)
+        return (yield from self.recover(run.step.id, reasons, now))
+
+    def recover(self, step: str, reasons: tuple[str, ...], now: float) -> EffectsReturning[NextAction | None]:
+        """Climb the ladder."""
+        run, services = self._workflow.runs[step], self._services
+        was_started = run.failure is not None
+        self._workflow.set_failure(run, None)
+        alternatives = services.able_offers(run)
+        try:
+            run.precondition = services.precondition(run)
+            possible = True
+        except LookupError:
+            possible = False
+        bound = run.step.provider is not None  # a plan without it would be a detour, if there is one
+        if was_started and not alternatives and (possible or bound) and (alternatives := services.readmit_failed(run)):
+            self._log_event(events.MayTryAgain(services=service_names(alternatives)), now, run)
+        harmless = services.type_of(run.step).kind is not ServiceKind.PHYSICAL
+        match next_rung(alternatives, possible, outcome_known=run.reported is not None or harmless):
+            case Rung.REPLACE:
+                self._log_event(events.ServiceReplaced(), now, run)
+                return Proceed()
+            case Rung.REPLAN:
+                if not alternatives:
+                    services.exclude(run.excluded)
+                return (yield from self._replan(now, reasons))
+
+    def _replan(self, now: float, reasons: tuple[str, ...]) -> EffectsReturning[NextAction | None]:
+        """From the map as it is now to the goal; what runs is awaited first."""
+        execution = self._execution
+        assert execution.workflow is not None or execution.replan_because is not None
+        if execution.fixed:
+            return (yield from self._fail(reasons, now))
+        if execution.replans.is_exhausted:
+            return (yield from self._fail((*reasons, str(execution.replans)), now))
+        yield from self._withdraw("the plan changed", now)
+        if execution.workflow is not None and execution.workflow.busy:
+            execution.replan_because, execution.phase = reasons, Phase.RECOVERING
+            return None
+        execution.replan_because = None
+        execution.replans.count()
+        self._log_event(events.Replanned(reasons=reasons), now)
+        yield from self._plan(now)
+        return None
+
+    # Ending
+
+    def _finish(self, now: float) -> EffectsReturning[NextAction | None]:
+        execution = self._execution
+        if execution.fixed or known_to_hold(parse(execution.goal), self._context.replica):
+            return GoalReached()
+        goal = "the goal" if execution.kind is GoalKind.TASK else execution.goal
+        return (yield from self._replan(now, (f"every step was done, but {goal} does not hold",)))
+
+    def _fail(self, reasons: tuple[str, ...], now: float) -> EffectsReturning[NextAction | None]:
+        yield from self._withdraw("the plan was given up", now)
+        yield from self.abandon()
+        for run in self._execution:
+            member = self._member(run)
+            if member is None:
+                continue
+            if run.progress is Progress.ARRANGED:
+                yield from self._participants.dismiss(member, "the plan was given up", now)
+            elif run.progress is Progress.EXECUTING and member.state is State.EXECUTING:
+                yield from self._participants.halt(member, "the plan was given up", now)
+        return GoalUnreachable(reasons)
+
+    # What it works with
+
+    @property
+    def _workflow(self) -> Workflow:
+        assert self._execution.workflow is not None, "there is a plan"
+        return self._execution.workflow
+
+    @property
+    def _arrangement(self) -> Arrangement:
+        return Arrangement(self._workflow, self._scope.state.members, self._participants)
+
+    def _member(self, run: StepRun) -> Member | None:
+        return self._scope.state.members.find_member(run.participant)

@@ -1,0 +1,93 @@
+"""Where everything really is, whatever the map says. Only devices' real actions and people change it; cognitive devices read it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field
+
+from somrs.entish.formula import Attribute, Comparison, Formula, Name, Relation, Truth, conjuncts
+from verification.fault_runs.scenario import Scenario, Setting
+from verification.fault_runs.site import FLOOR
+
+Place = tuple[str, str]
+"""How a thing is where it is: `isOn` or `isHeldBy`, and what."""
+
+Placement = tuple[str, Place | bool]
+"""An object, and where it is, or whether it is open."""
+
+
+@dataclass(frozen=True, slots=True)
+class Action:
+    """A change of the truth. `task` is whose device did it; None: a person, or nobody."""
+
+    at: float
+    object: str
+    state_before: Place | bool
+    state_after: Place | bool
+    task: str | None
+    actor: str
+
+
+@dataclass
+class Reality:
+    """The things and the doors as they are, and how they came to be so."""
+
+    places: dict[str, Place] = field(default_factory=dict)
+    open: dict[str, bool] = field(default_factory=dict)
+    shelf_doors: dict[str, str] = field(default_factory=dict)
+    """Shelf and door."""
+    actions: list[Action] = field(default_factory=list)
+    doubtful: set[str] = field(default_factory=set)
+    """Objects that the map may be wrong about: somebody lied about them, or moved them in secret."""
+
+    @classmethod
+    def from_scenario(cls, scenario: Scenario) -> Reality:
+        places = {thing: ("isOn", place) for thing, place in scenario.things}
+        shelf_doors = dict(scenario.shelves) if scenario.setting is Setting.DOORS else {}
+        return cls(where=places, open=dict(scenario.doors), behind=shelf_doors)
+
+    def state(self, object: str) -> Place | bool:
+        return self.open[object] if object in self.open else self.places[object]
+
+    def situation_of(self, object: str) -> str:
+        """How it is, in Entish."""
+        if object in self.open:
+            return f"{object}.Open = {'TRUE' if self.open[object] else 'FALSE'}"
+        relation, place = self.places[object]
+        return f"{object} {relation} {place}"
+
+    def reachable(self, place: str) -> bool:
+        """Whether one gets there: the door before it is open."""
+        return self.open.get(self.shelf_doors.get(place, ""), True)
+
+    def move_object(self, object: str, target: Place | bool, time: float, task: str | None, actor: str) -> None:
+        state_before = self.state(object)
+        if state_before == target:
+            return
+        if isinstance(target, bool):
+            self.open[object] = target
+        else:
+            self.places[object] = target
+        self.actions.append(Action(time, object, state_before, target, task, actor))
+
+    def drop_all(self, device: str, time: float, at_work_on: Collection[str]) -> None:
+        """Whatever it holds falls. Of what it does not work on, nobody is to know."""
+        for thing, place in self.places.items():
+            if place == ("isHeldBy", device):
+                if thing not in at_work_on:
+                    self.doubtful.add(thing)
+                self.move_object(thing, ("isOn", FLOOR), time, None, device)
+
+    def is_true(self, formula: Formula) -> bool:
+        """Whether it is so, as far as it speaks of what can change."""
+        return all(self.state(object) == state for object, state in placements(formula) if object in self.places or object in self.open)
+
+
+def placements(formula: Formula) -> Iterator[Placement]:
+    """What a formula says of places and doors."""
+    for part in conjuncts(formula):
+        match part:
+            case Relation(("isOn" | "isHeldBy") as relation, (Name(thing), Name(place))):
+                yield thing, (relation, place)
+            case Comparison(Attribute(Name(door), "Open"), "=", Truth(is_open)):
+                yield door, is_open

@@ -1,0 +1,377 @@
+"""Plays a story: a whole system on virtual time, and what happens to it, at the moments that the story says."""
+
+from __future__ import annotations
+
+import traceback
+import zlib
+from collections import Counter
+from collections.abc import Callable, Sequence
+from functools import partial
+
+from msgspec import structs
+
+from somrs.kernel.component import Component, Input
+from somrs.kernel.replica import Replica
+from somrs.ontology.objects import Map
+from somrs.planner.model.problem import Problem
+from somrs.planner.planning import plan
+from somrs.protocol.messages.envelope import Header, Message, message_id
+from somrs.protocol.messages.knowledge import UpdateMap
+from somrs.registry.component import SCHEMA as REGISTRY
+from somrs.registry.component import Registry
+from somrs.repository.component import SCHEMA as REPOSITORY
+from somrs.repository.component import Repository
+from somrs.repository.state import Contents
+from somrs.runtime.virtual_time import LATENCY, KillPoint, Work, World
+from somrs.service_manager.participant.participant import SCHEMA as SERVICE_MANAGER
+from somrs.service_manager.participant.participant import ServiceManager
+from somrs.service_manager.participant.state import ServiceManagerState
+from somrs.service_manager.participant.timers import DepartureRequested as LeaveNow
+from somrs.service_manager.sdk.orders import Capability, Profile
+from somrs.task_manager.manager import SCHEMA, TaskManager
+from verification.fault_runs.client import Client
+from verification.fault_runs.ground_truth import Reality
+from verification.fault_runs.properties import Property, Violation, Witness
+from verification.fault_runs.scenario import (
+    AT_WORK,
+    Cut,
+    Departure,
+    DeviceTraits,
+    Disturbance,
+    Kill,
+    Move,
+    Scenario,
+    Sight,
+    Undo,
+    WorkFault,
+    WorkFaultKind,
+)
+from verification.fault_runs.simulated_device import DeviceManager, DeviceWork, InputObserver, SimulatedDevice
+from verification.fault_runs.site import map_of, ontology, service_type
+from verification.fault_runs.state_diff import difference
+
+LONG = 4 * 3600.0
+"""Seconds after the last fault has healed, in which every task has to be over and everyone home."""
+
+AFTERWARDS = 60.0
+"""Seconds in which nothing may happen any more."""
+
+MAX_EVENTS = 100_000
+"""So many inputs are more than any of these stories needs."""
+
+
+class ComponentFactory:
+    """How the components are made; tests put worse ones in their places."""
+
+    def task_manager(self, address: str) -> TaskManager:
+        return TaskManager(address, repository="repository", registry="registry")
+
+    device_manager = DeviceManager
+
+    def service_manager(self, profile: Profile, simulated_device: SimulatedDevice, observe_input: InputObserver) -> DeviceManager:
+        return self.device_manager(profile, repository="repository", registry="registry").attach(simulated_device, observe_input)
+
+    def restore_service_manager(
+        self, state: ServiceManagerState, simulated_device: SimulatedDevice, observe_input: InputObserver
+    ) -> DeviceManager:
+        return self.device_manager.restored(state).attach(simulated_device, observe_input)
+
+    def revive(self, world: World, address: str) -> None:
+        world.revive(address)
+
+
+class ScenarioRun:
+    """One run. `play` raises Violation when something does not hold."""
+
+    def __init__(self, scenario: Scenario, factory: ComponentFactory | None = None) -> None:
+        self.scenario, self.factory = scenario, factory or ComponentFactory()
+        self.world = World(medium=self._medium, watch=self._watch, restored=self._restored)
+        self.start = self.world.now
+        self.reality = Reality.from_scenario(scenario)
+        self.simulated_devices: dict[str, SimulatedDevice] = {}
+        self.lost_devices: set[str] = set()
+        """Devices that never come back."""
+        self.log: list[tuple[float, str]] = []
+        """What happened to the system."""
+        self.events = 0
+        self._tries: Counter[str] = Counter()
+        self._work_counts: Counter[str | None] = Counter()
+        self._targets: dict[Kill | Cut, str] = {}
+        self._disturbances: list[Disturbance] = []
+        self._cuts: Counter[str] = Counter()
+        self._doomed: dict[str, Component] = {}
+        self._fallen: dict[str, Component] = {}
+        self._listeners: list[Callable[[float, Input], None]] = []
+        self.client = Client(scenario.requests)
+        self.witness = Witness(self)
+        self.managers = [f"tm{number}" for number in range(1, scenario.managers + 1)]
+        self.world.add("repository", self._repository(), journaled=REPOSITORY)
+        self.world.add("registry", self._registry(), journaled=REGISTRY)
+        self.world.add("client", self.client)
+        self._scheduled: list[tuple[float, Callable[[], None]]] = []
+        for traits in scenario.devices:
+            if traits.joins:
+                self._schedule(traits.joins, partial(self._join, traits))
+            else:
+                self._join(traits)
+        for address in self.managers:
+            manager = self.factory.task_manager(address)
+            schema = structs.replace(SCHEMA, restore=type(manager).restored)
+            self.world.add(address, manager, partial(self._plan, address), journaled=schema)
+
+    # What is there
+
+    def _registry(self) -> Registry:
+        return Registry("registry", ontology(), "repository")
+
+    def _repository(self) -> Repository:
+        return Repository("repository", Contents(ontology=ontology(), map=map_of(self.scenario)))
+
+    def _join(self, traits: DeviceTraits) -> None:
+        next_fault = partial(self._work_fault, traits.name)
+        simulated_device = SimulatedDevice(traits, self.reality, next_fault, lambda: self.world.now, self._observe_start, self._break)
+        self.simulated_devices[traits.address] = simulated_device
+        schema = structs.replace(
+            SERVICE_MANAGER, restore=lambda state: self.factory.restore_service_manager(state, simulated_device, self.witness.observe_input)
+        )
+        self.world.add(traits.address, self._device(traits), simulated_device.carry_out, journaled=schema)
+
+    def _device(self, traits: DeviceTraits) -> ServiceManager:
+        return self.factory.service_manager(profile(traits), self.simulated_devices[traits.address], self.witness.observe_input)
+
+    def task_manager(self, address: str) -> TaskManager | None:
+        """None when it is down."""
+        component = self.world.components.get(address)
+        return component if isinstance(component, TaskManager) else None
+
+    @property
+    def contents(self) -> Contents | None:
+        repository = self.world.components.get("repository")
+        return repository.contents if isinstance(repository, Repository) else None
+
+    @property
+    def working(self) -> list[tuple[SimulatedDevice, DeviceWork]]:
+        """What devices really do now."""
+        self.reap()
+        return [
+            (simulated_device, device_work)
+            for simulated_device in self.simulated_devices.values()
+            for device_work in simulated_device.current_work.values()
+        ]
+
+    # What happens
+
+    def play(self) -> None:
+        """Everything, to the end."""
+        try:
+            self._play()
+        except Violation:
+            raise
+        except Exception as error:  # whatever a component runs into is what is looked for here
+            frame = traceback.extract_tb(error.__traceback__)[-1]
+            text = f"{type(error).__name__} in {frame.name} (line {frame.lineno} of {frame.filename.rpartition('/')[2]}): {error}"
+            raise Violation(Property.BREAKS, text) from error
+
+    def _play(self) -> None:
+        for number, wish in enumerate(self.scenario.requests):
+            self._schedule(wish.at, partial(self.world.fire_timer, "client", f"submit {number}"))
+        for fault in self.scenario.faults:
+            self._schedule_fault(fault)
+        for offset, callback in sorted(self._scheduled, key=lambda entry: entry[0]):
+            self._run(self.start + offset - self.world.now)
+            callback()
+        self.reap()
+        if not self._run(LONG, self.witness.settled):
+            raise Violation(Property.HOME, f"{LONG / 3600:.0f} hours after the last fault: {self.witness.unsettled()}")
+        self._run(AFTERWARDS)
+        self.witness.finish()
+
+    def add_listener(self, listener: Callable[[float, Input], None]) -> None:
+        """Tell it every input that is handled, and when."""
+        self._listeners.append(listener)
+
+    def _run(self, seconds: float, condition: Callable[[], bool] = lambda: False) -> bool:
+        return self.world.run(seconds, condition)
+
+    def _schedule(self, offset: float, callback: Callable[[], None]) -> None:
+        self._scheduled.append((offset, callback))
+
+    def _schedule_fault(self, fault: object) -> None:
+        match fault:
+            case Kill(at=offset, seconds=seconds):
+                self._schedule(offset, partial(self._kill, fault))
+                if seconds is not None:
+                    self._schedule(offset + seconds, partial(self._revive, fault))
+            case Cut(at=offset, seconds=seconds):
+                self._schedule(offset, partial(self._cut, fault))
+                self._schedule(offset + seconds, partial(self._reconnect, fault))
+            case Disturbance(at=offset, seconds=seconds):
+                self._schedule(offset, partial(self._disturbances.append, fault))
+                self._schedule(offset + seconds, partial(self._disturbances.remove, fault))
+            case Move(at=offset):
+                self._schedule(offset, partial(self._move, fault))
+            case Sight(at=offset, object=object):
+                self._schedule(offset, partial(self._report_sighting, object))
+            case Departure(at=offset, device=device):
+                self._schedule(offset, partial(self._withdraw_device, f"devices/{device}"))
+
+    def _work_fault(self, device: str) -> WorkFaultKind | None:
+        """What goes wrong in the device's next work."""
+        counts = {None: self._work_counts[None], device: self._work_counts[device]}
+        self._work_counts.update((None, device))
+        faults = [f for f in self.scenario.faults if isinstance(f, WorkFault) and counts.get(f.device) == f.nth]
+        if not faults:
+            return None
+        self._note(f"{device} {faults[0].kind}")
+        return faults[0].kind
+
+    def _target(self, target: str) -> str:
+        if target != AT_WORK:
+            return target
+        return next((simulated_device.traits.address for simulated_device, _ in self.working), "")
+
+    def _note(self, text: str) -> None:
+        self.log.append((self.world.now, text))
+
+    def _kill(self, kill: Kill) -> None:
+        address = self._targets[kill] = self._target(kill.target)
+        if not self.world.alive(address) or address in self._doomed:
+            return
+        if kill.snapshot:
+            self.world.snapshot(address)
+        self._note(f"{address} is killed {kill.moment}{f' ({kill.effects})' if kill.moment is KillPoint.AMID else ''}")
+        self._doomed[address] = self.world.components[address]
+        self.world.kill(address, kill.moment, kill.effects)
+        if kill.seconds is None:
+            self.lost_devices.add(address)
+        self.reap()
+
+    def _break(self, traits: DeviceTraits) -> None:
+        self._note(f"{traits.name} breaks without a word")
+        self._doomed[traits.address] = self.world.components[traits.address]
+        self.world.kill(traits.address)
+        self.lost_devices.add(traits.address)
+        self.reap()
+
+    def reap(self) -> None:
+        """See to those that are dead by now."""
+        for address in [address for address in self._doomed if not self.world.alive(address)]:
+            self._note(f"{address} is dead")
+            self._fallen[address] = self._doomed.pop(address)
+            if address in self.simulated_devices:
+                self.simulated_devices[address].died()
+
+    def _revive(self, kill: Kill) -> None:
+        address = self._targets[kill]
+        self.reap()
+        if address in self._doomed:
+            self.world.remove(address)
+            self.reap()
+        if self.world.alive(address) or address not in self._fallen or address in self.lost_devices:
+            return
+        self._note(f"{address} is started again")
+        self.factory.revive(self.world, address)
+        self.reap()
+
+    def _restored(self, address: str, component: Component) -> None:
+        self._check_same_state(address, self._fallen.pop(address), component)
+
+    def _check_same_state(self, address: str, component_before: Component, component_after: Component) -> None:
+        """FRP, property 7."""
+        different: str | None = None
+        match component_before, component_after:
+            case TaskManager(), TaskManager():
+                different = difference(component_before.state, component_after.state, ignored_types=(Replica,))
+                if different is None and _copy(component_before) != _copy(component_after):
+                    different = "the copies of the map"
+            case Registry(), Registry():
+                different = difference(component_before.state, component_after.state, ignored_types=(Replica,))
+            case Repository(), Repository():
+                different = difference(component_before.state, component_after.state)
+            case DeviceManager(), DeviceManager():
+                different = difference(component_before.state, component_after.state)
+        if different is not None:
+            raise Violation(Property.RESTART, f"{address} was started again, and is not what it was: {different}")
+
+    def _cut(self, cut: Cut) -> None:
+        target = self._targets[cut] = self._target(cut.target)
+        if not target:
+            return
+        self._note(f"{target} cannot be reached")
+        self._cuts[target] += 1
+        self.world.cut_off(target)
+
+    def _reconnect(self, cut: Cut) -> None:
+        target = self._targets[cut]
+        self._cuts[target] -= 1
+        if target and not self._cuts[target]:
+            self._note(f"{target} can be reached again")
+            self.world.reconnect(target)
+
+    def _move(self, move: Move) -> None:
+        self._note(f"a person puts {move.thing} on {move.place}{', and says so' if move.is_reported else ''}")
+        self.reality.move_object(move.thing, ("isOn", move.place), self.world.now, None, "a person")
+        self.reality.doubtful.add(move.thing)
+        if move.is_reported:
+            self._send_update("a person", f"{move.thing} isOn {move.place}")
+
+    def _report_sighting(self, object: str) -> None:
+        self.reality.doubtful.add(object)  # what is seen while it moves may be on the map after where it came to rest
+        self._send_update("a camera", self.reality.situation_of(object))
+
+    def _send_update(self, author: str, situation: str) -> None:
+        self._note(f"{author} tells: {situation}")
+        header = Header(
+            sender="client", recipient="repository", message_id=message_id(author, self.world.now, situation), reply_to="client"
+        )
+        self.world.send(Message(header=header, body=UpdateMap(situation=situation, author=author)))
+
+    def _withdraw_device(self, address: str) -> None:
+        if self.world.alive(address):
+            self._note(f"{address} takes its leave")
+            self.world.notify(address, LeaveNow())
+
+    # What the world asks
+
+    def _medium(self, message: Message) -> Sequence[float]:
+        """The same message meets the same weather whatever else there is in the story, so that it can be made shorter."""
+        if not self._disturbances:
+            return (LATENCY,)
+        disturbance, id = self._disturbances[-1], message.header.message_id
+        self._tries[id] += 1
+        dice = zlib.crc32(f"{self.scenario.seed} {id} {self._tries[id]}".encode())
+        if (dice & 0xFF) / 256 < disturbance.lost:
+            return ()
+        late = LATENCY + (dice >> 16 & 0xFF) / 256 * disturbance.late
+        return (late, LATENCY + (dice >> 24) / 256 * disturbance.late * 2) if (dice >> 8 & 0xFF) / 256 < disturbance.twice else (late,)
+
+    def _watch(self, address: str, event: Input) -> None:
+        self.events += 1
+        if self.events > MAX_EVENTS:
+            raise Violation(Property.HOME, f"more than {MAX_EVENTS} inputs, and no end of it")
+        if self._doomed:
+            self.reap()
+        for listener in self._listeners:
+            listener(self.world.now, event)
+        self.witness.watch(address, event)
+
+    def _observe_start(self, simulated_device: SimulatedDevice, device_work: DeviceWork) -> None:
+        self.witness.observe_start(simulated_device, device_work)
+
+    def _plan(self, address: str, task: object) -> Work:
+        assert isinstance(task, Problem), "a Task Manager has nothing but plans made here"
+        self.witness.planning(address, task)
+        yield self.scenario.planning, plan(task)
+
+
+def profile(traits: DeviceTraits) -> Profile:
+    """What the Service Manager knows of the device."""
+    undoable = traits.undo is not Undo.IMPOSSIBLE
+    undoable = traits.undo is not Undo.IMPOSSIBLE
+    capabilities = tuple(Capability(type=service_type(name), method=name, stoppable=True, undoable=undoable) for name in traits.services)
+    return Profile(name=traits.name, type="PioneerP3DX", capabilities=capabilities, valid_for=traits.valid_for, lease=traits.lease)
+
+
+def _copy(manager: TaskManager) -> tuple[int, Map]:
+    """What a Task Manager knows of the map."""
+    return manager.state.replica.version, manager.state.replica.map

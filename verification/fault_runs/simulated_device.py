@@ -1,0 +1,253 @@
+"""A device: what it really does when its Service Manager has it work, and what it says."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterator
+from dataclasses import dataclass, field
+from typing import Self
+
+from somrs.entish.parse import parse
+from somrs.kernel.component import Effect, Input, Withdraw
+from somrs.runtime.virtual_time import QUIET, Work
+from somrs.service_manager.participant.participant import ServiceManager
+from somrs.service_manager.participant.timers import Activity, WorkWanted
+from somrs.service_manager.sdk.orders import Advance, Halt, Order, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo, WorkDone
+from verification.fault_runs.ground_truth import Place, Reality, placements
+from verification.fault_runs.scenario import DeviceTraits, WorkFaultKind
+from verification.fault_runs.scenario import Undo as Undoing
+from verification.fault_runs.site import FLOOR, RECOGNITION
+
+FOREVER = 1e7
+"""Seconds."""
+
+InputObserver = Callable[[str, Input], None]
+"""Sees each input of a device's Service Manager, and whose it is, before it is handled."""
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceWork:
+    """Work that a device really does, from its first move until it is done or interrupted. Looking moves nothing."""
+
+    activity: Activity
+    order: Order
+
+    @property
+    def transaction(self) -> str:
+        return self.order.transaction
+
+    @property
+    def participant(self) -> str:
+        return self.order.participant
+
+    @property
+    def object(self) -> str:
+        return next(iter(self.order.inputs.values()))
+
+
+@dataclass
+class SimulatedDevice:
+    """`misdeeds` tells what goes wrong in its next work, if anything; `began` hears of each piece of work that begins; `dies` is called
+    when the device breaks without a word."""
+
+    traits: DeviceTraits
+    reality: Reality
+    next_fault: Callable[[], WorkFaultKind | None]
+    now: Callable[[], float]
+    on_start: Callable[[SimulatedDevice, DeviceWork], None]
+    on_break: Callable[[DeviceTraits], None]
+    current_work: dict[Hashable, DeviceWork] = field(default_factory=dict)
+    """What it does now."""
+    _last_places: dict[str, Place | bool] = field(default_factory=dict)
+    """Where it put what it worked on last."""
+
+    @property
+    def name(self) -> str:
+        return self.traits.name
+
+    # What its Service Manager tells it
+
+    def interrupted(self, question: Hashable) -> None:
+        """It stops moving."""
+        self.current_work.pop(question, None)
+
+    def died(self) -> None:
+        """Its program is dead: a watchdog stops it."""
+        if self.traits.drops:
+            self.reality.drop_all(self.name, self.now(), [device_work.object for device_work in self.current_work.values()])
+        self.current_work.clear()
+
+    def carry_out(self, task: object) -> Work:
+        match task:
+            case Quote():
+                return self._quote()
+            case Perform(order):
+                return self._perform(order)
+            case Undo(order, situation):
+                return self._undo(order, situation)
+            case Halt(order):
+                return self._halt(order)
+            case _:
+                return iter(((0.0, None),))
+
+    # What it does
+
+    def _quote(self) -> Work:
+        if self.traits.mute:
+            return
+        if self.traits.refuses:
+            yield 0.1, Refusal("it is too heavy for me")
+        else:
+            yield 0.1, Quoted(price=self.traits.price, duration=self.traits.duration)
+
+    def _perform(self, order: Order) -> Work:
+        fault_kind = self.next_fault()
+        work = self._look(order, fault_kind) if order.method == RECOGNITION else self._work(order, fault_kind)
+        yield from self._track_work(Activity.PERFORM, order, work)
+
+    def _track_work(self, activity: Activity, order: Order, work: Work) -> Work:
+        """The work, which is real until its end is reported."""
+        device_work = DeviceWork(activity, order)
+        question = WorkWanted(order.transaction, order.participant, activity)
+        if order.method != RECOGNITION:
+            self.current_work[question] = device_work
+        self.on_start(self, device_work)
+        for seconds, value in work:
+            if value is not QUIET and not isinstance(value, Advance):
+                self.current_work.pop(question, None)
+                yield seconds, value
+                return
+            yield seconds, value
+
+    def _work(self, order: Order, fault_kind: WorkFaultKind | None) -> Work:
+        seconds = self.traits.duration * (15 if fault_kind is WorkFaultKind.SLOW else 1)
+        moves, spent = [*self._moves(order)], 0.0
+        for number, (share, object, target) in enumerate(moves, 1):
+            yield (share - spent) * seconds, QUIET
+            spent = share
+            if number == len(moves) and fault_kind is not None and fault_kind not in (WorkFaultKind.SLOW, WorkFaultKind.CARRY):
+                yield from self._goes_wrong(fault_kind, order, object, target)
+                return
+            if (failed := self._move(order, object, target)) is not None:
+                yield 0.0, failed
+                return
+            if number < len(moves) and fault_kind is WorkFaultKind.CARRY:
+                yield 0.0, Advance(fraction=share, situation=self.reality.situation_of(object))
+        yield 0.0, WorkDone(situation=self._promised(order))
+
+    def _look(self, order: Order, fault_kind: WorkFaultKind | None) -> Work:
+        """Cognitive services tell the truth, or nothing."""
+        yield self.traits.duration, QUIET
+        if fault_kind is WorkFaultKind.DIE:
+            self.on_break(self.traits)
+        if fault_kind in (WorkFaultKind.DIE, WorkFaultKind.HANG):
+            yield FOREVER, QUIET
+        if fault_kind is not None:
+            yield 0.0, ServiceFailed("it sees nothing", None)
+        object = order.inputs["Object"]
+        yield 0.0, WorkDone(situation=f"{self.reality.situation_of(object)} AND {object}.Unknown = FALSE")
+
+    def _moves(self, order: Order) -> Iterator[tuple[float, str, Place | bool]]:
+        """After which share of the time which object comes where."""
+        for object, target in placements(parse(self._promised(order))):
+            if not isinstance(target, bool) and target[0] == "isOn" and order.method != "PutDown":
+                yield 0.4, object, ("isHeldBy", self.name)
+            yield 1.0, object, target
+
+    def _promised(self, order: Order) -> str:
+        return order.effect.replace("?Provider", self.name)
+
+    def _move(self, order: Order, object: str, target: Place | bool) -> ServiceFailed | None:
+        """Bring the object there; what it says when that cannot be done."""
+        if isinstance(target, bool):
+            self._place_object(object, target, order.transaction)
+            return None
+        reality = self.reality
+        mine = reality.places[object] == ("isHeldBy", self.name)
+        if target == ("isHeldBy", self.name):
+            expected_places = dict(placements(parse(order.precondition))) if order.precondition is not None else {}
+            if not mine and (reality.places[object][0] == "isHeldBy" or expected_places.get(object) != reality.places[object]):
+                return ServiceFailed(f"{object} is not where it is said to be", None)
+        elif not mine:
+            return ServiceFailed(f"{object} is gone from the gripper", None)
+        elif not reality.reachable(target[1]):
+            self._place_object(object, ("isOn", FLOOR), order.transaction)
+            return ServiceFailed(
+                "the door is closed", f"{reality.situation_of(object)} AND {reality.situation_of(reality.shelf_doors[target[1]])}"
+            )
+        self._place_object(object, target, order.transaction)
+        return None
+
+    def _goes_wrong(self, fault_kind: WorkFaultKind, order: Order, object: str, target: Place | bool) -> Work:
+        """What happens instead of the last move."""
+        reality, mine = self.reality, self.reality.state(object) == ("isHeldBy", self.name)
+        match fault_kind:
+            case WorkFaultKind.DROP | WorkFaultKind.MISPUT:
+                if mine:
+                    self._place_object(object, ("isOn", FLOOR), order.transaction)
+                situation = reality.situation_of(object)
+                yield 0.0, ServiceFailed("it slipped", situation) if fault_kind is WorkFaultKind.DROP else WorkDone(situation=situation)
+            case WorkFaultKind.FAIL:
+                yield 0.0, ServiceFailed("it is stuck", None)
+            case WorkFaultKind.ERROR:
+                yield 0.0, ZeroDivisionError("division by zero")
+            case WorkFaultKind.FALSE:
+                reality.doubtful.add(object)
+                yield 0.0, WorkDone(situation=self._promised(order))
+            case WorkFaultKind.RAVE:
+                failed = self._move(order, object, target)
+                yield 0.0, failed or WorkDone(situation=f"{object} isOn Nowhere")
+            case WorkFaultKind.DIE:
+                self.on_break(self.traits)
+        yield FOREVER, QUIET
+
+    def _undo(self, order: Order, situation: str) -> Work:
+        yield from self._track_work(Activity.UNDO, order, self._restore(order, situation))
+
+    def _restore(self, order: Order, situation: str) -> Work:
+        reality, goals = self.reality, [*placements(parse(situation))]
+        yield self.traits.duration, QUIET
+        if self.traits.undo is Undoing.HANG:
+            yield FOREVER, QUIET
+        for object, target in goals:
+            place = reality.state(object)
+            is_certain = place in (target, ("isHeldBy", self.name), self._last_places.get(object))
+            if self.traits.undo is Undoing.FAIL or not is_certain or not self._can_deliver(target):
+                yield 0.0, ServiceFailed("it cannot be undone", reality.situation_of(object) if is_certain else None)
+            self._place_object(object, target, order.transaction)
+        yield 0.0, WorkDone(situation=" AND ".join(reality.situation_of(object) for object, _ in goals) or situation)
+
+    def _can_deliver(self, target: Place | bool) -> bool:
+        return isinstance(target, bool) or (self.reality.reachable(target[1]) if target[0] == "isOn" else target[1] == self.name)
+
+    def _halt(self, order: Order) -> Work:
+        """Reach a safe state, and say what is known of the thing."""
+        yield self.traits.halts, QUIET
+        object = next(iter(order.inputs.values()))
+        mine = self.reality.state(object) == ("isHeldBy", self.name)
+        if mine and self.traits.lays_down:
+            self._place_object(object, ("isOn", FLOOR), order.transaction)
+        is_certain = mine or self.reality.state(object) == self._last_places.get(object)
+        yield 0.0, WorkDone(situation=self.reality.situation_of(object) if is_certain else None)
+
+    def _place_object(self, object: str, target: Place | bool, transaction: str) -> None:
+        self._last_places[object] = target
+        self.reality.move_object(object, target, self.now(), transaction, self.name)
+
+
+class DeviceManager(ServiceManager):
+    """A Service Manager whose device is told at once when it is interrupted."""
+
+    _simulated_device: SimulatedDevice
+    _observe_input: InputObserver
+
+    def attach(self, simulated_device: SimulatedDevice, observe_input: InputObserver) -> Self:
+        self._simulated_device, self._observe_input = simulated_device, observe_input
+        return self
+
+    def handle(self, event: Input, now: float) -> list[Effect]:
+        self._observe_input(self._simulated_device.traits.address, event)
+        effects = super().handle(event, now)
+        for effect in effects:
+            if isinstance(effect, Withdraw):
+                self._simulated_device.interrupted(effect.question)
+        return effects

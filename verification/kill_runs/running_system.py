@@ -1,0 +1,201 @@
+"""A running system of real processes that is struck, mended, and set right for the next run."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import math
+import shutil
+import signal
+import time
+import uuid
+from collections.abc import Iterable
+from importlib import resources
+from pathlib import Path
+
+from somrs.client.client import Client
+from somrs.deployment.launcher import Launcher
+from somrs.deployment.system import System
+from somrs.devices.simulator.link.commands import Fault
+from somrs.devices.simulator.link.link import OperatorLink
+from somrs.errors import RemoteError, SomrsError
+from somrs.ontology.files.loading import load
+from somrs.ontology.objects import Map
+from somrs.ontology.types import Ontology
+from somrs.protocol.messages import frp
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message
+from somrs.protocol.messages.frp import State
+from somrs.protocol.messages.knowledge import UpdateMap
+from somrs.runtime.wire import Wire
+from verification.kill_runs.draw import HOMES, Victim
+from verification.kill_runs.scenarios import DEVICES, PATROL, ROBOTS, THINGS
+
+FREE_TIME = 30.0
+"""Seconds that a device has, once everything is mended, to take a contract that begins at once."""
+START_TOLERANCE = 2.0
+"""Seconds in which a contract begins that begins at once."""
+
+
+class Trouble(Exception):
+    """The system cannot be brought to where a run can begin, or be ended."""
+
+
+class RunningSystem:
+    """One system in a folder. An asynchronous context manager."""
+
+    def __init__(self, data: Path, launcher: Launcher | None = None) -> None:
+        self.data = data
+        with resources.as_file(resources.files("somrs.demo") / "data" / "scenario-2.yaml") as site:
+            loaded = load([site])
+            self.system = System([site], data, speed="max", fresh=True, launcher=launcher)
+        assert loaded.map is not None, "the site has a map"
+        self.ontology: Ontology = loaded.ontology
+        self._homes: Map = loaded.map
+        self._wire = Wire()
+        self._open = contextlib.AsyncExitStack()
+
+    async def __aenter__(self) -> RunningSystem:
+        try:
+            await self._open.enter_async_context(self.system)
+            self.client = await self._open.enter_async_context(Client(self.system.addresses))
+            host, _, port = (self.system.addresses.simulator or "").rpartition(":")
+            self.operator = await self._open.enter_async_context(OperatorLink(host, int(port)))
+            self._open.push_async_callback(self._wire.close)
+        except BaseException:  # interrupted, too: no process is to be left
+            await self._open.aclose()
+            raise
+        return self
+
+    async def __aexit__(self, *exception: object) -> None:
+        for name in self.system.programs:
+            self.signal(name, signal.SIGCONT)
+        await self._open.aclose()
+
+    # Striking
+
+    def signal(self, program: str, signal_number: signal.Signals) -> None:
+        """Send a signal to a process, if it is there."""
+        with contextlib.suppress(ProcessLookupError):
+            self.system.programs[program].process.send_signal(signal_number)
+
+    async def strike(self, victim: Victim, device: str) -> None:
+        match victim:
+            case Victim.LINK:
+                await self.operator.fault(device, Fault.LINK)
+            case Victim.DEVICE:
+                self.signal(device, signal.SIGKILL)
+            case _:
+                self.signal(victim, signal.SIGKILL)
+
+    async def revive(self, victim: Victim, device: str) -> None:
+        """Start it again, and return when it is ready."""
+        if victim is Victim.LINK:
+            await self.operator.repair(device, Fault.LINK)
+        else:
+            await self.system.restart(device if victim is Victim.DEVICE else victim)
+
+    async def send(self, address: str, transaction: str, participant: str, body: Body, *, sender: str = ANONYMOUS) -> Message | None:
+        """Say something to a participant from outside; what it answers on the same connection."""
+        header = Header(
+            sender=sender,
+            recipient=address,
+            message_id=uuid.uuid4().urn,
+            reply_to=sender,
+            transaction=transaction,
+            participant=participant,
+        )
+        return await self._wire.post(Message(header=header, body=body), timeout=20.0)
+
+    # Asking
+
+    async def devices(self) -> dict[str, str]:
+        """The addresses of those who offer services now."""
+        return {offer.provider: offer.address for offer in await self.client.services()}
+
+    async def state(self, address: str, transaction: str, participant: str) -> State:
+        """What a Service Manager says of a participant."""
+        answer = await self.send(address, transaction, participant, frp.Query())
+        if answer is None or not isinstance(answer.body, frp.Status):
+            raise Trouble(f"{participant} answered a Query with {type(answer.body).__name__ if answer else 'nothing'}")
+        return answer.body.state
+
+    # Setting right
+
+    async def set_right(self) -> None:
+        """Mend everything, have everything where it was in the beginning, and see that all devices are there and free."""
+        await self.mend()
+        for thing in THINGS:
+            home = self._homes.objects[thing].values
+            await self.operator.move(thing, *(float(home[f"Position{axis}"]) for axis in "XYZ"))
+        await self.operator.idle()
+        parts = []
+        for thing in THINGS:
+            thing_state = await self.operator.observe(thing)
+            if thing_state.support != HOMES[thing]:
+                raise Trouble(f"{thing} was put on {HOMES[thing]}, and is on {thing_state.support}")
+            places = [
+                f"{thing}.Position{axis} = {value:.3f}"
+                for axis, value in zip("XYZ", (thing_state.x, thing_state.y, thing_state.z), strict=True)
+            ]
+            parts += [f"{thing} isOn {HOMES[thing]}", f"{thing}.Unknown = FALSE", *places]
+        parts += [f"{device}.Working = TRUE" for device in DEVICES]
+        for robot, state in (await self.operator.robots()).items():
+            pose = {"PositionX": state.x, "PositionY": state.y, "RotationZ": math.remainder(state.yaw, math.tau)}
+            parts += [f"{robot}.{path} = {value:.3f}" for path, value in pose.items()]
+        await self.client.update(UpdateMap(situation=" AND ".join(parts), author="whoever sets it right"))
+
+    async def mend(self) -> None:
+        for device in DEVICES:
+            self.signal(device, signal.SIGCONT)
+            for fault in Fault:
+                await self.operator.repair(device, fault)
+
+    async def all_free(self) -> None:
+        """Raise Trouble unless every device is there, and takes a contract that begins at once. It does not get it."""
+        loop = asyncio.get_running_loop()
+        end, troubles = loop.time() + FREE_TIME, dict.fromkeys(DEVICES, "it is not in the Registry")
+        while troubles and loop.time() < end:
+            try:
+                addresses = await self.devices()
+            except RemoteError as error:
+                troubles = dict.fromkeys(troubles, str(error))
+                addresses = {}
+            probes = {device: self._trouble(device, addresses[device]) for device in troubles if device in addresses}
+            answers = await asyncio.gather(*probes.values())
+            troubles |= dict(zip(probes, answers, strict=True))
+            troubles = {device: trouble for device, trouble in troubles.items() if trouble}
+            if troubles:
+                await asyncio.sleep(0.1)
+        if troubles:
+            details = "; ".join(f"{device}: {trouble}" for device, trouble in troubles.items())
+            raise Trouble(f"not free after {FREE_TIME:.0f} s: {details}")
+
+    async def _trouble(self, device: str, address: str) -> str:
+        """Why the device would not begin a contract at once; nothing if it would."""
+        transaction, kind = uuid.uuid4().urn, "TransferObject" if device in ROBOTS else "RecognizeSituation"
+        participant = f"{device}.{kind}#probe"
+        inputs = {"Object": "Carton001", "Destination": "Platform001"} if device in ROBOTS else {"Object": "Carton001"}
+        effect = "Carton001 isOn Platform001" if device in ROBOTS else "Carton001.Unknown = FALSE"
+        try:
+            answer = await self.send(address, transaction, participant, frp.Arrange(service_type=kind, inputs=inputs, effect=effect))
+            await self.send(address, transaction, participant, frp.Cancel(reason="it was only asked"))
+        except SomrsError as error:
+            return str(error)
+        match answer:
+            case Message(body=frp.Terms(start_from=start)):
+                late = (start or 0.0) - time.time()
+                return f"it would begin in {late:.0f} s" if late > START_TOLERANCE else ""
+            case Message(body=frp.Refuse(reason=reason)):
+                return reason if device in (*ROBOTS, PATROL) else ""  # a camera refuses what it does not see
+            case _:
+                return f"it answered {type(answer.body).__name__ if answer else 'nothing'}"
+
+    def save_logs(self, folder: Path, files: Iterable[str] = ("logs", "messages.jsonl")) -> None:
+        """Copy what tells of the run."""
+        for name in files:
+            source = self.data / name
+            if source.is_dir():
+                shutil.copytree(source, folder / name, dirs_exist_ok=True)
+            elif source.exists():
+                shutil.copy(source, folder / name)
