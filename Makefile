@@ -48,6 +48,7 @@ lint: setup
 	@$(BIN)/ruff format --check .
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports
+	@$(BIN)/python scripts/names.py
 	@scripts/javascript lint
 
 # The JavaScript modules of the windows: ESLint, and their unit tests in node.

@@ -49,7 +49,7 @@ class Entry(Struct, frozen=True, kw_only=True):
 
 ENTRIES: dict[str, Entry] = {
     "floor": Entry(module="floor", kind="Floor", title="the floor: calls, msgpack, a journal"),
-    "here": Entry(module="somrs_here", kind="Here", title="SO-MRS in one process"),
+    "here": Entry(module="somrs_here", kind="InProcess", title="SO-MRS in one process"),
     "wire": Entry(module="somrs_wire", kind="OverHttp", title="SO-MRS, SOAP over HTTP"),
     "soap": Entry(module="soap_exchange", kind="Exchange", title="SOAP over HTTP: one exchange", apart=True),
     "spade": Entry(module="spade_agents", kind="Spade", title="SPADE over its XMPP server", packages=("spade",)),

@@ -11,9 +11,9 @@ import time
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 
-from beside import format_time
 from maps import hall
 from msgspec import structs
+from timing import format_time
 
 from somrs.client.client import Addresses, Client
 from somrs.kernel.component import Received, Record

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import pint
 import yaml
-from beside import side_by_side
+from timing import side_by_side
 
 from somrs.api.formulas import check_text
 from somrs.entish.parse import parse

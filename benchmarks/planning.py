@@ -16,9 +16,9 @@ import time
 from collections.abc import Callable, Iterator
 from functools import partial
 
-from beside import format_time
 from contestants import unified
 from msgspec.structs import replace
+from timing import format_time
 
 from somrs.deployment.programs import YOUNG_OBJECTS
 from somrs.entish.parse import parse

@@ -15,9 +15,9 @@ from importlib import resources
 from pathlib import Path
 
 import numpy as np
-from beside import side_by_side
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
+from timing import side_by_side
 
 from somrs.devices.simulator.link.commands import Command, CommandDone, CommandGivenUp, DriveTo, Grip, Place
 from somrs.devices.simulator.motion.navigation import Navigator, length
@@ -78,7 +78,8 @@ def pace(title: str, map: Map, ontology: Ontology, jobs: Jobs) -> None:
         bare.append(time.perf_counter() - started)
     rates = [simulated / statistics.median(times) for times in (bare, whole)]
     print(
-        f"\n{title}: {len(map.objects)} objects, {simulated:.0f} s of simulated time; the world is made in {statistics.median(setup_times):.2f} s"
+        f"\n{title}: {len(map.objects)} objects, {simulated:.0f} s of simulated time; "
+        f"the world is made in {statistics.median(setup_times):.2f} s"
     )
     print(f"  {'bare physics':46} {rates[0]:6.0f} times real time")
     print(f"  {'robots at work':46} {rates[1]:6.0f} times real time, {rates[0] / rates[1]:.2f} times the cost of the bare physics")

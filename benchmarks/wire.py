@@ -5,8 +5,8 @@ from __future__ import annotations
 import asyncio
 
 import msgspec
-from beside import side_by_side
 from lxml import etree
+from timing import side_by_side
 
 from somrs.ontology.objects import Fact, Object
 from somrs.protocol.messages import frp, knowledge

@@ -34,7 +34,7 @@ WORKER_GROUPS = {
 
 
 class GroupScheduling(LoadScopeScheduling):  # type: ignore[misc]
-    """Gives single tests to whoever is free, and those that belong `TOGETHER` to one worker."""
+    """Gives single tests to whoever is free, and those that belong `WORKER_GROUPS` to one worker."""
 
     def _split_scope(self, nodeid: str) -> str:
         file = nodeid.partition("::")[0].removesuffix(".py")

@@ -20,7 +20,7 @@ import sqlalchemy
 from dbos import DBOS, DBOSConfig, SendMessage, SetWorkflowID
 
 from contestants.contest import BIDDERS
-from contestants.talk import Bidder, Negotiation, Note, Speaker
+from contestants.conversation import Bidder, Negotiation, Note, Speaker
 
 COORDINATOR = "task-manager"
 NAMES = tuple(f"robot-{number}" for number in range(BIDDERS))

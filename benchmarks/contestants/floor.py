@@ -11,8 +11,8 @@ from pathlib import Path
 import msgspec
 
 from contestants.contest import BIDDERS
-from contestants.durable import Journal
-from contestants.talk import Bidder, Negotiation, Note, Speaker
+from contestants.conversation import Bidder, Negotiation, Note, Speaker
+from contestants.journal import Journal
 
 _ENCODER = msgspec.msgpack.Encoder()
 _DECODER = msgspec.msgpack.Decoder(Note)

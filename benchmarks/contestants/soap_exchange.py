@@ -7,7 +7,7 @@ import sys
 import uuid
 from pathlib import Path
 
-from contestants.durable import Journal
+from contestants.journal import Journal
 from contestants.programs import Programs, ready, wait_for_end
 from somrs.deployment.programs import run_program
 from somrs.protocol.messages import frp

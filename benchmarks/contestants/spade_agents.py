@@ -20,9 +20,9 @@ from pathlib import Path
 import msgspec
 
 from contestants.contest import BIDDERS
-from contestants.durable import Journal
+from contestants.conversation import Bidder, Negotiation, Note, Speaker
+from contestants.journal import Journal
 from contestants.programs import Programs, free_port, ready, wait_for_end
-from contestants.talk import Bidder, Negotiation, Note, Speaker
 from somrs.deployment.programs import run_program
 
 DOMAIN = "localhost"

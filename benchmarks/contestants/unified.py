@@ -9,7 +9,7 @@ from somrs.planner.model.problem import Problem
 
 
 def unified_task(problem: Problem, washed: tuple[str, ...], places: dict[str, str]) -> Any:
-    """The task of `asked`, a store, as unified-planning has it; the goal is that jars are washed and stand on places."""
+    """The task of `problem`, a store, as unified-planning has it; the goal is that jars are washed and stand on places."""
     from unified_planning.shortcuts import BoolType, Equals, Fluent, InstantaneousAction, Not, Object, UserType
     from unified_planning.shortcuts import Problem as Task
 

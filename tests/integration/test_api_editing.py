@@ -326,7 +326,7 @@ def test_all_of_it_is_done_over_http_too(tmp_path: Path) -> None:
         assert (await client.get("/ontology/export.yaml", params={"whole": True})).text.startswith("ontology:")
         described = (await client.get("/openapi.json")).json()
         assert {"/ontology/undo/{version}", "/map/events", "/map/renames"} <= described["paths"].keys()
-        assert "Named" in json.dumps(described)
+        assert "DefinitionKey" in json.dumps(described)
         assert (await client.get("/map/events")).json()["events"] == []
 
     run_with_api(tmp_path, use)

@@ -21,7 +21,7 @@ FIRST, SECOND = "Jar002 isOn Platform001", "Jar002 isOn Cupboard002"
 
 
 class Hands:
-    """What robots really do: `twice` tells of things that two of them had in their hands at a time."""
+    """What robots really do: `conflicts` tells of things that two of them had in their hands at a time."""
 
     def __init__(self) -> None:
         self.carried: dict[str, str] = {}

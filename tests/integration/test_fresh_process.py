@@ -33,14 +33,14 @@ def test_units_are_loaded_only_when_they_differ() -> None:
 import sys
 from somrs.entish.parse import parse
 from somrs.ontology.objects import Map, Object
-from somrs.ontology.truth import holds
+from somrs.ontology.truth import formula_holds
 map = Map([Object(name="Jar1", type="Jar")])
 from somrs.ontology.types import AttributeType, Kind, ObjectType, Ontology
 weight = AttributeType(name="Weight", kind=Kind.NUMBER, unit="kg")
 ontology = Ontology([weight, ObjectType(name="Jar", parent=None, defaults={"Weight": 1})])
-assert holds(parse("Jar1.Weight = 1 kg AND Jar1.Weight < 2"), map, ontology)
+assert formula_holds(parse("Jar1.Weight = 1 kg AND Jar1.Weight < 2"), map, ontology)
 assert "pint" not in sys.modules
-assert holds(parse("Jar1.Weight = 1000 g"), map, ontology)
+assert formula_holds(parse("Jar1.Weight = 1000 g"), map, ontology)
 assert "pint" in sys.modules
 """
     subprocess.run([sys.executable, "-c", program], check=True)

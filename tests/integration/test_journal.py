@@ -238,14 +238,14 @@ sys.path.insert(0, sys.argv[2])
 from tests.integration.test_journal import Shelf
 
 shelf = Shelf(Path(sys.argv[1]))
-shelf.told = len(shelf.ledger.amounts)
+shelf.sent_count = len(shelf.ledger.amounts)
 while True:
-    shelf.tell(shelf.told)
-    if shelf.told % 7 == 0:
+    shelf.send_amount(shelf.sent_count)
+    if shelf.sent_count % 7 == 0:
         shelf.journal.snapshot(shelf.journaled)
     while shelf.journal.disk.durable < shelf.journal.disk.position:
         pass
-    print(shelf.told, flush=True)
+    print(shelf.sent_count, flush=True)
 """
 
 

@@ -172,7 +172,7 @@ def test_programs_end_when_whoever_wanted_them_is_killed(tmp_path: Path) -> None
 FORK_SCRIPT = """
 import asyncio, os, signal, sys, threading
 from pathlib import Path
-from somrs.deployment.launcher import Launcher, forked
+from somrs.deployment.launcher import Launcher, fork_launcher
 
 async def run(begun, log):
     launcher = Launcher(begun)
@@ -190,7 +190,7 @@ async def run(begun, log):
 
 if "thread" in sys.argv:
     threading.Thread(target=threading.Event().wait, daemon=True).start()
-asyncio.run(run(forked(), Path(sys.argv[1])))
+asyncio.run(run(fork_launcher(), Path(sys.argv[1])))
 print("over")
 """
 

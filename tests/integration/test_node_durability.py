@@ -112,7 +112,7 @@ def test_with_nothing_to_wait_for_nothing_waits(tmp_path: Path) -> None:
         await host.start()
         message = amount_message(1, 7, f"{host.url}/ledger")
         known_inputs: list[Input] = []
-        journal = Journal(tmp_path / "ledger.sqlite", structs.replace(SCHEMA, reads=lambda event: event in known_inputs))
+        journal = Journal(tmp_path / "ledger.sqlite", structs.replace(SCHEMA, is_read_only=lambda event: event in known_inputs))
         host.add_journaled("/ledger", lambda address: Ledger(), journal, carry_out=double)
         assert (await host.request(message)).body == CancelTask(task="7")
         known_inputs.append(Received(message))

@@ -22,8 +22,8 @@ keeper = Keeper(Path(sys.argv[1]))
 while True:
     position = 100.0 + keeper.contents.version
     update = UpdateMap(changes=(ValueSet("Jar1", "PositionX", position), ValueSet("Jar2", "PositionX", position)))
-    keeper.say(update, Updated, identity=f"urn:uuid:{position}")
-    keeper.journal.disk.do(lambda db: None)
+    keeper.ask(update, Updated, identity=f"urn:uuid:{position}")
+    keeper.journal.disk.write_and_wait(lambda db: None)
     print(keeper.contents.version, flush=True)
     if keeper.contents.version % 20 == 0:
         keeper.journal.snapshot(keeper.journaled)

@@ -71,7 +71,7 @@ commands: st.SearchStrategy[Command] = st.one_of(
     st.builds(DriveTo, x=numbers, y=numbers, yaw=st.none() | numbers),
     st.builds(Approach, object=names),
     st.builds(Grip, object=names),
-    st.builds(Place, on=names, x=st.none() | numbers, y=st.none() | numbers),
+    st.builds(Place, support=names, x=st.none() | numbers, y=st.none() | numbers),
     st.builds(Sense, radius=st.none() | numbers),
     st.builds(LookAt, x=numbers, y=numbers, z=numbers, object=st.none() | names),
     st.builds(LookAround, object=st.none() | names),
@@ -83,11 +83,11 @@ lines: st.SearchStrategy[ClientLine] = st.one_of(
     st.builds(Order, id=ids, command=commands),
     st.builds(Ask, id=ids, question=st.builds(Look, object=names)),
     st.builds(Ask, id=ids, question=st.builds(Follow, rate=st.floats(0, 1e6))),
-    st.builds(Ask, id=ids, question=st.builds(Break, robot=names, fault=st.sampled_from(Fault), after=st.none() | st.floats(0, 1e9))),
+    st.builds(Ask, id=ids, question=st.builds(Break, robot=names, fault=st.sampled_from(Fault), delay=st.none() | st.floats(0, 1e9))),
     st.builds(
         Ask,
         id=ids,
-        question=st.builds(Ways, robot=names, through=st.lists(names | st.tuples(numbers, numbers), max_size=3).map(tuple)),
+        question=st.builds(Ways, robot=names, stops=st.lists(names | st.tuples(numbers, numbers), max_size=3).map(tuple)),
     ),
 )
 

@@ -77,11 +77,11 @@ def test_enough_goes_wrong_and_every_rung_of_the_ladder_is_used(many_runs: Resul
 
 PRINTED = """
 from verification.fault_runs.draw import draw
-from verification.fault_runs.result import played
+from verification.fault_runs.result import play_scenario
 for seed in range(40, 47):
-    story = draw(seed)
-    stage, violation = played(story)
-    print(story, violation, stage.log, stage.reality.deeds, [m.header.message_id for m in stage.world.messages])
+    scenario = draw(seed)
+    scenario_run, violation = play_scenario(scenario)
+    print(scenario, violation, scenario_run.log, scenario_run.reality.actions, [m.header.message_id for m in scenario_run.world.messages])
 """
 
 
@@ -158,7 +158,7 @@ CUT_OFF = make_scenario(
 
 def test_a_device_that_goes_on_when_it_is_cut_off_is_noticed() -> None:
     class Careless(DeviceManager):
-        def _undelivered(self, message: object, now: float) -> Effects:
+        def _delivery_failed(self, message: object, now: float) -> Effects:
             yield from ()
 
     assert violated_property(CUT_OFF) is None
@@ -199,10 +199,10 @@ HALF_DONE = make_scenario(*DROPS, devices=(carrier(1),), wish="Jar1 isOn Table2 
 
 def test_tasks_that_do_not_leave_each_other_what_they_were_promised_are_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
     wishes = [TaskRequest(at=2.0 * number, task_manager="tm1", effect=f"Jar1 isOn Table{number}", policy=Policy.TIME) for number in (2, 3)]
-    quarrel = replace(make_scenario(), wishes=tuple(wishes))
+    quarrel = replace(make_scenario(), requests=tuple(wishes))
     assert violated_property(quarrel) is None
     monkeypatch.setattr(Reservations, "conflicts", lambda *_: {})
-    monkeypatch.setattr(Reservations, "taken", lambda *_: frozenset())
+    monkeypatch.setattr(Reservations, "reserved_objects", lambda *_: frozenset())
     assert violated_property(quarrel) is Property.MUTUAL_EXCLUSION
 
 

@@ -29,7 +29,7 @@ def test_a_killed_task_manager_and_a_killed_repository_find_their_places(tmp_pat
             for number, (message, victim) in enumerate((("Execute", Victim.TASK_MANAGER), ("Arrange", Victim.REPOSITORY))):
                 carry = next(play for play in scenarios_of(message) if play.name == "carry")
                 case = draw_case(CELLS.index((message, victim)))
-                case = replace(case, seed=number, play=carry, nth=1, pause=0.1, wanted=(("Jar002", "Platform001"),))
+                case = replace(case, seed=number, scenario=carry, nth=1, pause=0.1, placements=(("Jar002", "Platform001"),))
                 result = await Run(stage, case).play()
                 assert result.recovered, [*result.problems, *result.lost, result.missed]
                 assert result.struck == victim

@@ -53,9 +53,9 @@ WRONG = [
     Mutation("COORDINATOR", "Executing", "Refuse", "ignored"),
     Mutation("COORDINATOR_SENDS", "Executing", "Stop", "ignored"),
     Mutation("PARTICIPANT_SENDS", "Executing", "Failed", "Ended"),
-    Mutation("GIVES_UP", "Stopping", "", "ignored"),
+    Mutation("ABANDONED_STATES", "Stopping", "", "ignored"),
     Mutation("RESUMES", "Executing", "", "Completed"),
-    Mutation("HOLDS", "Executing", "", "ignored"),
+    Mutation("HOLDING_STATES", "Executing", "", "ignored"),
 ]
 
 
@@ -90,7 +90,7 @@ def test_a_participant_that_nobody_sends_home_is_found(monkeypatch: pytest.Monke
 
 def test_mutations_are_undone() -> None:
     entries_before = list(states.ABANDONED_STATES.items())
-    with altered(Mutation("GIVES_UP", "Executing", "", "ignored")):
+    with altered(Mutation("ABANDONED_STATES", "Executing", "", "ignored")):
         assert State.EXECUTING not in states.ABANDONED_STATES
     assert entries_before == list(states.ABANDONED_STATES.items())
 

@@ -44,7 +44,7 @@ class Reality:
     def from_scenario(cls, scenario: Scenario) -> Reality:
         places = {thing: ("isOn", place) for thing, place in scenario.things}
         shelf_doors = dict(scenario.shelves) if scenario.setting is Setting.DOORS else {}
-        return cls(where=places, open=dict(scenario.doors), behind=shelf_doors)
+        return cls(places=places, open=dict(scenario.doors), shelf_doors=shelf_doors)
 
     def state(self, object: str) -> Place | bool:
         return self.open[object] if object in self.open else self.places[object]

@@ -281,8 +281,8 @@ class Witness:
             if not any(self._mentions(work, object) for work in task_view.work):
                 raise Violation(
                     Property.SILENCE,
-                    f"{task_view.task} ended {task_view.outcome}; {_describe_actions(actions)}; and nobody says that {reality.situation_of(object)} "
-                    f"is left of it: {task_view.explanation}",
+                    f"{task_view.task} ended {task_view.outcome}; {_describe_actions(actions)}; "
+                    f"and nobody says that {reality.situation_of(object)} is left of it: {task_view.explanation}",
                 )
 
     def _meanwhile(self, action: Action, task: TaskState) -> bool:

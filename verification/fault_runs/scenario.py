@@ -70,8 +70,8 @@ class DeviceTraits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TaskRequest:
-    """A task. `to` is the Task Manager that gets it; `cancelled`: so many seconds after it was taken; `previewed`: what it would cost is
-    asked at the same time."""
+    """A task. `task_manager` is the Task Manager that gets it; `cancelled`: so many seconds after it was taken; `previewed`: what it would
+    cost is asked at the same time."""
 
     at: float
     task_manager: str
@@ -128,7 +128,7 @@ class WorkFault:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Move:
-    """A person puts a thing somewhere; `told`: and tells the Repository."""
+    """A person puts a thing somewhere; `is_reported`: and tells the Repository."""
 
     at: float
     thing: str

@@ -31,7 +31,7 @@ def shrink_scenario(scenario: Scenario, fails: Callable[[Scenario], bool]) -> Sc
     plain = tuple(
         replace(request, handlers=(), cancelled=None, deadline=None, priority=0, previewed=False) for request in scenario.requests
     )
-    for simpler in (replace(scenario, planning=0.0), replace(scenario, wishes=plain), replace(scenario, planning=0.0, wishes=plain)):
+    for simpler in (replace(scenario, planning=0.0), replace(scenario, requests=plain), replace(scenario, planning=0.0, requests=plain)):
         if simpler != scenario and still_fails(simpler):
             scenario = simpler
     return scenario
@@ -48,7 +48,7 @@ def _with_faults(scenario: Scenario, faults: list[Fault]) -> Scenario:
 
 
 def _with_requests(scenario: Scenario, requests: list[TaskRequest]) -> Scenario:
-    return replace(scenario, wishes=tuple(requests))
+    return replace(scenario, requests=tuple(requests))
 
 
 def _with_devices(scenario: Scenario, devices: list[DeviceTraits]) -> Scenario:

@@ -46,8 +46,8 @@ class DeviceWork:
 
 @dataclass
 class SimulatedDevice:
-    """`misdeeds` tells what goes wrong in its next work, if anything; `began` hears of each piece of work that begins; `dies` is called
-    when the device breaks without a word."""
+    """`next_fault` tells what goes wrong in its next work, if anything; `on_start` hears of each piece of work that begins; `on_break` is
+    called when the device breaks without a word."""
 
     traits: DeviceTraits
     reality: Reality

@@ -13,7 +13,7 @@ Leaf = str | int | float | bool | bytes | None
 
 
 def difference(old: object, new: object, ignored_types: Collection[type] = ()) -> str | None:
-    """Where they differ, as a path of attributes; None when they are alike. Objects of `leave_out` are not looked into."""
+    """Where they differ, as a path of attributes; None when they are alike. Objects of `ignored_types` are not looked into."""
     pairs: list[tuple[str, object, object]] = [("", old, new)]
     visited: dict[int, tuple[object, object]] = {}
     """The first of each pair is kept with the second, so that no other object gets its identity."""

@@ -162,7 +162,8 @@ def lost_updates(acknowledged: Acknowledged, history: Iterable[Event]) -> Iterat
     oldest = min(versions, default=0)
     for label, version in acknowledged.versions.items():
         if version >= oldest and label_versions.get(label) != [version]:
-            yield f"the update {label!r} was acknowledged with version {version}, and is in the history at {label_versions.get(label, 'no version')}"
+            kept_versions = label_versions.get(label, "no version")
+            yield f"the update {label!r} was acknowledged with version {version}, and is in the history at {kept_versions}"
 
 
 # The map and the world

@@ -39,7 +39,8 @@ class Trigger:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario:
-    """`brings`: how many messages of a type come at least, in a run that nobody disturbs. `each`: so many for each thing wanted."""
+    """`counts`: how many messages of a type come at least, in a run that nobody disturbs. `counts_per_thing`: so many for each thing
+    wanted."""
 
     name: str
     ends: frozenset[Outcome] = frozenset({Outcome.ACCOMPLISHED})

@@ -118,7 +118,8 @@ def _mutations(console: Console, processes: int) -> tuple[int, int]:
     stale = [verdict for verdict in verdicts if verdict.misexplained]
     for verdict in stale:
         console.print(
-            f"{verdict.mutation}: the explanation is wrong: {verdict.caught_by or ('it is used' if verdict.met else 'it is never met')}"
+            f"{verdict.mutation}: the explanation is wrong: "
+            f"{verdict.caught_by or ('it is used' if verdict.is_exercised else 'it is never met')}"
         )
     unexplained = len(uncaught) - explained
     console.print(f"{len(verdicts)} alterations in {time.perf_counter() - started_at:.0f} s")

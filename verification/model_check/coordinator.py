@@ -52,7 +52,7 @@ class Phase(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Coordinator:
-    """The coordinator's side. `left` is the session's state before it ended, or its disk was lost."""
+    """The coordinator's side. `last_state` is the session's state before it ended, or its disk was lost."""
 
     session: CoordinatorSession
     phase: Phase = Phase.OPEN
@@ -93,12 +93,12 @@ class Coordinators(Side[Coordinator]):
         if result.state_before is State.ENDED and result.state is not State.ENDED:
             wrong = f"a participant whose part is over becomes {result.state}"
         if result.moved and result.state is not result.state_before:
-            coordinator = replace(coordinator, given_up=False)
+            coordinator = replace(coordinator, abandoned=False)
         return Action(description, self._moved(coordinator, session, coordinator.phase), tokens, wrong=wrong)
 
     def _moved(self, coordinator: Coordinator, session: CoordinatorSession, phase: Phase, last_state: State | None = None) -> int:
         if session.state is State.ENDED and coordinator.session.state is not State.ENDED:
-            coordinator = replace(coordinator, left=last_state or coordinator.session.state)
+            coordinator = replace(coordinator, last_state=last_state or coordinator.session.state)
         if phase is Phase.LOST and session.state is State.ENDED:
             session = _fresh_coordinator()  # a Task Manager that knows nothing keeps nothing
         session.reason = ""
@@ -180,7 +180,7 @@ class Coordinators(Side[Coordinator]):
             coordinator, session = self.states[state_number], self.states[state_number].session.copy()
             overdue = rule == "overdue"
             if session.state in states.WORKING and session.abandon():
-                coordinator = replace(coordinator, given_up=True)
+                coordinator = replace(coordinator, abandoned=True)
             last_state, allowed = session.state, states.COORDINATOR_SENDS.get(session.state, {})
             numbers = self._send_kind(session, next((kind for kind in (frp.End, frp.Cancel) if kind in allowed), None))
             target = self._moved(replace(coordinator, overdue=overdue), session, phase, last_state)
@@ -198,7 +198,7 @@ class Coordinators(Side[Coordinator]):
     def _abandon(self, state_number: int) -> Action:
         coordinator, session = self.states[state_number], self.states[state_number].session.copy()
         session.abandon()
-        return Action("gives it up", self._moved(replace(coordinator, given_up=True), session, coordinator.phase), joint="give up")
+        return Action("gives it up", self._moved(replace(coordinator, abandoned=True), session, coordinator.phase), joint="give up")
 
     def without_memory(self, state_number: int) -> int:
         """The state after the Task Manager's disk was lost."""

@@ -23,7 +23,8 @@ Tick = Callable[[int], None]
 
 @dataclass(frozen=True, kw_only=True)
 class Violation:
-    """A property that does not hold: why, and the number of the state in which it shows; `last` is the move that is wrong there."""
+    """A property that does not hold: why, and the number of the state in which it shows; `last_transition` is the move that is wrong
+    there."""
 
     property: Property
     reason: str
@@ -64,7 +65,8 @@ class StateSpace:
 def explore(
     link: Link, *, single_participant: bool, stop_at_first: bool = False, max_states: int = MAX_STATES, tick: Tick | None = None
 ) -> StateSpace:
-    """`alone`: there is no other participant to accomplish anything. `hasty`: the first property that falls is enough."""
+    """`single_participant`: there is no other participant to accomplish anything. `stop_at_first`: the first property that falls is
+    enough."""
     space = StateSpace(link=link)
     numbers = {link.first: 0}
     space.states.append(link.first)

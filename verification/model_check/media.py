@@ -34,7 +34,7 @@ class Arrival(NamedTuple):
 
 
 class Event(NamedTuple):
-    """What a medium, or the sender's node, does by itself: a token is lost, or sent again. `sure` as for an arrival."""
+    """What a medium, or the sender's node, does by itself: a token is lost, or sent again. `is_repeated` as for an arrival."""
 
     word: str
     token: int

@@ -32,7 +32,7 @@ SENDS = ("PARTICIPANT_SENDS", "COORDINATOR_SENDS")
 
 @dataclass(frozen=True, order=True)
 class Mutation:
-    """One alteration of one entry. `how`: `ignored`, `unanswered`, or the name of a state or message that it has instead."""
+    """One alteration of one entry. `change`: `ignored`, `unanswered`, or the name of a state or message that it has instead."""
 
     table: str
     state: str
@@ -70,11 +70,11 @@ def all_mutations() -> list[Mutation]:
         for state, row in getattr(states, table).items():
             for message, entry in row.items():
                 name = message.__name__
-                if entry.kind is Kind.MOVES or entry.send is not None:
+                if entry.kind is Kind.MOVES or entry.answer is not None:
                     mutations.append(Mutation(table, state, name, "ignored"))
-                if entry.kind is Kind.MOVES and entry.send is not None:
+                if entry.kind is Kind.MOVES and entry.answer is not None:
                     mutations.append(Mutation(table, state, name, "unanswered"))
-                if entry.kind is Kind.MOVES and entry.next is not State.ENDED:
+                if entry.kind is Kind.MOVES and entry.next_state is not State.ENDED:
                     mutations.append(Mutation(table, state, name, "Ended"))
     for table in SENDS:
         for state, sends in getattr(states, table).items():
@@ -83,16 +83,16 @@ def all_mutations() -> list[Mutation]:
                 if target is not State.ENDED:
                     mutations.append(Mutation(table, state, message.__name__, "Ended"))
     for state, target in states.ABANDONED_STATES.items():
-        mutations.append(Mutation("GIVES_UP", state, "", "ignored"))
+        mutations.append(Mutation("ABANDONED_STATES", state, "", "ignored"))
         mutations += [
-            Mutation("GIVES_UP", state, "", replacement) for replacement in (State.FAILED, State.ENDED) if replacement is not target
+            Mutation("ABANDONED_STATES", state, "", replacement) for replacement in (State.FAILED, State.ENDED) if replacement is not target
         ]
     for state, report in states.RESUMES.items():
         mutations.append(Mutation("RESUMES", state, "", "ignored"))
         mutations += [
             Mutation("RESUMES", state, "", kind.__name__) for kind in (Completed, Failed, Stopped, Stranded) if kind is not report
         ]
-    mutations += [Mutation("HOLDS", state, "", "ignored") for state in sorted(states.HOLDING_STATES)]
+    mutations += [Mutation("HOLDING_STATES", state, "", "ignored") for state in sorted(states.HOLDING_STATES)]
     return mutations
 
 
@@ -101,13 +101,13 @@ def altered(mutation: Mutation) -> Iterator[None]:
     """With the entry altered."""
     table: Any = getattr(states, mutation.table)
     state = State(mutation.state)
-    if mutation.table == "HOLDS":
-        setattr(states, "HOLDS", table - {state})  # noqa: B010  # it is a constant to everybody else
+    if mutation.table == "HOLDING_STATES":
+        setattr(states, "HOLDING_STATES", table - {state})  # noqa: B010  # it is a constant to everybody else
         restored: Any = table
         try:
             yield
         finally:
-            setattr(states, "HOLDS", restored)  # noqa: B010
+            setattr(states, "HOLDING_STATES", restored)  # noqa: B010
         return
     owner, key = (table[state], _named(table[state], mutation.message)) if mutation.message else (table, state)
     order, original = list(owner.items()), owner[key]
@@ -133,7 +133,7 @@ def _named(owner: dict[type[object], object], name: str) -> type[object]:
 def _entry(entry: states.Entry, state: State, change: str) -> states.Entry:
     if change == "ignored":
         return states.Entry(Kind.LATE, state)
-    return entry._replace(send=None) if change == "unanswered" else entry._replace(next=State(change))
+    return entry._replace(answer=None) if change == "unanswered" else entry._replace(next_state=State(change))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -188,7 +188,7 @@ def used_entries(trial: Trial) -> frozenset[Entry]:
     for table, side in sides:
         for state in {side_state.session.state for side_state in side.states}:
             entries |= {(f"{table}_SENDS", state, message.__name__) for message in getattr(states, f"{table}_SENDS").get(state, {})}
-            entries |= {(other_table, state, "") for other_table in ("GIVES_UP", "RESUMES", "HOLDS")}
+            entries |= {(other_table, state, "") for other_table in ("ABANDONED_STATES", "RESUMES", "HOLDING_STATES")}
     return frozenset(entries)
 
 

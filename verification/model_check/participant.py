@@ -1,6 +1,6 @@
 """The participant's side: hears what the coordinator says, and does what `PARTICIPANT_SENDS` lets it.
 
-Its device, its timers and its restarts are here, too: what is done in the world, as against what is said of it, is a `Deed`.
+Its device, its timers and its restarts are here, too: what is done in the world, as against what is said of it, is a `WorkState`.
 """
 
 from __future__ import annotations
@@ -114,7 +114,11 @@ class Participants(Side[Participant]):
         elif result.moved and result.state in (State.EXECUTING, State.COMPENSATING) and result.state_before is not result.state:
             is_start = result.state is State.EXECUTING
             participant_after = replace(
-                participant_after, moving=True, halted=False, verdict=None, deed=WorkState.STARTED if is_start else participant.work_state
+                participant_after,
+                moving=True,
+                halted=False,
+                verdict=None,
+                work_state=WorkState.STARTED if is_start else participant.work_state,
             )
         elif result.moved and result.state is State.ENDED:
             participant_after = replace(participant_after, verdict=None, halted=False)
@@ -135,7 +139,9 @@ class Participants(Side[Participant]):
         if participant.halted and participant.verdict is not None:
             yield self._send(state_number, participant.verdict)
         if participant.moving and state not in states.WORKING:
-            yield Action("comes to rest", self._add(replace(participant, moving=False, deed=_interrupted(participant))), fair=Fair.YES)
+            yield Action(
+                "comes to rest", self._add(replace(participant, moving=False, work_state=_interrupted(participant))), fair=Fair.YES
+            )
         if participant.moving and state in (State.EXECUTING, State.COMPENSATING):
             yield Action("is cut off, and halts", self._add(_halted(participant)))
 
@@ -154,7 +160,7 @@ class Participants(Side[Participant]):
             wrong = f"says {kind.__name__}, and its device was stopped before that was true"
         if kind is not frp.Progress:
             participant_after = replace(
-                participant_after, moving=False, verdict=None, halted=False, deed=_reported_work_state(participant, kind)
+                participant_after, moving=False, verdict=None, halted=False, work_state=_reported_work_state(participant, kind)
             )
         # That an offer lapses, or a device breaks before it began, is left to chance, but where nobody is left to wait for.
         fair, timer = Fair.YES, participant.session.state in (State.OFFERED, State.COMMITTED)
@@ -173,7 +179,7 @@ class Participants(Side[Participant]):
         if participant.session.state in states.WORKING:
             participant = _halted(participant)
         elif participant.moving:
-            participant = replace(participant, moving=False, deed=_interrupted(participant))
+            participant = replace(participant, moving=False, work_state=_interrupted(participant))
         return self._add(participant), tokens
 
     def without_memory(self, state_number: int) -> int:
@@ -188,7 +194,7 @@ def _fresh_participant() -> ParticipantSession:
 
 def _halted(participant: Participant) -> Participant:
     return replace(
-        participant, moving=False, halted=True, verdict=states.RESUMES.get(participant.session.state), deed=_interrupted(participant)
+        participant, moving=False, halted=True, verdict=states.RESUMES.get(participant.session.state), work_state=_interrupted(participant)
     )
 
 

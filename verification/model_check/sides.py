@@ -83,7 +83,7 @@ class MessageTable:
         return self.number(late, self._count[message.header.message_id])
 
     def prepare_repeat(self, session: CoordinatorSession, kind: type[object]) -> None:
-        """As `ready`, to say the same again under the same number: to whoever hears it, both mean the same."""
+        """As `prepare`, to say the same again under the same number: to whoever hears it, both mean the same."""
         self.prepare(session, kind)
         session.number -= 1
 

@@ -213,9 +213,9 @@ class Link:
         self.participant_inbox, self.coordinator_inbox = MessageTable(), MessageTable()
         self._futures = Futures(lost_disk=model.lost_disk is not LostDisk.NONE)
         self._certain = Futures(lost_disk=False, queries=model.lost_disk is LostDisk.PARTICIPANT)
-        self.coordinators = Coordinators(hears=self.coordinator_inbox, says=self.participant_inbox, futures=self._futures)
+        self.coordinators = Coordinators(inbox=self.coordinator_inbox, outbox=self.participant_inbox, futures=self._futures)
         self.coordinators.queries = model.lost_disk is LostDisk.PARTICIPANT
-        self.participants = Participants(hears=self.participant_inbox, says=self.coordinator_inbox, futures=self._futures)
+        self.participants = Participants(inbox=self.participant_inbox, outbox=self.coordinator_inbox, futures=self._futures)
         self._to_participant, self._to_coordinator = (
             _Channels(model.medium, self.participant_inbox),
             _Channels(model.medium, self.coordinator_inbox),

@@ -2,9 +2,8 @@
 
     python -m verification.mutants.runner
 
-in the folder of a `tree`. Reads a `Wanted` a line, and writes what happens, an `Event` a line. Nothing of the project is loaded before the
-fork, so that it is that of the moment.
-"""
+in the folder of a `tree`. Reads a `RunRequest` a line, and writes what happens, an `Event` a line. Nothing of the project is loaded before
+the fork, so that it is that of the moment."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ class Result:
 def try_mutant(
     mutant: Mutant, record: Record, tree: Tree, runner: Runner, log: Path, floor: float = FLOOR, time_budget: float = math.inf
 ) -> Result:
-    """Run its tests up to the first that fails; not those after as many as take `within` seconds."""
+    """Run its tests up to the first that fails; not those after as many as take `time_budget` seconds."""
     source = (tree.root / mutant.file).read_bytes()
     reached = record.tests_reaching(mutant)
     chosen = {test: reached[test] for test, total in zip(reached, accumulate(reached.values()), strict=True) if total <= time_budget}

@@ -36,7 +36,7 @@ GOALS = ("letter lies harbour", "crate lies mill", "letter lies harbour AND crat
 
 @dataclass(slots=True, kw_only=True)
 class Result:
-    """`problem` is empty for a run that passed. `amid`: so many tasks were under way when the release was killed."""
+    """`problem` is empty for a run that passed. `task_count`: so many tasks were under way when the release was killed."""
 
     seed: int
     killed_at: float

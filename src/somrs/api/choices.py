@@ -44,14 +44,14 @@ class Thing(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Things(msgspec.Struct, frozen=True, kw_only=True):
-    """The likeliest first; `more`: there are others."""
+    """The likeliest first; `is_truncated`: there are others."""
 
     things: tuple[Thing, ...]
     is_truncated: bool = msgspec.field(default=False, name="more")
 
 
 class SayableRelation(msgspec.Struct, frozen=True, kw_only=True):
-    """`joins`: the type of what it joins the object with; `wished`: there are services that bring it about."""
+    """`joins`: the type of what it joins the object with; `achievable`: there are services that bring it about."""
 
     name: str
     joins: str

@@ -89,7 +89,8 @@ class Assignment(msgspec.Struct, frozen=True, kw_only=True):
 
 class DeviceView(msgspec.Struct, frozen=True, kw_only=True):
     """A device. `lineage`: its type, and those above it. `load`: the share of the last `Devices.window` seconds in which it was busy.
-    `since`: when it joined, if that was heard; `left` and `reason`: when and why it left. `simulated`: what the simulator has of it."""
+    `since`: when it joined, if that was heard; `departed_at` and `reason`: when and why it left. `simulated`: what the simulator has of
+    it."""
 
     name: str
     type: str

@@ -97,7 +97,7 @@ class FormulaService:
         return placings(_look_up(name, objects, "object"), _look_up(target, objects, "object"), self._context.ontology)
 
 
-Entry = TypeVar("Known")
+Entry = TypeVar("Entry")
 
 
 def _look_up(name: str, entries: Mapping[str, Entry], noun: str) -> Entry:

@@ -24,7 +24,7 @@ RENEWAL = "services"
 
 
 class Listener:
-    """`replica` is the map and the ontology as far as is known here; `ready` is set once they were read. `roster`: who came and went."""
+    """`replica` is the map and the ontology as far as is known here; `ready` is set once they were read. `presence`: who came and went."""
 
     def __init__(self, address: str, addresses: Addresses, hub: Hub) -> None:
         self.address = address

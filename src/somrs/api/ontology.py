@@ -26,8 +26,8 @@ YAML = "application/yaml"
 
 
 class OntologyView(msgspec.Struct, frozen=True, kw_only=True):
-    """All definitions, and the version that they are of. `relied`: those that SO-MRS itself relies on, which can be neither removed nor
-    renamed."""
+    """All definitions, and the version that they are of. `required_words`: those that SO-MRS itself relies on, which can be neither removed
+    nor renamed."""
 
     version: int
     definitions: Definitions

@@ -50,7 +50,7 @@ class ReliabilityStats:
         """Device, began, ended; those of the window."""
         self._latest_end: float | None = None
         self._latest_tasks: set[str] = set()
-        """Tasks that ended at `_until`."""
+        """Tasks that ended at `_latest_end`."""
         self._learning = asyncio.Lock()
 
     async def learn(self, history: TaskHistory) -> None:

@@ -31,7 +31,7 @@ from somrs.protocol.messages.envelope import message_id
 from somrs.protocol.messages.records import ReadRecords
 from somrs.runtime.wire import Unanswered
 
-__all__ = ["TaskChanged", "TaskList", "TaskDetails", "TasksChanged", "TaskService"]
+__all__ = ["TaskChanged", "TaskDetails", "TaskList", "TaskService", "TasksChanged"]
 
 WHOLE_ID = len("urn:uuid:00000000-0000-0000-0000-000000000000")
 

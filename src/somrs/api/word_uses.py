@@ -34,8 +34,8 @@ class WordUserKind(StrEnum):
 
 
 class WordUse(msgspec.Struct, frozen=True, kw_only=True):
-    """Somebody uses the word `what`, which would be called otherwise (`to`) or be removed (""). `id` is a task's or an order's, or the name
-    of a template; `name` is what people know it by, of a task its wish."""
+    """Somebody uses the word `word`, which would be called otherwise (`new_name`) or be removed (""). `id` is a task's or an order's, or
+    the name of a template; `name` is what people know it by, of a task its wish."""
 
     user_kind: WordUserKind = msgspec.field(name="user")
     id: str

@@ -71,7 +71,7 @@ def describe_event(event: Event) -> Iterator[str]:
 
 
 def describe_revision(revision: Revision, skipped_names: set[tuple[Section, str]]) -> Iterator[str]:
-    """What became of definitions, but for those of which it is `known`."""
+    """What became of definitions, but for those of which it is `skipped_names`."""
     definitions_before, definitions_after = (
         {key_of(definition): definition for definition in side.all_definitions()} for side in (revision.before, revision.after)
     )

@@ -88,7 +88,8 @@ def _describe_activity(device: DeviceView) -> str:
             else assignment.state.value.lower()
         )
         lines.append(
-            f"{assignment.service_type} ({', '.join(assignment.inputs.values())}), {progress}\nfor {assignment.effect} ({terminal.short(assignment.task)})"
+            f"{assignment.service_type} ({', '.join(assignment.inputs.values())}), {progress}\n"
+            f"for {assignment.effect} ({terminal.short(assignment.task)})"
         )
     held = device.simulated.holding if device.simulated is not None else None
     for name in dict.fromkeys([*((held,) if held else ()), *device.holding]):
@@ -100,7 +101,8 @@ def _services(device: DeviceView) -> str:
     return (
         "\n".join(
             terminal.lines(
-                f"{service.type}{f', {service.price:g} EUR' if service.price is not None else ''}{'' if service.on_offer else ', not on offer'}",
+                f"{service.type}{f', {service.price:g} EUR' if service.price is not None else ''}"
+                f"{'' if service.on_offer else ', not on offer'}",
                 f"  {service.tally.in_words()}",
             )
             for service in device.services

@@ -77,7 +77,7 @@ async def run_task(task: Submit, data: Path, *, wait: bool, json: bool) -> int:
 
 
 async def tasks(data: Path, *, history: bool, limit: int, json: bool, query: ReadRecords | None = None) -> None:
-    """The tasks that run; with their history, those that are over, too, the latest first. `wanted`: only those of the history that are."""
+    """The tasks that run; with their history, those that are over, too, the latest first. `query`: only those of the history that are."""
     if history:
         async with open_task_history(data) as archive:
             running = await archive.client.tasks(running=True) if archive.client is not None and query is None else ()

@@ -110,7 +110,7 @@ class Client:
         """The answer, which is of the expected type. Raises RemoteError when it is not, or none came.
 
         `patience`: seconds for which the same message is sent again while nobody answers. It is taken once all the same, and so is what
-        is sent again with the same `id`. `by`: who asks, if it is not who runs this program.
+        is sent again with the same `id`. `author`: who asks, if it is not who runs this program.
         """
         header = Header(
             sender=client_address(author) if author else self._client_name, recipient=address, message_id=id or uuid.uuid4().urn

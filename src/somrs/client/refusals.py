@@ -9,7 +9,7 @@ from somrs.errors import FormulaError, InputError, ModelError, Problem, RemoteEr
 from somrs.protocol.messages.knowledge import BrokenRule, Rejected
 from somrs.runtime.wire import Unanswered
 
-__all__ = ["REFUSALS", "Changed", "NotFound", "Refused", "ErrorReport", "refusal", "refusal_of", "status", "error_report"]
+__all__ = ["REFUSALS", "Changed", "ErrorReport", "NotFound", "Refused", "error_report", "refusal", "refusal_of", "status"]
 
 
 class NotFound(InputError):

@@ -137,7 +137,7 @@ class ScenarioPlayer:
 
 
 async def perform(system: System, folder: Path, console: Console) -> int:
-    """Play it, and leave everything in `out`. 0 when all went as it has to."""
+    """Play it, and leave everything in `folder`. 0 when all went as it has to."""
     assert system.addresses.simulator is not None
     host, _, port = system.addresses.simulator.rpartition(":")
     started = time.monotonic()

@@ -79,7 +79,7 @@ class ScenarioResult:
 
 
 async def play(scenario: str, folder: Path, seed: int | None, console: Console | None = None, *, launcher: Launcher | None = None) -> int:
-    """Play a scenario, tell what happens, and leave everything in `out`. 0 when all went as the paper says."""
+    """Play a scenario, tell what happens, and leave everything in `folder`. 0 when all went as the paper says."""
     if scenario not in SCENARIOS:
         raise UsageError(f"there is no scenario {scenario}; there are {' and '.join(SCENARIOS)}")
     console = console or terminal.console()

@@ -57,7 +57,7 @@ class Program:
 class System:
     """The processes of one system, its data folder, and its addresses. An asynchronous context manager.
 
-    `stage`: where a simulator, or a symbolic world, runs already, as host:port; None: the system has its own.
+    `world_address`: where a simulator, or a symbolic world, runs already, as host:port; None: the system has its own.
     `launcher`: what starts the programs; None: the system has its own, and ends it.
     """
 

@@ -78,7 +78,7 @@ class Codec(Generic[T]):
         return self._decoder.decode(document)
 
     def convert(self, value: object) -> T:
-        """The same from what `plain` gives."""
+        """The same from what `decode_untyped` gives."""
         converted: T = msgspec.convert(value, self._kind, dec_hook=_decode_hook)
         return converted
 
@@ -89,8 +89,8 @@ def decode_untyped(document: bytes) -> Any:
 
 
 class Migration(Struct, frozen=True, kw_only=True):
-    """From one version of a component's data to the next, as `plain` values, which may be changed in place: of a `snapshot` and of an
-    `entry` of its journal."""
+    """From one version of a component's data to the next, as `decode_untyped` values, which may be changed in place: of a `snapshot` and of
+    an `entry` of its journal."""
 
     snapshot: Callable[[Any], Any] = lambda snapshot: snapshot
     entry: Callable[[Any], Any] = lambda entry: entry
@@ -106,11 +106,11 @@ class Schema(Struct, frozen=True, kw_only=True):
     version to the next. `timers`, `questions`, `tasks`, `answers` and `notices` are types: of what it sets, asks, and hears; `restore`
     makes the component that has a state.
 
-    `volatile`: tasks that end with the process; after a restart their questions are answered by `Lost`. `failure` makes an answer of an
-    exception. `moves`: it can go on at another address than before. `lasting`: what it knows is nowhere else, so that it is never begun
-    anew instead of being gone on with. `reads`: inputs that need not be kept, because they leave the state as it is, and nothing that comes
-    of them is owed to anybody when the process has ended. `snapshot_after`: so many inputs are handled again in about a second.
-    """
+    `volatile`: tasks that end with the process; after a restart their questions are answered by `Lost`. `error_to_answer` makes an answer
+    of an exception. `relocatable`: it can go on at another address than before. `irreplaceable`: what it knows is nowhere else, so that it
+    is never begun anew instead of being gone on with. `is_read_only`: inputs that need not be kept, because they leave the state as it is,
+    and nothing that comes of them is owed to anybody when the process has ended. `snapshot_after`: so many inputs are handled again in
+    about a second."""
 
     component: str
     version: int

@@ -24,13 +24,13 @@ class Received(Struct, frozen=True, tag=True):
 
 
 class TimerFired(Struct, frozen=True, tag="Rang"):
-    """A timer that the component set with `Wake` rang."""
+    """A timer that the component set with `SetTimer` rang."""
 
     timer: Hashable
 
 
 class Answered(Struct, frozen=True, tag=True):
-    """The answer to an earlier `Ask`; `value` is what the asked one returns, the exception it raised, or a `Partial` on the way."""
+    """The answer to an earlier `Ask`; `value` is what the asked one returns, the exception it raised, or a `PartialAnswer` on the way."""
 
     question: Hashable
     value: object
@@ -76,8 +76,8 @@ Input = Started | Received | TimerFired | Answered | DeliveryFailed | Notified
 
 
 class Send(Struct, frozen=True):
-    """Send this, again and again until the recipient's node acknowledges it or `until` (seconds, the node's clock). After a restart it is
-    sent for some more seconds, as nobody could take it meanwhile; but not if `strict`: later than that it would be wrong."""
+    """Send this, again and again until the recipient's node acknowledges it or `expires_at` (seconds, the node's clock). After a restart it
+    is sent for some more seconds, as nobody could take it meanwhile; but not if `strict`: later than that it would be wrong."""
 
     message: Message
     expires_at: float | None = None

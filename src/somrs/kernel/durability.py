@@ -1,7 +1,7 @@
 """What a component's effects have left under way, and how a component comes back from its journal: the same at every rim.
 
 A rim (`runtime.node`, or `runtime.virtual` on virtual time) carries effects out. What is here says what it has to take up again after a
-restart: `Pending` for the effects, `Journaled` for a component whose inputs are kept. Nothing here reads a clock or a disk.
+restart: `PendingEffects` for the effects, `JournaledComponent` for a component whose inputs are kept. Nothing here reads a clock or a disk.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
 import msgspec
-from msgspec import Struct, field
+from msgspec import Struct
 
 from somrs.kernel import codec
 from somrs.kernel.codec import Codec, Schema
@@ -64,7 +64,7 @@ class PendingMessage(Struct, frozen=True):
     """A message on its way, and until when it is sent again (`Send`)."""
 
     message: Message
-    expires_at: float = field(name="until")
+    expires_at: float = msgspec.field(name="until")
     strict: bool = False
 
     def expiry_after_restart(self, now: float) -> float:
@@ -135,7 +135,7 @@ class PendingEffects:
 class JournaledComponent:
     """A component whose every input is in a journal before anything that comes of it is seen outside.
 
-    `Written` has it as bytes; the entries behind it are replayed. `number` and `at` are the last entry's.
+    `JournalCodec` has it as bytes; the entries behind it are replayed. `number` and `time` are the last entry's.
     """
 
     component: Stateful
@@ -194,16 +194,16 @@ NoticeT = TypeVar("NoticeT")
 
 
 class Snapshot(Struct, Generic[S, TimerT, QuestionT, TaskT], kw_only=True):
-    """`Journaled` as it is written."""
+    """`JournaledComponent` as it is written."""
 
     number: int
-    time: float = field(name="at")
+    time: float = msgspec.field(name="at")
     state: S
     messages: dict[int, PendingMessage]
     timers: list[tuple[TimerT, float]]
     questions: list[tuple[QuestionT, TaskT]]
     withdrawn: list[QuestionT]
-    message_count: int = field(name="count")
+    message_count: int = msgspec.field(name="count")
     delivered: list[int]
 
 
@@ -284,9 +284,9 @@ class JournalCodec:
             timers=dict(snapshot.timers),
             questions=dict(snapshot.questions),
             withdrawn={*snapshot.withdrawn},
-            message_count=snapshot.count,
+            message_count=snapshot.message_count,
         )
-        return JournaledComponent(schema.restore(snapshot.state), schema, pending, snapshot.number, snapshot.at, snapshot.delivered)
+        return JournaledComponent(schema.restore(snapshot.state), schema, pending, snapshot.number, snapshot.time, snapshot.delivered)
 
     def encode_entry(self, entry: Entry) -> bytes:
         """One entry. Raises TypeError or NotImplementedError for what could not be read again."""
@@ -303,9 +303,9 @@ class JournalCodec:
         """The entries of a batch."""
         schema = self.schema
         if version in (None, schema.version):
-            return [stored_entry.entry() for stored_entry in self._entries.decode(document)]
+            return [stored_entry.to_entry() for stored_entry in self._entries.decode(document)]
         return [
-            stored_entry.entry()
+            stored_entry.to_entry()
             for stored_entry in self._entries.convert(
                 [schema.migrate_entry(raw_entry, version) for raw_entry in codec.decode_untyped(document)]
             )

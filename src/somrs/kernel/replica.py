@@ -42,8 +42,8 @@ GAP_TIME = 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReplicaUpdate:
-    """What came of an input: `effects` to carry out; the `changes` of the map, in order; the `definitions` that are new, and those
-    that were `removed` or have other names now; and what was `renamed`, in order. `read`: the copy was read as a whole; before `changes`,
+    """What came of an input: `effects` to carry out; the `changes` of the map, in order; the `definitions` that are new, and those that
+    were `removed` or have other names now; and what was `renamed`, in order. `reloaded`: the copy was read as a whole; before `changes`,
     anything may have changed."""
 
     effects: list[Effect]
@@ -60,8 +60,8 @@ class ReplicaUpdate:
 
 
 class _Reading(Struct, kw_only=True):
-    """The pages so far: `first` is the version of the first one, `last` the latest version among them, `changed_at` that in which the
-    ontology changed last before its first page."""
+    """The pages so far: `first_version` is the version of the first one, `last_version` the latest version among them, `changed_at` that in
+    which the ontology changed last before its first page."""
 
     first_version: int | None = field(default=None, name="first")
     last_version: int = field(default=0, name="last")
@@ -169,7 +169,7 @@ class Replica(Struct):
     # Hearing
 
     def _received(self, message: Message, now: float) -> list[Effect] | None:
-        """What to do at once; whatever follows from having heard more is done by `_news`."""
+        """What to do at once; whatever follows from having heard more is done by `_catch_up`."""
         request_id = message.header.relates_to
         match message.body:
             case MapSubscribed(version=version) if request_id is not None and request_id == self.subscription:

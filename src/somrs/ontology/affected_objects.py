@@ -16,7 +16,8 @@ _WORD = re.compile(r"\w+(?:-\w+)*")
 
 
 def violations_after(map: Map, ontology_before: Ontology, ontology_after: Ontology, changed: Iterable[DefinitionKey]) -> list[Violation]:
-    """What is wrong with a map that obeyed the ontology `before`, now that the `changed` definitions of it are as in `after`."""
+    """What is wrong with a map that obeyed the ontology `ontology_before`, now that the `changed` definitions of it are as in
+    `ontology_after`."""
     names: dict[Section, set[str]] = {section: set() for section in Section}
     for definition_key in changed:
         if not _only_doc_differs(ontology_before, ontology_after, definition_key):

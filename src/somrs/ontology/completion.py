@@ -31,7 +31,7 @@ UNITS = ("mm", "cm", "m", "km", "g", "kg", "s", "min", "h", "m/s", "km/h", "rad"
 
 
 class Completion(Struct, frozen=True, kw_only=True):
-    """`text` may be written, and `after` behind it. `kind`: object, relation, attribute, value, type, variable, function, keyword,
+    """`text` may be written, and `suffix` behind it. `kind`: object, relation, attribute, value, type, variable, function, keyword,
     operator or unit."""
 
     text: str

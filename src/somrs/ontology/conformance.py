@@ -47,9 +47,8 @@ def violations(map: Map, ontology: Ontology) -> list[Violation]:
 def violations_of(map: Map, ontology: Ontology, objects: Iterable[str], map_before: Map | None = None) -> list[Violation]:
     """What is wrong with these objects, the facts about them, and what they are part of: what an update of them may have broken.
 
-    `touched` tells which objects changes concern. With the map `before`, which was in order, an object whose values are as they were
-    there is not looked at for its values again.
-    """
+    `touched_objects` tells which objects changes concern. With the map `map_before`, which was in order, an object whose values are as they
+    were there is not looked at for its values again."""
     return [*_Checker(map, ontology, set(objects), map_before).all_violations()]
 
 
@@ -64,7 +63,7 @@ def touched_objects(map_before: Map, changes: Iterable[Change]) -> set[str]:
 
 
 class _Checker:
-    """One pass over the map, or over what the `touched` objects concern."""
+    """One pass over the map, or over what the `touched_objects` objects concern."""
 
     def __init__(self, map: Map, ontology: Ontology, touched: set[str] | None, map_before: Map | None = None) -> None:
         self.map, self.ontology, self.touched, self.map_before = map, ontology, touched, map_before

@@ -68,7 +68,7 @@ class Cursor(Struct, frozen=True, kw_only=True):
     """What is written from `start` to `end` is what is completed; `typed` is the part of it before the cursor.
 
     `owner` is the type of the object before the cursor, `object` its name if it is one of the map, `path` the attribute written of it so
-    far. `compared` is the path on the other side of the comparison and `attribute` what it leads to. `inside`: `(` within
+    far. `compared` is the path on the other side of the comparison and `attribute` what it leads to. `enclosure`: `(` within
     parentheses, `"` within a text. `comparable`, `complete`: a comparison, or AND and OR, can come next. `negated`: the atom is
     behind NOT."""
 
@@ -90,7 +90,7 @@ class Cursor(Struct, frozen=True, kw_only=True):
 
 
 def locate_cursor(text: str, position: int, ontology: Ontology, map: Map, variables: Mapping[str, str]) -> Cursor:
-    """Where `at` is in the text."""
+    """Where `position` is in the text."""
     text_before = text[:position]
     lexemes = [*_LEXEME.finditer(text_before)]
     last_lexeme = lexemes[-1] if lexemes else None
@@ -117,7 +117,7 @@ def locate_cursor(text: str, position: int, ontology: Ontology, map: Map, variab
     if typed.startswith("?") and cursor.spot in (Spot.ATOM, Spot.VALUE, Spot.TERM):
         cursor = _replace_fields(cursor, spot=Spot.VARIABLE)
     if opened is not None:
-        cursor = _replace_fields(cursor, inside='"') if cursor.spot is Spot.VALUE else _replace_fields(cursor, spot=Spot.NOWHERE)
+        cursor = _replace_fields(cursor, enclosure='"') if cursor.spot is Spot.VALUE else _replace_fields(cursor, spot=Spot.NOWHERE)
         end = position
     return _replace_fields(cursor, start=start, end=end, typed=typed, variables=placer.variables)
 
@@ -201,7 +201,7 @@ class _CursorPlacer:
         call = self._call(tokens)
         enclosure = "(" if call is not None else ""
         if last_kind == "DOT":
-            return _replace_fields(self._attribute(tokens), inside=enclosure)
+            return _replace_fields(self._attribute(tokens), enclosure=enclosure)
         if last_kind == "COLON":
             return Cursor(spot=Spot.TYPE, slot=call or Slot(), enclosure=enclosure)
         if last_kind in ("LPAR", "COMMA"):

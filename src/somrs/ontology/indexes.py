@@ -19,7 +19,7 @@ class Index(Generic[K, T]):
     A copy shares what it was made of, and has of its own what is under the keys that were changed since.
     """
 
-    __slots__ = ("_changed", "_own", "_shared")
+    __slots__ = ("_changed", "_own_keys", "_shared")
 
     def __init__(self, pairs: Iterable[tuple[K, T]] = ()) -> None:
         self._shared: dict[K, dict[T, None]] = {}

@@ -49,8 +49,8 @@ _VALUE_TYPES: Mapping[str, type[Number] | type[Text] | type[Truth]] = {"number":
 def unifiers(
     offered: Formula, goal: Literal, ontology: Ontology, types: Mapping[str, str], map: Map | None = None
 ) -> Iterator[dict[str, Term]]:
-    """The ways in which making `offered` true may make `wanted` true: for variables of `offered`, constants or variables
-    of `wanted`. `types` are those of the variables of `offered`; with a map, constants must be of them.
+    """The ways in which making `offered` true may make `goal` true: for variables of `offered`, constants or variables
+    of `goal`. `types` are those of the variables of `offered`; with a map, constants must be of them.
 
     May: where a value is still open on one side, or a thing is put somewhere else only if that is another place.
     """
@@ -69,7 +69,7 @@ def achieving_bindings(service: ServiceType, goal: Formula, ontology: Ontology, 
     """The bindings of the service's variables with which its effect is sure to make every conjunct of the wanted formula
     true (of an OR: every conjunct of one alternative), each once. Variables that do not matter are left out.
 
-    What already holds is not looked at: take it out of `wanted` before. An output never stands for a constant, since
+    What already holds is not looked at: take it out of `goal` before. An output never stands for a constant, since
     its value is known only afterwards.
     """
     effect, types = parse(service.effect), types_of(service, ontology)

@@ -49,7 +49,7 @@ ALTERNATIVES = 20_000
 
 
 def bindings(formula: Formula, map: Map, ontology: Ontology, initial_bindings: Mapping[str, Term] | None = None) -> Iterator[Bindings]:
-    """Every way in which the formula holds, each once: `given`, and a term for every other free variable.
+    """Every way in which the formula holds, each once: `initial_bindings`, and a term for every other free variable.
 
     A variable that occurs only behind NOT is not free: `NOT ?x isOn Table1` says that nothing stands on it.
     """

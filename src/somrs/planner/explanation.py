@@ -206,9 +206,8 @@ class _Reasons:
             circular = _format_literal(missing) in (_format_literal(literal), *self.missing)
             self.missing[_format_literal(missing)] = None
             if not circular or depth == DEPTH:
-                self.texts[
-                    f"{service.name} could bring about {_format_literal(literal)}, but needs {_format_literal(missing)}{self._describe_current(missing)}"
-                ] = None
+                need = f"{_format_literal(missing)}{self._describe_current(missing)}"
+                self.texts[f"{service.name} could bring about {_format_literal(literal)}, but needs {need}"] = None
             if depth > 0 and not circular:
                 self.explain(missing, depth - 1)
         if not lacking:

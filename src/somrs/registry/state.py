@@ -25,8 +25,8 @@ class Provider(Struct, kw_only=True):
 
 
 class RegistryState(Struct, kw_only=True):
-    """`given` is the ontology until the Repository's was read, if there is one to be followed. `subscribers`: until when, by address;
-    `answered`: by message id, oldest first; `told` counts the news."""
+    """`initial_ontology` is the ontology until the Repository's was read, if there is one to be followed. `subscribers`: until when, by
+    address; `answers`: by message id, oldest first; `news_count` counts the news."""
 
     address: str
     initial_ontology: Ontology = field(name="given")

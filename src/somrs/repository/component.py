@@ -1,8 +1,8 @@
 """The Repository: the common ontology and a map of the environment, for all who ask, change and follow them.
 
 Paper, "Repository": a realisation of the common knowledge of the environment's representation, and a storage of its maps.
-What an update comes to is `update.py`'s, what a change of the ontology `definition.py`'s, what undoing one `undoing.py`'s; what happened
-and how things were is `looking_back.py`'s, how answers are cut into pages `pages.py`'s, what the Repository knows `state.py`'s.
+What an update comes to is `update.py`'s, what a change of the ontology `definition.py`'s, what undoing one `undo.py`'s; what happened
+and how things were is `history_queries.py`'s, how answers are cut into pages `pages.py`'s, what the Repository knows `state.py`'s.
 """
 
 from __future__ import annotations

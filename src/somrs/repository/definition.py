@@ -90,7 +90,10 @@ def _adopted(ontology: Ontology, remaining_ontology: Ontology, define: Define, r
             if new_definitions.get(renamed_key, renamed_definition) == renamed_definition and speaks_of(
                 definition, definition_key, ontology
             ):
-                message = f"speaks of the {definition_key} that is removed, and would mean what gets its name; change it first, or in the same change"
+                message = (
+                    f"speaks of the {definition_key} that is removed, and would mean what gets its name; "
+                    "change it first, or in the same change"
+                )
                 yield Violation(subject=renamed_key.name, rule="replaced", message=message, section=renamed_key.section)
 
 

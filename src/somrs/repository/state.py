@@ -27,8 +27,8 @@ class ArchiveWanted(Struct, frozen=True, tag=True):
 
 
 class HistoryOf(Struct, frozen=True, kw_only=True, tag=True):
-    """A task of the archive: the latest events that changed an object, newest first, as `Happened`. If it had other names before, what
-    happened to it then is told, too."""
+    """A task of the archive: the latest events that changed an object, newest first, as `ArchivedEvents`. If it had other names before,
+    what happened to it then is told, too."""
 
     object: str
     limit: int
@@ -36,7 +36,7 @@ class HistoryOf(Struct, frozen=True, kw_only=True, tag=True):
 
 class EventsOf(Struct, frozen=True, kw_only=True, tag=True):
     """A task of the archive: `limit` events, newest first, from the version before `before`; or, with `after`, oldest first, from the
-    version behind it; as `Happened`. `ontology`: only what changed that; `brief`: only how many changes they were."""
+    version behind it; as `ArchivedEvents`. `ontology`: only what changed that; `brief`: only how many changes they were."""
 
     limit: int
     before: int | None = None

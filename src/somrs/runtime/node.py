@@ -170,7 +170,7 @@ class Node:
     # From start to stop
 
     def start(self, *, is_resumed: bool, notices: Sequence[object] = ()) -> None:
-        """Start the component, which hears of the `notices` first; `again`, after it took up what it had under way when its process
+        """Start the component, which hears of the `notices` first; `is_resumed`, after it took up what it had under way when its process
         ended."""
         if is_resumed and self._journaled is not None:
             self._resume(self._journaled)

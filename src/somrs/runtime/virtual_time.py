@@ -67,7 +67,7 @@ class KillPoint(StrEnum):
 
 @dataclass(slots=True, eq=False)
 class _Life:
-    """A component from one start to its end. `doom`: when it ends, and after how many effects."""
+    """A component from one start to its end. `planned_kill`: when it ends, and after how many effects."""
 
     address: str
     component: Component
@@ -77,7 +77,7 @@ class _Life:
 
 @dataclass(slots=True, eq=False)
 class _Transmission:
-    """A message on its way; `by` is who sends it again until `until`, and knows it by its number. None: it is from outside."""
+    """A message on its way; `sender` is who sends it again until `deadline`, and knows it by its number. None: it is from outside."""
 
     message: Message
     deadline: float

@@ -72,7 +72,7 @@ def due_after(recurrence: Schedule, start: float, zone: tzinfo | None = None) ->
 
 
 def due_between(recurrence: Schedule, start: float, end: float, zone: tzinfo | None = None) -> tuple[int, float | None]:
-    """How often it was due later than `after` and not later than `until`, and when the last time was."""
+    """How often it was due later than `start` and not later than `end`, and when the last time was."""
     if isinstance(recurrence, Every):
         first = due_after(recurrence, start, zone)
         if first is None or first > end:

@@ -45,9 +45,9 @@ class Question(Struct, frozen=True, kw_only=True):
 
 
 class SchedulerState(Struct, kw_only=True):
-    """`located` is what its program told it last. `questions` are those that are open, by the id of their message; `asked` counts them,
-    and `told` the news. `subscribers`: until when, by address. `begun`: when it was started last. `until_ready`: requests that need the
-    map, by message id."""
+    """`located` is what its program told it last. `questions` are those that are open, by the id of their message; `question_count` counts
+    them, and `news_count` the news. `subscribers`: until when, by address. `started_at`: when it was started last. `until_ready`: requests
+    that need the map, by message id."""
 
     address: str = ""
     located: Located

@@ -63,6 +63,6 @@ def _state(db: sqlite3.Connection) -> SchedulerState:
 KIND = replace(
     journal.KIND,
     owner="a Scheduler's",
-    holds="template or order",
+    content="template or order",
     replaces={0x534F4D4F: _journaled},  # `SOMO` in ASCII
 )

@@ -107,7 +107,7 @@ def is_in_polygon(point: Point, outline: Sequence[Point]) -> bool:
 def without_gap(start: Point, end: Point, gap: tuple[Point, Point], tolerance: float = 0.15) -> list[tuple[Point, Point]]:
     """The pieces of a wall from start to end that leave an opening free; the whole wall when the opening is not in it.
 
-    An opening belongs to the wall when both its ends are at most `near` from the wall's line.
+    An opening belongs to the wall when both its ends are at most `tolerance` from the wall's line.
     """
     length = math.dist(start, end)
     if length == 0:

@@ -119,7 +119,7 @@ def _page(records: Iterable[TaskRecord], query: ReadRecords, limit: int, total: 
 
 
 def cut(record: TaskRecord, offset: int, free_bytes: int = PAGE_BYTES) -> tuple[TaskRecord, int | None]:
-    """The record with as many of its parts behind the first `after` as fit; how many parts that makes, or None if these are the last."""
+    """The record with as many of its parts behind the first `offset` as fit; how many parts that makes, or None if these are the last."""
     parts = [(name, part) for name in LISTS for part in getattr(record, name)][max(offset, 0) :]
     bare = _drop_lists(record, LISTS)
     page = list(fit_page(parts, len(parts), free_bytes - size(bare)))

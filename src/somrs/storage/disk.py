@@ -35,7 +35,7 @@ MOST_JOBS = 2000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Kind:
-    """A kind of file. `owner`: whose it is (`a Repository's`); `holds`: what is in it; `rival`: who else may have it open.
+    """A kind of file. `owner`: whose it is (`a Repository's`); `content`: what is in it; `rival`: who else may have it open.
 
     `application` is SQLite's application_id, by which the file is known; `version` is that of the `tables`. `migrations`: by the version
     of an older file, the step to the next version; a file takes all of its steps, or none. `replaces`: by the application_id of files that

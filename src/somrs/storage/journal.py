@@ -120,7 +120,7 @@ class Journal:
     nothing for a new file.
 
     `setting` says what else the state depends on, such as the addresses of other parts; it has to be the same. Components of one process
-    can have their journals `beside` each other, in one file: what they have to keep at the same time is on disk by one commit then.
+    can have their journals `for_component` each other, in one file: what they have to keep at the same time is on disk by one commit then.
 
     `archive`: where the component's records go. One that needs tables of its own comes with the `disk` that has them.
     """

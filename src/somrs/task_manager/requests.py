@@ -68,7 +68,7 @@ RequestResult = ServicesKnown | ReportAnswered
 
 
 class Request(Struct, frozen=True, kw_only=True):
-    """`found`: what the pages before said."""
+    """`offers`: what the pages before said."""
 
     message: Message
     purpose: RequestPurpose

@@ -25,7 +25,7 @@ class UnsettledReport(Struct, frozen=True, kw_only=True):
 
 class TaskManagerState(Struct, kw_only=True):
     """`tasks` are those that are known, `running` those of them that are not over. Of clients' requests, those wait that need the map
-    (`until_ready`) or the archive (`readers`), by message id."""
+    (`awaiting_map`) or the archive (`awaiting_records`), by message id."""
 
     replica: Replica
     requests: Requests

@@ -31,8 +31,8 @@ class Watcher(Struct, frozen=True):
 
 
 class Subscriptions(Struct, kw_only=True):
-    """Who waits, by message id. `begun`: since when tasks are known here; `changed`: the number of the last change of each task, in the
-    order of these numbers."""
+    """Who waits, by message id. `started_at`: since when tasks are known here; `changed`: the number of the last change of each task, in
+    the order of these numbers."""
 
     watchers: dict[str, Watcher] = field(default_factory=dict)
     started_at: float = field(default=0.0, name="begun")

@@ -187,7 +187,7 @@ def test_after_a_restart_nobody_works_on_what_was_withdrawn_or_ended_with_the_pr
 
 
 class RecordedNotices(Struct):
-    """What a `Diary` was told, and when."""
+    """What a `NoticeRecorder` was told, and when."""
 
     notices: list[str]
     times: list[float]
@@ -213,8 +213,8 @@ def as_failure(error: BaseException) -> ErrorAnswer:
 
 
 SCHEMA = Schema(
-    component="diary", version=3, state=RecordedNotices, timers=Due, questions=Question, tasks=Task | OtherTask, answers=int | ErrorAnswer | AnswerLost,
-    notices=str, restore=NoticeRecorder, error_to_answer=as_failure,
+    component="diary", version=3, state=RecordedNotices, timers=Due, questions=Question, tasks=Task | OtherTask,
+    answers=int | ErrorAnswer | AnswerLost, notices=str, restore=NoticeRecorder, error_to_answer=as_failure,
 )  # fmt: skip
 
 
@@ -243,7 +243,7 @@ def test_an_entry_is_handled_at_its_time_after_what_it_ends() -> None:
     assert (journaled.number, journaled.time, journaled.delivered) == (7, 5.0, [])
     pending_messages = {2: PendingMessage(message(), 9.0), 3: PendingMessage(message(), 5.0 + DELIVERY_TIME)}
     assert journaled.pending == PendingEffects(messages=pending_messages, timers={Due("a"): 8.0}, message_count=3)
-    assert journaled.component.state == RecordedNotices(["Rang"], [5.0])
+    assert journaled.component.state == RecordedNotices(["TimerFired"], [5.0])
 
 
 @pytest.mark.parametrize("number", [6, 8])
@@ -333,7 +333,7 @@ def test_an_answer_of_another_type_cannot_be_kept() -> None:
 
 
 def renamed(snapshot: Any) -> Any:
-    snapshot["state"]["told"] = snapshot["state"].pop("heard")
+    snapshot["state"]["notices"] = snapshot["state"].pop("heard")
     return snapshot
 
 
@@ -345,7 +345,7 @@ def louder(entry: Any) -> Any:
 def test_what_earlier_versions_wrote_is_made_that_of_today() -> None:
     written = JournalCodec(structs.replace(SCHEMA, migrations={1: Migration(entry=louder), 2: Migration(snapshot=renamed, entry=louder)}))
     plain = msgspec.msgpack.decode(WRITTEN.encode_snapshot(JOURNALED))
-    plain["state"]["heard"] = plain["state"].pop("told")
+    plain["state"]["heard"] = plain["state"].pop("notices")
     for version in (1, 2):
         journaled = written.decode_snapshot(msgspec.msgpack.encode(plain), version)
         assert (journaled.number, journaled.pending, journaled.component.state) == (8, JOURNALED.pending, JOURNALED.component.state)

@@ -258,8 +258,11 @@ def test_all_that_is_said_of_a_wish_that_nothing_brings_about(
     problem: Problem, reasons: list[str], rest: dict[str, tuple[str, ...]]
 ) -> None:
     assert refused(problem) == NoPlan(
-        explanation="; ".join(reasons), separate_reasons=tuple(reasons), unreachable=(str(problem.goal),), **rest
-    )  # type: ignore[arg-type]
+        explanation="; ".join(reasons),
+        separate_reasons=tuple(reasons),
+        unreachable=(str(problem.goal),),
+        **rest,  # type: ignore[arg-type]
+    )
 
 
 @pytest.mark.parametrize(

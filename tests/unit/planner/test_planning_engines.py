@@ -182,13 +182,13 @@ def low_limits(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(f"somrs.planner.planning.{name}", 0)
 
 
-@pytest.mark.usefixtures("many")
+@pytest.mark.usefixtures("low_limits")
 def test_without_an_engine_for_numbers_it_is_said_that_there_is_one() -> None:
     explanation = "this is too large to be searched: 2 states were looked at; install the engine for numbers: pip install 'somrs[numbers]'"
     assert plan(box()) == NoPlan(explanation=explanation, undecided=True)
 
 
-@pytest.mark.usefixtures("many")
+@pytest.mark.usefixtures("low_limits")
 @pytest.mark.parametrize(
     ("answer", "expected"),
     [
@@ -212,7 +212,7 @@ def test_what_an_engine_for_numbers_finds_is_calculated_again(answer: list[str],
     assert limit == 7.0
 
 
-@pytest.mark.usefixtures("many")
+@pytest.mark.usefixtures("low_limits")
 def test_where_an_engine_for_numbers_finds_none_there_is_no_plan() -> None:
     result = plan(box(), numeric=RecordingEngine(None))
     assert isinstance(result, NoPlan)

@@ -398,7 +398,7 @@ def test_what_says_nothing_new_changes_nothing() -> None:
 
 
 def test_no_more_than_so_many_steps_are_asked_for_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("somrs.task_manager.preview.AT_ONCE", 2)
+    monkeypatch.setattr("somrs.task_manager.preview.MAX_OPEN_CALLS", 2)
     harness = TaskManagerHarness()
     harness.plan_results = [Plan((*APART.steps, move("c", "Jar002")))]
     preview = PreviewHarness(harness)

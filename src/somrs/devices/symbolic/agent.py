@@ -25,7 +25,7 @@ from somrs.service_manager.sdk.orders import (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mishap:
-    """How a service goes wrong: which of its changes come about all the same; and `leaves`: nobody hears of the device again."""
+    """How a service goes wrong: which of its changes come about all the same; and `goes_offline`: nobody hears of the device again."""
 
     select_changes: Callable[[Sequence[Change]], Sequence[Change]] = lambda changes: ()
     goes_offline: bool = False
@@ -39,7 +39,7 @@ Faults = Callable[[Order], Mishap | None]
 class SymbolicAgent:
     """One device. Each service takes `seconds`, or as many as it costs (one, if it costs nothing).
 
-    What it does holds in the world when its time is over, not before. Who left answers nothing any more: `left` says so, and
+    What it does holds in the world when its time is over, not before. Who left answers nothing any more: `is_offline` says so, and
     whoever runs the system ends its Service Manager then.
     """
 

@@ -13,7 +13,7 @@ PATIENCE = 10.0
 PAUSE = 0.2
 """Seconds before it is tried once more."""
 
-AnswerType = TypeVar("Wanted", bound=Answer)
+AnswerType = TypeVar("AnswerType", bound=Answer)
 
 
 async def ask(address: str | None, request: Request, answer_type: type[AnswerType]) -> AnswerType:

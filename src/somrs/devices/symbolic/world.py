@@ -41,7 +41,7 @@ class Action:
 
 
 class SymbolicWorld:
-    """One world. `deeds` is what was done in it, `rejected` what could not be, each with the reason, both in order."""
+    """One world. `actions` is what was done in it, `rejected` what could not be, each with the reason, both in order."""
 
     def __init__(self, ontology: Ontology, map: Map) -> None:
         self.ontology, self.map = ontology, map

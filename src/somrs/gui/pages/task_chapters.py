@@ -46,8 +46,8 @@ class Line:
 @dataclass(slots=True, kw_only=True)
 class Chapter:
     """A part of the story. `tone`: good, bad, busy or plain. Of a failure, `number` counts from 1, `service` is the one that failed,
-    `silent` that it has only been silent so far, `left` the situation that it left, `lines` what was done about it, and `result` what came
-    of that. `unblocking`: what failures left is undone so that there may be a plan."""
+    `silent` that it has only been silent so far, `situation` the situation that it left, `lines` what was done about it, and `result` what
+    came of that. `unblocking`: what failures left is undone so that there may be a plan."""
 
     at: float
     icon: str

@@ -1,5 +1,5 @@
 """The story of a task, made of its events: what was begun, each failure with what was done about it and what came of that, what was
-undone, and the end. Its parts are in `task_chapters.py`, how it looks in `task_telling.py`."""
+undone, and the end. Its parts are in `task_chapters.py`, how it looks in `task_story_panel.py`."""
 
 from __future__ import annotations
 

@@ -73,7 +73,7 @@ def _nested(values: dict[str, Value]) -> dict[str, Any]:
 
 
 def dump_ontology(ontology: Ontology, base: Ontology | None = None, name: str | None = None, *, whole: bool = False) -> str:
-    """The ontology as YAML text, leaving out what `without` has already, unless it is to be the `whole`; what it has otherwise, or not,
+    """The ontology as YAML text, leaving out what `base` has already, unless it is to be the `whole`; what it has otherwise, or not,
     is said not to be taken over from there."""
     text: dict[str, Any] = {"ontology": name} if name else {}
     if base is not None and (overridden_names := [*_overridden_names(ontology, base)]):

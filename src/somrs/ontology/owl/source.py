@@ -50,7 +50,7 @@ UNSUPPORTED_NOTE = "there are no words for it here, and it is not kept"
 
 
 class Source:
-    """The graph of a file. Whatever `take` and the like have returned counts as understood."""
+    """The graph of a file. Whatever `take_objects` and the like have returned counts as understood."""
 
     def __init__(self, text: str, file: str, base: Ontology) -> None:
         self.text, self.file, self._base = text, file, base

@@ -26,7 +26,7 @@ class Operation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FiniteTask:
-    """`names[v][x]` says what it means that variable v has the value x; `exclusive` are sets of which one holds at most."""
+    """`names[v][x]` says what it means that variable v has the value x; `mutex_groups` are sets of which one holds at most."""
 
     names: tuple[tuple[str, ...], ...]
     initial: State
@@ -57,7 +57,7 @@ def prune_irrelevant(task: FiniteTask) -> FiniteTask:
     operations = (
         replace(
             operation,
-            needs=renumber(operation.preconditions),
+            preconditions=renumber(operation.preconditions),
             effects=tuple((renumber(c), number[variable], value) for c, variable, value in operation.effects if variable in number),
         )
         for operation in task.operations

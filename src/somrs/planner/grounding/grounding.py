@@ -307,9 +307,9 @@ class Grounding:
             preconditions,
             tuple(dict.fromkeys(add_effects)),
             tuple(map(ground, operator.delete_effects)),
-            numeric_conditions,
-            numeric_effects,
-        )  # type: ignore[arg-type]
+            numeric_conditions,  # type: ignore[arg-type]
+            numeric_effects,  # type: ignore[arg-type]
+        )
 
     def _effect(self, pattern: Pattern, binding: Binding) -> Fact | None:
         """The fact that the effect makes; None for one that makes no sense (a thing in its own place, a value that is none)."""

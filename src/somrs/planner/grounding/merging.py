@@ -91,7 +91,7 @@ def _drop_static_preconditions(task: Task, operations: list[Operation]) -> list[
     """Without needs that nothing ever changes."""
     changing = {variable for operation in operations for _, variable, _ in operation.effects}
     return [
-        replace(o, needs=preconditions)
+        replace(o, preconditions=preconditions)
         if len(preconditions := tuple(n for n in o.preconditions if n[0] in changing)) < len(o.preconditions)
         else o
         for o in operations
@@ -131,7 +131,7 @@ def _drop_implied_preconditions(
         for precondition in operation.preconditions:
             if implied(precondition, preconditions):
                 preconditions.remove(precondition)
-        shortened.append(replace(operation, needs=tuple(preconditions)))
+        shortened.append(replace(operation, preconditions=tuple(preconditions)))
     return shortened
 
 
@@ -267,7 +267,7 @@ class _Merging:
         changing = {key: value for key, value in effects.items() if known_values.get(key[1]) != value}
         if not changing:
             return None
-        return replace(old, needs=tuple(preconditions), effects=tuple((*key, value) for key, value in changing.items()))
+        return replace(old, preconditions=tuple(preconditions), effects=tuple((*key, value) for key, value in changing.items()))
 
     def _lose(
         self,

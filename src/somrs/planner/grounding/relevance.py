@@ -33,7 +33,7 @@ class Demand:
 def demands(goals: Sequence[Operator], world: World, *, narrow: bool = False, depth: int | None = None) -> list[Demand]:
     """Every use of an operator that may help, the goals' own first.
 
-    When narrow, fewer: nobody needs to bring about a `SOME` fact that is so already, and of facts that must not hold, those
+    When narrow, fewer: nobody needs to bring about a `EXISTS_SUFFIX` fact that is so already, and of facts that must not hold, those
     that do hold now are looked at one by one. With a depth, only what helps by way of so many services or fewer.
     Both may lose plans, but seldom do.
     """

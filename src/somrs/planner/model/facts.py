@@ -33,7 +33,7 @@ class Facts:
         return True
 
     def count(self, predicate: str, known_arguments: Sequence[Argument | None]) -> int:
-        """About how many facts `like` would look at."""
+        """About how many facts `find_facts` would look at."""
         return self._world.count(predicate, known_arguments) + len(self._find_added_facts(predicate, known_arguments))
 
     def find_facts(self, predicate: str, known_arguments: Sequence[Argument | None]) -> list[tuple[Argument, ...]]:

@@ -239,7 +239,7 @@ class _Compiler:
         )
 
     def _to_bind(self) -> Iterator[str]:
-        """The variables that grounding binds; one that stands behind NOT only is not, nor one that `SOME` replaced."""
+        """The variables that grounding binds; one that stands behind NOT only is not, nor one that `EXISTS_SUFFIX` replaced."""
         for _, arguments in (*self.preconditions, *self.add_effects, *self.delete_effects):
             for argument in arguments:
                 if not isinstance(argument, str):

@@ -20,10 +20,9 @@ from somrs.ontology.services import PROVIDER
 class Step(Struct, frozen=True):
     """One use of a service type.
 
-    `inputs` are by the service type's input names. `provider` is the device that has to do it, when the service type's
-    formulas speak of `?Provider`; otherwise None: any provider will do. Those `alike` could do it as well, if one of them does all steps
-    that say the `same`. `precondition` and `effect` have no variables left.
-    """
+    `inputs` are by the service type's input names. `provider` is the device that has to do it, when the service type's formulas speak of
+    `?Provider`; otherwise None: any provider will do. Those `alternative_providers` could do it as well, if one of them does all steps that
+    say the `device_group`. `precondition` and `effect` have no variables left."""
 
     id: str
     service_type: str
@@ -46,7 +45,7 @@ class Step(Struct, frozen=True):
 
 
 class Link(Struct, frozen=True):
-    """Step `after` comes after step `before`, because `before` brings `fact` about; or, when `keeps`, because `after` would
+    """Step `after` comes after step `before`, because `before` brings `fact` about; or, when `is_protection`, because `after` would
     undo `fact`, which `before` (or a step that must be over by then) still needs or has yet to see undone and restored."""
 
     before: str
@@ -112,7 +111,7 @@ class Plan(Struct, frozen=True, dict=True, tag=True):
         return tuple(order)
 
     def ready(self, completed_ids: Collection[str]) -> tuple[Step, ...]:
-        """The steps that can start when those in `done` are over; those are not among them."""
+        """The steps that can start when those in `completed_ids` are over; those are not among them."""
         return tuple(
             step
             for step in self.steps

@@ -21,7 +21,7 @@ from somrs.planner.model.causal_links import touches
 from somrs.planner.model.plan import NoPlan, Plan, Step
 from somrs.planner.model.problem import Problem
 
-Result = TypeVar("Found", bound=Plan | NoPlan | None)
+Result = TypeVar("Result", bound=Plan | NoPlan | None)
 
 
 def generalize_providers(problem: Problem, result: Result) -> Result | Plan:
@@ -54,7 +54,9 @@ def _generalize_plan(plan: Plan, problem: Problem) -> Plan:
     if not alternatives:
         return plan
     steps = (
-        structs.replace(step, same=alternatives[step.id][0], alike=alternatives[step.id][1]) if step.id in alternatives else step
+        structs.replace(step, device_group=alternatives[step.id][0], alternative_providers=alternatives[step.id][1])
+        if step.id in alternatives
+        else step
         for step in plan.steps
     )
     return Plan(tuple(steps), plan.links)
@@ -66,7 +68,11 @@ def assign_provider(step: Step, provider: str) -> Step:
         return step
     precondition = _replace_provider(step.precondition, step.provider, provider) if step.precondition is not None else None
     return structs.replace(
-        step, precondition=precondition, effect=_replace_provider(step.effect, step.provider, provider), provider=provider, alike=()
+        step,
+        precondition=precondition,
+        effect=_replace_provider(step.effect, step.provider, provider),
+        provider=provider,
+        alternative_providers=(),
     )
 
 

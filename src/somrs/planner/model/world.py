@@ -134,7 +134,7 @@ class World:
         )
 
     def count(self, predicate: str, known_arguments: Sequence[Argument | None]) -> int:
-        """About how many facts hold now that `like` would look at; never fewer."""
+        """About how many facts hold now that `find_facts` would look at; never fewer."""
         if predicate.startswith("."):
             return (
                 1

@@ -25,7 +25,7 @@ class CountingFailed(Exception):
 
 @dataclass(frozen=True, slots=True)
 class NumericCondition:
-    """A comparison of counters, `reads`, which variables of their names stand for in `literal`."""
+    """A comparison of counters, `read_counters`, which variables of their names stand for in `literal`."""
 
     literal: Literal
     read_counters: tuple[int, ...]
@@ -33,7 +33,7 @@ class NumericCondition:
 
 @dataclass(frozen=True, slots=True)
 class NumericEffect:
-    """The counter `sets` gets the value of `source`, in which variables stand for the counters `reads`."""
+    """The counter `counter` gets the value of `source`, in which variables stand for the counters `read_counters`."""
 
     counter: int
     source: Term
@@ -159,7 +159,7 @@ class Counters:
         return NumericEffect(self._counter(target), hidden, tuple(read_counters))
 
     def _hidden(self, term: Term, read_counters: list[int]) -> Term:
-        """The term with variables in place of counters, which are added to `reads`."""
+        """The term with variables in place of counters, which are added to `read_counters`."""
         if isinstance(term, Arithmetic):
             return Arithmetic(self._hidden(term.left, read_counters), term.operator, self._hidden(term.right, read_counters))
         attribute = self._world.vocabulary.counter(term)

@@ -11,7 +11,7 @@ from somrs.planner.grounding.task import Task
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Progress:
-    """`together` is how many of the goal's `parts` held in the state where most of them did."""
+    """`held_count` is how many of the goal's `parts` held in the state where most of them did."""
 
     states: int
     held_count: int

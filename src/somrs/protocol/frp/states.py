@@ -89,7 +89,7 @@ def _complete(states: tuple[State, ...], messages: tuple[MessageType, ...], rows
     """Every pair. What a row leaves out is too late; what does not move stays in the row's state."""
     full_rows = {state: {message: rows[state].get(message, late()) for message in messages} for state in states}
     return {
-        state: {message: entry if entry.kind is Kind.MOVES else entry._replace(next=state) for message, entry in row.items()}
+        state: {message: entry if entry.kind is Kind.MOVES else entry._replace(next_state=state) for message, entry in row.items()}
         for state, row in full_rows.items()
     }
 
@@ -98,7 +98,8 @@ def _complete(states: tuple[State, ...], messages: tuple[MessageType, ...], rows
 _ALWAYS: dict[MessageType, Entry] = {Query: repeat(Status), Cancel: move(ENDED), End: move(ENDED)}
 # Work, or undoing, is demanded of a participant that has no contract, such as one that lost its memory: it says so.
 _NO_CONTRACT: dict[MessageType, Entry] = {
-    **_ALWAYS, Accept: move(FAILED, Failed), Execute: move(FAILED, Failed), Stop: move(FAILED, Failed), Compensate: move(STRANDED, Stranded),
+    **_ALWAYS, Accept: move(FAILED, Failed), Execute: move(FAILED, Failed), Stop: move(FAILED, Failed),
+    Compensate: move(STRANDED, Stranded),
 }  # fmt: skip
 
 # fmt: off
@@ -108,7 +109,8 @@ PARTICIPANT: Table = _complete(PARTICIPANT_STATES, TO_PARTICIPANT, {
     # An Execute names the Terms, as an Accept does: it may overtake it. A Stop may overtake both, and then nothing starts.
     OFFERED:      {**_ALWAYS, Arrange: repeat(Terms), Accept: move(COMMITTED), Execute: move(EXECUTING), Stop: move(STOPPED, Stopped),
                    Compensate: move(STRANDED, Stranded)},
-    COMMITTED:    {**_ALWAYS, Accept: repeat(), Execute: move(EXECUTING), Stop: move(STOPPED, Stopped), Compensate: move(STRANDED, Stranded)},
+    COMMITTED:    {**_ALWAYS, Accept: repeat(), Execute: move(EXECUTING), Stop: move(STOPPED, Stopped),
+                   Compensate: move(STRANDED, Stranded)},
     EXECUTING:    {**_ALWAYS, Accept: repeat(), Execute: repeat(), Stop: move(STOPPING), Compensate: late(Fault)},
     COMPLETED:    {**_ALWAYS, Execute: repeat(Completed), Stop: repeat(Completed), Compensate: move(COMPENSATING)},
     FAILED:       {**_ALWAYS, Execute: repeat(Failed), Stop: repeat(Failed), Compensate: move(COMPENSATING)},
@@ -161,8 +163,8 @@ COORDINATOR: Table = _complete(COORDINATOR_STATES, TO_COORDINATOR, {
     STRANDED:     {Compensated: move(COMPENSATED), Stranded: repeat(), Status: repeat()},
     ENDED:        _ENDED_ROW,
     # One that was given up came back. Its step may be another's by now, so if it works it must stop; its report is the truth.
-    UNREACHABLE:  {Refuse: move(ENDED), Progress: move(STOPPING, Stop), Completed: move(COMPLETED), Failed: move(FAILED), Stopped: move(STOPPED),
-                   Status: repeat()},
+    UNREACHABLE:  {Refuse: move(ENDED), Progress: move(STOPPING, Stop), Completed: move(COMPLETED), Failed: move(FAILED),
+                   Stopped: move(STOPPED), Status: repeat()},
 })
 
 # What a coordinator may say of its own accord; Query besides, once it has said anything. Execute when Executing, Compensate when

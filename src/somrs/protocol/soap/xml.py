@@ -65,7 +65,9 @@ def fields(kind: type[Struct]) -> tuple[Field, ...]:
         # None is written by leaving the element out, so a field that may be None is not required, whatever Python says.
         default = None if declared_default is NODEFAULT and type(None) in union_of(hints[info.name]) else declared_default
         element = strip_none(typing.get_args(hint)[0]) if is_repeated else hint
-        field_list.append(Field(info.name, camel(info.name), element, is_repeated, default, default is NODEFAULT and not is_repeated))
+        field_list.append(
+            Field(info.name, camel(info.encode_name), element, is_repeated, default, default is NODEFAULT and not is_repeated)
+        )
     return tuple(field_list)
 
 

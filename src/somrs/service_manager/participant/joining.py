@@ -49,7 +49,7 @@ class JoinStep(StrEnum):
 
 class Joining(Struct, kw_only=True):
     """The device, in its system, and how far it is with joining. Owned by a ServiceManager, which hands it the answers of Repository and
-    Registry, and its timer. `waits_for` is the last request's id."""
+    Registry, and its timer. `pending_request` is the last request's id."""
 
     profile: Profile
     repository: str

@@ -25,7 +25,7 @@ OBSERVATION_REPORT_TIME = 86_400.0
 
 
 class MapReport(Struct, frozen=True, kw_only=True):
-    """`author` is a device or a service; given up after `until`."""
+    """`author` is a device or a service; given up after `expires_at`."""
 
     id: str
     author: str

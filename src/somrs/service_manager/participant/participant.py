@@ -1,8 +1,7 @@
 """The Service Manager of one device: any number of participants of the Failure Recovery Protocol, on one calendar.
 
-It decides; `device_queue.py` has the device do it, and `work.py` runs the author's coroutines. What it knows of each participant is in a
-`Job`; which messages it may send and what it makes of those that come is `protocol.frp.session`'s.
-"""
+It decides; `device_queue.py` has the device do it, and `service_runner.py` runs the author's coroutines. What it knows of each participant
+is in a `Job`; which messages it may send and what it makes of those that come is `protocol.frp.session`'s."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 """What a Service Manager asks of its device, and what it hears back: the values between `participant.py`, which decides, and
-`work.py`, which runs the author's coroutines.
+`service_runner.py`, which runs the author's coroutines.
 """
 
 from __future__ import annotations
@@ -67,13 +67,13 @@ class Quote(Struct, frozen=True, tag=True):
 
 
 class Perform(Struct, frozen=True, tag=True):
-    """Do it. Answered by any number of `Advance`, then by `Done` or `Failure`."""
+    """Do it. Answered by any number of `Advance`, then by `WorkDone` or `Failure`."""
 
     order: Order
 
 
 class Halt(Struct, frozen=True, tag=True):
-    """The work was interrupted: reach a safe state. Answered by `Done` or `Failure`."""
+    """The work was interrupted: reach a safe state. Answered by `WorkDone` or `Failure`."""
 
     order: Order
 

@@ -40,10 +40,8 @@ class Sum:
         """As Entish says it."""
         term: Term | None = None
         for factors, count in self.parts:
-            if term is None:
-                term = _product(factors, count)
-            else:
-                term = Arithmetic(term, "+" if count > 0 else "-", _product(factors, abs(count)))
+            magnitude = _product(factors, abs(count))
+            term = _product(factors, count) if term is None else Arithmetic(term, "+" if count > 0 else "-", magnitude)
         return term if term is not None else Number(0)
 
     def substituted(self, bindings: Substitution) -> Sum:

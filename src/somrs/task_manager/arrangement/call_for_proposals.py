@@ -29,7 +29,7 @@ REPLY_TIME = 10.0
 
 class CallForProposals(Struct, kw_only=True, eq=False):
     """For the step of that id, which is to be had from `earliest` on, and to be done by `latest`. `invited` are participants. Answers are
-    awaited until `until`."""
+    awaited until `reply_by`."""
 
     step: str
     key: str
@@ -43,7 +43,7 @@ class CallForProposals(Struct, kw_only=True, eq=False):
 
 class OpenCalls(Struct, kw_only=True):
     """All calls for proposals of one goal, by the steps' keys. `timer` rings when the time to answer the first of them is over, at
-    `woken`."""
+    `timer_at`."""
 
     timer: BidsDue
     pending: dict[str, CallForProposals] = field(default_factory=dict)
@@ -78,7 +78,7 @@ class OpenCalls(Struct, kw_only=True):
         return bool(step.alternative_providers) and any(call.device_group == step.device_group for call in self.pending.values())
 
     def due(self, now: float) -> Iterator[CallForProposals]:
-        """Those for which the time to answer is over, unless what came of the ones before has closed them; `wake` afterwards."""
+        """Those for which the time to answer is over, unless what came of the ones before has closed them; `set_timer` afterwards."""
         self.timer_at = None
         for call in self:
             if now >= call.reply_by - 0.001 and self.pending.get(call.key) is call:

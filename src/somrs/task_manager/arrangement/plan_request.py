@@ -27,7 +27,7 @@ PlanResult = Answer | BlockedPlan | str
 
 class PlanRequest(Struct, kw_only=True):
     """For the goal of that number of a task, or preview; `task` is what is wanted. `avoided` are objects that others have, unless a plan is
-    wanted `regardless`. `attempt`: how often the planner was asked."""
+    wanted `ignores_reservations`. `attempt`: how often the planner was asked."""
 
     owner: str
     goal: int

@@ -116,7 +116,7 @@ class Work(Struct, kw_only=True, eq=False):
 
 
 class ExecutionLog(Struct, kw_only=True):
-    """All work of one task. `begun`: how many there were, those included that turned out not to have begun."""
+    """All work of one task. `work_count`: how many there were, those included that turned out not to have begun."""
 
     works: list[Work] = field(default_factory=list)
     work_count: int = field(default=0, name="begun")

@@ -37,7 +37,7 @@ UNREACHED_STATES = {State.EXECUTING: (State.OFFERED, State.COMMITTED), State.COM
 
 
 class Members(Struct, kw_only=True):
-    """Who takes part in a transaction, by id. `asked`: how many were; `changes`: how often a contract changed."""
+    """Who takes part in a transaction, by id. `invited_count`: how many were; `change_count`: how often a contract changed."""
 
     by_id: dict[str, Member] = field(default_factory=dict)
     former: dict[str, Member] = field(default_factory=dict)

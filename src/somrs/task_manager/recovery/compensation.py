@@ -35,8 +35,8 @@ class Attempt(StrEnum):
 
 
 class Undoing(Struct, kw_only=True):
-    """What is to be undone: `left` are the numbers of the work that is yet to come, `work` the one that is being undone, with the attempts
-    that are left for it. `by_others`: other services may restore what was. `pursued`: a goal is pursued for it."""
+    """What is to be undone: `remaining_numbers` are the numbers of the work that is yet to come, `work` the one that is being undone, with
+    the attempts that are left for it. `by_other_services`: other services may restore what was. `pursued`: a goal is pursued for it."""
 
     remaining_numbers: list[int] = field(name="left")
     by_other_services: bool = field(name="by_others")
@@ -47,7 +47,7 @@ class Undoing(Struct, kw_only=True):
 
     @classmethod
     def from_works(cls, works: Iterable[Work], *, by_other_services: bool) -> Undoing:
-        return cls(left=[work.number for work in works], by_others=by_other_services)
+        return cls(remaining_numbers=[work.number for work in works], by_other_services=by_other_services)
 
 
 class RestorationGoal(Struct, frozen=True):
@@ -76,7 +76,8 @@ class Compensation:
         self._members, self._participants, self._context, self._log_event = members, participants, context, log_event
 
     def proceed(self, now: float) -> EffectsReturning[bool | RestorationGoal]:
-        """Go on. Whether everything was gone through; or a formula that is to be pursued: `achieved` or `tried` is called then."""
+        """Go on. Whether everything was gone through; or a formula that is to be pursued: `goal_reached` or `goal_failed` is called
+        then."""
         state = self._state
         while not state.pursued:
             if state.work is None:

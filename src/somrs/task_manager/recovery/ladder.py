@@ -57,8 +57,8 @@ class Rung(StrEnum):
 
 
 def next_rung(alternatives: Sequence[Offer], possible: bool, outcome_known: bool) -> Rung:
-    """The cheapest rung that can help: `others` could do the step, and its precondition is `possible` on the map as it is.
+    """The cheapest rung that can help: `alternatives` could do the step, and its precondition is `possible` on the map as it is.
 
-    A step of which it is not `known` what became of it is not simply begun again.
+    A step of which it is not `outcome_known` what became of it is not simply begun again.
     """
     return Rung.REPLACE if alternatives and possible and outcome_known else Rung.REPLAN

@@ -30,9 +30,9 @@ from somrs.task_manager.requests import ForLook
 
 
 class Look(Struct, kw_only=True):
-    """An object of which nothing is known since that `work` was lost. `ways` are the plans by which it can be looked at, the next first.
+    """An object of which nothing is known since that `work` was lost. `plans` are the plans by which it can be looked at, the next first.
 
-    `since` is the map's version from which on nothing is known. If nobody can say how the object is, the map says that.
+    `since_version` is the map's version from which on nothing is known. If nobody can say how the object is, the map says that.
     """
 
     object: str
@@ -50,7 +50,7 @@ class Unseen(Struct, frozen=True):
 
 
 class LookQueue(Struct, kw_only=True):
-    """What is `wanted`, one object after the other; `asking`: it is being found out who can look. `begun` counts."""
+    """What is `unseen`, one object after the other; `current_look`: it is being found out who can look. `look_count` counts."""
 
     unseen: list[Unseen] = field(default_factory=list, name="wanted")
     current_look: Look | None = field(default=None, name="asking")

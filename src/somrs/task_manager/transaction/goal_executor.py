@@ -2,7 +2,7 @@
 two rungs (`recovery/ladder.py`).
 
 The goal of a task is pursued so, and so is whatever has to be so on the way: what a handler demands, what a cognitive service is to
-find out, what is to be restored. What the pursuit cannot settle by itself it gives back as `Next`, for the transaction.
+find out, what is to be restored. What the pursuit cannot settle by itself it gives back as `NextAction`, for the transaction.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What comes next in a task, as far as the pursuit of one of its goals (`goal_pursuit.py`) cannot settle it by itself."""
+"""What comes next in a task, as far as the pursuit of one of its goals (`goal_executor.py`) cannot settle it by itself."""
 
 from __future__ import annotations
 

@@ -84,8 +84,8 @@ class LoggedMessage(Struct, frozen=True):
 
 
 class TaskState(Struct, kw_only=True, eq=False):
-    """`client` is who wants it; `goal` what the task is for, `aside` what is pursued before that is gone on with: the last one is what goes
-    on. `ending`: how it will end once everything under way has stopped, and is undone; `reasons`: why."""
+    """`client` is who wants it; `goal` what the task is for, `side_goals` what is pursued before that is gone on with: the last one is what
+    goes on. `ending`: how it will end once everything under way has stopped, and is undone; `reasons`: why."""
 
     id: str
     task: Submit

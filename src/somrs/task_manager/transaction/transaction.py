@@ -1,7 +1,7 @@
 """One task from what its client states to its end (paper, "Protocol for failure handling and recovery": the realization of a task is a
 transaction).
 
-It pursues the task's goal, and whatever has to be so on the way, one thing at a time (`goal_pursuit.py`); hears the participants, and has
+It pursues the task's goal, and whatever has to be so on the way, one thing at a time (`goal_executor.py`); hears the participants, and has
 what they report put on the map (`participant_events.py`); has somebody look where nobody reports (`recovery/observation.py`); and undoes
 what was done when it ends otherwise than wanted (`recovery/compensation.py`).
 """

@@ -53,7 +53,7 @@ def view(task: TaskState) -> TaskView:
 
 
 def view_in_parts(task: TaskState, offset: int) -> tuple[TaskView, int | None]:
-    """A transaction with as many of its steps and its work behind the first `after` as fit a message; how many that makes, or None if
+    """A transaction with as many of its steps and its work behind the first `offset` as fit a message; how many that makes, or None if
     these are the last."""
     task_view = view(task)
     parts = [*task_view.steps, *task_view.work]

@@ -37,7 +37,8 @@ def format_move(task: Task, move: Move) -> str:
         format_assignment(task, (variable, value)) + "".join(f" IF {format_assignment(task, condition)}" for condition in conditions)
         for conditions, variable, value in move.effects
     ]
-    return f"{' AND '.join(format_assignment(task, precondition) for precondition in move.preconditions)} -> {' AND '.join(sorted(effect_texts))}".strip()
+    preconditions = " AND ".join(format_assignment(task, precondition) for precondition in move.preconditions)
+    return f"{preconditions} -> {' AND '.join(sorted(effect_texts))}".strip()
 
 
 def format_moves(task: Task) -> dict[str, str]:

@@ -214,7 +214,7 @@ def test_the_last_message_is_no_sign_of_life() -> None:
 
 
 @pytest.mark.parametrize(
-    ("state", "request", "answer", "state_after"),
+    ("state", "received_body", "answer", "state_after"),
     [
         (State.NEW, Accept(terms="x"), Failed(description="there is no contract here, so Accept started nothing"), State.FAILED),
         (State.NEW, EXECUTE, Failed(description="there is no contract here, so Execute started nothing"), State.FAILED),
@@ -244,9 +244,9 @@ def test_the_last_message_is_no_sign_of_life() -> None:
         (State.EXECUTING, Completed(situation=""), Fault(code=NOT_ALLOWED, text="Completed is not for a participant"), State.EXECUTING),
     ],
 )
-def test_what_a_participant_answers_at_once(state: State, request: FrpBody, answer: FrpBody, state_after: State) -> None:
+def test_what_a_participant_answers_at_once(state: State, received_body: FrpBody, answer: FrpBody, state_after: State) -> None:
     session = participant(state)
-    [reply] = session.receive(message(request)).answers
+    [reply] = session.receive(message(received_body)).answers
     assert (reply.body, reply.header.relates_to, reply.header.recipient, session.state) == (answer, "urn:x", TM, state_after)
 
 

@@ -203,7 +203,10 @@ def not_understood(fault: bytes) -> list[str]:
 
 def test_a_fault_names_every_header_that_was_not_understood() -> None:
     attribute = 'env:mustUnderstand="1"'
-    blocks = f'<x:A xmlns:x="urn:x" {attribute}/><B xmlns="urn:y?a=1&amp;b=2" {attribute}/><wsa:Strange {attribute}/><xml:c {attribute}/><d {attribute}/>'
+    blocks = (
+        f'<x:A xmlns:x="urn:x" {attribute}/><B xmlns="urn:y?a=1&amp;b=2" {attribute}/><wsa:Strange {attribute}/>'
+        f"<xml:c {attribute}/><d {attribute}/>"
+    )
     document = changed("</env:Header>", f"{blocks}</env:Header>")
     fault = soap.fault(refused(document))
     assert not_understood(fault) == ["{urn:x}A", "{urn:y?a=1&b=2}B", f"{{{soap.WSA}}}Strange", f"{{{soap.XML}}}c", "d"]

@@ -139,7 +139,7 @@ def sent_bodies(effects: list[Effect]) -> dict[str, tuple[object, float | None]]
 
 def test_all_are_asked_the_same() -> None:
     fine = ServiceType(name="FineWork", effect=EFFECT, parent="Work")
-    harness = CallHarness(offer("Robot1"), offer("Robot2"), offer("Robot3", fine), latest=200.0, same="g")
+    harness = CallHarness(offer("Robot1"), offer("Robot2"), offer("Robot3", fine), latest=200.0, device_group="g")
     arrange = frp.Arrange(
         service_type="Work", inputs={"Object": "Jar1"}, effect=EFFECT, earliest_start=100.0, latest_finish=200.0, reply_by=60.0
     )
@@ -192,7 +192,9 @@ def test_the_precondition_is_as_it_is_now_but_for_a_step_that_several_could_do(
 
 
 def test_each_of_those_that_could_do_it_is_asked_for_what_it_would_do_itself() -> None:
-    harness = CallHarness(offer("Robot1"), offer("Robot2"), effect="Jar1 isOn Robot1", provider="Robot1", alike=("Robot2",), same="g")
+    harness = CallHarness(
+        offer("Robot1"), offer("Robot2"), effect="Jar1 isOn Robot1", provider="Robot1", alternative_providers=("Robot2",), device_group="g"
+    )
     assert [body.effect for body, _ in sends(harness.effects) if isinstance(body, frp.Arrange)] == ["Jar1 isOn Robot1", "Jar1 isOn Robot2"]
 
 

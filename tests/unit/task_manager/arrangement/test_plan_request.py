@@ -68,7 +68,7 @@ class PlanRequestHarness:
             self.reserve_elsewhere(*held)
         self.services = AvailableServices(KnownServices(), self.context.replica)
         self.request = PlanRequest(owner="task1", goal=3, serial=2, task=Submit(effect=effect))
-        options = {} if reserves else {"holds": False}
+        options = {} if reserves else {"reserves": False}
         self.requester = PlanRequester(self.request, self.services, self.context, old_workflow, **options)
 
     def reserve_elsewhere(self, *held: str) -> None:

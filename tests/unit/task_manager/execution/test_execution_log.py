@@ -167,7 +167,7 @@ def test_what_is_to_be_undone(state: State, to_undo: bool, interrupted: bool) ->
     log = ExecutionLog()
     ended(log, state)
     assert (log.to_undo(), log.interrupted()) == ([*log] if to_undo else [], [*log] if interrupted else [])
-    for change in ({"goal": GoalKind.UNDO}, {"taken_over": True}, {"before": None}):
+    for change in ({"goal": GoalKind.UNDO}, {"superseded": True}, {"prior_situation": None}):
         changed: dict[str, Any] = {**change}
         other_log = ExecutionLog(works=[structs.replace(log.works[0], **changed)])
         assert (other_log.to_undo(), other_log.interrupted()) == ([], [])

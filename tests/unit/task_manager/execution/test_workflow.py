@@ -141,7 +141,7 @@ def test_a_step_can_start_when_those_before_it_are_promised_to_be_over() -> None
         ([step("x", "Jara"), step("y", "Jara")], "x"),
         ([step("x", "Jara", provider="Robot1")], "x"),
         ([step("x", "Jara", provider="Robot2")], ""),
-        ([step("x", "Jara", provider="Robot2", alike=("Robot1",), same="g")], "x"),
+        ([step("x", "Jara", provider="Robot2", alternative_providers=("Robot1",), device_group="g")], "x"),
         ([step("x", "Jara", provider="Robot2"), step("y", "Jara")], "y"),
     ],
 )
@@ -180,8 +180,13 @@ def test_two_promises_are_taken_over_by_two_steps() -> None:
 
 
 def test_steps_of_one_device_are_bound_together() -> None:
-    alike: dict[str, Any] = {"provider": "Robot2", "alike": ("Robot1",)}
-    steps = (step("a", same="g", **alike), step("b", same="g", **alike), step("c", same="h", **alike), step("d", provider="Robot2"))
+    alike: dict[str, Any] = {"provider": "Robot2", "alternative_providers": ("Robot1",)}
+    steps = (
+        step("a", device_group="g", **alike),
+        step("b", device_group="g", **alike),
+        step("c", device_group="h", **alike),
+        step("d", provider="Robot2"),
+    )
     workflow = Workflow.from_plan(Plan(steps))
     workflow.bind(workflow.runs["d"], "Robot1")
     assert [run.step.provider for run in workflow] == ["Robot2"] * 4

@@ -257,7 +257,7 @@ def test_a_step_waits_for_its_device_and_says_so_once() -> None:
 
 
 def test_no_more_than_so_many_steps_are_arranged_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("somrs.task_manager.transaction.goal_executor.AT_ONCE", 2)
+    monkeypatch.setattr("somrs.task_manager.transaction.goal_executor.MAX_OPEN_CALLS", 2)
     harness = TaskManagerHarness(plan_results=[Plan((*APART.steps, move("c", "Jar002")))], effect=BOTH_JARS)
     assert [participant.label for participant in harness.task.members] == ["a", "b"]
     assert bodies(terms(harness, "a", 1.0, 10.0)) == ["Accept", "Arrange"]

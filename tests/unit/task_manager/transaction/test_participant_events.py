@@ -99,7 +99,7 @@ class TaskManagerHarness:
     def message(
         self, body: FrpBody, service: str = FIRST_SERVICE, sender: Member | None = None, request_kind: str | None = None
     ) -> Message:
-        """What one of them would say; `about`: the kind of message that it answers."""
+        """What one of them would say; `request_kind`: the kind of message that it answers."""
         self.message_count += 1
         member = sender or self.member(service)
         header = Header(

@@ -177,7 +177,7 @@ def test_a_look_for_which_nobody_was_found_yet_is_begun_anew_too() -> None:
     assert kinds(harness, event_count)[:2] == ["Stopping", "NobodyLooks"]
     assert (harness.task.look_queue.look_count, harness.task.look_queue.current_look, harness.task.look_queue.unseen) == (2, None, [])
     late = harness.feed(Received(reply(discover, Discovered(offers=harness.offers), "registry")), 7.0)
-    assert [type(effect).__name__ for effect in late] == ["Wake"], "it was asked for the look that was called off"
+    assert [type(effect).__name__ for effect in late] == ["SetTimer"], "it was asked for the look that was called off"
 
 
 # What is laid down

@@ -104,7 +104,7 @@ def test_a_long_task_is_seen_part_by_part(monkeypatch: pytest.MonkeyPatch) -> No
         ((), task_view.work, None),
         ((), (), None),
     ]
-    monkeypatch.setattr("somrs.task_manager.transaction.views.fitting", lambda items, limit: [*items][:1] if limit == 3 else [*items][:0])
+    monkeypatch.setattr("somrs.task_manager.transaction.views.fit_page", lambda items, limit: [*items][:1] if limit == 3 else [*items][:0])
     parts = [view_in_parts(harness.task, offset) for offset in (0, 1, 2)]
     assert [(part.steps, part.work, rest) for part, rest in parts] == [
         (task_view.steps[:1], (), 1),

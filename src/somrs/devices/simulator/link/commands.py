@@ -116,7 +116,7 @@ class ObjectState(Struct, frozen=True, kw_only=True):
 
 
 class CommandDone(Struct, frozen=True, kw_only=True):
-    """A command was carried out. `seen`: what it touched or looked at, as it is now."""
+    """A command was carried out. `object_states`: what it touched or looked at, as it is now."""
 
     state: RobotState
     object_states: tuple[ObjectState, ...] = ()

@@ -42,9 +42,9 @@ FINAL = {"version", "unknown-robot", "hello-first"}
 
 
 class RobotGaveUp(RemoteError):
-    """A command was not carried out. `reason` is one of those of `Gave`, or `link-lost`, `silent` or `refused`.
+    """A command was not carried out. `reason` is one of those of `CommandGivenUp`, or `link-lost`, `silent` or `refused`.
 
-    `state` and `seen` are what the robot said last, or None and nothing.
+    `state` and `object_states` are what the robot said last, or None and nothing.
     """
 
     def __init__(self, reason: str, description: str, state: RobotState | None = None, object_states: tuple[ObjectState, ...] = ()) -> None:

@@ -48,7 +48,7 @@ class Order(Struct, frozen=True, kw_only=True, tag="command", tag_field="say"):
 
 
 class Break(Struct, frozen=True, kw_only=True, tag="break", tag_field="ask"):
-    """Let something fail: now; `after` so many simulated seconds; when the robot has `carried` something so many metres; or when
+    """Let something fail: now; `delay` so many simulated seconds; when the robot has `carried` something so many metres; or when
     it has `released` what it carried, and has drawn its arm in.
     """
 
@@ -190,7 +190,7 @@ class OrderDone(Struct, frozen=True, kw_only=True, tag="done", tag_field="say"):
 
 
 class OrderGivenUp(Struct, frozen=True, kw_only=True, tag="gave", tag_field="say"):
-    """The command with this id was given up; the reasons are those of `Gave`."""
+    """The command with this id was given up; the reasons are those of `CommandGivenUp`."""
 
     id: int
     reason: str

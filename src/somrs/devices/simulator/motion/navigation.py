@@ -113,7 +113,7 @@ class Navigator:
     ) -> list[Pose]:
         """Poses, best first, from which something can be put on the support, each with a point on its top near the edge.
 
-        `taken` are the things on the top, `room` the radius of what is to stand there.
+        `occupied_spots` are the things on the top, `room` the radius of what is to stand there.
         """
         poses: list[Pose] = []
         for target, (nx, ny) in edge_targets(support, room + 0.04):

@@ -35,7 +35,7 @@ Routine = Generator[None, None, None]
 
 
 class GivenUp(Exception):
-    """A routine cannot go on; the reason is one of those of `Gave`. Never leaves the simulator."""
+    """A routine cannot go on; the reason is one of those of `CommandGivenUp`. Never leaves the simulator."""
 
     def __init__(self, reason: str, description: str) -> None:
         self.reason, self.description = reason, description

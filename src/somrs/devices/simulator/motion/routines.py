@@ -17,7 +17,7 @@ from somrs.errors import UsageError
 
 
 def make_routine(command: Command, robot: Robot, scene: Scene, observations: dict[str, ObjectState]) -> Routine:
-    """The routine for a command. What is seen on the way, for commands that are to look, goes into `found`."""
+    """The routine for a command. What is seen on the way, for commands that are to look, goes into `observations`."""
     match command:
         case DriveTo(x=x, y=y, yaw=yaw):
             return _drive(robot, x, y, yaw)

@@ -225,7 +225,7 @@ class _Row:
                     Picker("Unit", value=line.unit, options=units, on_pick=self._pick_unit).classes("somrs-define-unit")
 
     def _pick_related_thing(self, name: str) -> None:
-        self.line = structs.replace(self.line, other=name)
+        self.line = structs.replace(self.line, related_thing=name)
         self._changed()
 
     def _pick_order(self, order: str) -> None:

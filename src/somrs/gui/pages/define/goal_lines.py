@@ -17,8 +17,8 @@ ORDERS = ("=", "!=", "<", "<=", ">", ">=")
 
 
 class Line(msgspec.Struct, frozen=True, kw_only=True):
-    """That `thing` stands in `relation` to `other`; or that its attribute (`path`, of that `kind`) compares with `value`, which is written
-    in `unit`. `denied`: that it does not. What was not chosen yet is empty."""
+    """That `thing` stands in `relation` to `related_thing`; or that its attribute (`path`, of that `kind`) compares with `value`, which is
+    written in `unit`. `denied`: that it does not. What was not chosen yet is empty."""
 
     thing: str = ""
     relation: str = ""

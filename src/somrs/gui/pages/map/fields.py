@@ -64,7 +64,7 @@ class Spot:
 
 
 class Field:
-    """`changed` hears what is in the field once somebody changed it; what is put into it by `show` is not heard. `mirror` has what is
+    """`changed` hears what is in the field once somebody changed it; what is put into it by `show_value` is not heard. `mirror` has what is
     typed kept in the browser."""
 
     def __init__(self, spot: Spot, changed: Callable[[str, Raw], None], mirror: Callable[[Element, str], None] | None = None) -> None:

@@ -17,7 +17,7 @@ PATH_SEPARATOR = "/"
 
 
 class ObjectDraft(msgspec.Struct, frozen=True, kw_only=True):
-    """What was written for an object, by path (`form`, as the browser keeps it), and what the map said of it then (`known`)."""
+    """What was written for an object, by path (`form`, as the browser keeps it), and what the map said of it then (`map_values`)."""
 
     name: str
     form: dict[str, Raw] = {}

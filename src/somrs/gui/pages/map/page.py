@@ -190,8 +190,8 @@ class MapPage:
                 PastSheet(self._api, self._selected, self._version_slider.shown_version, self.open_object)
                 return
             actions = SheetActions(
-                open_object=self.open_object, change=self.change, remove=self._remove, show_on_plan=self._plan.show_object, show_version=self._version_slider.show_version,
-                undo=self._undo_version, record_version=self._record_version,
+                open_object=self.open_object, change=self.change, remove=self._remove, show_on_plan=self._plan.show_object,
+                show_version=self._version_slider.show_version, undo=self._undo_version, record_version=self._record_version,
             )  # fmt: skip
             self._sheet = Sheet(self._api, self._selected, actions, self._drafts)
 
@@ -250,7 +250,8 @@ class MapPage:
             if any(broken_rule.rule == VERSION_CONFLICT for broken_rule in error.broken):
                 subjects = ", ".join(dict.fromkeys(broken_rule.subject for broken_rule in error.broken))
                 notify(
-                    f"Somebody else changed {subjects} while you moved {name}. It is where they left it; move it again if you still want to.",
+                    f"Somebody else changed {subjects} while you moved {name}. It is where they left it; "
+                    "move it again if you still want to.",
                     bad=True,
                 )
             else:

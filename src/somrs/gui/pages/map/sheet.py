@@ -22,7 +22,7 @@ HISTORY = 25
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SheetActions:
     """What the sheet asks of the page: open another object, `change` the map, `remove` this one, have it in view, look at a version,
-    undo one; and `done` when the map was changed."""
+    undo one; and `record_version` when the map was changed."""
 
     open_object: Callable[[str | None], None]
     change: Callable[[tuple[Change, ...], str], Awaitable[int | None]]

@@ -38,8 +38,8 @@ BLANK: dict[str, Form] = {
 
 
 class Draft(msgspec.Struct, kw_only=True):
-    """`name`: of the definition that is rewritten, None for a new one; `was`: what it was at `version` of the ontology, and `base` what
-    the form said then."""
+    """`name`: of the definition that is rewritten, None for a new one; `original_data`: what it was at `version` of the ontology, and
+    `base` what the form said then."""
 
     section_key: str
     name: str | None

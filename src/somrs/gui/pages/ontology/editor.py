@@ -30,7 +30,7 @@ from somrs.protocol.messages.people import person_name
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EditorCallbacks:
-    """What the page does when writing ends: `saved` under a name, `dropped`; and when something was written, `changed`."""
+    """What the page does when writing ends: `on_saved` under a name, `on_dropped`; and when something was written, `on_changed`."""
 
     on_saved: Callable[[Draft, str, int], Awaitable[None]]
     on_dropped: Callable[[Draft], Awaitable[None]]

@@ -208,7 +208,7 @@ class Fields:
         hint: str = "",
         make_buttons: Callable[[], object] | None = None,
     ) -> Callable[[], None]:
-        """A list of rows that can be added and removed; `make` makes the fields of the row at a path, `more` other
+        """A list of rows that can be added and removed; `make_row` makes the fields of the row at a path, `make_buttons` other
         buttons. Returns what makes them anew."""
         with ui.element("fieldset").classes("somrs-onto-rows"):
             with TextTag("legend", title):

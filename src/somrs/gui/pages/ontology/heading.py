@@ -17,7 +17,7 @@ DefinitionAction = Callable[[Section, str], Awaitable[object] | None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DefinitionActions:
-    """What can be done with a definition. `below`: something new below it."""
+    """What can be done with a definition. `add_below`: something new below it."""
 
     edit: DefinitionAction
     add_below: DefinitionAction

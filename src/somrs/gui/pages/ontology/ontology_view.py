@@ -30,8 +30,8 @@ class TypeAttribute:
 
 @dataclass(slots=True)
 class OntologyView:
-    """`objects`: the names of the map's objects, by exact type; `relied`: the definitions, by section and name, that SO-MRS itself relies
-    on."""
+    """`objects`: the names of the map's objects, by exact type; `system_definitions`: the definitions, by section and name, that SO-MRS
+    itself relies on."""
 
     ontology: Ontology = field(default_factory=Ontology)
     version: int = -1

@@ -158,8 +158,10 @@ class OntologyPage:
                 )
                 self._editor = Editor(self._api, self._view, draft, self._draft_storage, callbacks)
             elif definition is not None:
-                actions = heading.DefinitionActions(edit=self.edit, add_below=self.new, rename=self._actions.rename, move=self._actions.ask_move,
-                                    remove=self._remove, history=self._history_dialog.open_history, open_definition=self.open_definition)  # fmt: skip
+                actions = heading.DefinitionActions(
+                    edit=self.edit, add_below=self.new, rename=self._actions.rename, move=self._actions.ask_move, remove=self._remove,
+                    history=self._history_dialog.open_history, open_definition=self.open_definition,
+                )  # fmt: skip
                 heading.show_heading(definition, self._view, self._marks.get((self._section.key, definition.name), ""), actions)
                 sheet.show_definition(definition, self._view, self.open_definition)
             elif self._name is not None:

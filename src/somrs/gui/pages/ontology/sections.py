@@ -12,7 +12,7 @@ from somrs.ontology.types import AttributeType, Constraint, Definition, Function
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """`key`: what files and the ontology call it; `one`: a single definition of it; `label`: its tab."""
+    """`key`: what files and the ontology call it; `singular`: a single definition of it; `label`: its tab."""
 
     key: str
     singular: str

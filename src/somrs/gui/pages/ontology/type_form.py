@@ -27,7 +27,9 @@ class TypeForm:
         self._fields, self._view = fields, view
         self._rebuild_attributes = fields.rows(
             "attributes", "Attributes of its own", "attribute", self._attribute, lambda: {"attribute": None, "must": False},
-            make_buttons=lambda: ui.button("Make a new attribute", on_click=lambda: make_attribute(self._add_attribute)).props("flat dense no-caps"),
+            make_buttons=lambda: ui.button(
+                "Make a new attribute", on_click=lambda: make_attribute(self._add_attribute)
+            ).props("flat dense no-caps"),
         )  # fmt: skip
         self._inherited = ui.label().classes("somrs-soft")
         self._rebuild_defaults = fields.rows(

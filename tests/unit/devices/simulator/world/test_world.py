@@ -58,7 +58,7 @@ def test_what_sleeps_is_as_it_would_be_awake(monkeypatch: pytest.MonkeyPatch) ->
         assert sleeping(run) == (["Jar002", "Jar003", "Carton1"] if wake < math.inf else [])
         ends.append([run.simulation.observe(name) for name in ("Robot1", "Jar002", "Jar003", "Carton1")])
     for slept, awake in zip(*ends, strict=True):
-        assert (slept.on, slept.held_by) == (awake.on, awake.held_by)
+        assert (slept.support, slept.held_by) == (awake.support, awake.held_by)
         assert (slept.x, slept.y, slept.z, slept.yaw) == pytest.approx((awake.x, awake.y, awake.z, awake.yaw), abs=0.002)
 
 
