@@ -24,25 +24,26 @@ LIMIT = 0.02
 TREES = ("src", "verification", "tests")
 
 PRONOUNS = """
-    all another any anyone anything both each either else every everyone everything few he her here him his how it its last less many more most much
-    neither next no nobody none nothing one ones only other others own same self several she so some somebody someone something somewhere such
-    that the their them then there these they this those us we what when where which who whom whose why you
+    all another any anyone anything both each either else every everyone everything few he her here him his how it its last less
+    many more most much neither next no nobody none nothing one ones only other others own same self several she so some somebody
+    someone something somewhere such that the their them then there these they this those us we what when where which who whom whose
+    why you
 """
 
 PREPOSITIONS = """
-    a about above across after again against ago along already also although among an and around as at away back because before behind below beside
-    between beyond but by down during enough even ever for forth from if in inside instead into just later left like near never not of off
-    on once onto or out outside over past per rather right since soon still than though through till to together too toward under until up upon
-    very via while with within without yet
+    a about above across after again against ago along already also although among an and around as at away back because before
+    behind below beside between beyond but by down during enough even ever for forth from if in inside instead into just later left
+    like near never not of off on once onto or out outside over past per rather right since soon still than though through till to
+    together too toward under until up upon very via while with within without yet
 """
 
 VERBS = """
-    added alone asked asks asking be became become becomes been being began begun bring brought called came can cannot come comes coming could did
-    do does doing done find finds finding found gave get gets getting give given gives giving go goes going gone got had happen happened happens has
-    have having heard hearing holds is keep keeping keeps kept knew know knowing known knows leave leaves let lets looked looking looks made make makes
-    making may mean meant met might must need needed needs put puts said saw say saying says see seeing seen sees sent shall should show showed shown
-    shows stays stood take taken takes taking tell telling tells think thought told took tried try used uses want wanted wants was went were
-    will would
+    added alone asked asking asks be became become becomes been began begun being bring brought called came can cannot come comes
+    coming could did do does doing done find finding finds found gave get gets getting give given gives giving go goes going gone
+    got had happen happened happens has have having heard hearing holds is keep keeping keeps kept knew know knowing known knows
+    leave leaves let lets looked looking looks made make makes making may mean meant met might must need needed needs put puts said
+    saw say saying says see seeing seen sees sent shall should show showed shown shows stays stood take taken takes taking tell
+    telling tells think thought told took tried try used uses want wanted wants was went were will would
 """
 
 BARE = frozenset((PRONOUNS + PREPOSITIONS + VERBS).split())
