@@ -166,6 +166,19 @@ def test_a_jar_that_is_dragged_elsewhere_is_there_in_every_window(restored_syste
     assert ("isOn", "Jar003", "Cupboard001") in MapState(restored_system).facts
 
 
+def test_undoing_twice_takes_two_changes_back_however_quickly(restored_system: RunningSystem, window: OpenWindow) -> None:
+    page = open_map(window, restored_system)
+    for name, support in (("Jar003", "Table001"), ("Carton001", "Table001")):
+        drag(page, screen_position(page, name), screen_position(page, support))
+        wait_until(page, lambda: ("isOn", name, support) in MapState(restored_system).facts, "it is on the table")  # noqa: B023
+    with restored_system.paused("repository"):
+        page.keyboard.press("Control+z")
+        page.keyboard.press("Control+z")
+        page.wait_for_timeout(300)
+    before = {("isOn", "Jar003", "Cupboard001"), ("isOn", "Carton001", "Table002")}
+    wait_until(page, lambda: before <= set(MapState(restored_system).facts), "both are where they were")
+
+
 def test_what_stands_on_furniture_goes_along(restored_system: RunningSystem, window: OpenWindow) -> None:
     page = open_map(window, restored_system)
     map_before = MapState(restored_system)

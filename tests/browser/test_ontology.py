@@ -132,6 +132,26 @@ def test_a_type_is_built_renamed_moved_and_all_of_it_undone(system: RunningSyste
     take_screenshot(page, "ontology-history-1280-light")
 
 
+def test_undoing_twice_goes_two_changes_back_however_quickly(system: RunningSystem, window: OpenPage) -> None:
+    page = window(f"{system.url}/ontology")
+    for name in ("Bowl", "Ewer"):
+        new_type(page, "Graspable", name)
+        save(page)
+        expect(heading(page, name)).to_be_visible()
+    page.get_by_role("button", name="Undo", exact=True).click()
+    dialog = page.get_by_role("dialog", name="Undo")
+    expect(dialog).to_contain_text("Ewer added")
+    with system.paused("repository"):
+        dialog.get_by_role("button", name="Undo").click()
+        expect(dialog).to_be_hidden()
+        page.get_by_role("button", name="Undo", exact=True).click()
+        page.wait_for_timeout(300)  # so that the page asks for the history meanwhile, if it does
+    expect(dialog).to_contain_text("Bowl added")
+    dialog.get_by_role("button", name="Undo").click()
+    expect(row(page, "Bowl")).to_have_count(0)
+    expect(row(page, "Ewer")).to_have_count(0)
+
+
 def test_what_is_wrong_in_a_form_is_said_where_it_is_and_nothing_is_lost(system: RunningSystem, window: OpenPage) -> None:
     page = window(f"{system.url}/ontology?type=Graspable")
     new_type(page, "Graspable", "Bowl")

@@ -57,6 +57,8 @@ class MapPage:
         self._drafts = ObjectDrafts(self._on_drafts_restored)
         self._mine: list[int] = []
         """The versions that were made in this page, newest last, to be undone."""
+        self._undoing = asyncio.Lock()
+        """Held while the last change is undone: which one is next is known when it is."""
         self._sheet: Sheet | None = None
         with ui.element("div").classes("somrs-map"):
             self._bar()
@@ -284,11 +286,12 @@ class MapPage:
 
     async def _undo(self) -> None:
         """Undo the last change that was made here, or else the last one that is by whoever sits here."""
-        version = self._mine[-1] if self._mine else await self._last_of_mine()
-        if version is None:
-            notify("There is nothing of yours to undo.")
-            return
-        await self._undo_version(version)
+        async with self._undoing:
+            version = self._mine[-1] if self._mine else await self._last_of_mine()
+            if version is None:
+                notify("There is nothing of yours to undo.")
+            else:
+                await self._undo_version(version)
 
     async def _pressed(self, event: KeyEventArguments) -> None:
         if event.action.keydown and (event.modifiers.ctrl or event.modifiers.meta) and not event.modifiers.shift and event.key == "z":

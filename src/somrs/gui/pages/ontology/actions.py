@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Awaitable, Callable, Mapping
 
 from msgspec import structs
@@ -32,6 +33,8 @@ class Actions:
     def __init__(self, api: LiveApi, view: OntologyView, open_definition: OpenDefinition) -> None:
         self._api, self._view, self._open_definition = api, view, open_definition
         self.client = ui.context.client
+        self._undoing = asyncio.Lock()
+        """Held while the Repository undoes a change: what is to be undone next is known when it has."""
 
     @in_page_context
     @guarded
@@ -120,13 +123,15 @@ class Actions:
         consequences = await self._api.ontology.consider_undo(event.version)
         description = f"{person_name(event.author)} changed it: {summary(definition_changes(event.revision, event.renamed))}"
         if await confirm_change("Undo", "Undo", consequences, explanation=description):
-            await self._api.ontology.undo(event.version, author())
+            async with self._undoing:
+                await self._api.ontology.undo(event.version, author())
             notify("Undone")
 
     @in_page_context
     @guarded
     async def undo_last(self) -> None:
-        events = (await self._api.ontology.history(limit=100)).events
+        async with self._undoing:
+            events = (await self._api.ontology.history(limit=100)).events
         if (event := last_to_undo(events)) is None:
             notify("There is nothing to undo")
         else:
