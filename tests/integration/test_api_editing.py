@@ -27,6 +27,7 @@ from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.knowledge import Define, Definitions, RenameObject, UpdateMap
 from somrs.protocol.messages.orders import Blank, Daily, OrderSaved, TemplateSaved
 from somrs.protocol.messages.people import person_name
+from tests.support.hang import HANG_TIME
 from tests.support.small_system import Porter, SmallSystem, running
 
 VAT = ObjectType(name="Vat", parent="Support", attributes=("Label",))
@@ -42,7 +43,7 @@ def run_with_api(tmp_path: Path, use: Callable[[LiveApi], Awaitable[None]], *por
 
 async def wait_for_version(api: LiveApi, version: int) -> None:
     """Wait until the desk heard of the version."""
-    async with asyncio.timeout(120):
+    async with asyncio.timeout(HANG_TIME):
         while api.context.version < version:
             await asyncio.sleep(0.01)
 
@@ -74,7 +75,7 @@ def test_a_type_is_made_considered_renamed_and_undone(tmp_path: Path) -> None:
 
 def test_consequences_name_the_services_on_offer_that_could_not_be_planned_with(tmp_path: Path) -> None:
     async def use(api: LiveApi) -> None:
-        async with asyncio.timeout(120):
+        async with asyncio.timeout(HANG_TIME):
             while not (await api.fleet.services()).offers:
                 await asyncio.sleep(0.05)
         support_relation = api.context.ontology.relations["isOn"]

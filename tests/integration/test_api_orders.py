@@ -19,6 +19,7 @@ from somrs.protocol.messages.clients import Policy, Submit
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.orders import Blank, Daily, Every, Filled, Once, OrderSaved, Run, RunState, StandingOrder, TemplateSaved
 from somrs.scheduling.execution import message_for
+from tests.support.hang import HANG_TIME
 from tests.support.small_system import Porter, SmallSystem, Time, live_api_at, running
 
 MONDAY = datetime(2026, 11, 23, 6, 0).timestamp()
@@ -37,7 +38,7 @@ Scenario = Callable[[SmallSystem, LiveApi, Time], Awaitable[None]]
 def run_scenario(data: Path, scenario: Scenario, *porters: Porter) -> None:
     async def run() -> None:
         clock = Time(MONDAY)
-        async with asyncio.timeout(120), running(data, *porters, clock=clock) as (system, api):
+        async with asyncio.timeout(HANG_TIME), running(data, *porters, clock=clock) as (system, api):
             await scenario(system, api, clock)
 
     asyncio.run(run())
@@ -230,7 +231,7 @@ def test_an_order_is_stated_when_it_is_due_and_what_came_of_it_is_told(tmp_path:
             await listening.wait_until_followed()
             await clock.pass_by(2)
             (run,) = await settled(api, order)
-            assert (await asyncio.wait_for(listening.next_news(), 120)).topic == "orders"
+            assert (await asyncio.wait_for(listening.next_news(), HANG_TIME)).topic == "orders"
         assert (run.state, run.outcome, run.due) == (RunState.SUBMITTED, Outcome.ACCOMPLISHED, MONDAY + HOUR)
         assert run.ended_at is not None
         assert porter.delivered == ["Jar002"]
@@ -447,7 +448,7 @@ def test_orders_survive_a_restart_of_the_windows_and_each_time_is_stated_once(tm
 
     async def run() -> None:
         system, clock = SmallSystem(tmp_path, [porter]), Time(MONDAY)
-        async with asyncio.timeout(120):
+        async with asyncio.timeout(HANG_TIME):
             await system.start()
             try:
                 await scenario(system, clock)

@@ -38,6 +38,7 @@ from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.protocol.messages.orders import TemplateSaved
 from somrs.runtime.http import QuietServer
 from somrs.runtime.wire import Unanswered
+from tests.support.hang import HANG_TIME
 from tests.support.small_system import LOOPBACK, SmallSystem, running, scheduler_at
 
 
@@ -63,7 +64,7 @@ def run_scenario(data: Path, scenario: Callable[[SmallSystem, Program, LiveApi],
     async def run() -> None:
         system = SmallSystem(data, [])
         program = Program(system)
-        async with asyncio.timeout(60), AsyncExitStack() as stack:
+        async with asyncio.timeout(HANG_TIME), AsyncExitStack() as stack:
             stack.push_async_callback(system.stop)
             await system.start()
             stack.push_async_callback(program.stop)
@@ -74,7 +75,7 @@ def run_scenario(data: Path, scenario: Callable[[SmallSystem, Program, LiveApi],
 
 
 async def wait_until(condition: Callable[[], bool]) -> None:
-    async with asyncio.timeout(20):
+    async with asyncio.timeout(HANG_TIME):
         while not condition():
             await asyncio.sleep(0.02)
 
@@ -164,10 +165,10 @@ def test_topics_come_and_go_on_one_connection_and_nothing_is_lost(tmp_path: Path
                     await listening.wait_until_followed()
                     api_changed.clear()
                     asyncio.get_running_loop().call_later(0.001 * number, api_changed.set)
-                    await asyncio.wait_for(api_changed.wait(), 5)
+                    await asyncio.wait_for(api_changed.wait(), HANG_TIME)
                     if number == 0:
                         await api.orders.save_template(f"T{turn}", template)
-                        assert (await asyncio.wait_for(listening.next_news(), 5)).topic == "templates"
+                        assert (await asyncio.wait_for(listening.next_news(), HANG_TIME)).topic == "templates"
 
         template = TemplateSaved(task=Submit(effect="Jar001 isOn Platform001"))
         api_changed = asyncio.Event()
@@ -178,7 +179,7 @@ def test_topics_come_and_go_on_one_connection_and_nothing_is_lost(tmp_path: Path
 
 def test_every_topic_has_its_values(tmp_path: Path) -> None:
     async def run() -> None:
-        async with asyncio.timeout(60), running(tmp_path / "data") as (system, api):
+        async with asyncio.timeout(HANG_TIME), running(tmp_path / "data") as (system, api):
             system.addresses.write(system.data)
             with api.context.hub.subscribe("system", "fleet", "questions", "tasks") as listening:
                 topic_values: dict[str, object] = {}

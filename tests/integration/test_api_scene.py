@@ -23,6 +23,7 @@ from somrs.devices.simulator.link.link import RobotLink
 from somrs.devices.simulator.server.server import Server
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, ValueSet
 from somrs.ontology.types import Ontology
+from tests.support.hang import HANG_TIME
 from tests.support.robot_lab import SITE, run, simulator, site
 
 
@@ -108,7 +109,7 @@ class Viewer:
         self.frames.append(count)
 
     async def wait_until(self, condition: Callable[[], object]) -> None:
-        async with asyncio.timeout(120):
+        async with asyncio.timeout(HANG_TIME):
             while not condition():
                 await self.look()
 
@@ -195,7 +196,7 @@ def test_the_simulator_is_followed_once_and_only_while_somebody_looks() -> None:
                     for viewer in viewers:
                         await viewer.wait_until(lambda viewer=viewer: viewer.poses)  # type: ignore[misc]
                     assert len(server._followers) == 1
-                async with asyncio.timeout(120):
+                async with asyncio.timeout(HANG_TIME):
                     while server._followers:
                         await asyncio.sleep(0.01)
 

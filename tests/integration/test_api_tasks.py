@@ -22,6 +22,7 @@ from somrs.protocol.messages.clients import ContractView, MessageView, Phase, Su
 from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.task_manager import manager
+from tests.support.hang import HANG_TIME
 from tests.support.small_system import Porter, SmallSystem, running
 
 GOAL = "Jar002 isOn Platform001"
@@ -31,7 +32,7 @@ Scenario = Callable[[SmallSystem, LiveApi], Awaitable[None]]
 
 def run_scenario(data: Path, scenario: Scenario, *porters: Porter) -> None:
     async def run() -> None:
-        async with asyncio.timeout(120), running(data, *porters) as (system, api):
+        async with asyncio.timeout(HANG_TIME), running(data, *porters) as (system, api):
             await scenario(system, api)
 
     asyncio.run(run())
@@ -135,7 +136,7 @@ def test_the_list_tells_of_tasks_that_come_and_change(tmp_path: Path) -> None:
         following = asyncio.create_task(follow(lambda: len(task_states) == 2 and {*task_states.values()} == {"accomplished"}))
         await asyncio.sleep(0.1)
         second = (await api.tasks.submit(Submit(effect="Tin001 isOn Cupboard002"))).task
-        await asyncio.wait_for(following, 120)
+        await asyncio.wait_for(following, HANG_TIME)
         assert task_states == {first: "accomplished", second: "accomplished"}
         assert [row.task for row in (await api.tasks.list()).rows] == [second, first]
         assert (await api.tasks.list(running=True)).rows == ()
@@ -151,7 +152,7 @@ def test_whoever_stops_listening_leaves_nobody_asking(tmp_path: Path) -> None:
         tasks_before = asyncio.all_tasks()
         with api.context.hub.subscribe("tasks", f"task {task}") as listening:
             await listening.wait_until_followed()
-            await asyncio.wait_for(listening.next_news(), 120)
+            await asyncio.wait_for(listening.next_news(), HANG_TIME)
         await asyncio.sleep(0.1)
         assert asyncio.all_tasks() <= tasks_before
 

@@ -14,6 +14,7 @@ from somrs.ports import Reservation
 from somrs.protocol.messages.directory import Discover, Discovered
 from somrs.registry.component import Registry
 from somrs.runtime.host import Host
+from tests.support.hang import HANG_TIME
 
 LOOPBACK = "127.0.0.1"
 
@@ -52,7 +53,7 @@ def test_other_clients_are_told_at_once_that_nobody_is_there() -> None:
     async def run() -> None:
         with addresses() as client_addresses:
             async with Client(client_addresses) as client:
-                await asyncio.wait_for(client.ask(client_addresses.registry, Discover(), Discovered), 20)
+                await asyncio.wait_for(client.ask(client_addresses.registry, Discover(), Discovered), HANG_TIME)
 
     with pytest.raises(RemoteError, match="cannot be reached"):
         asyncio.run(run())
@@ -62,7 +63,7 @@ def test_even_a_patient_client_gives_up() -> None:
     async def run() -> None:
         with addresses() as client_addresses:
             async with Client(client_addresses) as client:
-                await asyncio.wait_for(client.ask(client_addresses.registry, Discover(), Discovered, patience=0.3), 60)
+                await asyncio.wait_for(client.ask(client_addresses.registry, Discover(), Discovered, patience=0.3), HANG_TIME)
 
     with pytest.raises(RemoteError, match="cannot be reached"):
         asyncio.run(run())

@@ -28,6 +28,7 @@ from somrs.service_manager.participant.participant import ServiceManager
 from somrs.service_manager.participant.state import ServiceManagerState
 from somrs.service_manager.sdk.device import Device, Situation, Task, service
 from somrs.storage.journal import Journal
+from tests.support.hang import HANG_TIME
 from tests.support.lab import contents
 
 
@@ -70,7 +71,7 @@ class ManualCoordinator:
         return effects
 
     async def wait_for_state(self, state: State) -> object:
-        async with asyncio.timeout(120):
+        async with asyncio.timeout(HANG_TIME):
             while self.session.state is not state:
                 self.news.clear()
                 await self.news.wait()

@@ -18,6 +18,7 @@ from somrs.protocol.soap import soap
 from somrs.protocol.soap.document import MOST_BYTES
 from somrs.runtime.http import Server
 from somrs.runtime.wire import NONE_ADDRESS, Unanswered, Wire, retry_unanswered
+from tests.support.hang import HANG_TIME
 
 TYPE = {"Content-Type": "application/soap+xml; charset=utf-8"}
 QUERY = knowledge.QueryMap(formula="Jar1 isOn ?Place")
@@ -67,7 +68,7 @@ def run_scenario(scenario: Scenario) -> None:
         try:
             async with aiohttp.ClientSession() as session:
                 # Nothing that comes may hang the server. A scenario takes under a second; a busy machine may take its time.
-                async with asyncio.timeout(120):
+                async with asyncio.timeout(HANG_TIME):
                     await scenario(server, session)
             reply_message = await wire.post(query(f"{server.url}/repository"))
             assert reply_message is not None
@@ -203,10 +204,10 @@ def test_stopping_while_requests_are_open(caplog: pytest.LogCaptureFixture) -> N
         await server.start()
         reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
         writer.write(b"POST /repository HTTP/1.1\r\nHost: x\r\nContent-Type: application/soap+xml\r\nContent-Length: 99\r\n\r\n<")
-        waiting = asyncio.create_task(wire.post(session_message(f"{server.url}/repository"), timeout=120))
+        waiting = asyncio.create_task(wire.post(session_message(f"{server.url}/repository"), timeout=HANG_TIME))
         while len(server._open) < 2:
             await asyncio.sleep(0.01)
-        async with asyncio.timeout(120):
+        async with asyncio.timeout(HANG_TIME):
             await server.stop()
             replies = await waiting, await reader.readline()
         writer.close()

@@ -25,6 +25,7 @@ from somrs.repository.state import Contents
 from somrs.service_manager.sdk.device import Ask, MapReader
 from somrs.service_manager.sdk.orders import Advance, Halt, Order, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo, WorkDone
 from somrs.service_manager.sdk.service_runner import carry_out
+from tests.support.hang import HANG_TIME
 from tests.support.robot_lab import map_after, run, simulator, site
 from tests.support.virtual_devices import make_ask
 
@@ -83,7 +84,7 @@ async def _report_situation(ask: Ask, situation: str) -> Body:
 
 
 async def _wait_for_working(harness: DeviceHarness, working: bool) -> None:
-    async with asyncio.timeout(30):
+    async with asyncio.timeout(HANG_TIME):
         while harness.repository.contents.map.objects["Robot1"].values.get("Working") is not working:
             await asyncio.sleep(0.02)
 
@@ -294,7 +295,7 @@ def test_where_it_went_without_work_is_told_too() -> None:
         async with device_harness() as harness:
             await harness.device._link.drive_to(3, 2)  # as if another robot wanted to pass
             robot = (await harness.operator.robots())["Robot1"]
-            async with asyncio.timeout(120):
+            async with asyncio.timeout(HANG_TIME):
                 while harness.repository.contents.map.objects["Robot1"].values["PositionX"] != pytest.approx(robot.x, abs=0.001):
                     await asyncio.sleep(0.1)
             version = harness.repository.contents.version

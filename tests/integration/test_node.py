@@ -18,6 +18,7 @@ from somrs.runtime.host import Host
 from somrs.runtime.wire import Wire
 from somrs.service_manager.sdk.device import Device, Situation, Task, service
 from somrs.storage.repository_store import repository_journal
+from tests.support.hang import HANG_TIME
 from tests.support.lab import contents
 
 INPUTS = {"Object": "Jar1", "Destination": "Table2"}
@@ -73,7 +74,7 @@ def run_with_carrier(scenario: Callable[[Carrier, PostBody], Awaitable[None]], d
         async def post_body(body: Body, relates_to: str | None = None, number: int = 0) -> Message | None:
             return await wire.post(Message(header=header(peer, message_id(type(body).__name__, number), relates_to), body=body))
 
-        async with asyncio.timeout(120):  # nothing here takes a second; it must not wait for ever
+        async with asyncio.timeout(HANG_TIME):  # nothing here takes a second; it must not wait for ever
             await scenario(carrier, post_body)
         await wire.close()
         await runner.stop()

@@ -23,6 +23,7 @@ from somrs.runtime.node import Report
 from somrs.runtime.wire import Wire
 from somrs.storage.disk import Disk, Kind
 from somrs.storage.journal import Journal
+from tests.support.hang import HANG_TIME
 from tests.support.lab import CLIENT
 from tests.support.ledger import SCHEMA, Ledger, Sink, Teller, amount_message, doubled, expected
 from tests.support.paths import ROOT
@@ -39,7 +40,7 @@ NOTES = Kind(
 
 def run_with_timeout(scenario: Callable[[], Awaitable[None]]) -> None:
     async def run() -> None:
-        async with asyncio.timeout(180):  # nothing here takes a second; it must not wait for ever
+        async with asyncio.timeout(HANG_TIME):  # nothing here takes a second; it must not wait for ever
             await scenario()
 
     asyncio.run(run())

@@ -29,6 +29,7 @@ from somrs.planner_service.problem_delta import Recipient, Sender
 from somrs.planner_service.process import PlannerProcess
 from somrs.planner_service.service import Planner
 from tests.integration.test_planner_engine import tower
+from tests.support.hang import HANG_TIME
 
 SOLVED_PROBLEM = Problem(
     ontology=upper(),
@@ -54,7 +55,7 @@ def test_who_was_killed_is_started_again_for_the_next_question() -> None:
             assert await planner.plan(SOLVED_PROBLEM) == Plan(())
             assert planner.pid != first
 
-    asyncio.run(asyncio.wait_for(run(), 120))
+    asyncio.run(asyncio.wait_for(run(), HANG_TIME))
 
 
 def test_a_question_that_kills_is_not_asked_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -66,7 +67,7 @@ def test_a_question_that_kills_is_not_asked_for_ever(monkeypatch: pytest.MonkeyP
                     await planner.plan(SOLVED_PROBLEM)
             assert await planner.plan(SOLVED_PROBLEM) == Plan(())
 
-    asyncio.run(asyncio.wait_for(run(), 120))
+    asyncio.run(asyncio.wait_for(run(), HANG_TIME))
 
 
 def test_what_the_planner_raises_is_raised() -> None:
@@ -75,7 +76,7 @@ def test_what_the_planner_raises_is_raised() -> None:
         with PlannerProcess() as planner, pytest.raises(RemoteError, match="no formula at all"):
             await planner.plan(replace(SOLVED_PROBLEM, goal=parse("Table1 isOn Jar1"), services=(AvailableService(broken, ("Robot1",)),)))
 
-    asyncio.run(asyncio.wait_for(run(), 120))
+    asyncio.run(asyncio.wait_for(run(), HANG_TIME))
 
 
 def test_nothing_is_left_when_whoever_asks_is_killed() -> None:
@@ -93,7 +94,7 @@ def test_nothing_is_left_when_whoever_asks_is_killed() -> None:
             os.kill(os.getpid(), signal.SIGKILL)
     """
     # All have the same error output, which ends when the last of them does.
-    ended = subprocess.run([sys.executable, "-c", textwrap.dedent(program)], capture_output=True, text=True, timeout=120, check=False)
+    ended = subprocess.run([sys.executable, "-c", textwrap.dedent(program)], capture_output=True, text=True, timeout=HANG_TIME, check=False)
     assert ended.returncode == -signal.SIGKILL
     assert ended.stderr == ""
 
@@ -115,7 +116,7 @@ def test_the_process_follows_the_map() -> None:
                 result = await planner.plan(replace(SOLVED_PROBLEM, map=map))
                 assert isinstance(result, Plan) is expected, map.objects
 
-    asyncio.run(asyncio.wait_for(run(), 120))
+    asyncio.run(asyncio.wait_for(run(), HANG_TIME))
 
 
 def test_little_is_sent_of_a_large_map_that_is_there_already() -> None:
@@ -137,7 +138,7 @@ def test_what_needs_no_search_needs_no_process() -> None:
             assert await Planner(process).plan(SOLVED_PROBLEM) == Plan(())
             assert process.pid is None
 
-    asyncio.run(asyncio.wait_for(run(), 120))
+    asyncio.run(asyncio.wait_for(run(), HANG_TIME))
 
 
 def test_what_was_searched_is_not_searched_again() -> None:
@@ -154,7 +155,7 @@ def test_what_was_searched_is_not_searched_again() -> None:
             assert await planner.plan(impossible) == first
             assert process.pid == killed, "nobody was asked again"
 
-    asyncio.run(asyncio.wait_for(run(), 120))
+    asyncio.run(asyncio.wait_for(run(), HANG_TIME))
 
 
 def runs(pid: int) -> bool:
@@ -182,8 +183,8 @@ def test_a_question_that_nobody_waits_for_ends_with_its_engines() -> None:
         with pytest.raises(RemoteError, match="ended before it had an answer"):
             await question
 
-    asyncio.run(asyncio.wait_for(run(), 120))  # nobody waits until there is a plan
-    deadline = time.monotonic() + 60
+    asyncio.run(asyncio.wait_for(run(), HANG_TIME))  # nobody waits until there is a plan
+    deadline = time.monotonic() + HANG_TIME
     while any(map(runs, engines)) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert not [pid for pid in engines if runs(pid)]

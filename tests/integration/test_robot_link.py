@@ -63,6 +63,7 @@ from somrs.devices.simulator.server.server import MOST_STATES, Server
 from somrs.errors import RemoteError, SimulationError, UsageError, WireError
 from somrs.ontology.objects import Object
 from tests.support.command import somrs
+from tests.support.hang import HANG_TIME
 from tests.support.robot_lab import SITE, run, simulator
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
@@ -544,7 +545,7 @@ async def following(server: Server, rate: float = 50.0) -> AsyncIterator[tuple[O
 
 
 async def wait_until(condition: Callable[[], object]) -> None:
-    async with asyncio.timeout(120):
+    async with asyncio.timeout(HANG_TIME):
         while not condition():
             await asyncio.sleep(0.01)
 

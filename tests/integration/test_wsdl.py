@@ -36,6 +36,7 @@ from somrs.service_manager.sdk.device import Device, Situation, Task, service
 from somrs.task_manager.manager import TaskManager
 from tests.support.bodies import KINDS, messages
 from tests.support.examples import examples
+from tests.support.hang import HANG_TIME
 from tests.support.lab import contents
 from tests.support.paths import ROOT
 
@@ -143,7 +144,7 @@ class Foreigner:
 
 def compiled(address: str) -> Any:
     """A client for the component at the address. It adds its WsAddressingPlugin by itself, because the description wants it."""
-    return zeep.Client(f"{address}?wsdl", transport=zeep.Transport(timeout=120, operation_timeout=120))  # type: ignore[no-untyped-call]
+    return zeep.Client(f"{address}?wsdl", transport=zeep.Transport(timeout=HANG_TIME, operation_timeout=HANG_TIME))  # type: ignore[no-untyped-call]
 
 
 def endpoint(name: str, address: str) -> etree._Element:

@@ -13,9 +13,7 @@ from pathlib import Path
 import pytest
 
 from somrs.cli.main import command
-
-PATIENCE = 120.0
-"""Seconds that a program has which takes a second on an idle machine."""
+from tests.support.hang import HANG_TIME
 
 
 @dataclass(frozen=True)
@@ -42,5 +40,5 @@ def program(*arguments: str | Path, cwd: Path | None = None, **environment: str)
     """The same by a process of its own, in which these variables are set."""
     line = [sys.executable, "-m", "somrs.cli.main", *map(str, arguments)]
     env = {**os.environ, **environment}
-    ended = subprocess.run(line, capture_output=True, text=True, cwd=cwd, env=env, timeout=PATIENCE, check=False)
+    ended = subprocess.run(line, capture_output=True, text=True, cwd=cwd, env=env, timeout=HANG_TIME, check=False)
     return CommandResult(ended.returncode, ended.stdout, ended.stderr)

@@ -17,7 +17,7 @@ WARM = "warm launchers of tests"
 EXEMPT = ("multiprocessing.resource_tracker", "multiprocessing.forkserver", "tests.support.warm", WARM)
 """Python, and tests, start them once and end them with themselves."""
 
-PATIENCE = 10.0
+PATIENCE = 60.0
 """Seconds that a process has which was told to end and was not waited for."""
 
 

@@ -14,6 +14,7 @@ from somrs.ontology.effects import changes
 from somrs.ontology.files.loading import LoadedModel, load_text, upper
 from somrs.ontology.objects import Map
 from somrs.ontology.truth import formula_holds
+from tests.support.hang import HANG_TIME
 
 SITE = """
 map: Lab
@@ -68,4 +69,4 @@ async def simulator(speed: float | None = None, text: str = SITE) -> AsyncIterat
 
 def run(test: Coroutine[object, object, None]) -> None:
     """Run a test's coroutine. They take seconds; the limit is for those that hang, and far above what a busy machine needs."""
-    asyncio.run(asyncio.wait_for(test, 120))
+    asyncio.run(asyncio.wait_for(test, HANG_TIME))

@@ -18,6 +18,7 @@ from somrs.deployment.system import System
 from somrs.errors import SomrsError
 from somrs.protocol.messages.clients import Submit
 from tests.support import warm
+from tests.support.hang import HANG_TIME
 from tests.support.paths import SCENARIO_1
 
 CORE_ONLY_PROGRAM = """
@@ -31,7 +32,7 @@ main()
 
 
 async def answering(url: str) -> None:
-    async with asyncio.timeout(60), httpx.AsyncClient() as client:
+    async with asyncio.timeout(HANG_TIME), httpx.AsyncClient() as client:
         while True:
             try:
                 if (await client.get(f"{url}/map")).status_code == 200:
@@ -50,7 +51,7 @@ def test_it_runs_with_the_core_alone(tmp_path: Path) -> None:
             process = subprocess.Popen(line, stdout=subprocess.PIPE, text=True)
             try:
                 assert process.stdout is not None
-                first_line = await asyncio.wait_for(asyncio.to_thread(process.stdout.readline), 60)
+                first_line = await asyncio.wait_for(asyncio.to_thread(process.stdout.readline), HANG_TIME)
                 url = httpx.Response(200, text=first_line).json()["at"]
                 async with httpx.AsyncClient(base_url=url) as client:
                     assert (await client.get("/scene")).json()["bodies"]
@@ -89,7 +90,7 @@ def test_the_windows_and_the_api_do_not_take_each_other_along(tmp_path: Path) ->
             assert "The API does not answer" in (await browser.get(f"{gui}/map")).text
             await system.restart("api")
             await answering(f"{gui}/api")
-            async with asyncio.timeout(20):
+            async with asyncio.timeout(HANG_TIME):
                 while "The API does not answer" in (await browser.get(f"{gui}/map")).text:
                     await asyncio.sleep(0.2)
             assert (await browser.get(f"{gui}/tasks")).status_code == 200

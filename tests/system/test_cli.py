@@ -17,7 +17,8 @@ from somrs.client.export import Format, Table
 from somrs.devices.simulator.link.commands import Fault
 from somrs.protocol.messages.clients import Policy
 from somrs.protocol.messages.frp import Outcome
-from tests.support.command import PATIENCE, program, somrs
+from tests.support.command import program, somrs
+from tests.support.hang import HANG_TIME
 from tests.support.paths import SCENARIO_1, SHARED
 from tests.unit.sites.test_openrmf import SMALL
 
@@ -67,7 +68,7 @@ def test_help_needs_none_of_the_heavy_libraries() -> None:
         "except SystemExit: pass\n"
         "print('HEAVY', [m for m in ('mujoco', 'numpy', 'aiohttp', 'uvicorn', 'lxml', 'pint', 'pydantic', 'lark') if m in sys.modules])"
     )
-    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=PATIENCE)
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=HANG_TIME)
     assert "HEAVY []" in result.stdout, result.stdout + result.stderr
 
 

@@ -14,6 +14,7 @@ from somrs.errors import UsageError
 from somrs.protocol.messages.clients import Submit, TaskView
 from somrs.protocol.messages.frp import Outcome
 from tests.support import warm
+from tests.support.hang import HANG_TIME
 from tests.support.paths import SCENARIO_1
 
 pytestmark = pytest.mark.long
@@ -47,7 +48,7 @@ def test_tasks_outlive_their_task_manager(tmp_path: Path) -> None:
             for number, (kind, effect) in enumerate(places.items(), start=1):
                 [*follower.new()]
                 task = await client.submit(Submit(effect=effect))
-                async with asyncio.timeout(120):
+                async with asyncio.timeout(HANG_TIME):
                     await wait_for_message(follower, kind)
                     manager.process.kill()
                     view = await ended(client, task)
@@ -56,7 +57,7 @@ def test_tasks_outlive_their_task_manager(tmp_path: Path) -> None:
                 assert manager.address == address_before
                 assert (await client.query(effect)).rows
             second_task = await client.submit(Submit(effect="Jar003 isOn Table001"))
-            assert (await asyncio.wait_for(ended(client, second_task), 120)).outcome is Outcome.ACCOMPLISHED
+            assert (await asyncio.wait_for(ended(client, second_task), HANG_TIME)).outcome is Outcome.ACCOMPLISHED
             supervisor.cancel()
 
     asyncio.run(run())
@@ -73,7 +74,7 @@ def test_a_task_outlives_the_whole_system(tmp_path: Path) -> None:
             addresses = system.addresses
             async with Client(addresses) as client:
                 task = await client.submit(REQUEST)
-                async with asyncio.timeout(120):
+                async with asyncio.timeout(HANG_TIME):
                     await wait_for_message(Follower(tmp_path / "messages.jsonl"), "Execute")
         finally:
             for program in system.programs.values():
@@ -89,7 +90,7 @@ def test_a_task_outlives_the_whole_system(tmp_path: Path) -> None:
             assert f"belongs to {addresses.task_manager}" in str(raised.value)
         async with System([SCENARIO_1], tmp_path, speed="8", launcher=warm.launcher()) as system, Client(system.addresses) as client:
             assert system.addresses.task_manager == addresses.task_manager
-            view = await asyncio.wait_for(ended(client, task), 120)
+            view = await asyncio.wait_for(ended(client, task), HANG_TIME)
             assert view.outcome is Outcome.ACCOMPLISHED, view.explanation
             assert (await client.query("Jar002 isOn Platform001")).rows
 

@@ -20,6 +20,7 @@ from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.orders import Every, OrderSaved, Run, RunState
 from tests.support import warm
+from tests.support.hang import HANG_TIME
 from tests.support.paths import SCENARIO_1
 
 pytestmark = pytest.mark.long
@@ -88,7 +89,7 @@ def test_orders_are_stated_while_neither_the_api_nor_the_windows_run(tmp_path: P
                 order = await api.orders.add_order(OrderSaved(name="Often", when=Every(minutes=PERIOD / 60), task=request))
             os.kill(system.programs["api"].process.pid, signal.SIGKILL)
             await system.programs["api"].process.wait()
-            async with asyncio.timeout(60):
+            async with asyncio.timeout(HANG_TIME):
                 while len(await client.tasks()) < 2:
                     await asyncio.sleep(0.2)
             await system.restart("api")

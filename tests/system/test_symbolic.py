@@ -29,6 +29,7 @@ from somrs.service_manager.sdk.orders import Halt, Order, Perform, Quote, Quoted
 from somrs.sites.pddl import ImportedProblem, read
 from tests.support import warm
 from tests.support.command import somrs
+from tests.support.hang import HANG_TIME
 from tests.support.paths import ROOT
 from tests.support.pddl_harbour import written
 from tests.support.virtual_system import VirtualSystem
@@ -231,7 +232,7 @@ async def running(folder: Path) -> AsyncIterator[tuple[System, Client]]:
 async def accomplish(client: Client, effect: str) -> TaskView:
     view: TaskView | None = None
     task = await client.submit(Submit(effect=effect))
-    async with asyncio.timeout(120):
+    async with asyncio.timeout(HANG_TIME):
         async for news in client.news(task):
             view = news.view
     assert view is not None

@@ -30,6 +30,7 @@ from somrs.protocol.messages.clients import Submit, TaskView
 from somrs.protocol.messages.frp import Outcome
 from tests.support import warm
 from tests.support.command import program
+from tests.support.hang import HANG_TIME
 from tests.support.paths import ROOT, SCENARIO_1, SHARED
 
 pytestmark = pytest.mark.long
@@ -46,7 +47,7 @@ async def finished(client: Client, task: str) -> TaskView:
 
 
 async def accomplish(client: Client, effect: str) -> TaskView:
-    return await asyncio.wait_for(finished(client, await client.submit(Submit(effect=effect))), 120)
+    return await asyncio.wait_for(finished(client, await client.submit(Submit(effect=effect))), HANG_TIME)
 
 
 @asynccontextmanager
@@ -138,7 +139,7 @@ def test_the_office(tmp_path: Path) -> None:
         async with running(tmp_path / "run", parcel) as (_, client, operator):
             first = await client.submit(Submit(effect="Coke001 isOn lounge"))
             second = await client.submit(Submit(effect="Carton001 isOn coe"))
-            views = await asyncio.wait_for(asyncio.gather(finished(client, first), finished(client, second)), 200)
+            views = await asyncio.wait_for(asyncio.gather(finished(client, first), finished(client, second)), HANG_TIME)
             assert [view.outcome for view in views] == [Outcome.ACCOMPLISHED] * 2, views
             assert (await operator.observe("Coke001")).support == "lounge"
             assert (await operator.observe("Carton001")).support == "coe"
@@ -234,19 +235,19 @@ def test_whatever_is_killed_is_started_again(tmp_path: Path) -> None:
             supervisor = asyncio.create_task(system.keep_running(notices.append))
             for name, program in system.programs.items():
                 program.process.kill()
-                async with asyncio.timeout(120):
+                async with asyncio.timeout(HANG_TIME):
                     while f"{name} is back" not in notices:
                         await asyncio.sleep(0.05)
             (launcher,) = {
                 int(Path(f"/proc/{child.process.pid}/stat").read_text().rpartition(")")[2].split()[1]) for child in system.programs.values()
             }
             os.kill(launcher, signal.SIGKILL)
-            async with asyncio.timeout(120):
+            async with asyncio.timeout(HANG_TIME):
                 while {notices.count(f"{name} is back") for name in system.programs} != {2}:
                     await asyncio.sleep(0.05)
             supervisor.cancel()
             assert f"Robot1 ended (signal SIGKILL; see {tmp_path / 'run' / 'logs' / 'Robot1.log'}); starting it again" in notices
-            async with asyncio.timeout(120):
+            async with asyncio.timeout(HANG_TIME):
                 while len(await client.services()) < 2:  # the robots' leases are with the Registry that was killed
                     await asyncio.sleep(0.1)
             assert (await accomplish(client, "Jar002 isOn Platform001")).outcome is Outcome.ACCOMPLISHED
