@@ -80,7 +80,7 @@ def inputs(step: StepView | WorkView) -> str:
 
 
 def steps(title: str, step_views: Sequence[StepView], other_work: Sequence[WorkView] = ()) -> Table:
-    """A plan, and how far each step is; `other_work` it, what is done for other reasons."""
+    """A plan, and how far each step is; `other_work`: what is done for other reasons."""
     is_ordered = any(step.after for step in step_views)
     columns = ("step", "what", *(("after",) if is_ordered else ()), "by", "state")
     rows = [

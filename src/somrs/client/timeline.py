@@ -21,7 +21,7 @@ COLOURS = {"does": "#2c5d8f", "undoes": "#8a5a00", "lost": "#b3261e"}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bar:
-    """A device at work, from one moment (seconds since 1970) to another; `ending` it ended, `lost` when nothing was heard any more."""
+    """A device at work, from one moment (seconds since 1970) to another; `ending`: how it ended, `lost` when nothing was heard any more."""
 
     device: str
     label: str

@@ -106,11 +106,11 @@ class Schema(Struct, frozen=True, kw_only=True):
     version to the next. `timers`, `questions`, `tasks`, `answers` and `notices` are types: of what it sets, asks, and hears; `restore`
     makes the component that has a state.
 
-    `volatile`: tasks that end with the process; after a restart their questions are answered by `Lost`. `error_to_answer` makes an answer
-    of an exception. `relocatable`: it can go on at another address than before. `irreplaceable`: what it knows is nowhere else, so that it
-    is never begun anew instead of being gone on with. `is_read_only`: inputs that need not be kept, because they leave the state as it is,
-    and nothing that comes of them is owed to anybody when the process has ended. `snapshot_after`: so many inputs are handled again in
-    about a second."""
+    `volatile`: tasks that end with the process; after a restart their questions are answered by `AnswerLost`. `error_to_answer` makes an
+    answer of an exception. `relocatable`: it can go on at another address than before. `irreplaceable`: what it knows is nowhere else, so
+    that it is never begun anew instead of being gone on with. `is_read_only`: inputs that need not be kept, because they leave the state as
+    it is, and nothing that comes of them is owed to anybody when the process has ended. `snapshot_after`: so many inputs are handled again
+    in about a second."""
 
     component: str
     version: int

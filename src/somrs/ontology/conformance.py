@@ -63,7 +63,7 @@ def touched_objects(map_before: Map, changes: Iterable[Change]) -> set[str]:
 
 
 class _Checker:
-    """One pass over the map, or over what the `touched_objects` objects concern."""
+    """One pass over the map, or over what the objects in `touched` concern."""
 
     def __init__(self, map: Map, ontology: Ontology, touched: set[str] | None, map_before: Map | None = None) -> None:
         self.map, self.ontology, self.touched, self.map_before = map, ontology, touched, map_before

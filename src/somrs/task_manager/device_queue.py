@@ -47,7 +47,7 @@ class DeviceQueues(Struct, kw_only=True):
         self.at_work.setdefault(device, []).append(work)
 
     def request_turn(self, offer: Offer, task: str, rank: Rank, still_at_work: StillAtWork) -> bool:
-        """Whether it is the task's turn at the device. If not, it is `admit_waiting` once it may be."""
+        """Whether it is the task's turn at the device. If not, `admit_waiting` admits it later."""
         waiting = self.waiting.get(offer.provider, {})
         if self._has_room(offer, still_at_work) and all(rank <= turn.rank for other_task, turn in waiting.items() if other_task != task):
             return True

@@ -11,7 +11,7 @@ from nicegui.events import GenericEventArguments
 
 
 class DraftStorage(Element, component="draft_storage.js"):
-    """`found` hears what was kept on the `shelf` when the page was made: JSON objects with the form's values in `form`."""
+    """`on_restore` gets what was kept on the `shelf` when the page was made: JSON objects with the form's values in `form`."""
 
     def __init__(self, storage_key: str, on_restore: Callable[[list[Any]], None]) -> None:
         super().__init__()

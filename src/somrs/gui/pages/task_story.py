@@ -28,7 +28,7 @@ ENDINGS = {
 
 
 class _StoryBuilder:
-    """Takes a task's events one by one. `told` in its methods is an event as it was noted, `event` what happened."""
+    """Takes a task's events one by one. `entry` in its methods is an event as it was recorded, `event` what happened."""
 
     def __init__(self, view: TaskView) -> None:
         self._view = view

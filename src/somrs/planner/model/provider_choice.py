@@ -25,7 +25,7 @@ Result = TypeVar("Result", bound=Plan | NoPlan | None)
 
 
 def generalize_providers(problem: Problem, result: Result) -> Result | Plan:
-    """What was found; a plan with `same` and `alike` for the steps that other devices could do as well."""
+    """What was found; a plan with `device_group` and `alternative_providers` for the steps that other devices could do as well."""
     return _generalize_plan(result, problem) if isinstance(result, Plan) else result
 
 
@@ -63,7 +63,7 @@ def _generalize_plan(plan: Plan, problem: Problem) -> Plan:
 
 
 def assign_provider(step: Step, provider: str) -> Step:
-    """The step done by that device, one of those `alike`."""
+    """The step done by that device, one of its `alternative_providers`."""
     if step.provider is None:
         return step
     precondition = _replace_provider(step.precondition, step.provider, provider) if step.precondition is not None else None

@@ -26,8 +26,8 @@ PlanResult = Answer | BlockedPlan | str
 
 
 class PlanRequest(Struct, kw_only=True):
-    """For the goal of that number of a task, or preview; `task` is what is wanted. `avoided` are objects that others have, unless a plan is
-    wanted `ignores_reservations`. `attempt`: how often the planner was asked."""
+    """For the goal of that number of a task, or preview; `task` is what is wanted. `avoided` are objects that other
+    tasks have reserved; a plan that `ignores_reservations` may need them. `attempt`: how often the planner was asked."""
 
     owner: str
     goal: int

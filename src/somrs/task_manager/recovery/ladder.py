@@ -59,6 +59,6 @@ class Rung(StrEnum):
 def next_rung(alternatives: Sequence[Offer], possible: bool, outcome_known: bool) -> Rung:
     """The cheapest rung that can help: `alternatives` could do the step, and its precondition is `possible` on the map as it is.
 
-    A step of which it is not `outcome_known` what became of it is not simply begun again.
+    `outcome_known`: what became of the step is known; one that is not is never simply begun again.
     """
     return Rung.REPLACE if alternatives and possible and outcome_known else Rung.REPLAN

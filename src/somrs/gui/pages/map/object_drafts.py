@@ -28,7 +28,7 @@ class ObjectDraft(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ObjectDrafts:
-    """`found` hears which objects something had been written for when the page was loaded again."""
+    """`on_restored` gets the names of the objects that have a draft when the page is loaded again."""
 
     def __init__(self, on_restored: Callable[[list[str]], None]) -> None:
         self._on_restored = on_restored

@@ -18,7 +18,7 @@ STEP_TIME = 0.9
 
 
 class VersionSlider:
-    """`turn` shows a version of the map; None for now."""
+    """`on_version` shows a version of the map; None stands for the present."""
 
     def __init__(self, api: LiveApi, on_version: Callable[[int | None], None]) -> None:
         self._api, self._on_version = api, on_version
