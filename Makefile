@@ -82,7 +82,7 @@ upgrade-runs: setup
 	@$(BIN)/python -m verification.upgrade_runs $(if $(N),--runs $(N)) $(if $(SEED),--seed $(SEED))
 
 # Small changes of the core, one at a time: a test has to fail. SEED=17 is the same sample once more, ONLY=FILE:LINE:NUMBER one alone,
-# WITHIN=5 a quick look with the fastest tests; docs/mutants.md has more.
+# WITHIN=5 a quick look with the fastest tests; docs/verification/mutants.md has more.
 mutants: setup
 	@$(BIN)/python -m verification.mutants $(if $(N),--sample $(N)) $(if $(SEED),--seed $(SEED)) $(if $(ONLY),--only "$(ONLY)") $(if $(WITHIN),--within $(WITHIN)) $(if $(JOBS:auto=),--jobs $(JOBS))
 
@@ -96,7 +96,7 @@ bench-coordination: setup
 
 # What is generated: the state diagrams and the JSON Schema.
 docs: setup
-	@$(BIN)/python -m somrs.protocol.frp.diagram docs/frp-states.md
+	@$(BIN)/python -m somrs.protocol.frp.diagram docs/reference/frp-states.md
 	@$(BIN)/somrs schema --out src/somrs/ontology/data/somrs.schema.json
 
 clean:

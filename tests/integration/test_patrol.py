@@ -200,7 +200,7 @@ def test_a_robot_that_fell_silent_is_said_to_have_failed_and_nothing_is_claimed_
 
 
 def test_the_documentation_shows_how_to_offer_it_oneself() -> None:
-    page = (ROOT / "docs" / "cognitive-services.md").read_text()
+    page = (ROOT / "docs" / "how-to" / "cognitive-services.md").read_text()
     (python,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     names: dict[str, object] = {}
     exec(python, names)
@@ -220,7 +220,7 @@ def test_the_documentation_shows_how_to_offer_it_oneself() -> None:
 
 
 def test_what_the_documentation_puts_on_a_map_is_a_map() -> None:
-    page = (ROOT / "docs" / "cognitive-services.md").read_text()
+    page = (ROOT / "docs" / "how-to" / "cognitive-services.md").read_text()
     (text,) = [block for block in re.findall(r"```yaml\n(.*?)```", page, re.DOTALL) if "Anna" in block]
     site = SITE.replace("Patrol1", "Patrol9").replace("facts:", textwrap.indent(text, "  ") + "facts:")
     loaded = load_text(site, base=upper())

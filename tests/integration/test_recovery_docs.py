@@ -1,4 +1,4 @@
-"""What docs/recovery.md and docs/task-manager.md say of recovery, and of what is kept, is so."""
+"""What docs/explanation/recovery.md and docs/reference/task-manager.md say of recovery, and of what is kept, is so."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tests.support.paths import ROOT
 from tests.support.virtual_system import Robot, VirtualSystem
 
 DOCS = ROOT / "docs"
-TEXT = (DOCS / "recovery.md").read_text()
+TEXT = (DOCS / "explanation" / "recovery.md").read_text()
 
 
 def test_the_command_lays_down_what_is_said_of_it() -> None:
@@ -39,7 +39,7 @@ def test_the_command_lays_down_what_is_said_of_it() -> None:
 
 def test_the_type_of_service_can_be_read() -> None:
     (block,) = [text for text in re.findall(r"```yaml\n(.*?)```", TEXT, re.DOTALL) if "handlers:" in text]
-    service = load_text(block, "docs/recovery.md", upper()).ontology.services["CarryGlass"]
+    service = load_text(block, "docs/explanation/recovery.md", upper()).ontology.services["CarryGlass"]
     assert [handler.on for handler in service.handlers] == [Occasion.FAILURE, Occasion.COMPENSATION]
     assert service.handlers[0].when == "?Object isOn Floor001"
 
@@ -64,7 +64,7 @@ def test_the_words_and_the_limits_are_those_of_the_program() -> None:
 
 
 def test_every_field_of_what_is_kept_is_explained() -> None:
-    text = (DOCS / "task-manager.md").read_text()
+    text = (DOCS / "reference" / "task-manager.md").read_text()
     section = text.partition("## What is kept of tasks that are over")[2].partition("\n## ")[0]
     for kind in (TaskRecord, StepView, WorkView, ContractView, TaskEvent, MessageView):
         for name in kind.__struct_fields__:

@@ -40,7 +40,7 @@ from tests.support.hang import HANG_TIME
 from tests.support.lab import contents
 from tests.support.paths import ROOT
 
-DOCS = ROOT / "docs" / "wire.md"
+DOCS = ROOT / "docs" / "reference" / "wire.md"
 SCHEMAS = {soap.FRP: "frp", soap.DIRECTORY: "directory", soap.KNOWLEDGE: "knowledge", soap.CLIENTS: "clients", soap.ORDERS: "orders"}
 
 

@@ -153,9 +153,9 @@ def test_the_office(tmp_path: Path) -> None:
 
 
 def test_a_new_kind_of_device_joins_while_the_system_runs(tmp_path: Path) -> None:
-    """The tutorial docs/your-own-device.md, with the file that it is about."""
+    """The tutorial docs/tutorials/your-own-device.md, with the file that it is about."""
     data = tmp_path / "run"
-    tutorial = (ROOT / "docs" / "your-own-device.md").read_text()
+    tutorial = (ROOT / "docs" / "tutorials" / "your-own-device.md").read_text()
     command_match = re.search(r'somrs do "(.+)"', tutorial)
     assert command_match is not None
     effect = command_match[1]

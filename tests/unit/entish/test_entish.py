@@ -39,7 +39,7 @@ from somrs.ontology.check import check
 from somrs.ontology.files.loading import load_text, upper
 from tests.support.paths import ROOT
 
-DOCUMENT = ROOT / "docs" / "entish.md"
+DOCUMENT = ROOT / "docs" / "reference" / "entish.md"
 
 SITE = """
 map: Lab

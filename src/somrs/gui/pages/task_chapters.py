@@ -15,7 +15,7 @@ ANSWERS = {
     EventKind.REPLAN: "plan anew",
     EventKind.UNDO: "undo",
 }
-"""The rungs of the ladder (docs/recovery.md), and what goes before them, in a sentence."""
+"""The rungs of the ladder (docs/explanation/recovery.md), and what goes before them, in a sentence."""
 
 LABELS = {
     EventKind.HANDLER: "As laid down",

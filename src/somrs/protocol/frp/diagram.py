@@ -1,4 +1,4 @@
-"""Draws the tables of `states.py`: `python -m somrs.protocol.frp.diagram docs/frp-states.md` writes the page, without an argument
+"""Draws the tables of `states.py`: `python -m somrs.protocol.frp.diagram docs/reference/frp-states.md` writes the page, without an argument
 it is printed. Mermaid, which GitHub and most documentation tools show as a picture.
 """
 
@@ -12,11 +12,11 @@ from somrs.protocol.frp import states
 from somrs.protocol.frp.states import Entry, Kind, MessageType, Sends, Table
 from somrs.protocol.messages.frp import Cancel, End, Progress, Query, State
 
-PAGE = Path("docs/frp-states.md")
+PAGE = Path("docs/reference/frp-states.md")
 
 _HEAD = """# The states of the Failure Recovery Protocol
 
-Made from the tables in `src/somrs/protocol/frp/states.py` by `python -m somrs.protocol.frp.diagram docs/frp-states.md`. What the protocol
+Made from the tables in `src/somrs/protocol/frp/states.py` by `python -m somrs.protocol.frp.diagram docs/reference/frp-states.md`. What the protocol
 is for, and how to read it, is in [frp.md](frp.md).
 
 `?Execute` is a message that comes, `!Completed` one that is sent of one's own accord, `?Stop !Stopped` one that comes and is

@@ -1,5 +1,5 @@
 """Problems of planning, as PDDL and the multi-agent MA-PDDL (unfactored) state them, as sites: an ontology, a map, service types,
-a device for each agent, and the task. docs/pddl.md says what is read.
+a device for each agent, and the task. docs/how-to/import-planning-problems.md says what is read.
 """
 
 from __future__ import annotations

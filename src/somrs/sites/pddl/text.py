@@ -58,7 +58,7 @@ class Mistakes:
 
     def unsupported(self, node: Node | int, subject: str, message: str) -> None:
         """That the file uses something which is not read."""
-        self.note(node, subject, "unsupported", f"{message}; docs/pddl.md says what is read")
+        self.note(node, subject, "unsupported", f"{message}; docs/how-to/import-planning-problems.md says what is read")
 
 
 def raise_all(*files: Mistakes) -> None:

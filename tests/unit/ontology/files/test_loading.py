@@ -26,7 +26,7 @@ from tests.support.examples import examples
 from tests.support.paths import ROOT
 
 DEMO = Path(str(resources.files("somrs.demo").joinpath("data/scenario-1.yaml")))
-DOCS = ROOT / "docs" / "ontology.md"
+DOCS = ROOT / "docs" / "how-to" / "describe-a-building.md"
 
 HOUSE = """\
 map: House
@@ -479,7 +479,7 @@ def test_examples_in_the_documentation_load() -> None:
     assert len(blocks) >= 2
     ontology = upper()
     for block in blocks:
-        ontology = load_text(block, "docs/ontology.md", ontology).ontology
+        ontology = load_text(block, "docs/how-to/describe-a-building.md", ontology).ontology
 
 
 def test_messages_in_the_documentation_are_those_that_are_told() -> None:

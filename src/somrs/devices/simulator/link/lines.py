@@ -1,5 +1,5 @@
 """The lines of the robot link, version 1: JSON objects, one a line, told apart by `say`. Described for people in
-`docs/robot-protocol.md`; who may say what when is `server.py`'s business.
+`docs/reference/robot-protocol.md`; who may say what when is `server.py`'s business.
 """
 
 from __future__ import annotations
