@@ -65,7 +65,7 @@ def test_the_words_and_the_limits_are_those_of_the_program() -> None:
 
 def test_every_field_of_what_is_kept_is_explained() -> None:
     text = (DOCS / "reference" / "task-manager.md").read_text()
-    section = text.partition("## What is kept of tasks that are over")[2].partition("\n## ")[0]
+    section = text.partition("## Records of ended tasks")[2].partition("\n## ")[0]
     for kind in (TaskRecord, StepView, WorkView, ContractView, TaskEvent, MessageView):
         for name in kind.__struct_fields__:
             assert f"`{name}`" in section, f"{kind.__name__}.{name}"
