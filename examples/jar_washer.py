@@ -5,10 +5,9 @@ python examples/jar_washer.py --name Washer001
 
 import asyncio
 
-from somrs.deployment.device import run
+from somrs import Device, Situation, Task, run, service
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import ObjectType, RelationType
-from somrs.service_manager import Device, Situation, Task, service
 
 JAR_WASHER = ObjectType(
     name="JarWasher",

@@ -1,3 +1,29 @@
-"""SO-MRS: robots and devices of any make accomplish tasks that are stated as formulas about a building."""
+"""SO-MRS: robots and devices of any make accomplish tasks that are stated as formulas about a building.
 
-__version__ = "0.2.1"
+The public names are here. To write a device: `Device`, `service`, `Task`, `Situation`, `Refusal`, `ServiceFailed`, and `run`. To use a
+running system from a program: `Client`. Everything else may be rearranged from one version to the next.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING
+
+from somrs.version import __version__ as __version__
+
+if TYPE_CHECKING:
+    from somrs.api.system_client import Client
+    from somrs.deployment.device import run
+    from somrs.service_manager import Device, Refusal, ServiceFailed, Situation, Task, service
+
+__all__ = ["Client", "Device", "Refusal", "ServiceFailed", "Situation", "Task", "run", "service"]
+
+_MODULES = {"Client": "somrs.api.system_client", "run": "somrs.deployment.device"}
+"""Where the public names live; those that are not listed, in `somrs.service_manager`."""
+
+
+def __getattr__(name: str) -> object:
+    # Not imported before somebody asks: every program of a system imports this package, and few need all of it.
+    if name in __all__:
+        return getattr(importlib.import_module(_MODULES.get(name, "somrs.service_manager")), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

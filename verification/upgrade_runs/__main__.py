@@ -18,10 +18,10 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from somrs import __version__
 from somrs.cli.import_commands import problem_of
 from somrs.errors import SomrsError
 from somrs.ontology.files.site import dump_site
+from somrs.version import __version__
 from verification.upgrade_runs.release import ROOT, build_release, release_name
 from verification.upgrade_runs.run import Result, run
 

@@ -7,9 +7,9 @@ from typing import Any
 
 import msgspec
 
-from somrs import __version__
 from somrs.client.operations import Document, Operation, Parameter
 from somrs.client.refusals import REFUSALS, ErrorReport
+from somrs.version import __version__
 
 _REFERENCE = "#/components/schemas/{name}"
 

@@ -8,7 +8,6 @@ from collections.abc import Awaitable, Callable
 
 import msgspec
 
-from somrs import __version__
 from somrs.api.context import Context
 from somrs.api.simulator_gateway import link
 from somrs.client.operations import operation
@@ -18,6 +17,7 @@ from somrs.protocol.messages.clients import ReadTasks, Tasks
 from somrs.protocol.messages.directory import Discover, Discovered
 from somrs.protocol.messages.knowledge import OntologyPage, ReadOntology
 from somrs.protocol.messages.orders import ReadTemplates, TemplatesPage
+from somrs.version import __version__
 
 PATIENCE = 2.0
 """Seconds in which a part has to answer."""

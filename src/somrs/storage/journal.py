@@ -18,7 +18,6 @@ from typing import Any, Protocol
 import msgspec
 from msgspec import Struct
 
-import somrs
 from somrs.errors import UsageError
 from somrs.kernel.codec import Schema
 from somrs.kernel.component import Stateful
@@ -26,8 +25,9 @@ from somrs.kernel.durability import Entry, JournalCodec, JournaledComponent
 from somrs.storage import archive
 from somrs.storage.archive import TaskArchive
 from somrs.storage.disk import Disk, Kind
+from somrs.version import __version__
 
-PROGRAM = f"SO-MRS {somrs.__version__}"
+PROGRAM = f"SO-MRS {__version__}"
 
 SNAPSHOT_SHARE = 0.02
 """Snapshots take this share of the event loop's time at most."""

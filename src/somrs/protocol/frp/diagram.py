@@ -16,8 +16,8 @@ PAGE = Path("docs/reference/frp-states.md")
 
 _HEAD = """# The states of the Failure Recovery Protocol
 
-Made from the tables in `src/somrs/protocol/frp/states.py` by `python -m somrs.protocol.frp.diagram docs/reference/frp-states.md`. What the protocol
-is for, and how to read it, is in [frp.md](frp.md).
+Made from the tables in `src/somrs/protocol/frp/states.py` by `python -m somrs.protocol.frp.diagram docs/reference/frp-states.md`. What
+the protocol is for, and how to read it, is in [the explanation of the protocol](../explanation/failure-recovery-protocol.md).
 
 `?Execute` is a message that comes, `!Completed` one that is sent of one's own accord, `?Stop !Stopped` one that comes and is
 answered at once. In the tables, `→ State` moves, `again` is "already done: answer again" and `·` is "too late: ignore".

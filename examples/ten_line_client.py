@@ -1,0 +1,16 @@
+"""Submits a task to the system that `somrs up` has started, and watches it until it is over."""
+
+import asyncio
+
+from somrs import Client
+
+
+async def main() -> None:
+    async with Client() as system:
+        task = await system.submit("Jar002 isOn Platform001")
+        async for view in system.watch(task):
+            print(view.phase, *(f"{step.service or 'nobody yet'}: {step.state}" for step in view.steps))
+        print(view.outcome, view.explanation, await system.query("?Thing isOn Platform001"))
+
+
+asyncio.run(main())
