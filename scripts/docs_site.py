@@ -40,8 +40,8 @@ FENCE = re.compile(r"^( *)(```|~~~).*?^\1\2 *$", re.DOTALL | re.MULTILINE)
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
     """Lists the decisions in the navigation, newest last."""
-    names = sorted(path.name for path in (ROOT / "docs" / "decisions").glob("*.md"))
-    config.nav = _with_decisions(config.nav, [f"decisions/{name}" for name in names])
+    names = sorted(path.name for path in (ROOT / "docs" / "decisions").glob("0*.md"))
+    config.nav = _with_decisions(config.nav, ["decisions/index.md", *(f"decisions/{name}" for name in names)])
     return config
 
 
@@ -96,7 +96,7 @@ def _on_the_site(path: str, page: str, config: MkDocsConfig, files: Files) -> st
         return ELSEWHERE[path]
     if path.startswith("docs/"):
         inside = path.removeprefix("docs/")
-        return f"{inside}/0001-frp-states.md" if inside == "decisions" else inside
+        return inside if inside.endswith(".md") or "." in posixpath.basename(inside) else f"{inside}/index.md"
     source = ROOT / path
     if source.is_dir() and (source / "__init__.py").exists():
         source, path = source / "__init__.py", f"{path}/__init__.py"

@@ -28,7 +28,7 @@ DATA_FOLDER = Path(".somrs")
 class Client:
     """A running system: submit tasks, watch them, query the map, and follow what changes.
 
-    An asynchronous context manager, for one event loop::
+    An asynchronous context manager, for one event loop:
 
         async with Client() as system:
             task = await system.submit("Jar002 isOn Platform001")
