@@ -1,1 +1,1 @@
-"""What every component is made with: the one signature, what is pending after its effects, and a replica of the map."""
+"""The foundation of all components: their interface, their pending effects and recovery, and a replica of the map."""

@@ -1,6 +1,6 @@
-"""States and inputs of components as bytes, in msgpack, and back: those of earlier versions, too.
+"""Serialize the states and inputs of components as msgpack, and read them back, including those of earlier versions.
 
-Ontologies and maps are written as what they are made of; their indexes are sooner made than read.
+Ontologies and maps are stored as lists of their elements, because rebuilding their indexes is faster than reading them.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ T = TypeVar("T")
 
 
 class _Definitions(Struct, frozen=True, array_like=True):
-    """An ontology on its way."""
+    """The stored form of an ontology."""
 
     attributes: list[AttributeType]
     relations: list[RelationType]
@@ -31,7 +31,7 @@ class _Definitions(Struct, frozen=True, array_like=True):
 
 
 class _Contents(Struct, frozen=True, array_like=True):
-    """A map on its way."""
+    """The stored form of a map."""
 
     objects: list[Object]
     facts: list[Fact]
@@ -44,7 +44,7 @@ def _encode_hook(value: object) -> object:
             return _Definitions(*([*section.values()] for section in sections))
         case Map():
             return _Contents([*value.objects.values()], [*value.facts()])
-    raise NotImplementedError(f"{type(value).__name__} cannot be written: it is no data")
+    raise NotImplementedError(f"{type(value).__name__} cannot be serialized: it is not data")
 
 
 def _decode_hook(kind: type, value: Any) -> object:
@@ -56,19 +56,19 @@ def _decode_hook(kind: type, value: Any) -> object:
     if kind is Map:
         contents = msgspec.convert(value, _Contents)
         return Map(contents.objects, contents.facts)
-    raise NotImplementedError(f"{kind.__name__} cannot be read: it is no data")
+    raise NotImplementedError(f"{kind.__name__} cannot be deserialized: it is not data")
 
 
 _ENCODER = msgspec.msgpack.Encoder(enc_hook=_encode_hook)
 
 
 def encode(value: object) -> bytes:
-    """The value in msgpack. Raises TypeError or NotImplementedError for what is no data."""
+    """The value as msgpack. Raises TypeError or NotImplementedError for a value that is not data."""
     return _ENCODER.encode(value)
 
 
 class Codec(Generic[T]):
-    """Reads values of one type. Raises msgspec.ValidationError or DecodeError for anything else."""
+    """Decodes values of one type. Raises msgspec.ValidationError or DecodeError for other input."""
 
     def __init__(self, kind: Any) -> None:
         self._kind = kind
@@ -78,39 +78,43 @@ class Codec(Generic[T]):
         return self._decoder.decode(document)
 
     def convert(self, value: object) -> T:
-        """The same from what `decode_untyped` gives."""
+        """Convert the result of `decode_untyped` to the type."""
         converted: T = msgspec.convert(value, self._kind, dec_hook=_decode_hook)
         return converted
 
 
 def decode_untyped(document: bytes) -> Any:
-    """What is written there, whatever its type: dictionaries, lists, texts and numbers."""
+    """Decode msgpack without a type, to dictionaries, lists, texts and numbers."""
     return msgspec.msgpack.decode(document)
 
 
 class Migration(Struct, frozen=True, kw_only=True):
-    """From one version of a component's data to the next, as `decode_untyped` values, which may be changed in place: of a `snapshot` and of
-    an `entry` of its journal."""
+    """Converts a component's data from one version to the next: a `snapshot`, and an `entry` of its journal.
+
+    Both functions take and return values of `decode_untyped`, which they may change in place.
+    """
 
     snapshot: Callable[[Any], Any] = lambda snapshot: snapshot
     entry: Callable[[Any], Any] = lambda entry: entry
 
 
 def to_error_answer(error: BaseException) -> ErrorAnswer:
-    """An exception as an answer, where its component has no better one."""
+    """Convert an exception to an answer, for components without a more specific conversion."""
     return ErrorAnswer(str(error) or type(error).__name__)
 
 
 class Schema(Struct, frozen=True, kw_only=True):
-    """What a component's state and inputs are made of. `version` counts up with each change of any of it, and `migrations` lead from each
-    version to the next. `timers`, `questions`, `tasks`, `answers` and `notices` are types: of what it sets, asks, and hears; `restore`
-    makes the component that has a state.
+    """The types of a component's state and inputs, and how its journal is read.
 
-    `volatile`: tasks that end with the process; after a restart their questions are answered by `AnswerLost`. `error_to_answer` makes an
-    answer of an exception. `relocatable`: it can go on at another address than before. `irreplaceable`: what it knows is nowhere else, so
-    that it is never begun anew instead of being gone on with. `is_read_only`: inputs that need not be kept, because they leave the state as
-    it is, and nothing that comes of them is owed to anybody when the process has ended. `snapshot_after`: so many inputs are handled again
-    in about a second."""
+    `version` increases with each change of a type; `migrations` lead from each version to the next. `timers`, `questions`, `tasks`,
+    `answers` and `notices` are the types of the values in `SetTimer`, `Ask`, `Answered` and `Notified`. `restore` creates the component
+    from a state. `error_to_answer` converts an exception to an answer.
+
+    `volatile`: tasks that are lost with the process; after a restart, `AnswerLost` answers their questions. `relocatable`: the component
+    can continue at another address. `irreplaceable`: its state exists nowhere else, so an empty state never replaces one that cannot be
+    continued. `is_read_only`: inputs that the journal leaves out, because they do not change the state and their effects may be lost with
+    the process. `snapshot_after`: inputs between snapshots; a restart replays so many in about a second.
+    """
 
     component: str
     version: int
@@ -130,17 +134,17 @@ class Schema(Struct, frozen=True, kw_only=True):
     migrations: Mapping[int, Migration] = {}
 
     def can_read(self, version: int) -> bool:
-        """Whether data of that version can be read."""
+        """Whether this program can read data of that version."""
         return version <= self.version and all(step in self.migrations for step in range(version, self.version))
 
     def migrate_snapshot(self, value: Any, version: int) -> Any:
-        """A snapshot of that version as one of today. Raises UsageError for a version that cannot be read."""
+        """Convert a snapshot of that version to the current version. Raises UsageError for a version that cannot be read."""
         for step in self._steps(version):
             value = step.snapshot(value)
         return value
 
     def migrate_entry(self, value: Any, version: int) -> Any:
-        """A journal's entry of that version as one of today."""
+        """Convert a journal entry of that version to the current version. Raises UsageError for a version that cannot be read."""
         for step in self._steps(version):
             value = step.entry(value)
         return value

@@ -1,8 +1,8 @@
-"""The one signature that joins all parts: `handle(input, now) -> effects`.
+"""The interface of all components: `handle(input, now) -> effects`.
 
-A component reads no clock and does no I/O. Its node (`runtime.node`) feeds it inputs and carries the effects out in order. Where inputs
-are kept, they are on disk, with what is recorded of them, before anything else that comes of them is seen. Timers, questions and answers
-are values of the component's own types: Structs, which can be compared, hashed and written down.
+A component reads no clock and does no I/O. Its node (`runtime.node`) passes inputs to it and carries out the effects in order. A node with
+a journal writes each input and its records to disk before any other effect of the input becomes visible. Timers, questions and answers are
+values of the component's own types: Structs, which can be compared, hashed and serialized.
 """
 
 from __future__ import annotations
@@ -18,26 +18,26 @@ T = TypeVar("T")
 
 
 class Received(Struct, frozen=True, tag=True):
-    """A message came."""
+    """A message arrived."""
 
     message: Message
 
 
 class TimerFired(Struct, frozen=True, tag="Rang"):
-    """A timer that the component set with `SetTimer` rang."""
+    """A timer that the component set with `SetTimer` fired."""
 
     timer: Hashable
 
 
 class Answered(Struct, frozen=True, tag=True):
-    """The answer to an earlier `Ask`; `value` is what the asked one returns, the exception it raised, or a `PartialAnswer` on the way."""
+    """The answer to an earlier `Ask`; `value` is the result, the exception that was raised, or a `PartialAnswer` before the result."""
 
     question: Hashable
     value: object
 
 
 class ErrorAnswer(Struct, frozen=True, tag="Trouble"):
-    """What went wrong, where a question is answered from or into a journal: there, exceptions are no values."""
+    """An error as an answer: a journal cannot hold exceptions."""
 
     text: str
 
@@ -46,28 +46,28 @@ class ErrorAnswer(Struct, frozen=True, tag="Trouble"):
 
 
 class PartialAnswer(Struct, frozen=True):
-    """What answers on the way are derived from: the question stays open, and its answer is yet to come."""
+    """Base class of intermediate answers: the question stays open until its final answer arrives."""
 
 
 class AnswerLost(Struct, frozen=True, tag="Lost"):
-    """The answer to a question whose work ended with the process that did it. Which kinds of work do, the component's schema says."""
+    """The answer to a question whose work was lost with its process; `Schema.volatile` lists the types of such work."""
 
 
 class Notified(Struct, frozen=True, tag=True):
-    """The program around the component tells it something: a value of the component's own."""
+    """The program around the component passes it a value of one of the component's own types."""
 
     notice: object
 
 
 class DeliveryFailed(Struct, frozen=True, tag="Undelivered"):
-    """A message that nobody acknowledged until its sender gave up."""
+    """The sender gave up on a message because the recipient did not acknowledge it."""
 
     message: Message
     reason: str
 
 
 class Started(Struct, frozen=True, tag=True):
-    """The node is up at `address`: the first input of every component."""
+    """The node is running at `address`: the first input of every component."""
 
     address: str
 
@@ -76,8 +76,11 @@ Input = Started | Received | TimerFired | Answered | DeliveryFailed | Notified
 
 
 class Send(Struct, frozen=True):
-    """Send this, again and again until the recipient's node acknowledges it or `expires_at` (seconds, the node's clock). After a restart it
-    is sent for some more seconds, as nobody could take it meanwhile; but not if `strict`: later than that it would be wrong."""
+    """Send the message repeatedly until the recipient's node acknowledges it or `expires_at` is reached (seconds, the node's clock).
+
+    After a restart, the node extends the limit by some seconds, because it sent nothing while it was down. It does not extend a `strict`
+    limit: a later delivery would be wrong.
+    """
 
     message: Message
     expires_at: float | None = None
@@ -85,28 +88,30 @@ class Send(Struct, frozen=True):
 
 
 class SetTimer(Struct, frozen=True):
-    """Ring `timer` at `at`; an equal timer that has not rung is moved. `at` None takes it away."""
+    """Set `timer` to fire at `at` (seconds). A pending equal timer is moved; `at` None cancels it."""
 
     timer: Hashable
     at: float | None
 
 
 class Ask(Struct, frozen=True):
-    """Have something done that takes time or I/O: `task` is a value that the node knows how to carry out (a planning
-    problem, a device's service, a history to be read). Its result comes back as `Answered(question, ...)`."""
+    """Start work that takes time or I/O. The result arrives as `Answered(question, ...)`.
+
+    `task` is a value that the node can carry out: a planning problem, a device's service, a query of the history.
+    """
 
     question: Hashable
     task: object
 
 
 class Withdraw(Struct, frozen=True):
-    """Stop working on an earlier `Ask`. It is answered all the same, with what it came to."""
+    """Stop the work on an earlier `Ask`. Its answer still arrives, with the result so far."""
 
     question: Hashable
 
 
 class Record(Struct, frozen=True):
-    """Have this in the archive of the component's journal, if it has one; nothing else of this input leaves before it is there."""
+    """Store `entry` in the archive of the component's journal, if it has one, before any other effect of the same input is visible."""
 
     entry: object
 
@@ -114,27 +119,27 @@ class Record(Struct, frozen=True):
 Effect = Send | SetTimer | Ask | Withdraw | Record
 
 Effects = Generator[Effect, None, None]
-"""What a component's parts do about an input: effects as they come. Nothing happens before somebody goes through them."""
+"""The effects of an input as a generator. Its code runs only while a caller iterates over it."""
 
 EffectsReturning = Generator[Effect, None, T]
-"""Effects, and at their end a result: `result = yield from doing`."""
+"""Effects, followed by a result: `result = yield from effects`."""
 
 
 class Component(Protocol):
     """A Task Manager, Service Manager, Registry, Repository or Scheduler, without its I/O."""
 
     def handle(self, event: Input, now: float) -> list[Effect]:
-        """What to do about the input. `now` is in seconds and never goes back."""
+        """Handle an input and return its effects. `now` is in seconds and never decreases."""
         ...
 
 
 class Stateful(Component, Protocol):
-    """A component whose inputs are kept in a journal: what it knows is one tree of data, of the type that its schema names."""
+    """A component with a journal. Its state is one tree of data, of the type that its schema names."""
 
     @property
     def state(self) -> Any: ...
 
     @property
     def open(self) -> list[str]:
-        """What it has not finished, for people."""
+        """The names of unfinished work, for people."""
         ...

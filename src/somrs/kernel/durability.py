@@ -1,7 +1,7 @@
-"""What a component's effects have left under way, and how a component comes back from its journal: the same at every rim.
+"""The pending effects of a component, and its recovery from a journal, for all runtimes.
 
-A rim (`runtime.node`, or `runtime.virtual` on virtual time) carries effects out. What is here says what it has to take up again after a
-restart: `PendingEffects` for the effects, `JournaledComponent` for a component whose inputs are kept. Nothing here reads a clock or a disk.
+A runtime (`runtime.node`, or `runtime.virtual` on virtual time) carries out effects. This module determines what the runtime resumes after
+a restart: `PendingEffects` tracks the effects, and `JournaledComponent` restores a component with a journal. It reads no clock and no disk.
 """
 
 from __future__ import annotations
@@ -37,22 +37,22 @@ from somrs.kernel.component import (
 from somrs.protocol.messages.envelope import ANONYMOUS, Message
 
 DELIVERY_TIME = 30.0
-"""Seconds for which a message without a time limit of its own is sent again."""
+"""Seconds for which a message without `expires_at` is sent again."""
 
 FIRST_PAUSE = 0.05
-"""Seconds before a message is sent again the first time; each time twice as long, up to the longest."""
+"""Seconds before a message is sent again for the first time. The pause doubles each time, up to `LONGEST_PAUSE`."""
 
 LONGEST_PAUSE = 1.0
 
 RESTART_DELIVERY_TIME = 10.0
-"""Seconds for which a message is sent after a restart at least."""
+"""Minimum number of seconds for which a message is sent after a restart."""
 
 WITHDRAWN = ErrorAnswer("withdrawn")
-"""The answer to a question that was withdrawn before its component was restarted: nobody works on it any more."""
+"""The answer to a question that was withdrawn before its component restarted: its work is not resumed."""
 
 
 class Entry(Struct, frozen=True, array_like=True):
-    """One input in a journal, and which messages, by number, were delivered since the entry before."""
+    """One input in a journal, and the numbers of the messages that were delivered since the previous entry."""
 
     number: int
     time: float
@@ -61,37 +61,37 @@ class Entry(Struct, frozen=True, array_like=True):
 
 
 class PendingMessage(Struct, frozen=True):
-    """A message on its way, and until when it is sent again (`Send`)."""
+    """A message without acknowledgement, and until when it is sent again (`Send`)."""
 
     message: Message
     expires_at: float = msgspec.field(name="until")
     strict: bool = False
 
     def expiry_after_restart(self, now: float) -> float:
-        """Until when it is sent by a process that was away."""
+        """The time until which a restarted process sends the message."""
         return self.expires_at if self.strict else max(self.expires_at, now + RESTART_DELIVERY_TIME)
 
 
 NumberedEffect = tuple[Effect, int]
-"""An effect, and the number of the message, if it sends one that may have to be sent again (0 otherwise)."""
+"""An effect, and the number of its message; 0 if it sends no message that may have to be repeated."""
 
 
 @dataclass(slots=True)
 class PendingEffects:
-    """Messages that nobody has acknowledged, timers that have yet to ring, questions that are open.
+    """Messages without acknowledgement, timers that have not fired, and open questions.
 
-    Messages are known by numbers that count up, so that the same inputs give the same numbers once more.
+    Messages are numbered in sequence, so that a replay of the same inputs gives the same numbers.
     """
 
     messages: dict[int, PendingMessage] = field(default_factory=dict)
     timers: dict[Hashable, float] = field(default_factory=dict)
     questions: dict[Hashable, object] = field(default_factory=dict)
     withdrawn: set[Hashable] = field(default_factory=set)
-    """Those among the questions that nobody is to work on any more."""
+    """The open questions that were withdrawn."""
     message_count: int = 0
 
     def apply_input(self, event: Input) -> None:
-        """An input came; what it is the end of is under way no more."""
+        """Remove the timer or the question that the input concludes."""
         if isinstance(event, TimerFired):
             self.timers.pop(event.timer, None)
         elif isinstance(event, Answered) and not isinstance(event.value, PartialAnswer):
@@ -99,11 +99,11 @@ class PendingEffects:
             self.withdrawn.discard(event.question)
 
     def apply_effect(self, effect: Effect, now: float) -> int:
-        """An effect is to be carried out. The number of the message, if it is one that has to arrive; otherwise 0."""
-        # Every effect comes this way, and class patterns take longer.
+        """Register an effect before it is carried out. Returns the number of its message if delivery is required, otherwise 0."""
+        # Every effect passes here, and class patterns are slower than `isinstance`.
         if isinstance(effect, Send):
             if effect.message.header.recipient == ANONYMOUS:
-                return 0  # whoever waited for it on a connection is gone when this process is
+                return 0  # the message leaves on an open connection, which ends with this process
             self.message_count += 1
             expires_at = effect.expires_at if effect.expires_at is not None else now + DELIVERY_TIME
             self.messages[self.message_count] = PendingMessage(effect.message, expires_at, effect.strict)
@@ -121,7 +121,7 @@ class PendingEffects:
         return 0
 
     def find_abandoned_questions(self, volatile: tuple[type, ...]) -> list[tuple[Hashable, ErrorAnswer | AnswerLost]]:
-        """After a restart: the open questions that nobody is to work on, and the answer to each."""
+        """The open questions that are not resumed after a restart, and the answer to each."""
         answers: list[tuple[Hashable, ErrorAnswer | AnswerLost]] = []
         for question, task in self.questions.items():
             if question in self.withdrawn:
@@ -133,9 +133,9 @@ class PendingEffects:
 
 @dataclass(slots=True)
 class JournaledComponent:
-    """A component whose every input is in a journal before anything that comes of it is seen outside.
+    """A component whose inputs are in a journal before their effects become visible.
 
-    `JournalCodec` has it as bytes; the entries behind it are replayed. `number` and `time` are the last entry's.
+    `JournalCodec` serializes it; `replay` handles the entries after a snapshot. `number` and `time` are those of the last entry.
     """
 
     component: Stateful
@@ -144,17 +144,20 @@ class JournaledComponent:
     number: int = 0
     time: float = 0.0
     delivered: list[int] = field(default_factory=list)
-    """Messages that arrived since the last entry. When they are lost with the process, messages are sent twice, which does no harm."""
+    """Messages delivered since the last entry. If this list is lost with the process, they are sent again, which does no harm."""
 
     def make_entry(self, event: Input, now: float) -> Entry:
-        """The journal's next entry, for this input. It has to be written before `handle`, or with what comes of it."""
+        """The journal's next entry, for this input. Write it before any effect of `handle` becomes visible."""
         if isinstance(event, Answered) and isinstance(event.value, BaseException):
             event = Answered(event.question, self.schema.error_to_answer(event.value))
-        # A clock that was put back while the process was away must not take the component back.
+        # A clock that was set back while the process was down must not set back the component's time.
         return Entry(self.number + 1, max(self.time, now), event, tuple(self.delivered))
 
     def handle(self, entry: Entry) -> list[NumberedEffect]:
-        """Have the component handle the input. The effects, which may be seen as soon as the entry is in the journal."""
+        """Have the component handle the input. Its effects may become visible once the entry is in the journal.
+
+        Raises ValueError when an entry before this one is missing.
+        """
         if entry.number != self.number + 1:
             raise ValueError(f"entry {self.number + 1} is missing before entry {entry.number}")
         self.number, self.time, self.delivered = entry.number, entry.time, []
@@ -165,17 +168,17 @@ class JournaledComponent:
         return [(effect, self.pending.apply_effect(effect, entry.time)) for effect in effects]
 
     def mark_delivered(self, number: int) -> None:
-        """Somebody acknowledged the message, or it was given up."""
+        """Remove a message that was acknowledged or given up."""
         if self.pending.messages.pop(number, None) is not None:
             self.delivered.append(number)
 
     def replay(self, entries: Iterable[Entry]) -> list[Record]:
-        """Handle again what is in the journal behind the snapshot. Records come out once more: they may not be on disk."""
+        """Handle the journal entries after the snapshot again. Returns their records, which may not be on disk yet."""
         records: list[Record] = []
         for entry in entries:
             try:
                 effects = self.handle(entry)
-            except Exception:  # a defect of the component: it met the input so when it came first, too, and went on as it was then
+            except Exception:  # a defect of the component: the input failed in the same way the first time, and was skipped
                 if entry.number != self.number:
                     raise  # the journal itself has a gap
                 continue
@@ -183,7 +186,7 @@ class JournaledComponent:
         return records
 
 
-# As bytes
+# Serialization
 
 S = TypeVar("S")
 TimerT = TypeVar("TimerT")
@@ -194,7 +197,7 @@ NoticeT = TypeVar("NoticeT")
 
 
 class Snapshot(Struct, Generic[S, TimerT, QuestionT, TaskT], kw_only=True):
-    """`JournaledComponent` as it is written."""
+    """The stored form of a `JournaledComponent`."""
 
     number: int
     time: float = msgspec.field(name="at")
@@ -221,7 +224,7 @@ class _Notified(Struct, Generic[NoticeT], frozen=True, tag="Notified"):
 
 
 class _Entry(Struct, Generic[TimerT, QuestionT, AnswerT, NoticeT], frozen=True, array_like=True):
-    """`Entry` with what may be in it."""
+    """The stored form of an `Entry`, with the component's own types."""
 
     number: int
     time: float
@@ -243,7 +246,7 @@ class _Entry(Struct, Generic[TimerT, QuestionT, AnswerT, NoticeT], frozen=True, 
 
 
 class JournalCodec:
-    """How the journal of a component of this schema is written and read."""
+    """Serializes and reads the journal of a component with this schema."""
 
     def __init__(self, schema: Schema) -> None:
         self.schema = schema
@@ -255,7 +258,7 @@ class JournalCodec:
         )
 
     def encode_snapshot(self, journaled: JournaledComponent) -> bytes:
-        """The whole of it. Raises TypeError or NotImplementedError where it is no data."""
+        """Serialize a component with its pending effects. Raises TypeError or NotImplementedError for a value that is not data."""
         pending = journaled.pending
         return codec.encode(
             Snapshot(
@@ -272,8 +275,10 @@ class JournalCodec:
         )
 
     def decode_snapshot(self, document: bytes, version: int | None = None) -> JournaledComponent:
-        """What a snapshot holds that was written with the schema of that version. Raises UsageError for a version that cannot be read,
-        and msgspec's errors for what is no snapshot."""
+        """Restore a component from a snapshot of schema version `version` (None: the current version).
+
+        Raises UsageError for a version that cannot be read, and msgspec's errors for other data.
+        """
         schema = self.schema
         if version in (None, schema.version):
             snapshot = self._snapshots.decode(document)
@@ -289,18 +294,18 @@ class JournalCodec:
         return JournaledComponent(schema.restore(snapshot.state), schema, pending, snapshot.number, snapshot.time, snapshot.delivered)
 
     def encode_entry(self, entry: Entry) -> bytes:
-        """One entry. Raises TypeError or NotImplementedError for what could not be read again."""
+        """Serialize one entry. Raises TypeError or NotImplementedError for a value that could not be read back."""
         if isinstance(entry.event, Answered) and not isinstance(entry.event.value, self.schema.answers):
             raise TypeError(f"the answer to {entry.event.question} cannot be kept: it is a {type(entry.event.value).__name__}")
         return codec.encode(entry)
 
     @staticmethod
     def encode_batch(entries: Iterable[bytes]) -> bytes:
-        """Written entries as one, which is kept in one row: a commit is then one insertion, however many inputs came."""
+        """Join serialized entries into one document for one row, so that a commit is a single insertion for any number of inputs."""
         return msgspec.msgpack.encode([msgspec.Raw(entry) for entry in entries])
 
     def decode_batch(self, document: bytes, version: int | None = None) -> list[Entry]:
-        """The entries of a batch."""
+        """The entries of a batch of schema version `version` (None: the current version)."""
         schema = self.schema
         if version in (None, schema.version):
             return [stored_entry.to_entry() for stored_entry in self._entries.decode(document)]

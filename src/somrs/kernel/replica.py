@@ -1,8 +1,8 @@
-"""A copy of the ontology and the map that follows the Repository's, kept by whoever plans or decides on them.
+"""A copy of the Repository's ontology and map, for components that plan or decide on them.
 
-First it subscribes, then it reads page by page; what changes meanwhile comes as events. Every change says what is, not by how
-much, so that events which a later page already shows may be put on it again: whoever was last still wins. A message that was
-lost shows as a gap between versions. If the gap does not close by itself, everything is read again.
+The replica subscribes first, and then reads page by page; changes in the meantime arrive as events. An event states new values, not
+differences, so it may be applied to a page that already includes it: the last event wins. A lost message shows as a gap between
+versions. If the gap does not close, the replica reads everything again.
 """
 
 from __future__ import annotations
@@ -31,20 +31,22 @@ from somrs.protocol.messages.knowledge import (
 )
 
 LEASE = 60.0
-"""Seconds that a subscription lasts; it is renewed after a third of them."""
+"""Seconds that a subscription lasts; the replica renews it after a third of that time."""
 
 PATIENCE = 5.0
-"""Seconds after which a question without an answer is asked anew."""
+"""Seconds without an answer after which the replica subscribes again."""
 
 GAP_TIME = 1.0
-"""Seconds that messages may overtake each other by, before one that is missing counts as lost."""
+"""Seconds after which a missing message counts as lost, not as out of order."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReplicaUpdate:
-    """What came of an input: `effects` to carry out; the `changes` of the map, in order; the `definitions` that are new, and those that
-    were `removed` or have other names now; and what was `renamed`, in order. `reloaded`: the copy was read as a whole; before `changes`,
-    anything may have changed."""
+    """The result of an input: `effects` to carry out, and how the copy changed.
+
+    `changes` of the map and names that were `renamed` are in order. `definitions` are new or revised; `removed` are gone or have another
+    name. `reloaded`: the whole copy was read again, so that anything may have changed before `changes`.
+    """
 
     effects: list[Effect]
     changes: tuple[Change, ...] = ()
@@ -55,13 +57,16 @@ class ReplicaUpdate:
 
     @property
     def ontology_changed(self) -> bool:
-        """Whether the ontology may be another one than before."""
+        """Whether the ontology may have changed."""
         return bool(self.definitions or self.removed or self.reloaded)
 
 
 class _Reading(Struct, kw_only=True):
-    """The pages so far: `first_version` is the version of the first one, `last_version` the latest version among them, `changed_at` that in
-    which the ontology changed last before its first page."""
+    """The pages read so far.
+
+    `first_version` is the map's version at the first page, `last_version` that at the latest page. `changed_at` is the version in which
+    the ontology last changed before its first page.
+    """
 
     first_version: int | None = field(default=None, name="first")
     last_version: int = field(default=0, name="last")
@@ -73,13 +78,13 @@ class _Reading(Struct, kw_only=True):
 
 
 class ReplicaDue(Struct, frozen=True, tag=True):
-    """The timer of a component's copy."""
+    """The timer of a component's replica."""
 
 
 class Replica(Struct):
-    """`ontology`, `map` and `version` are the Repository's as far as is known here; `ready` once they were read.
+    """`ontology`, `map` and `version` are the Repository's as far as received; `ready` becomes true when they have been read.
 
-    The owner hands every input to `handle` first, and carries out the effects. `ReplicaDue` is the one timer that is used.
+    The owner passes every input to `handle` first, and carries out the effects. The replica uses one timer, `ReplicaDue`.
     """
 
     owner: str
@@ -88,10 +93,10 @@ class Replica(Struct):
     map: Map = field(default_factory=Map)
     version: int = -1
     source: str = ""
-    """What the Repository calls itself; it may be known here by another name for the same address."""
+    """The address that the Repository gives itself. `repository` may be another name of the same address."""
     events: dict[int, MapChanged | OntologyChanged] = {}
     announced_version: int = field(default=-1, name="announced")
-    """The latest version heard of."""
+    """The latest version that a message mentioned."""
     reading: _Reading | None = None
     question_count: int = field(default=0, name="asked")
     question: str | None = None
@@ -106,11 +111,11 @@ class Replica(Struct):
         return self.version >= 0
 
     def start(self, now: float) -> list[Effect]:
-        """Subscribe; everything else follows from the answer."""
+        """Subscribe. The reply starts the reading."""
         return [self._subscribe(now), self._next_timer()]
 
     def handle(self, event: Input, now: float) -> ReplicaUpdate | None:
-        """What came of the input; None when it is no business of the replica."""
+        """Handle an input; None if it does not concern the replica."""
         match event:
             case Received(message):
                 effects = self._received(message, now)
@@ -122,7 +127,7 @@ class Replica(Struct):
                 effects = None
         return None if effects is None else self._catch_up(effects, now)
 
-    # Asking
+    # Requests
 
     def _subscribe(self, now: float) -> Send:
         self.renew_at = now + LEASE / 3
@@ -137,7 +142,7 @@ class Replica(Struct):
         return send
 
     def _ask(self, body: Body, now: float) -> Send:
-        # The time is part of the id: what was asked in an earlier life of the owner is another question.
+        # The time is part of the id, so that an owner that lost its state does not use earlier ids again.
         self.question_count += 1
         identity = message_id(self.owner, self.repository, "replica", self.question_count, now)
         header = Header(sender=self.owner, recipient=self.repository, message_id=identity, reply_to=self.owner)
@@ -149,7 +154,7 @@ class Replica(Struct):
         return [self._read(ReadOntology(), now)]
 
     def _give_up_reading(self, now: float) -> list[Effect]:
-        """Begin anew with the subscription, which tells the version that the Repository is at."""
+        """Subscribe again: the reply states the Repository's current version."""
         self.reading = self.question = None
         return [self._subscribe(now)]
 
@@ -166,10 +171,10 @@ class Replica(Struct):
             self.answer_by = now + GAP_TIME
         return [] if ours else None
 
-    # Hearing
+    # Messages
 
     def _received(self, message: Message, now: float) -> list[Effect] | None:
-        """What to do at once; whatever follows from having heard more is done by `_catch_up`."""
+        """The immediate effects of a message; `_catch_up` applies the events that it completes."""
         request_id = message.header.relates_to
         match message.body:
             case MapSubscribed(version=version) if request_id is not None and request_id == self.subscription:
@@ -178,7 +183,7 @@ class Replica(Struct):
             case OntologyPage() | MapPage() as page if self.reading is not None and request_id is not None and request_id == self.question:
                 return self._page(self.reading, page, now)
             case Fault() if request_id is not None and request_id in (self.question, self.subscription):
-                return []  # asked anew when patience is out
+                return []  # the request is repeated after `PATIENCE`
             case _ if message.header.sender not in (self.source or self.repository, self.repository):
                 return None
             case MapChanged() as changed:
@@ -188,10 +193,10 @@ class Replica(Struct):
                 self._record_event(changed.version, changed)
                 return []
             case MapSubscribed() if request_id is None:
-                # The Repository came up again, or something changed that no message can hold: see where it is.
+                # The Repository restarted, or a change was too large for a message: request its current version.
                 return [self._subscribe(now)]
             case MapSubscribed() | OntologyPage() | MapPage():
-                return []  # the answer to a question that was given up
+                return []  # the reply to an abandoned request
             case _:
                 return None
 
@@ -203,7 +208,7 @@ class Replica(Struct):
         self.subscription = None
         if self.reading is None:
             self.answer_by = None
-        if version < self.subscribed_at:  # its store was put back or begun anew: what is known here belongs to another map
+        if version < self.subscribed_at:  # its store was restored from a backup or created anew: this copy is of another map
             self.version = self.announced_version = -1
             self.events.clear()
             self.reading = None
@@ -219,7 +224,7 @@ class Replica(Struct):
         reading.last_version = page.version
         match page:
             case OntologyPage(changed_at=changed_at) if reading.changed_at not in (None, changed_at):
-                return self._give_up_reading(now)  # the pages are counted, and what is counted is another list now
+                return self._give_up_reading(now)  # pages are addressed by position, and the positions have changed
             case OntologyPage():
                 reading.changed_at = page.changed_at
                 reading.ontology = reading.ontology.extended(page.definitions.all_definitions())
@@ -233,10 +238,10 @@ class Replica(Struct):
         self.announced_version = max(self.announced_version, reading.last_version)
         return []
 
-    # Following
+    # Events
 
     def _catch_up(self, effects: list[Effect], now: float) -> ReplicaUpdate:
-        """Bring the copy as far as what was heard goes."""
+        """Apply the received events, up to the first gap."""
         old_version = self.version
         read = self._adopt()
         changes: list[Change] = []
@@ -267,7 +272,7 @@ class Replica(Struct):
         )
 
     def _adopt(self) -> bool:
-        """Take the pages as the copy, if every event is there that leads from the first to the last of them."""
+        """Make the pages the copy, if all events between the versions of the first and the last page have arrived."""
         reading = self.reading
         if reading is None or not reading.complete or reading.first_version is None:
             return False
@@ -279,7 +284,7 @@ class Replica(Struct):
         return True
 
     def _forget(self) -> None:
-        """Drop the events that neither the copy nor the pages being read need any more."""
+        """Drop the events that neither the copy nor the pages being read need."""
         reached = self.version
         if self.reading is not None:
             reached = min(reached, self.reading.first_version if self.reading.first_version is not None else -1)
@@ -298,7 +303,7 @@ class Replica(Struct):
 
 
 def _applicable(map: Map, changes: Iterable[Change]) -> Iterator[Change]:
-    """The changes but for values of objects that are gone: a page may show more than the event that is put on it knew."""
+    """The changes, without values of objects that are gone: a page may be newer than the event that is applied to it."""
     presence: dict[str, bool] = {}
     for change in changes:
         match change:

@@ -35,9 +35,9 @@ def test_a_map_is_read_as_it_was_written() -> None:
 
 
 def test_what_is_no_data_is_neither_written_nor_read() -> None:
-    with pytest.raises(NotImplementedError, match=r"^Codec cannot be written: it is no data$"):
+    with pytest.raises(NotImplementedError, match=r"^Codec cannot be serialized: it is not data$"):
         encode(Codec[int](int))
-    with pytest.raises(NotImplementedError, match=r"^Codec cannot be read: it is no data$"):
+    with pytest.raises(NotImplementedError, match=r"^Codec cannot be deserialized: it is not data$"):
         Codec[Any](Codec).decode(encode(1))
     with pytest.raises(msgspec.ValidationError):
         Codec[int](int).decode(encode("1"))
