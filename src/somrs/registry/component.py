@@ -1,8 +1,8 @@
-"""The Service Registry: which services there are now, and who wants to know when that changes.
+"""The Service Registry: which services are available, and which subscribers receive changes.
 
-Paper, "Service Registry": information about the services currently available. A service is there as long as its provider
-renews its lease, so what falls silent leaves by itself. What is listed stays known, for whoever asks right after a restart; a provider
-that is not known any more hears so at its next renewal, by a Fault, and publishes anew.
+Paper, "Service Registry": information about the services currently available. A service is listed as long as its provider renews its
+lease, so that silent providers drop out. The list survives a restart. The Registry answers the renewal of an unknown provider with a
+Fault; the provider then publishes its services again.
 """
 
 from __future__ import annotations
@@ -45,14 +45,14 @@ from somrs.protocol.messages.paging import PAGE_BYTES
 from somrs.registry.state import LeasesDue, Provider, RegistryState, Timer
 
 REMEMBERED = 10_000
-"""So many publications, renewals and retractions are remembered: one that comes late a second time must not undo a newer one."""
+"""How many publications, renewals and retractions are remembered: a repeated request that arrives late must not undo a newer one."""
 
 
 Answer = Published | Retracted | Fault
 
 
 class Registry:
-    """Knows the ontology it was given, and follows that of the Repository at the address `repository`, if there is one."""
+    """Lists the available services. Uses the given ontology until it has read that of the Repository at `repository`, if there is one."""
 
     def __init__(self, address: str, ontology: Ontology | None = None, repository: str | None = None) -> None:
         replica = Replica(address, repository) if repository is not None else None
@@ -60,14 +60,14 @@ class Registry:
 
     @classmethod
     def restored(cls, state: RegistryState) -> Self:
-        """The Registry that has this state."""
+        """Create a Registry from its state."""
         registry = cls.__new__(cls)
         registry.state = state
         return registry
 
     @property
     def open(self) -> list[str]:
-        """Nothing: what a Registry forgets, devices publish anew."""
+        """Always empty: devices publish again what a Registry loses."""
         return []
 
     @property
@@ -81,7 +81,7 @@ class Registry:
         return replica.map if replica is not None and replica.ready else None
 
     def handle(self, event: Input, now: float) -> list[Effect]:
-        """What to do about the input."""
+        """Handle an input and return its effects."""
         return [*self._effects(event, now)]
 
     def _effects(self, event: Input, now: float) -> Effects:
@@ -121,7 +121,7 @@ class Registry:
                 yield self._answer(message, self._discover(discover, now))
             case SubscribeServices(lease=lease):
                 if message.header.sender == ANONYMOUS:
-                    raise UsageError("news can only be sent to somebody who has an address: set the sender to one that can be reached")
+                    raise UsageError("a subscription needs a sender address: set the sender to an address that can be reached")
                 self.state.subscribers[message.header.sender] = expires_at = now + grant_lease(lease)
                 yield self._answer(message, ServicesSubscribed(until=expires_at))
             case Fault():
@@ -136,7 +136,7 @@ class Registry:
     # Providers
 
     def _answer_once(self, message: Message, work: Callable[[], tuple[Answer, list[Effect]]]) -> Effects:
-        """Carry it out, or answer it again if it was carried out."""
+        """Carry out a request, or repeat its answer if it was carried out before."""
         answered, request = self.state.answers, normalised_id(message.header.message_id)
         if (old_answer := answered.get(request)) is not None:
             yield self._answer(message, old_answer)
@@ -165,13 +165,13 @@ class Registry:
         ]
 
     def _check_offers(self, publish: Publish) -> dict[str, Offer]:
-        """The offers by service; UsageError for those that nobody could use."""
+        """The offers by service name. Raises UsageError for offers that cannot be used."""
         if not publish.provider:
-            raise UsageError("who offers these services? `provider` is empty: give the name of the device on the map")
+            raise UsageError("`provider` is empty: give the name of the device on the map")
         for offer in publish.offers:
             if offer.provider != publish.provider:
                 raise UsageError(
-                    f"{offer.service} is {offer.provider}'s, and {publish.provider} cannot offer it: let {offer.provider} publish it"
+                    f"{offer.service} belongs to {offer.provider}, and {publish.provider} cannot offer it: let {offer.provider} publish it"
                 )
             other_provider = next(
                 (name for name, p in self.state.providers.items() if offer.service in p.offers and name != publish.provider), None
@@ -234,7 +234,7 @@ class Registry:
         )
 
     def _types(self, service_type: ServiceType) -> Iterator[str]:
-        """The type of a service, and those above it."""
+        """The name of a service type, and the names of its ancestors."""
         visited: set[str] = set()
         current: ServiceType | None = service_type
         while current is not None and current.name not in visited:
@@ -244,7 +244,7 @@ class Registry:
                 yield current.parent
             current = self.ontology.services.get(current.parent) if current.parent is not None else None
 
-    # News
+    # Notifications
 
     def _announce_joined(self, offers: list[Offer], now: float) -> list[Effect]:
         return [effect for page in _paginate(offers) for effect in self._notify_subscribers(ServicesJoined(offers=tuple(page)), now)]
@@ -254,7 +254,7 @@ class Registry:
 
     def _notify_subscribers(self, news: ServicesJoined | ServicesLeft, now: float) -> list[Effect]:
         self.state.news_count += 1
-        # The time is part of the id: in a Registry that was begun anew, news are counted from 1 again.
+        # The time is part of the id: a Registry that lost its state numbers its notifications from 1 again.
         headers = [
             Header(
                 sender=self.state.address,
@@ -268,7 +268,7 @@ class Registry:
 
 
 def _publish_reply(now: float, lease: float) -> Published:
-    # Of three renewals, two may be lost.
+    # Two of three renewals may be lost.
     return Published(until=now + lease, renew_within=lease / 3)
 
 
@@ -278,7 +278,7 @@ def _equal_values(value: Value | None, other_value: Value) -> bool:
 
 
 def _paginate(offers: Iterable[Offer]) -> Iterator[list[Offer]]:
-    """The offers in lists that fit into one message each."""
+    """Split the offers into lists that each fit into one message."""
     page: list[Offer] = []
     page_size = 0
     for offer in offers:
@@ -293,8 +293,10 @@ def _paginate(offers: Iterable[Offer]) -> Iterator[list[Offer]]:
 
 
 def only_reads(event: Input) -> bool:
-    """Whether a request that changes nothing is answered on its connection, which ends with the process. Whoever is to be answered at an
-    address waits for that, however often the process ends."""
+    """Whether an input is a query that is answered on its connection.
+
+    Such a query may be lost with the process, because its connection is. A reply to an address has to be sent after a restart, too.
+    """
     return isinstance(event, Received) and isinstance(event.message.body, Discover) and event.message.header.reply_to == ANONYMOUS
 
 
@@ -309,4 +311,4 @@ SCHEMA = Schema(
     restore=Registry.restored,
     is_read_only=only_reads,
 )
-"""What its journal is made of."""
+"""The types in the journal of a Registry."""

@@ -1,4 +1,4 @@
-"""All that a Registry knows, as one tree of data."""
+"""The state of a Registry, as one tree of data."""
 
 from __future__ import annotations
 
@@ -11,22 +11,25 @@ from somrs.protocol.messages.frp import Fault
 
 
 class LeasesDue(Struct, frozen=True, tag=True):
-    """The next lease runs out."""
+    """The next lease expires."""
 
 
 Timer = LeasesDue | ReplicaDue
 
 
 class Provider(Struct, kw_only=True):
-    """What a device offers, by service name, and until when."""
+    """The offers of a device by service name, and when its lease expires."""
 
     offers: dict[str, Offer]
     expires_at: float = field(name="until")
 
 
 class RegistryState(Struct, kw_only=True):
-    """`initial_ontology` is the ontology until the Repository's was read, if there is one to be followed. `subscribers`: until when, by
-    address; `answers`: by message id, oldest first; `news_count` counts the news."""
+    """The state of a Registry.
+
+    `initial_ontology` is used until the Repository's ontology has been read, if the Registry follows a Repository. `subscribers`: the time
+    at which each subscription expires, by address. `answers`: by message id, oldest first. `news_count`: notifications so far.
+    """
 
     address: str
     initial_ontology: Ontology = field(name="given")

@@ -159,11 +159,11 @@ def test_a_provider_may_publish_the_same_service_again(registry: Registry) -> No
     [
         (
             Publish(provider="", offers=(), lease=30.0),
-            "who offers these services? `provider` is empty: give the name of the device on the map",
+            "`provider` is empty: give the name of the device on the map",
         ),
         (
             Publish(provider="Washer2", offers=(offer("Washer1"),), lease=30.0),
-            "Washer1.Wash is Washer1's, and Washer2 cannot offer it: let Washer1 publish it",
+            "Washer1.Wash belongs to Washer1, and Washer2 cannot offer it: let Washer1 publish it",
         ),
         (
             publish(structs.replace(offer("Washer2"), service="Washer1.Wash")),
@@ -260,7 +260,7 @@ def test_all_attributes_are_as_wanted(registry: Registry, attributes: dict[str, 
 def test_who_follows_is_told_until_when(registry: Registry) -> None:
     assert ask(registry, SubscribeServices(lease=20.0), ServicesSubscribed, now=5.0, sender=FOLLOWER) == ServicesSubscribed(until=25.0)
     assert ask(registry, SubscribeServices(lease=20.0), Fault, sender=ANONYMOUS) == Fault(
-        code="Sender", text="news can only be sent to somebody who has an address: set the sender to one that can be reached"
+        code="Sender", text="a subscription needs a sender address: set the sender to an address that can be reached"
     )
     assert list(registry.state.subscribers) == [FOLLOWER]
 
