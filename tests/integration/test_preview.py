@@ -126,7 +126,7 @@ def test_who_refuses_says_why_and_if_all_do_there_is_no_price() -> None:
     system = VirtualSystem(Robot("Robot1", 10, 60, refuses="the battery is low"))
     result = preview(system, GOAL)
     assert (result.price, result.seconds) == (None, None)
-    assert result.unserved == {"step1": "nobody takes it (Robot1.TransferObject: the battery is low)"}
+    assert result.unserved == {"step1": "no service takes it (Robot1.TransferObject: the battery is low)"}
     assert len(result.steps) == 1
 
 
@@ -162,7 +162,7 @@ def test_who_does_not_answer_is_put_down_with_what_it_asked_last() -> None:
 def test_who_never_said_anything_is_not_guessed_at() -> None:
     system = VirtualSystem(Robot("Robot1", 10, 60, mute=True))
     result = preview(system, GOAL)
-    assert result.unserved == {"step1": "nobody takes it (Robot1.TransferObject: did not answer within 2 s)"}
+    assert result.unserved == {"step1": "no service takes it (Robot1.TransferObject: did not answer within 2 s)"}
 
 
 def test_it_takes_a_few_seconds_however_long_the_plan_is_and_however_slow_the_services() -> None:

@@ -1,1 +1,1 @@
-"""The Task Manager: takes tasks from clients, has them planned, arranges services, and sees the plan through or recovers."""
+"""The Task Manager: accepts tasks from clients, has them planned, arranges services, executes the plan, and recovers from failures."""

@@ -1,4 +1,4 @@
-"""What all transactions of a Task Manager share, and the planning problem that a task is in it."""
+"""The context that all transactions of a Task Manager share, and the planning problem of a task."""
 
 from __future__ import annotations
 
@@ -25,29 +25,29 @@ from somrs.task_manager.requests import Requests
 from somrs.task_manager.reservations import Reservations
 
 PRICE, DURATION = "Price", "Duration"
-"""The attributes of a service whose price, or duration, is always the same."""
+"""The attributes of a service that state a fixed price and a fixed duration."""
 
 Interval = tuple[float, float]
-"""From when until when, in seconds on the coordinator's clock."""
+"""Start and end, in seconds on the coordinator's clock."""
 
 Commitments = Mapping[str, Sequence[Interval]]
-"""When providers are committed to something."""
+"""The intervals in which each provider is committed."""
 
 MOST_PRIORITY = 1000
 
 
 class Quotes(Struct, kw_only=True):
-    """What services asked last, and how long they said last that they take."""
+    """The last price and the last duration (seconds) that each service offered."""
 
     prices: dict[str, float] = {}
     durations: dict[str, float] = {}
 
     def record_quote(self, service: str, price: float, duration: float) -> None:
-        """A service gave its terms."""
+        """Record the terms of a service."""
         self.prices[service], self.durations[service] = price, duration
 
     def last_quote(self, offer: Offer) -> tuple[float, float] | None:
-        """The price and the duration that a service asked last, or says that it always asks, if both are known."""
+        """The last price and duration of a service, or those that its attributes fix; None unless both are known."""
         price = self.prices.get(offer.service, offer.attributes.get(PRICE))
         duration = self.durations.get(offer.service, offer.attributes.get(DURATION))
         if isinstance(price, float | int) and isinstance(duration, float | int):
@@ -56,7 +56,7 @@ class Quotes(Struct, kw_only=True):
 
 
 class TaskManagerContext:
-    """What a transaction needs to know of the world around it. It has no state of its own: it leads to that of the Task Manager."""
+    """What a transaction uses of its Task Manager. It has no state of its own, but references to that of the Task Manager."""
 
     def __init__(
         self,
@@ -73,11 +73,11 @@ class TaskManagerContext:
         self.address = requests.address
         self.replica, self.requests, self.reservations, self.queues, self.quotes = replica, requests, reservations, queues, quotes
         self.touched = touched
-        """The transactions to which something happened, for those who watch them."""
+        """The transactions that changed, for the clients that watch them."""
         self.commitments = commitments
-        """From when until when providers are committed to this Task Manager, in any transaction."""
+        """The intervals in which providers are committed to this Task Manager, in any transaction."""
         self.still_at_work = still_at_work
-        """Whether a participant's device does yet what it was told to begin."""
+        """Whether a participant's device still carries out its last order."""
 
 
 def planning_problem(
@@ -87,10 +87,11 @@ def planning_problem(
     avoided: frozenset[str] = frozenset(),
     quotes: Mapping[str, float] = MappingProxyType({}),
 ) -> Problem:
-    """The planning problem of a task on the map as it is now, with these services on offer, without the objects that are to be `avoided`.
-    `quotes` are what services asked last.
+    """The planning problem of a task on the current map, with these services on offer.
 
-    Raises FormulaError when the task does not fit the map, which may have lost what the task speaks of.
+    The plan must not use the objects in `avoided`. `quotes` are the last prices, by service.
+
+    Raises FormulaError when the task does not fit the map, for example because an object of the task has been removed.
     """
     providers: dict[str, list[str]] = {}
     prices: dict[str, dict[str, float]] = {}
@@ -117,7 +118,7 @@ def planning_problem(
 
 
 def known_to_hold(formula: Formula, replica: Replica) -> bool:
-    """Whether it is so on the map, which may say of an object that nobody knows its state, or may have lost it."""
+    """Whether the formula holds on the map; False if the map marks one of its objects as unknown or has lost it."""
     map = replica.map
     if any(map.objects[name].values.get(UNKNOWN) is True for name in names(formula) if name in map.objects):
         return False
@@ -128,13 +129,13 @@ def known_to_hold(formula: Formula, replica: Replica) -> bool:
 
 
 def find_task_error(task: Submit, replica: Replica) -> str | None:
-    """What is wrong with a task as its client stated it, if anything."""
+    """The error in a task as its client stated it, or None."""
     if task.deadline is not None and not (0 < task.deadline < math.inf):
-        return f"a deadline is a number of seconds from now, and {task.deadline:g} is none; leave it out if there is none"
+        return f"a deadline is a positive number of seconds from now, and not {task.deadline:g}; leave it out if there is no deadline"
     if not math.isfinite(task.time_value):
-        return f"time_value is what a second is worth in the currency of the terms, and {task.time_value:g} is no amount"
+        return f"time_value is the value of a second in the currency of the terms, and cannot be {task.time_value:g}"
     if abs(task.priority) > MOST_PRIORITY:
-        return f"a priority is a whole number from -{MOST_PRIORITY} to {MOST_PRIORITY}, and {task.priority} is none of them"
+        return f"a priority is a whole number from -{MOST_PRIORITY} to {MOST_PRIORITY}, and not {task.priority}"
     try:
         planning_problem(task, replica, [])
         for handler in task.handlers:
@@ -145,10 +146,10 @@ def find_task_error(task: Submit, replica: Replica) -> str | None:
 
 
 def _check_handler(handler: Handler, replica: Replica) -> None:
-    """Raises FormulaError. The variables are those of the steps that it is for, where that can be known."""
+    """Raises FormulaError. A handler may use the inputs of its service type, if it names one, as variables."""
     service_types = replica.ontology.services
     if handler.service_type is not None and handler.service_type not in service_types:
-        hint = nearest(handler.service_type, service_types) or "leave it out, and it is for every step"
+        hint = nearest(handler.service_type, service_types) or "leave it out for a handler of all steps"
         raise FormulaError(handler.service_type, 0, f"there is no service type {handler.service_type}", hint)
     service_type = service_types.get(handler.service_type or "")
     inputs = {parameter.name: parameter.type for parameter in service_type.inputs} if service_type is not None else {}

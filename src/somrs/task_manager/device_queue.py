@@ -1,7 +1,7 @@
-"""Whose turn it is at a device, among all tasks: it does so many things at once, and who is told to begin has its turn.
+"""Which steps a device executes next, among the steps of all tasks. The capacity of a device limits how many it executes at once.
 
-Of steps that wait for the same device, those of the task with the highest priority come first, then those that were promised first. What
-is under way is not interrupted, and a device does not wait for a step that cannot begin yet, whatever its priority.
+Among the steps that wait for a device, those of the task with the highest priority come first, then those with the earliest promised
+start. A running step is not interrupted, and a device does not wait for a step that cannot start yet, whatever its priority.
 """
 
 from __future__ import annotations
@@ -13,41 +13,41 @@ from msgspec import Struct, field
 from somrs.protocol.messages.directory import CAPACITY_ATTRIBUTE, Offer
 
 Rank = tuple[float, float, float, str]
-"""The lowest comes first."""
+"""The order of waiting tasks, lowest first."""
 
 
 class AtWork(Struct, frozen=True):
-    """A participant that was told to begin something."""
+    """A participant that received an order: Execute or Compensate."""
 
     transaction: str
     participant: str
 
 
 StillAtWork = Callable[[AtWork], bool]
-"""Whether its device does that yet."""
+"""Whether the device of the participant still carries out the order."""
 
 
 class _Turn(Struct, frozen=True):
-    """A task that has a step for the device."""
+    """A task that waits for a device with a step."""
 
     offer: Offer
     rank: Rank
 
 
 class DeviceQueues(Struct, kw_only=True):
-    """Of all devices. Who waits in vain, because its step is gone, costs nothing: it is called, and takes no turn."""
+    """The queues of all devices. A waiting task whose step is gone does no harm: it is admitted and starts nothing."""
 
     at_work: dict[str, list[AtWork]] = {}
-    """By device, all that were told to begin and may be at work yet."""
+    """By device: the participants that received an order and may still carry it out."""
     waiting: dict[str, dict[str, _Turn]] = field(default_factory=dict)
-    """By device, and by task."""
+    """By device, then by task."""
 
     def add_work(self, device: str, work: AtWork) -> None:
-        """Something was told to begin there."""
+        """Register an order to a participant on the device."""
         self.at_work.setdefault(device, []).append(work)
 
     def request_turn(self, offer: Offer, task: str, rank: Rank, still_at_work: StillAtWork) -> bool:
-        """Whether it is the task's turn at the device. If not, `admit_waiting` admits it later."""
+        """Whether the task may start a step at the device now. If not, it waits, and `admit_waiting` yields it later."""
         waiting = self.waiting.get(offer.provider, {})
         if self._has_room(offer, still_at_work) and all(rank <= turn.rank for other_task, turn in waiting.items() if other_task != task):
             return True
@@ -57,7 +57,7 @@ class DeviceQueues(Struct, kw_only=True):
         return False
 
     def admit_waiting(self, still_at_work: StillAtWork) -> Iterator[str]:
-        """The tasks whose turn it is. Between two of them, anything may change."""
+        """Remove and yield the tasks whose turn it is. The queues may change between two of them."""
         for device in [*self.waiting]:
             waiting = self.waiting[device]
             while waiting:

@@ -1,4 +1,4 @@
-"""The Task Manager as a component: clients' requests, answers and protocol messages go to the transaction they concern."""
+"""The Task Manager as a component: it passes clients' requests, answers and protocol messages to the transactions that they concern."""
 
 from __future__ import annotations
 
@@ -55,21 +55,21 @@ from somrs.task_manager.transaction.transaction import Transaction, new_task
 from somrs.task_manager.transaction.views import message_view, preview_reply, view_in_parts
 
 READY_TIME = 30.0
-"""Seconds that a task waits for the map to be read, after the start; then its client hears that the Repository is not there."""
+"""Seconds that a task waits for the map after the start. Then its client receives a Fault: the Repository does not answer."""
 
 REMEMBERED = 200
-"""So many tasks are known; beyond that the oldest that are over are forgotten here. They stay readable: they were recorded."""
+"""The number of tasks in memory. Beyond that, the oldest ended tasks are dropped; the archive keeps their records."""
 
 
 class TaskManager:
-    """Takes tasks and sees them through. Several at once, each a transaction of its own."""
+    """Accepts tasks and carries them out, several at once, each as a transaction of its own."""
 
     def __init__(self, address: str, *, repository: str, registry: str) -> None:
         self._adopt(TaskManagerState.new(address, repository, registry))
 
     @classmethod
     def restored(cls, state: TaskManagerState) -> TaskManager:
-        """The Task Manager that has this state."""
+        """Create a Task Manager from its state."""
         manager = cls.__new__(cls)
         manager._adopt(state)
         return manager
@@ -91,11 +91,11 @@ class TaskManager:
 
     @property
     def open(self) -> list[str]:
-        """The tasks that are not over."""
+        """The ids of the tasks that have not ended."""
         return [*self.state.running]
 
     def handle(self, event: Input, now: float) -> list[Effect]:
-        """What to do about the input."""
+        """Handle an input and return its effects."""
         return [*self._effects(event, now)]
 
     def _effects(self, event: Input, now: float) -> Effects:
@@ -132,7 +132,7 @@ class TaskManager:
             case Received(message):
                 yield from self._receive(message, now)
             case TimerFired(timer):
-                yield from self._timer_fired(timer, now)  # type: ignore[arg-type]  # only its own timers ring
+                yield from self._timer_fired(timer, now)  # type: ignore[arg-type]  # only its own timers fire
             case Answered(question, value):
                 yield from self._answered(question, value, now)
             case DeliveryFailed(message, reason) if message.header.message_id in state.requests.pending:
@@ -160,7 +160,7 @@ class TaskManager:
             yield from self._serve(message, now)
 
     def _serve(self, message: Message, now: float) -> Effects:
-        """A client's request."""
+        """Handle a client's request."""
         state = self.state
         match message.body:
             case clients.Submit():
@@ -183,9 +183,9 @@ class TaskManager:
             case frp.Fault():
                 pass  # a Fault is never answered
             case body if type(body) not in REQUESTS and not isinstance(body, FrpBody):
-                pass  # an answer that came twice, or too late
+                pass  # a repeated or late answer
             case body:
-                fault = frp.Fault(code="wsa:ActionNotSupported", text=f"a Task Manager does not take {type(body).__name__}")
+                fault = frp.Fault(code="wsa:ActionNotSupported", text=f"a Task Manager does not understand {type(body).__name__}")
                 yield self._reply(message, fault)
 
     def _submit(self, message: Message, task: clients.Submit, now: float) -> Effects:
@@ -210,7 +210,7 @@ class TaskManager:
                 yield from self._advance_preview(id, lambda preview: preview.begin(now))
 
     def _advance_preview(self, id: str, work: Callable[[PreviewExecutor], EffectsReturning[clients.Previewed | None]]) -> Effects:
-        """Go on with a preview; it is answered when it is over."""
+        """Continue a preview. Its client receives the answer when it has ended."""
         preview = self.state.previews[id]
         answer = yield from work(PreviewExecutor(preview, self._context))
         if answer is not None:
@@ -229,7 +229,7 @@ class TaskManager:
         return clients.Tasks(tasks=page, more=len(page) < len(newest))
 
     def _read_messages(self, request: Message, query: clients.ReadMessages) -> Effect:
-        """Those of a task that is over are in its record."""
+        """The messages of a running task are in its state; those of an ended task are in its record."""
         offset = max(query.after, 0)
         if query.task in self.state.running:
             passed = self.state.tasks[query.task].messages
@@ -243,7 +243,7 @@ class TaskManager:
         self.state.awaiting_records[id] = request
         return Ask(RecordsWanted(id), query)
 
-    # What the node answers
+    # Timers and answers
 
     def _timer_fired(self, timer: Timer, now: float) -> Effects:
         state = self.state
@@ -281,7 +281,7 @@ class TaskManager:
             yield from self._advance_preview(transaction, lambda preview: preview.delivery_failed(message, reason, now))
 
     def _request_answered(self, result: RequestResult | None, now: float) -> Effects:
-        """The Repository, or the Registry, answered a request."""
+        """Handle the result of a request to the Repository or the Registry."""
         state = self.state
         match result:
             case ServicesKnown(purpose, offers) if purpose.owner in state.tasks:
@@ -304,7 +304,7 @@ class TaskManager:
         for id, message in waiting.items():
             yield SetTimer(MapDue(id), None)
             yield from self._serve(message, now)
-        # A version that goes back belongs to another store: the versions that are awaited will never come.
+        # A lower version belongs to another store: the versions that reports wait for will never come.
         begun_anew = read and state.replica.version < state.map_version
         state.map_version = state.replica.version
         due = [report for report in state.unsettled if begun_anew or report.version <= state.replica.version]
@@ -331,7 +331,7 @@ class TaskManager:
         task: TaskState | None = self.state.tasks.get(work.transaction)
         return task is not None and task.members.at_work(work.participant)
 
-    # Speaking
+    # Replies
 
     def _reply(self, request: Message, body: Body) -> Send:
         return Send(reply(request, body, self.address))
@@ -344,7 +344,7 @@ class TaskManager:
                 yield effect
 
     def _forget_old_tasks(self) -> None:
-        """The oldest tasks that are over, beyond so many. Whoever watched them was told."""
+        """Drop the oldest ended tasks beyond `REMEMBERED`. The clients that watched them have received their outcome."""
         state = self.state
         while len(state.tasks) > REMEMBERED and len(state.tasks) > len(state.running):
             oldest = next(id for id in state.tasks if id not in state.running)
@@ -353,7 +353,7 @@ class TaskManager:
 
 
 def _records_reply(request: Message, answer: Answer) -> Body:
-    """What was asked of the records, for the client that asked for it."""
+    """The reply to a client that requested records or messages."""
     match answer, request.body:
         case records.Records(), records.ReadRecords():
             return answer
@@ -376,4 +376,4 @@ SCHEMA = Schema(
     restore=TaskManager.restored,
     migrations=MIGRATIONS,
 )
-"""What its journal is made of."""
+"""The types in the journal of a Task Manager."""

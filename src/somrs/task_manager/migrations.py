@@ -1,4 +1,4 @@
-"""From each version of the Task Manager's state to the next (`manager.SCHEMA`)."""
+"""Migrations of the Task Manager's state, from each version to the next (`manager.SCHEMA`)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from somrs.protocol.messages.events import GoalKind
 
 
 def _with_goals(snapshot: Any) -> Any:
-    """Steps, work and events say what they are for; before, only the names of steps did, such as `look2.step1`."""
+    """Add the kind of goal to steps, work and events. In version 1, only the names of steps show it, such as `look2.step1`."""
     for task in snapshot["state"]["tasks"].values():
         for execution in (task["goal"], *task["aside"]):
             for run in (execution["workflow"] or {"runs": {}})["runs"].values():
@@ -27,4 +27,4 @@ def _goal(label: str) -> GoalKind:
 
 
 MIGRATIONS = {1: Migration(snapshot=_with_goals)}
-"""By the version that they lead from."""
+"""By the version that they start from."""

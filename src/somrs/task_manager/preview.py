@@ -1,7 +1,9 @@
-"""A preview: what a task would come to. It is planned, and, if that is wanted, services are asked for their terms as a task would ask
-them, step by step in causal order, each on what the steps before promise. Nothing is accepted, and everybody is told that it is over.
+"""Previews: the plan, the price and the duration of a task, without executing it.
 
-It takes a few seconds at most. Whoever has not answered by then is put down with what it asked last, as an estimate.
+A preview plans the task. If the client wants quotes, it then asks services for terms as a task does: step by step in causal order, each
+step after the promised finish of the steps before it. It accepts no terms, and dismisses all services.
+
+A preview takes a few seconds at most. For a service that has not answered by then, its last terms are the estimate.
 """
 
 from __future__ import annotations
@@ -33,19 +35,19 @@ from somrs.task_manager.timers import Answer, BidsDue, PlanWanted, PreviewDue
 from somrs.task_manager.transaction.views import preview_reply, step_view
 
 MOST_TIME = 6.0
-"""Seconds that asking takes at most."""
+"""Maximum seconds for asking services for terms."""
 
 REPLY_TIME = 2.0
-"""Seconds that services have to answer for one step; in a task they have more."""
+"""Seconds that services have to answer for one step; a task gives them more."""
 
 SILENT = {State.ARRANGING: f"did not answer within {REPLY_TIME:g} s", State.NEW: "was not asked: there was no time left"}
-"""Why there are no terms of a service that has not said that it gives none."""
+"""Why a service that has not refused gave no terms, by its state."""
 
-PREVIEW_ONLY = "it was only asked what it would cost"
+PREVIEW_ONLY = "only a preview was requested"
 
 
 class PreviewState(Struct, kw_only=True):
-    """One preview. `request` is answered once, with what it came to."""
+    """The state of one preview. Its result answers `request`, once."""
 
     id: str
     query: Preview = field(name="wanted")
@@ -65,7 +67,7 @@ class PreviewState(Struct, kw_only=True):
 
 
 def new_preview(id: str, query: Preview, request: Message) -> PreviewState:
-    """A preview that a client has just asked for; `begin` it next."""
+    """A preview that a client has just requested; `begin` it next."""
     task = Submit(
         effect=query.effect,
         precondition=query.precondition,
@@ -79,7 +81,7 @@ def new_preview(id: str, query: Preview, request: Message) -> PreviewState:
 
 
 class PreviewExecutor:
-    """Goes on with one preview; what it came to comes at its end, once. It has no state of its own."""
+    """Continues one preview. Its methods return the result once, at the end. It has no state of its own."""
 
     def __init__(self, state: PreviewState, context: TaskManagerContext) -> None:
         self._state, self._context = state, context
@@ -99,11 +101,11 @@ class PreviewExecutor:
         return PlanRequester(self._state.planning, self._services, self._context, reserves=False)
 
     def discovered(self, offers: tuple[Offer, ...] | str, now: float) -> EffectsReturning[Previewed | None]:
-        """The services on offer are known, or why they cannot be."""
+        """Handle the services on offer, or the reason why they are not known."""
         return (yield from self._planned((yield from self._planning.discovered(offers)), now))
 
     def planned(self, question: PlanWanted, answer: Answer, now: float) -> EffectsReturning[Previewed | None]:
-        """The planner's answer."""
+        """Handle the planner's answer."""
         if self._state.planning.question != question:
             return None
         return (yield from self._planned((yield from self._planning.answered(answer)), now))
@@ -122,14 +124,14 @@ class PreviewExecutor:
         yield SetTimer(PreviewDue(state.id), now + MOST_TIME)
         return (yield from self._ask(now))
 
-    # Asking
+    # Calls for proposals
 
     @property
     def _arrangement(self) -> Arrangement:
         return Arrangement(self._state.workflow, self._state.members, self._participants)
 
     def receive(self, message: Message, now: float) -> EffectsReturning[Previewed | None]:
-        """A service answers."""
+        """Handle a service's message."""
         received = yield from self._participants.receive(message, now)
         if received is None or not received[1].moved or self._state.ended:
             return None
@@ -146,13 +148,13 @@ class PreviewExecutor:
         return (yield from self._answered(call, now))
 
     def delivery_failed(self, message: Message, reason: str, now: float) -> EffectsReturning[Previewed | None]:
-        """A service could not be reached."""
+        """Handle a message that did not reach its service."""
         member = yield from self._participants.delivery_failed(message, reason, now)
         call = self._state.calls.find_call(member) if member is not None else None
         return (yield from self._answered(call, now)) if call is not None and not self._state.ended else None
 
     def timer_fired(self, timer: object, now: float) -> EffectsReturning[Previewed | None]:
-        """Somebody has not answered in time, or all of it has taken long enough."""
+        """The time to answer a call, or the time of the whole preview, is over."""
         state = self._state
         if state.ended:
             return None
@@ -173,7 +175,7 @@ class PreviewExecutor:
         return (yield from self._ask(now))
 
     def _ask(self, now: float) -> EffectsReturning[Previewed | None]:
-        """Ask for the steps that come next; when all were asked for, that is it."""
+        """Open calls for the next steps. The preview ends when there are no more."""
         state = self._state
         workflow, calls = state.workflow, state.calls
         while True:
@@ -182,7 +184,7 @@ class PreviewExecutor:
             for run in runs[: MAX_OPEN_CALLS - call_count]:
                 able = self._services.able_offers(run)
                 if not able:
-                    self._mark_unserved(run, now, "nobody offers it")
+                    self._mark_unserved(run, now, "no device offers it")
                     continue
                 earliest, latest = workflow.earliest_start(run, now), self._latest_finish
                 yield from calls.open((yield from self._arrangement.invite_services(run, able, earliest, latest, now, REPLY_TIME)))
@@ -196,10 +198,10 @@ class PreviewExecutor:
         state = self._state
         return state.bidding_start + state.query.deadline if state.query.deadline is not None else None
 
-    # Choosing
+    # Choice
 
     def _settle(self, call: CallForProposals, now: float) -> Effects:
-        """Take the best of what came, on paper."""
+        """Close a call and choose the best bid, without accepting it."""
         state, run = self._state, self._arrangement.run(call)
         yield from state.calls.close(call)
         bids: dict[str, Bid] = {}
@@ -221,7 +223,7 @@ class PreviewExecutor:
         ]
         if best is None:
             reasons = "; ".join(f"{quotation.service}: {quotation.reason}" for quotation in quotations if quotation.reason)
-            self._mark_unserved(run, now, f"nobody takes it ({reasons})" if not bids else "nobody would be done in time")
+            self._mark_unserved(run, now, f"no service takes it ({reasons})" if not bids else "no service would finish in time")
             return
         chosen = next(member for member in invited if member.id == best.participant)
         state.workflow.bind(run, chosen.offer.provider)
@@ -245,20 +247,20 @@ class PreviewExecutor:
         )
 
     def _mark_unserved(self, run: StepRun, now: float, reason: str) -> None:
-        """The steps behind it are asked for all the same, as if it took no time."""
+        """Mark a step that no service takes. The steps after it are arranged as if it took no time."""
         state = self._state
         state.unserved[run.label] = reason
         run.start = run.finish = state.workflow.earliest_start(run, now)
         state.workflow.move(run, Progress.ARRANGED)
 
     def _estimate_rest(self, now: float) -> Effects:
-        """There is no time to ask for what is left: put down what services asked last."""
+        """Estimate the remaining steps from the last terms of services, because there is no time to ask for new ones."""
         state = self._state
         for run in state.workflow:
             if run.progress is not Progress.OPEN:
                 continue
             members = [self._participants.make_member(offer, run.label, run.key) for offer in self._services.able_offers(run)]
-            for number, member in enumerate(members):  # nobody is asked: they need names of their own all the same
+            for number, member in enumerate(members):  # only invitations are counted: make the ids unique
                 member.id = f"{member.id}/{run.key}/{number}"
                 state.members.by_id[member.id] = member
             call = make_call(run, (member.id for member in members), earliest=0.0, latest=None, reply_by=now)
@@ -266,7 +268,7 @@ class PreviewExecutor:
             yield from self._settle(call, now)
 
     def _estimate_bid(self, run: StepRun, member: Member, now: float) -> Bid | None:
-        """The bid that the service would make if it asked what it asked last, or says that it always asks."""
+        """The bid of the service with its last or fixed price and duration; None if they are not known."""
         offer = member.offer
         quote = self._context.quotes.last_quote(offer)
         if quote is None:
@@ -282,7 +284,7 @@ class PreviewExecutor:
     def _commitments(self) -> Commitments:
         return self._context.commitments()
 
-    # Telling
+    # Result
 
     def _conclusion(self) -> Previewed:
         state = self._state
@@ -316,7 +318,7 @@ class PreviewExecutor:
         return answer
 
     def _ignore_event(self, event: Event, now: float) -> None:
-        """There is nobody at work who could fall silent."""
+        """A preview keeps no events."""
 
     def _ignore_message(self, now: float, message: Message) -> None:
-        """Of what is only asked nothing is kept."""
+        """A preview keeps no messages."""

@@ -1,6 +1,6 @@
-"""What a Task Manager has asked of the Repository and the Registry, and what for.
+"""The pending requests of a Task Manager to the Repository and the Registry, and their purposes.
 
-A request is sent again under its own id until it is answered or out of time; whoever is asked knows it by its id.
+A request is sent again under the same id until it is answered or its time is over. The recipient recognizes a repetition by the id.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ PATIENCE = 10.0
 """Seconds after which a request without an answer is sent again."""
 
 DISCOVERY_TIME = 30.0
-"""Seconds that the Registry has to answer: without services there is nothing to plan with."""
+"""Seconds that the Registry has to answer. Planning is impossible without the services on offer."""
 
 UPDATE_TIME = 86_400.0
-"""Seconds for which the Repository is told what was reported: it may be down for a while, and has to know."""
+"""Seconds for which a report is sent to the Repository, which has to receive it even after a long outage."""
 
 
 class ForPlan(Struct, frozen=True, tag=True):
-    """The services on offer, for the plan of the goal of that number, as it was asked for the so-manieth time."""
+    """The services on offer, for a plan of the goal with the number `goal`; `serial` counts the plans of the goal."""
 
     owner: str
     goal: int
@@ -35,14 +35,14 @@ class ForPlan(Struct, frozen=True, tag=True):
 
 
 class ForLook(Struct, frozen=True, tag=True):
-    """The services on offer, to find one that can look; `serial` counts the task's looks."""
+    """The services on offer, for an observation; `serial` counts the observations of the task."""
 
     owner: str
     serial: int
 
 
 class ForReport(Struct, frozen=True, tag=True):
-    """A report to be put on the map."""
+    """A report for the map."""
 
     owner: str
 
@@ -51,14 +51,14 @@ RequestPurpose = ForPlan | ForLook | ForReport
 
 
 class ServicesKnown(Struct, frozen=True):
-    """All that is on offer; or why that cannot be had."""
+    """All services on offer, or the reason why they are not known."""
 
     purpose: ForPlan | ForLook
     offers: tuple[Offer, ...] | str
 
 
 class ReportAnswered(Struct, frozen=True):
-    """What the Repository said of a report."""
+    """The Repository's answer to a report."""
 
     purpose: ForReport
     answer: Message
@@ -68,7 +68,7 @@ RequestResult = ServicesKnown | ReportAnswered
 
 
 class Request(Struct, frozen=True, kw_only=True):
-    """`offers`: what the pages before said."""
+    """A pending request. `offers`: those of the earlier pages."""
 
     message: Message
     purpose: RequestPurpose
@@ -77,7 +77,7 @@ class Request(Struct, frozen=True, kw_only=True):
 
 
 class Requests(Struct, kw_only=True):
-    """Every answer comes with what it was asked for; when none comes in time, a Fault."""
+    """All pending requests. Each results in an answer with its purpose; if none comes in time, in a Fault."""
 
     address: str
     repository: str
@@ -87,15 +87,15 @@ class Requests(Struct, kw_only=True):
     request_count: int = field(default=0, name="asked")
 
     def start(self, now: float) -> None:
-        """The time is part of the ids: what was asked in an earlier life that is forgotten is another question."""
+        """Make the time part of all request ids, so that a Task Manager that lost its state does not use earlier ids again."""
         self.incarnation = self.incarnation or now
 
     def update(self, body: UpdateMap, purpose: ForReport, now: float) -> Effects:
-        """Have the Repository change its map."""
+        """Request a change of the map from the Repository."""
         yield from self._ask(self.repository, body, purpose, now, UPDATE_TIME)
 
     def discover(self, purpose: ForPlan | ForLook, now: float, offers: tuple[Offer, ...] = ()) -> Effects:
-        """Read from the Registry, page by page, all that is on offer."""
+        """Read all offers from the Registry, page by page."""
         discover = Discover(after=offers[-1].service if offers else "")
         yield from self._ask(self.registry, discover, purpose, now, DISCOVERY_TIME, offers)
 
@@ -103,18 +103,18 @@ class Requests(Struct, kw_only=True):
         return message.header.relates_to in self.pending
 
     def answered(self, message: Message, now: float) -> EffectsReturning[RequestResult | None]:
-        """An answer came. What it means, unless more is to come."""
+        """Handle an answer. Returns None if the answer has further pages."""
         request = self.pending.pop(message.header.relates_to or "")
         yield SetTimer(AnswerDue(request.message.header.message_id), None)
         return (yield from self._interpret_answer(request, message, now))
 
     def delivery_failed(self, message: Message, reason: str, now: float) -> EffectsReturning[RequestResult | None]:
-        """A request never arrived."""
+        """Handle a request that could not be delivered."""
         request = self.pending[message.header.message_id]
         return (yield from self._retry(request, f"{message.header.recipient} could not be reached: {reason}", now))
 
     def timer_fired(self, timer: AnswerDue, now: float) -> EffectsReturning[RequestResult | None]:
-        """The answer to a request is overdue."""
+        """Handle a request whose answer is overdue."""
         request = self.pending.get(timer.request)
         if request is None:
             return None
@@ -159,7 +159,7 @@ class Requests(Struct, kw_only=True):
 
 
 def answer_problems(answer: Message) -> tuple[str, ...]:
-    """What an answer that is not the wanted one says."""
+    """The problems that a negative or unexpected answer states."""
     match answer.body:
         case Rejected(problems=problems):
             return tuple(problems)

@@ -1,9 +1,9 @@
-"""What tasks that are under way have to themselves, so that none is planned on what another was promised.
+"""The objects that running tasks have reserved.
 
-From the moment when a task takes a plan until it ends, nobody else changes what its plan changes or relies on, and nobody relies on what
-it changes: that may be another way by then. Who needs something that another has waits until that one has ended. Whoever waits has
-nothing, not even what it had before, so nobody waits for one that waits for it; of those that wait, the one with the highest priority
-comes first, then the one that was submitted first. What is under way is not interrupted, whatever the priority of those that wait for it.
+A task reserves the objects that its plan changes or relies on, from the moment it takes the plan until it ends. No other task changes
+these objects, or relies on an object that the plan changes. A task that needs a reserved object waits until the other task has ended. A
+waiting task holds no reservation, not even an earlier one, so tasks cannot deadlock. Among waiting tasks, the one with the highest priority
+comes first, then the one that was submitted first. A task that holds a reservation is not interrupted, whatever the priority of others.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from somrs.planner.model.plan import Plan, Step
 
 
 class Reservation(Struct, frozen=True, kw_only=True):
-    """The objects that a plan changes, and those that have to stay as they are for it."""
+    """The objects that a plan changes, and the other objects that it relies on."""
 
     changes: frozenset[str] = frozenset()
     relies_on: frozenset[str] = field(default=frozenset(), name="relies")
@@ -28,12 +28,12 @@ class Reservation(Struct, frozen=True, kw_only=True):
         return Reservation(changes=self.changes | reservation.changes, relies_on=self.relies_on | reservation.relies_on)
 
     def overlap(self, reservation: Reservation) -> frozenset[str]:
-        """What both cannot have."""
+        """The objects on which the two reservations conflict."""
         return self.changes & (reservation.changes | reservation.relies_on) | self.relies_on & reservation.changes
 
 
 class BlockedPlan(Struct, frozen=True, kw_only=True):
-    """There is a plan, but others have what it needs: who, and which of the objects."""
+    """A plan that needs objects of other tasks. `holders`: the contested objects, by task."""
 
     reservation: Reservation
     holders: dict[str, frozenset[str]]
@@ -47,29 +47,29 @@ class BlockedPlan(Struct, frozen=True, kw_only=True):
 class _Waiting(Struct):
     reservation: Reservation = field(name="wanted")
     admitted: bool = field(default=False, name="called")
-    """It makes its plan; until it has that, what it waits for is respected by whoever comes behind it."""
+    """The task is making its plan. Until it has one, tasks behind it respect the reservation that it waits for."""
 
 
 class Reservations(Struct, kw_only=True):
-    """Of all tasks that are under way, by task."""
+    """The reservations of all running tasks, by task."""
 
     goals: dict[str, str] = {}
-    """What each wants, in the order in which they come first: by priority, and then as they were submitted."""
+    """The goal of each task, in order of precedence: by priority, then by submission."""
     priorities: dict[str, int] = {}
     held: dict[str, Reservation] = {}
     waiting: dict[str, _Waiting] = field(default_factory=dict)
     freed: bool = False
-    """Something is free that was not when it was looked last."""
+    """Whether anything was freed since `admit_waiting` last checked."""
 
     def add_task(self, task: str, goal: str, priority: int = 0) -> None:
-        """The task was submitted."""
+        """Register a submitted task."""
         later_tasks = [other_task for other_task in reversed(self.goals) if self.priorities[other_task] < priority]
         self.goals[task], self.priorities[task] = goal, priority
         for other_task in reversed(later_tasks):
             self.goals[other_task] = self.goals.pop(other_task)
 
     def remove_task(self, task: str) -> None:
-        """It is over."""
+        """Remove a task that has ended, with its reservations."""
         self.goals.pop(task, None)
         self.priorities.pop(task, None)
         self.held.pop(task, None)
@@ -80,7 +80,7 @@ class Reservations(Struct, kw_only=True):
         return self.goals.get(task, "")
 
     def conflicts(self, task: str, reservation: Reservation) -> dict[str, frozenset[str]]:
-        """Who has what is wanted, or waits for it and comes first; empty when it can be had."""
+        """The contested objects, by other task that holds them or waits for them with precedence; empty if there is no conflict."""
         return {
             other_task: contested_objects
             for other_task, other_reservation in self._prior_reservations(task)
@@ -88,7 +88,7 @@ class Reservations(Struct, kw_only=True):
         }
 
     def holders(self, task: str, reservation: Reservation) -> list[str]:
-        """Who else has any of it, whoever waits for it."""
+        """The other tasks whose held reservations conflict with this one; waiting tasks do not count."""
         return [
             other_task
             for other_task, other_reservation in self.held.items()
@@ -96,7 +96,7 @@ class Reservations(Struct, kw_only=True):
         ]
 
     def reserved_objects(self, task: str) -> frozenset[str]:
-        """The objects that others change."""
+        """The objects that other tasks change, or wait to change with precedence."""
         return frozenset(name for _, other_reservation in self._prior_reservations(task) for name in other_reservation.changes)
 
     def _prior_reservations(self, task: str) -> Iterator[tuple[str, Reservation]]:
@@ -108,23 +108,23 @@ class Reservations(Struct, kw_only=True):
                 yield other_task, waiting.reservation
 
     def hold(self, task: str, reservation: Reservation) -> None:
-        """The task has this from now on, and what it had before: that may have to be undone."""
+        """Reserve for the task. It keeps its earlier reservations, because that work may have to be undone."""
         self.held[task] = self.held.get(task, Reservation()) | reservation
         self.waiting.pop(task, None)
 
     def wait(self, task: str, reservation: Reservation) -> None:
-        """The task gives up what it has, and waits for this."""
+        """Release what the task holds, and let it wait for this reservation."""
         self.held.pop(task, None)
         self.waiting[task] = _Waiting(reservation)
         self.freed = True
 
     def stop_waiting(self, task: str) -> None:
-        """It does not wait any more."""
+        """Remove the task from those that wait."""
         if self.waiting.pop(task, None) is not None:
             self.freed = True
 
     def admit_waiting(self) -> Iterator[str]:
-        """Those that wait for nobody any more, each once. Between two of them, anything may change."""
+        """The waiting tasks without conflicts, each once. The reservations may change between two of them."""
         while self.freed:
             self.freed = False
             for task in [task for task in self.goals if task in self.waiting]:
@@ -135,7 +135,7 @@ class Reservations(Struct, kw_only=True):
 
 
 def plan_reservation(steps: Iterable[Step], goal: Formula, ontology: Ontology) -> Reservation:
-    """What a plan changes and relies on. Of a goal with OR it is not known which part will be so."""
+    """The objects that a plan changes and relies on. A goal with OR adds none: it is not known which part will hold."""
     changes: set[str] = set()
     relies: set[str] = set()
     for step in steps:
@@ -165,14 +165,14 @@ def _formula_objects(formula: Formula, ontology: Ontology) -> Iterator[str]:
 
 
 def _subjects(atom: Relation, ontology: Ontology) -> Iterator[str]:
-    """The objects that a fact says something of: the first; of a symmetric relation, all."""
+    """The objects that a fact is about: its first argument, or all arguments of a symmetric relation."""
     relation = ontology.relations.get(atom.relation)
     subjects = atom.arguments if relation is not None and relation.symmetric else atom.arguments[:1]
     yield from (argument.name for argument in subjects if isinstance(argument, Name))
 
 
 def _term_objects(term: Term) -> Iterator[str]:
-    """The objects whose values a term is made of."""
+    """The objects whose attributes a term uses."""
     for inner in terms(term):
         match inner:
             case Attribute(Name(name)):

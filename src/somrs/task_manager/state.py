@@ -1,4 +1,4 @@
-"""All that a Task Manager knows, as one tree of data."""
+"""The state of a Task Manager, as one tree of data."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from somrs.task_manager.transaction.state import TaskState
 
 
 class UnsettledReport(Struct, frozen=True, kw_only=True):
-    """A report of a task that is settled once the map is known in that version; `problems`: what is wrong with it."""
+    """A task's report that is settled when the replica reaches `version`; `problems`: why the Repository rejected it."""
 
     version: int
     task: str
@@ -24,8 +24,11 @@ class UnsettledReport(Struct, frozen=True, kw_only=True):
 
 
 class TaskManagerState(Struct, kw_only=True):
-    """`tasks` are those that are known, `running` those of them that are not over. Of clients' requests, those wait that need the map
-    (`awaiting_map`) or the archive (`awaiting_records`), by message id."""
+    """The state of a Task Manager.
+
+    `tasks` are all tasks in memory, `running` those that have not ended. `awaiting_map` and `awaiting_records` are clients'
+    requests that wait for the map or for the archive, by message id.
+    """
 
     replica: Replica
     requests: Requests

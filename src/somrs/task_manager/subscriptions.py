@@ -1,4 +1,4 @@
-"""Clients that wait for news: of one task, or of all that are known. They hear what they have not heard yet, and no more than that."""
+"""Clients that wait for news of one task or of all tasks. Each receives only what it has not received yet."""
 
 from __future__ import annotations
 
@@ -17,22 +17,24 @@ from somrs.task_manager.transaction.state import TaskState
 from somrs.task_manager.transaction.views import contract_view, event_view, row, view_in_parts
 
 MOST_WAIT = 60.0
-"""Seconds that a client is let wait for news at most."""
+"""Maximum seconds that a client's request waits for news."""
 
 Replies = Iterator[tuple[Message, Body] | SetTimer]
-"""Requests and what is answered to them, and timers."""
+"""Requests with their replies, and timers."""
 
 
 class Watcher(Struct, frozen=True):
-    """A client that waits, and what for."""
+    """A client that waits, and its query."""
 
     request: Message
     query: WatchTask | WatchTasks = field(name="wanted")
 
 
 class Subscriptions(Struct, kw_only=True):
-    """Who waits, by message id. `started_at`: since when tasks are known here; `changed`: the number of the last change of each task, in
-    the order of these numbers."""
+    """The waiting clients, by message id.
+
+    `started_at`: since when the Task Manager has kept tasks. `changed`: the number of the last change of each task, in ascending order.
+    """
 
     watchers: dict[str, Watcher] = field(default_factory=dict)
     started_at: float = field(default=0.0, name="begun")
@@ -43,18 +45,18 @@ class Subscriptions(Struct, kw_only=True):
         self.started_at = self.started_at or now
 
     def forget(self, id: str) -> None:
-        """The task is not known here any more. Whoever watched it was told that it is over."""
+        """Drop a task that is not in memory any more. The clients that watched it have received its outcome."""
         self.changed.pop(id, None)
 
 
 class TaskSubscriptions:
-    """The subscriptions to these tasks, which are those that are known. It has no state of its own."""
+    """Serves the subscriptions to the tasks in memory. It has no state of its own."""
 
     def __init__(self, state: Subscriptions, tasks: Mapping[str, TaskState]) -> None:
         self._state, self._tasks = state, tasks
 
     def wait(self, request: Message, query: WatchTask | WatchTasks, now: float) -> Replies:
-        """Answer as soon as there is something, or the time is over."""
+        """Reply as soon as there is news, or when the time is over."""
         if self.has_news(query):
             yield request, self._news(query)
             return
@@ -64,19 +66,19 @@ class TaskSubscriptions:
         yield SetTimer(NewsDue(id), now + seconds)
 
     def timer_fired(self, id: str) -> Replies:
-        """Somebody's time is over."""
+        """Reply to a client whose waiting time is over."""
         if (watcher := self._state.watchers.pop(id, None)) is not None:
             yield watcher.request, self._news(watcher.query)
 
     def notify_watchers(self, touched: dict[str, None]) -> Replies:
-        """Tell those for whom there is something; something happened to those that were `touched`, and no more after this."""
+        """Reply to the clients for which the changes of the `touched` tasks are news, and clear `touched`."""
         state = self._state
         for id in touched:
             if id in self._tasks:
                 state.version += 1
                 state.changed.pop(id, None)
                 state.changed[id] = state.version
-        # With many tasks at a time, most watchers wait for news of others.
+        # With many running tasks, most watchers wait for news of other tasks.
         concerned = [entry for entry in state.watchers.items() if isinstance(entry[1].query, WatchTasks) or entry[1].query.task in touched]
         touched.clear()
         for id, watcher in [entry for entry in concerned if self.has_news(entry[1].query)]:
@@ -99,7 +101,7 @@ class TaskSubscriptions:
         return _news(self._tasks[query.task], query) if isinstance(query, WatchTask) else self._rows(query)
 
     def _rows(self, query: WatchTasks) -> TasksNews:
-        # Whoever heard of changes that have not been yet heard them from a Task Manager that is forgotten.
+        # A client with a later version received it from a Task Manager whose state is lost.
         state = self._state
         known_version = query.after if query.after <= state.version else 0
         changed: list[str] = []
@@ -113,7 +115,7 @@ class TaskSubscriptions:
 
 
 def _news(task: TaskState, query: WatchTask) -> TaskNews:
-    """What the client has not heard yet, as much of it as fits a message."""
+    """What the client has not received yet, as much of it as fits into a message."""
     task_view, rest = view_in_parts(task, max(query.parts, 0))
     event_offset, change_offset = max(query.after, 0), query.contracts or 0
     if rest is not None:

@@ -1,4 +1,4 @@
-"""What a Task Manager waits for, and what it asks of its node: as values."""
+"""The timers of a Task Manager, and the questions to its node with their answers, as values."""
 
 from __future__ import annotations
 
@@ -12,59 +12,61 @@ from somrs.protocol.messages.records import ReadRecords, Records
 
 
 class BidsDue(Struct, frozen=True, tag=True):
-    """The time to answer Arrange is over, for steps of the goal of that number. As of all timers, `owner` is a task, or a preview, by its
-    id."""
+    """The time to answer Arrange is over, for steps of the goal with the number `goal`.
+
+    In all timers, `owner` is the id of a task or of a preview.
+    """
 
     owner: str
     goal: int
 
 
 class SilenceDue(Struct, frozen=True, tag=True):
-    """A participant at work should have given a sign of life."""
+    """The heartbeat of a working participant is overdue."""
 
     owner: str
     participant: str
 
 
 class OverdueDue(Struct, frozen=True, tag=True):
-    """A participant should have come to an end."""
+    """The time for a participant to finish is over."""
 
     owner: str
     participant: str
 
 
 class DeadlineDue(Struct, frozen=True, tag=True):
-    """The task should be done."""
+    """The deadline of the task is over."""
 
     owner: str
 
 
 class StopDue(Struct, frozen=True, tag=True):
-    """Everybody should have stopped."""
+    """The time for all participants to stop is over."""
 
     owner: str
 
 
 class PreviewDue(Struct, frozen=True, tag=True):
-    """The preview has taken as long as it may."""
+    """The time for the preview is over."""
 
     owner: str
 
 
 class AnswerDue(Struct, frozen=True, tag=True):
-    """The Repository, or the Registry, should have answered the request."""
+    """The answer of the Repository or the Registry to a request is overdue."""
 
     request: str
 
 
 class MapDue(Struct, frozen=True, tag=True):
-    """The map should have been read, for a client's request to be carried out."""
+    """The time for which a client's request waits for the map is over."""
 
     request: str
 
 
 class NewsDue(Struct, frozen=True, tag=True):
-    """A client has waited long enough for news."""
+    """The time for which a client waits for news is over."""
 
     request: str
 
@@ -73,7 +75,7 @@ Timer = BidsDue | SilenceDue | OverdueDue | DeadlineDue | StopDue | PreviewDue |
 
 
 class PlanWanted(Struct, frozen=True, tag=True):
-    """A plan for the goal of that number: `serial` counts its plans, `attempt` the problems that were made for one of them."""
+    """A plan for the goal with the number `goal`; `serial` counts its plans, `attempt` the planning problems of one plan."""
 
     owner: str
     goal: int
@@ -82,7 +84,7 @@ class PlanWanted(Struct, frozen=True, tag=True):
 
 
 class RecordsWanted(Struct, frozen=True, tag=True):
-    """What is in the archive, for a client's request."""
+    """Records of the archive, for a client's request."""
 
     request: str
 

@@ -60,7 +60,7 @@ def test_what_is_no_request_is_not_answered(body: Body) -> None:
 
 def test_a_request_for_others_is_answered_with_a_fault() -> None:
     (fault,) = answers(send_request(TaskManagerHarness().manager, frp.Query()))
-    assert fault == frp.Fault(code="wsa:ActionNotSupported", text="a Task Manager does not take Query")
+    assert fault == frp.Fault(code="wsa:ActionNotSupported", text="a Task Manager does not understand Query")
 
 
 def test_a_task_that_is_stated_twice_by_one_message_is_one_task() -> None:

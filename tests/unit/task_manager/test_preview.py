@@ -266,7 +266,7 @@ def test_who_would_be_done_too_late_is_not_taken(deadline: float | None, chosen:
     preview = PreviewHarness(TaskManagerHarness(), deadline=deadline)
     answer = client_reply(preview.offers(11.0))
     assert quoted(answer) == [("step1", FIRST_SERVICE, 10.0, chosen, False, "")]
-    assert answer.unserved == ({} if chosen else {"step1": "nobody would be done in time"})
+    assert answer.unserved == ({} if chosen else {"step1": "no service would finish in time"})
     assert (answer.price, answer.seconds) == ((10.0, 60.0) if chosen else (None, None))
 
 
@@ -284,7 +284,7 @@ def test_what_devices_are_committed_to_comes_first() -> None:
 def test_who_gives_no_terms_says_why(body: FrpBody) -> None:
     answer = client_reply(PreviewHarness(TaskManagerHarness()).service_says(body, 11.0))
     assert quoted(answer) == [("step1", FIRST_SERVICE, None, False, False, "too heavy")]
-    assert answer.unserved == {"step1": f"nobody takes it ({FIRST_SERVICE}: too heavy)"}
+    assert answer.unserved == {"step1": f"no service takes it ({FIRST_SERVICE}: too heavy)"}
     assert (answer.price, answer.seconds, answer.estimate, len(answer.steps)) == (None, None, False, 1)
 
 
@@ -292,7 +292,7 @@ def test_all_who_give_no_terms_are_named() -> None:
     preview = PreviewHarness(TaskManagerHarness("Robot1", "Robot2"))
     preview.service_says(frp.Refuse(reason="too heavy"), 11.0)
     answer = client_reply(preview.service_says(frp.Refuse(reason="too far"), 11.0, SECOND_SERVICE))
-    assert answer.unserved == {"step1": f"nobody takes it ({FIRST_SERVICE}: too heavy; {SECOND_SERVICE}: too far)"}
+    assert answer.unserved == {"step1": f"no service takes it ({FIRST_SERVICE}: too heavy; {SECOND_SERVICE}: too far)"}
 
 
 def test_who_cannot_be_reached_gives_no_terms() -> None:
@@ -309,7 +309,7 @@ def test_a_step_that_nobody_offers_holds_up_no_other() -> None:
     harness = TaskManagerHarness()
     harness.plan_results, harness.offers = [CHAIN], ()
     effects = PreviewHarness(harness).effects
-    assert client_reply(effects).unserved == {"a": "nobody offers it", "b": "nobody offers it"}
+    assert client_reply(effects).unserved == {"a": "no device offers it", "b": "no device offers it"}
     assert timer_times(effects) == [("PreviewDue", 16.0), ("PreviewDue", None)]
 
 
@@ -373,7 +373,10 @@ def test_when_nothing_is_known_of_anybody_every_step_says_so() -> None:
     harness.plan_results = [CHAIN]
     preview = PreviewHarness(harness)
     answer = client_reply(preview.rings(PreviewDue(preview.state.id), 16.0))
-    assert answer.unserved == {"a": f"nobody takes it ({FIRST_SERVICE}: {NO_ANSWER})", "b": f"nobody takes it ({FIRST_SERVICE}: {NO_TIME})"}
+    assert answer.unserved == {
+        "a": f"no service takes it ({FIRST_SERVICE}: {NO_ANSWER})",
+        "b": f"no service takes it ({FIRST_SERVICE}: {NO_TIME})",
+    }
     assert [step.service for step in answer.steps] == [None, None]
 
 
@@ -416,4 +419,4 @@ def test_what_comes_behind_a_step_that_nobody_takes_is_asked_for_as_if_it_took_n
     preview.offers(11.0)
     (arrange,) = [body for body in sent_bodies(preview.service_says(frp.Refuse(reason="no"), 12.0)) if isinstance(body, frp.Arrange)]
     assert (arrange.effect, arrange.earliest_start) == (GOAL, 70.0)
-    assert client_reply(preview.offers(13.0)).unserved == {"b": f"nobody takes it ({FIRST_SERVICE}: no)"}
+    assert client_reply(preview.offers(13.0)).unserved == {"b": f"no service takes it ({FIRST_SERVICE}: no)"}
