@@ -1,1 +1,1 @@
-"""From an abstract plan to contracts: which services there are, whom to ask, and whose terms to take (paper, "SO-MRS architecture")."""
+"""Arrangement, from an abstract plan to contracts: the plan, available services, calls for proposals (paper, "SO-MRS architecture")."""

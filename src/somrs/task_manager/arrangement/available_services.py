@@ -1,4 +1,4 @@
-"""What is on offer to one task: the services that the Registry knew of last, without those that turned out to be broken."""
+"""The services available to one task: those that the Registry listed last, without those that failed in the task."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from somrs.task_manager.execution.bids import able_offers, precondition_now, rel
 from somrs.task_manager.execution.workflow import StepRun
 
 MOST_FAILURES = 5
-"""So often in a row a service may fail in one task, and be asked again when nobody else can be."""
+"""After so many failures in a row, a task does not ask a service again, even if no other service can do the step."""
 
 
 class KnownServices(Struct, kw_only=True):
-    """What one task knows of services."""
+    """What one task knows about services."""
 
     offers: tuple[Offer, ...] = ()
     broken: dict[str, str] = {}
-    """Those that failed or would not serve in this task, and why: new plans leave them out."""
+    """Services that failed or refused in this task, and why: new plans leave them out."""
     failures: dict[str, int] = {}
-    """How often they said that they failed, since they last completed anything."""
+    """The failures that each service has reported since it last completed a step."""
     types: dict[str, ServiceType] = {}
-    """A type that came with an offer stays known: a step of it may be committed when nobody offers it any more."""
+    """The types of all offers so far. A type outlasts its offers, because a service may be committed to a step of it."""
 
 
 class AvailableServices:
-    """The offers and the map are as they were heard of last; both go on while a task runs."""
+    """Judges services by the latest offers and the latest map, which both change while a task runs."""
 
     def __init__(self, state: KnownServices, replica: Replica) -> None:
         self._state, self._replica = state, replica
@@ -44,7 +44,7 @@ class AvailableServices:
         return self._state.broken
 
     def discovered(self, offers: tuple[Offer, ...]) -> None:
-        """These are all that are on offer now."""
+        """Replace the offers by all that the Registry lists now."""
         self._state.offers = offers
         self._state.types.update({offer.service_type.name: offer.service_type for offer in offers})
 
@@ -54,7 +54,7 @@ class AvailableServices:
 
     @property
     def excluded_services(self) -> list[LostService]:
-        """What is on offer, but will not be asked, and why."""
+        """Services on offer that the task does not ask, and why."""
         return [
             LostService(offer.service_type, offer.service, self.broken[offer.service])
             for offer in self._state.offers
@@ -62,20 +62,20 @@ class AvailableServices:
         ]
 
     def able_offers(self, run: StepRun) -> list[Offer]:
-        """Who can be asked for the step."""
+        """The offers of services that can be asked for the step."""
         return able_offers(run.step, self._state.offers, self._service_types, {*run.excluded, *self.broken})
 
     def failed(self, service: str, reason: str) -> None:
-        """It said that it failed."""
+        """Exclude a service that reported a failure; `readmit_failed` may readmit it."""
         self._state.failures[service] = self._state.failures.get(service, 0) + 1
         self.broken[service] = reason
 
     def exclude(self, excluded: dict[str, str]) -> None:
-        """They would not serve, for these reasons."""
+        """Exclude services, for these reasons."""
         self._state.broken = {**excluded, **self._state.broken}
 
     def lost(self, service: str, reason: str) -> None:
-        """It fell silent, and is not asked again."""
+        """Exclude a service that fell silent, for the rest of the task."""
         self._state.failures.pop(service, None)
         self.broken[service] = reason
 
@@ -83,8 +83,10 @@ class AvailableServices:
         self._state.failures.pop(service, None)
 
     def readmit_failed(self, run: StepRun | None = None) -> list[Offer]:
-        """When nobody else can do it: those that failed, but may do better the next time, can be asked again for the step (None: for
-        any)."""
+        """Readmit services that failed but may succeed next time, because no other service can do the step (None: any step).
+
+        Returns their offers.
+        """
         offers = able_offers(run.step, self._state.offers, self._service_types, ()) if run is not None else self._state.offers
         readmitted = [offer for offer in offers if self._may_do_better(offer)]
         for offer in readmitted:
@@ -99,7 +101,7 @@ class AvailableServices:
         return works and offer.service in self.broken and 0 < self._state.failures.get(offer.service, 0) < MOST_FAILURES
 
     def precondition(self, run: StepRun) -> Formula | None:
-        """The step's precondition as it is now, with what a failed service reported about its objects. Raises LookupError."""
+        """The step's precondition on the current map, and the reported situation of its inputs. Raises LookupError if it does not hold."""
         map, ontology = self._replica.map, self._replica.ontology
         service_type = self._service_types[run.step.service_type]
         parts = [precondition_now(run.step, service_type, map, ontology), relevant_situation(run.step, run.reported, map, ontology)]

@@ -1,4 +1,4 @@
-"""Calls for proposals, each for one step: who was invited, and whose terms are taken (paper, "SO-MRS architecture": Arrangement)."""
+"""Calls for proposals, one for each step: the invited services, and the choice of terms (paper, "SO-MRS architecture": Arrangement)."""
 
 from __future__ import annotations
 
@@ -21,20 +21,22 @@ from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow
 from somrs.task_manager.timers import BidsDue
 
 MAX_OPEN_CALLS = 32
-"""For so many steps services are asked at a time: what they offer should not run out while others think about theirs."""
+"""Maximum number of open calls. With more, terms could expire while other services prepare theirs."""
 
 REPLY_TIME = 10.0
 """Seconds that services have to answer Arrange."""
 
 
 class CallForProposals(Struct, kw_only=True, eq=False):
-    """For the step of that id, which is to be had from `earliest` on, and to be done by `latest`. `invited` are participants. Answers are
-    awaited until `reply_by`."""
+    """A call for the step with the id `step`, which can start at `earliest` and must finish by `latest`.
+
+    `invited` are ids of participants. Their answers are awaited until `reply_by`.
+    """
 
     step: str
     key: str
     device_group: str | None = field(name="same")
-    """The steps that say the same have to be done by the same device."""
+    """Steps with the same group have to be done by the same device."""
     invited: tuple[str, ...]
     earliest: float
     latest: float | None
@@ -42,8 +44,7 @@ class CallForProposals(Struct, kw_only=True, eq=False):
 
 
 class OpenCalls(Struct, kw_only=True):
-    """All calls for proposals of one goal, by the steps' keys. `timer` rings when the time to answer the first of them is over, at
-    `timer_at`."""
+    """All open calls of one goal, by the keys of their steps. `timer` fires at `timer_at`, when the first call is due."""
 
     timer: BidsDue
     pending: dict[str, CallForProposals] = field(default_factory=dict)
@@ -60,7 +61,7 @@ class OpenCalls(Struct, kw_only=True):
         yield from self.set_timer()
 
     def close(self, call: CallForProposals) -> Effects:
-        """Nobody is awaited any more."""
+        """Close a call: its answers are not awaited any more."""
         del self.pending[call.key]
         yield from self.set_timer()
 
@@ -69,23 +70,23 @@ class OpenCalls(Struct, kw_only=True):
         yield from self.set_timer()
 
     def find_call(self, member: Member) -> CallForProposals | None:
-        """The call that the participant answers."""
+        """The open call to which the participant was invited."""
         call = self.pending.get(member.step)
         return call if call is not None and member.id in call.invited else None
 
     def settles(self, step: Step) -> bool:
-        """Whether it is being found out at another step which device does this one, too."""
+        """Whether an open call for another step also decides which device does this step."""
         return bool(step.alternative_providers) and any(call.device_group == step.device_group for call in self.pending.values())
 
     def due(self, now: float) -> Iterator[CallForProposals]:
-        """Those for which the time to answer is over, unless what came of the ones before has closed them; `set_timer` afterwards."""
+        """The calls whose time to answer is over, without those that the caller closes meanwhile. Call `set_timer` afterwards."""
         self.timer_at = None
         for call in self:
             if now >= call.reply_by - 0.001 and self.pending.get(call.key) is call:
                 yield call
 
     def set_timer(self) -> Effects:
-        """Set the timer for the calls that are left."""
+        """Set the timer for the remaining calls."""
         fire_time = min((call.reply_by for call in self.pending.values()), default=None)
         if fire_time != self.timer_at:
             self.timer_at = fire_time
@@ -93,7 +94,7 @@ class OpenCalls(Struct, kw_only=True):
 
 
 class Arrangement:
-    """Asks for terms for the steps of a workflow, and takes the best of those that come."""
+    """Asks services for terms for the steps of a workflow, and accepts the best terms."""
 
     def __init__(self, workflow: Workflow, members: Members, participants: Participants) -> None:
         self._workflow, self._members, self._participants = workflow, members, participants
@@ -102,7 +103,7 @@ class Arrangement:
         return [self._members.by_id[id] for id in call.invited]
 
     def is_answered(self, call: CallForProposals) -> bool:
-        """Whether nobody is awaited any more."""
+        """Whether no answer is missing."""
         return all(member.state is not State.ARRANGING for member in self.invited(call))
 
     def run(self, call: CallForProposals) -> StepRun:
@@ -112,7 +113,7 @@ class Arrangement:
         member.bid = make_bid(member.id, terms, terms_id, call.earliest)
 
     def participant_left(self, call: CallForProposals, member: Member, reason: str) -> None:
-        """It is out. Whose terms ran out before they could be taken may be asked once more."""
+        """Exclude a participant that left. If its terms expired before they could be accepted, it may be asked once more."""
         run, service = self.run(call), member.offer.service
         if member.bid is None or service in run.lapsed:
             run.excluded[service] = reason
@@ -123,7 +124,10 @@ class Arrangement:
     def award(
         self, call: CallForProposals, task: Submit, commitments: Commitments, broken: Collection[str], now: float
     ) -> EffectsReturning[Member | None]:
-        """Accept the terms that the policy prefers; everybody else is dismissed, and so is what broke at other work meanwhile."""
+        """Accept the bid that the policy prefers, and dismiss the other participants, including services in `broken`.
+
+        Returns the chosen participant, or None if there is none.
+        """
         run, participants = self.run(call), self._participants
         for member in self.invited(call):
             if member.state is State.ARRANGING:
@@ -141,7 +145,7 @@ class Arrangement:
             yield from self.withdraw(call, "it failed at another step", now)
             return None
         if self._members.held(run.key):
-            yield from self.withdraw(call, "one that had it has come back, and has to stop first", now)
+            yield from self.withdraw(call, "another service still holds the step, and has to stop first", now)
             return None
         best = choose_bid(bids, task, now)
         for member, _ in bidders.values():
@@ -155,7 +159,7 @@ class Arrangement:
         return chosen
 
     def withdraw(self, call: CallForProposals, reason: str, now: float) -> Effects:
-        """The step is not wanted any more."""
+        """Dismiss the participants of a call, and leave its step open."""
         self._workflow.move(self.run(call), Progress.OPEN)
         for member in self.invited(call):
             yield from self._participants.dismiss(member, reason, now)
@@ -163,13 +167,13 @@ class Arrangement:
     def invite_services(
         self, run: StepRun, offers: Sequence[Offer], earliest: float, latest: float | None, now: float, seconds: float = REPLY_TIME
     ) -> EffectsReturning[CallForProposals]:
-        """Send Arrange to all of them, who have so many seconds to answer."""
+        """Send Arrange to the services of these offers, which have `seconds` to answer."""
         self._workflow.move(run, Progress.ARRANGING)
         inputs = {name: str(term) for name, term in run.step.inputs.items()}
         arranges: dict[tuple[str, str | None], frp.Arrange] = {}
 
         def arrange(offer: Offer) -> frp.Arrange:
-            """The same for all, but for who is spoken of."""
+            """One message for all offers of a type, or for each device if the step names its device."""
             key = offer.service_type.name, offer.provider if run.step.alternative_providers else None
             if key not in arranges:
                 step = assign_provider(run.step, offer.provider) if run.step.alternative_providers else run.step
@@ -193,7 +197,7 @@ class Arrangement:
 
 
 def make_call(run: StepRun, invited: Iterable[str], *, earliest: float, latest: float | None, reply_by: float) -> CallForProposals:
-    """The call for a step that these participants were asked for."""
+    """The call for a step with these participants."""
     return CallForProposals(
         step=run.step.id,
         key=run.key,

@@ -1,6 +1,7 @@
-"""A plan that is being made: first the services on offer are discovered, then the planner is asked, for one that leaves alone what
-other tasks have, and keeps what still stands of the plan before. When there is none, it is found out whether there would be one
-without them: then they have to be waited for.
+"""The request for a plan: discover the services on offer, then ask the planner.
+
+The plan must avoid the objects that other tasks have reserved, and should keep the remaining steps of the previous plan. If there is no
+such plan, the planner is asked again without regard to reservations. If it then finds a plan, the task waits for the other tasks.
 """
 
 from __future__ import annotations
@@ -22,12 +23,15 @@ from somrs.task_manager.reservations import BlockedPlan, plan_reservation
 from somrs.task_manager.timers import Answer, PlanWanted
 
 PlanResult = Answer | BlockedPlan | str
-"""What the planner answered; who has what is needed; or a text that says why it could not be asked."""
+"""The planner's answer; a plan that other tasks block; or the reason why the planner could not be asked."""
 
 
 class PlanRequest(Struct, kw_only=True):
-    """For the goal of that number of a task, or preview; `task` is what is wanted. `avoided` are objects that other
-    tasks have reserved; a plan that `ignores_reservations` may need them. `attempt`: how often the planner was asked."""
+    """A request for a plan. `owner` is the task or preview, `goal` the number of its goal, `task` what the plan has to achieve.
+
+    The plan avoids the objects in `avoided`, which other tasks change, unless the request `ignores_reservations`. `attempt` counts the
+    questions to the planner.
+    """
 
     owner: str
     goal: int
@@ -47,7 +51,7 @@ class PlanRequest(Struct, kw_only=True):
 
 
 class PlanRequester:
-    """Brings a request to its end. `before` is the plan that it replaces; `holds`: what the plan needs is the task's from then on."""
+    """Carries out a request. `old_workflow`: the plan that the new one replaces. `reserves`: the task reserves what the plan needs."""
 
     def __init__(
         self,
@@ -70,7 +74,7 @@ class PlanRequester:
         yield from self._context.requests.discover(self._request.purpose, now)
 
     def discovered(self, offers: tuple[Offer, ...] | str) -> EffectsReturning[PlanResult | None]:
-        """The services on offer are known, or why they cannot be. What came of it, unless the planner was asked."""
+        """Handle the services on offer, or the reason why they are not known. Returns None if the planner is asked."""
         if isinstance(offers, str):
             return offers
         self._services.discovered(offers)
@@ -94,7 +98,7 @@ class PlanRequester:
         return None
 
     def answered(self, value: Answer) -> EffectsReturning[PlanResult | None]:
-        """The planner answered. What came of it, unless it was asked once more."""
+        """Handle the planner's answer. Returns None if the planner is asked again."""
         request = self._request
         if isinstance(value, NoPlan) and request.avoided and not request.ignores_reservations:
             request.ignores_reservations = True
@@ -114,10 +118,10 @@ class PlanRequester:
         contested_objects = frozenset[str]().union(*conflicts.values())
         if request.ignores_reservations or contested_objects <= request.avoided:
             return BlockedPlan(reservation=reservation, holders=conflicts, plan=plan)
-        request.avoided |= contested_objects  # it changes what others rely on, or they have taken it meanwhile
+        request.avoided |= contested_objects  # other tasks rely on these objects, or have reserved them meanwhile
         return (yield from self._ask())
 
     def withdraw(self) -> Effects:
-        """It is out of date, or not wanted any more."""
+        """Withdraw the question to the planner: its plan is out of date, or not needed."""
         if self._request.attempt:
             yield Withdraw(self._request.question)

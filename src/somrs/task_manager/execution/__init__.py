@@ -1,1 +1,1 @@
-"""The concrete plan of a task while it is carried out: its participants, its steps, what was done, and what is reported."""
+"""The execution of a concrete plan: its participants, its steps, the execution log, and reports to the map."""

@@ -1,4 +1,4 @@
-"""Who is asked for a step, and whose Terms are taken (paper, "SO-MRS architecture": Arrangement)."""
+"""Which services are asked for a step, and which bid is chosen (paper, "SO-MRS architecture": Arrangement)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from somrs.task_manager.context import Interval
 
 
 class Bid(Struct, frozen=True, kw_only=True):
-    """Terms that a service gave, with when it would start and finish (seconds, the coordinator's clock)."""
+    """The terms of a service, with its start and finish in seconds on the coordinator's clock."""
 
     participant: str
     terms: Terms
@@ -33,13 +33,13 @@ class Bid(Struct, frozen=True, kw_only=True):
 
 
 def make_bid(participant: str, terms: Terms, terms_id: str, earliest: float) -> Bid:
-    """The bid that Terms are, for a step that can start at `earliest`."""
+    """The bid of a participant for a step that can start at `earliest`."""
     start = max(earliest, terms.start_from or earliest)
     return Bid(participant=participant, terms=terms, terms_id=terms_id, start=start, finish=start + terms.duration)
 
 
 def fit_bid(bid: Bid, busy: Iterable[Interval]) -> Bid:
-    """The bid, later if need be: after whatever the device has been committed to since it gave its terms."""
+    """The bid, delayed until it overlaps no interval in which the device is committed."""
     start, length = bid.start, bid.finish - bid.start
     for begins, ends in sorted(busy):
         if start < ends and start + length > begins:
@@ -48,7 +48,7 @@ def fit_bid(bid: Bid, busy: Iterable[Interval]) -> Bid:
 
 
 def choose_bid(bids: Sequence[Bid], task: Submit, now: float) -> Bid:
-    """The bid that the task's policy prefers; the participant's name settles what is left equal."""
+    """The bid that the task's policy prefers. The participant's id decides between equal bids."""
 
     def preference(bid: Bid) -> tuple[float, float, str]:
         match task.policy:
@@ -63,13 +63,15 @@ def choose_bid(bids: Sequence[Bid], task: Submit, now: float) -> Bid:
 
 
 def service_types(ontology: Ontology, offers: Iterable[Offer]) -> dict[str, ServiceType]:
-    """Every service type known: the ontology's, and those that come with offers."""
+    """The service types of the ontology and of the offers, by name."""
     return {**ontology.services, **{offer.service_type.name: offer.service_type for offer in offers}}
 
 
 def able_offers(step: Step, offers: Sequence[Offer], types_by_name: dict[str, ServiceType], excluded: Collection[str]) -> list[Offer]:
-    """The services that can be asked for the step: of its type or a sub-type, of its provider or one alike if the plan names one, and
-    not among those that failed or refused it."""
+    """The offers that can be asked for a step, without those of `excluded` services.
+
+    They are of the step's type or a subtype. If the plan names a provider, they are of that provider or of an alternative.
+    """
 
     def is_of_type(name: str | None) -> bool:
         visited: set[str] = set()
@@ -90,9 +92,9 @@ def able_offers(step: Step, offers: Sequence[Offer], types_by_name: dict[str, Se
 
 
 def precondition_now(step: Step, service_type: ServiceType, map: Map, ontology: Ontology) -> Formula | None:
-    """The step's precondition as the map makes it true now; the step's inputs stay, what they leave open is found anew.
+    """The step's precondition on the current map: the step's inputs stay, other variables are bound again.
 
-    Raises LookupError when the map does not make it true at all. A service type without precondition gives None.
+    Returns None for a service type without precondition. Raises LookupError when the precondition does not hold.
     """
     if service_type.precondition is None:
         return None
@@ -107,8 +109,10 @@ def precondition_now(step: Step, service_type: ServiceType, map: Map, ontology: 
 
 
 def relevant_situation(step: Step, situation: Formula | None, map: Map, ontology: Ontology) -> Formula | None:
-    """What a situation says of the step's inputs, as far as it is still so: a failed service tells more than the next one
-    needs to know, and others work on the same map."""
+    """The parts of a situation that concern the step's inputs and still hold.
+
+    A failed service reports more than the next service needs, and other tasks change the same map.
+    """
     if situation is None:
         return None
     inputs = {name for term in step.inputs.values() for name in names(term)}

@@ -1,4 +1,4 @@
-"""What services did in one task, in the order in which they began: what has to be undone when the task ends otherwise than wanted."""
+"""The work of services in one task, in the order in which it began: the work to undo if the task is not accomplished."""
 
 from __future__ import annotations
 
@@ -23,17 +23,19 @@ from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.workflow import StepRun
 
 INTERRUPTED = (State.FAILED, State.STOPPED, State.UNREACHABLE)
-"""What became of work that was begun and not done."""
+"""The states of work that was begun and not completed."""
 
 
 class Work(Struct, kw_only=True, eq=False):
-    """What one service began. `state` is what became of it; `situation` what it, or whoever looked, said that it left. `key` is the step's,
-    `participant`, `service` and `provider` are those that did it."""
+    """The work of one service on one step.
+
+    `situation` is what the service, or an observation, last reported about it. `key` is the key of the step.
+    """
 
     number: int
-    """In the order in which they began."""
+    """Counts the work of a task, in the order in which it began."""
     label: str
-    """The step, as clients know it."""
+    """The name of the step for clients."""
     key: str
     step: Step
     service_type: ServiceType
@@ -42,31 +44,30 @@ class Work(Struct, kw_only=True, eq=False):
     provider: str
     started_at: float = field(name="began")
     prior_situation: Formula | None = field(default=None, name="before")
-    """What the step takes away: what undoing it restores. None when it takes nothing away."""
+    """The situation that compensation restores; None if there is nothing to restore."""
     concerned: tuple[str, ...] = ()
     """The objects that the step changes."""
     state: State = State.EXECUTING
     result: State | None = None
-    """How it ended, whatever was done about that later."""
+    """How the work ended. Compensation changes `state`, but not `result`."""
     ended: float | None = None
     situation: str | None = None
     note: str = ""
     goal: GoalKind = GoalKind.TASK
-    """What it was done for. What was done to undo is not undone itself."""
+    """The kind of goal that the work serves. Work that compensates is not compensated itself."""
     superseded: bool = field(default=False, name="taken_over")
-    """It was interrupted, and other work began where it ended; undoing that restores what was before both."""
+    """It was interrupted, and other work on the same objects replaced it. Compensating that work restores the situation before both."""
     supersedes: int | None = field(default=None, name="took_over")
-    """The number of the work that it took over."""
+    """The number of the interrupted work that it replaced."""
 
     @property
     def matters(self) -> bool:
-        """Whether the client of a task that was not accomplished has to know what became of it."""
+        """Whether the reasons of a task that was not accomplished mention this work."""
         return self.service_type.kind is ServiceKind.PHYSICAL and not self.superseded and self.goal is not GoalKind.UNDO
 
     @property
     def changed_nothing(self) -> bool:
-        """Whether it said, when it came to its end, that all was as before. What is otherwise since then is others' doing, and theirs to
-        keep or undo."""
+        """Whether the service reported at its end that the prior situation still held. Later changes are due to other tasks."""
         if self.state not in (State.COMPLETED, State.FAILED, State.STOPPED) or self.prior_situation is None or self.situation is None:
             return False
         try:
@@ -76,12 +77,12 @@ class Work(Struct, kw_only=True, eq=False):
         return all(part in situation_parts for part in conjuncts(self.prior_situation))
 
     def end(self, result: State, now: float) -> None:
-        """It is over; what is heard of it later is of its undoing."""
+        """Set the result. Later calls, which concern the compensation of the work, change nothing."""
         if self.result is None:
             self.result, self.ended = result, now
 
     def is_described_by(self, situation: Formula) -> bool:
-        """Whether it says anything of the objects that the step changes."""
+        """Whether the situation mentions an object that the step changes."""
         return not set(self.concerned).isdisjoint(names(situation))
 
     def view(self) -> WorkView:
@@ -101,7 +102,7 @@ class Work(Struct, kw_only=True, eq=False):
         )
 
     def in_words(self) -> str:
-        """What became of it, for the client of a task that was not accomplished."""
+        """The outcome of the work as a sentence, for the reasons of a task that was not accomplished."""
         action = f"{self.step.service_type} by {self.service}"
         match self.state:
             case State.COMPENSATED:
@@ -116,7 +117,7 @@ class Work(Struct, kw_only=True, eq=False):
 
 
 class ExecutionLog(Struct, kw_only=True):
-    """All work of one task. `work_count`: how many there were, those included that turned out not to have begun."""
+    """All work of one task. `work_count` includes dropped work."""
 
     works: list[Work] = field(default_factory=list)
     work_count: int = field(default=0, name="begun")
@@ -125,7 +126,7 @@ class ExecutionLog(Struct, kw_only=True):
         return iter(self.works)
 
     def begin(self, run: StepRun, service_type: ServiceType, member: Member, map: Map, ontology: Ontology, now: float) -> Work:
-        """Note a step that is about to be executed, with the map as it is before it."""
+        """Add a step that is about to be executed. `map` is the map before it."""
         self.work_count += 1
         work = Work(
             number=self.work_count,
@@ -153,7 +154,7 @@ class ExecutionLog(Struct, kw_only=True):
                 return
 
     def drop(self, work: Work) -> None:
-        """It was never begun."""
+        """Remove work that did not begin."""
         self.works = [entry for entry in self.works if entry is not work]
         if work.supersedes is not None:
             self.work_by_number(work.supersedes).superseded = False
@@ -165,7 +166,7 @@ class ExecutionLog(Struct, kw_only=True):
         return next(work for work in reversed(self.works) if work.number == number)
 
     def to_undo(self) -> list[Work]:
-        """What is to be undone, last things first: a reverse of the order in which one enabled the next."""
+        """The work to undo, the latest first: later work may depend on earlier work."""
         return [
             work
             for work in reversed(self.works)
@@ -176,25 +177,27 @@ class ExecutionLog(Struct, kw_only=True):
         ]
 
     def interrupted(self) -> list[Work]:
-        """What failures left that may be in the way, the latest first."""
+        """The interrupted work to undo, the latest first. What it left may prevent a plan."""
         return [work for work in self.to_undo() if work.state in INTERRUPTED]
 
 
 def concerned_objects(step: Step, map: Map, ontology: Ontology) -> tuple[str, ...]:
-    """The objects that the step changes; the device that does it, when there are no others."""
+    """The objects that the step changes, without its own device unless that is the only one."""
     try:
         map_changes = changes(step.effect, map, ontology)
     except FormulaError:
         return ()
-    spoken_of = (names(part)[0] for part in conjuncts(step.effect) if names(part))  # it may be so already, and then be made otherwise
+    spoken_of = (names(part)[0] for part in conjuncts(step.effect) if names(part))  # the effect may hold already
     changed_objects = dict.fromkeys(objects_of(change)[0] for change in map_changes) or dict.fromkeys(spoken_of)
     other_objects = tuple(name for name in changed_objects if name != step.provider)
     return other_objects or tuple(changed_objects)
 
 
 def situation_to_restore(step: Step, map: Map, ontology: Ontology) -> Formula | None:
-    """What holds now and would not after the step, or is what the step is for already, and may be left otherwise by it: the situation
-    that its compensation restores (paper, "Failure handling")."""
+    """The situation that compensation of the step restores (paper, "Failure handling"); None if there is nothing to restore.
+
+    It consists of what the step changes, as it is on the map now, and of the parts of its effect that hold already.
+    """
     try:
         map_changes = changes(step.effect, map, ontology)
         parts = [part for part in conjuncts(step.effect) if not changes(part, map, ontology)]

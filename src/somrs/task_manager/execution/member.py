@@ -1,4 +1,4 @@
-"""One participant of a transaction, as the coordinator sees it."""
+"""A participant of a transaction, as the coordinator sees it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from somrs.task_manager.execution.bids import Bid
 
 
 class Member(Struct, kw_only=True, eq=False):
-    """`step` is the step that it is asked for, by its key; `label` what people call it."""
+    """A participant. `step` is the key of the step that it is asked for, `label` the name of that step for people."""
 
     id: str
     session: CoordinatorSession
@@ -20,29 +20,29 @@ class Member(Struct, kw_only=True, eq=False):
     label: str
     step: str
     number: int = 0
-    """In the order in which they were asked."""
+    """Counts the participants of the transaction, in the order in which they were invited."""
     bid: Bid | None = None
     fraction: float = 0.0
     note: str = ""
     last_heard_time: float = field(default=0.0, name="heard_at")
     queried: bool = False
     last_order: frp.Execute | frp.Compensate | None = field(default=None, name="told")
-    """What it was told last to begin."""
+    """The last order that the participant received."""
     begins_by: float = 0.0
-    """Until when it may begin with that, while it has not been heard to."""
+    """Until when it may begin the last order; 0 once its state has moved."""
     exit_reason: str = field(default="", name="last_word")
     lost_version: int | None = field(default=None, name="lost_at")
     """The version of the map when it was given up."""
     reported: bool = False
-    """It said how its work ended."""
+    """It has reported how its work ended."""
     reporting: bool = False
-    """What it said is on its way to the map."""
+    """Its report is not on the map yet."""
     halting: bool = False
-    """It was sent home while it undid its work, and may be moving still."""
+    """It received End during compensation, and its device may still be moving."""
     final_state: State | None = field(default=None, name="left_in")
-    """Where it was when the transaction ended."""
+    """Its state when the transaction ended."""
     change_number: int = field(default=0, name="changed")
-    """The number of the last change of its contract, among all in the transaction."""
+    """The number of the last change of its contract, among all changes in the transaction."""
 
     @property
     def state(self) -> State:
@@ -50,6 +50,6 @@ class Member(Struct, kw_only=True, eq=False):
 
     @property
     def tried_to_undo(self) -> bool:
-        """Whether things may be another way than before it was told to undo its work, which it could not."""
+        """Whether it tried to compensate and failed, so that the situation may have changed."""
         stranded = self.session.received_messages.get("Stranded")
         return stranded is not None and isinstance(stranded.body, frp.Stranded) and stranded.body.tried

@@ -1,4 +1,4 @@
-"""The participants of one transaction as the coordinator sees them: what is said to them, and how long one may be silent."""
+"""The participants of one transaction as the coordinator sees them: the messages to and from them, and their timeouts."""
 
 from __future__ import annotations
 
@@ -20,28 +20,28 @@ from somrs.task_manager.execution.member import Member
 from somrs.task_manager.timers import OverdueDue, SilenceDue
 
 SILENCE = 20.0
-"""Seconds without a word from a working service after which it is queried; and again as many to answer."""
+"""Seconds without a message after which a working service is queried, and seconds that it has to answer."""
 
 DISMISSAL_TIME = 86_400.0
-"""Seconds for which End and Cancel are sent again: a device that is down may come back, and has to hear that it is free."""
+"""Seconds for which End and Cancel are sent again: a device that is down may return, and has to learn that it is free."""
 
 LATENESS = 10.0
-"""How many times as long as it said a service may take, before it is stopped."""
+"""A service is stopped after so many times its promised duration."""
 
 LEAST_TIME = 60.0
-"""Seconds that every service has at least, however short it said that it takes."""
+"""Minimum seconds before a service is stopped, however short its promised duration is."""
 
 
 UNREACHED_STATES = {State.EXECUTING: (State.OFFERED, State.COMMITTED), State.COMPENSATING: (State.COMPLETED, State.FAILED, State.STOPPED)}
-"""What a participant says of its state, by the coordinator's, when it was not reached by what it was told: it is told again."""
+"""By the coordinator's state of a participant: the states in a Status which show that the last order has not arrived. It is sent again."""
 
 
 class Members(Struct, kw_only=True):
-    """Who takes part in a transaction, by id. `invited_count`: how many were; `change_count`: how often a contract changed."""
+    """The participants of a transaction, by id. `invited_count`: all that were invited; `change_count`: all changes of contracts."""
 
     by_id: dict[str, Member] = field(default_factory=dict)
     former: dict[str, Member] = field(default_factory=dict)
-    """Of a task that is over: those that had the steps of its last plan."""
+    """Those of an ended task that held the steps of its last plan."""
     invited_count: int = field(default=0, name="asked")
     change_count: int = field(default=0, name="changes")
 
@@ -52,33 +52,33 @@ class Members(Struct, kw_only=True):
         return self.by_id.get(id or "")
 
     def find_known_member(self, id: str | None) -> Member | None:
-        """Whether it takes part, or took part until the task was over."""
+        """The participant with this id, or the former participant of an ended task."""
         return self.find_member(id) or self.former.get(id or "")
 
     @property
     def working(self) -> list[Member]:
-        """Those whose devices may be moving."""
+        """The participants whose devices may be moving."""
         return [member for member in self if member.state in WORKING or member.halting]
 
     def held(self, step: str) -> bool:
-        """Whether the step is somebody's: one that was given up may have come back, and is being stopped."""
+        """Whether a participant holds the step. This includes one that was given up, has returned, and is being stopped."""
         return any(member.step == step and member.state in HOLDING_STATES for member in self)
 
     def at_work(self, id: str) -> bool:
-        """Whether its device does what it was told to begin, or what it came to is not on the map yet."""
+        """Whether the participant's device carries out its order, or its report is not on the map yet."""
         member = self.by_id.get(id)
         return member is not None and (member.state in WORKING or member.halting or member.reporting)
 
 
 EventLogger = Callable[[Event, float], None]
-"""Notes what the client may want to know."""
+"""Logs an event for the client."""
 
 MessageLogger = Callable[[float, Message], None]
-"""Notes a message that passed."""
+"""Logs a message that was sent or received."""
 
 
 class Participants:
-    """They join with `invite`, and leave with Cancel or End."""
+    """Exchanges messages with the participants. A participant joins with `invite`, and leaves with Cancel or End."""
 
     def __init__(
         self, transaction: str, members: Members, context: TaskManagerContext, log_event: EventLogger, log_message: MessageLogger
@@ -91,11 +91,13 @@ class Participants:
             log_message,
         )
 
-    # Speaking
+    # Sending
 
     def invite(self, offer: Offer, label: str, step: str, arrange: frp.Arrange, now: float, seconds: float) -> EffectsReturning[Member]:
-        """Ask a service, as a participant of its own however often it was asked before. `step` is the step's own name among all
-        plans of the transaction, `label` the one that people know."""
+        """Ask a service for terms within `seconds`, as a new participant even if it was asked before.
+
+        `step` is the step's key, which is unique among all plans of the transaction; `label` is its name for people.
+        """
         member = self.make_member(offer, label, step)
         self._members.invited_count += 1
         self._members.by_id[member.id] = member
@@ -103,21 +105,21 @@ class Participants:
         return member
 
     def make_member(self, offer: Offer, label: str, step: str) -> Member:
-        """A participant as it would be, that is not asked."""
+        """The next participant, which is not invited yet."""
         number = self._members.invited_count + 1
         id = participant_id(offer.service, label, number)
         session = CoordinatorSession(transaction=self._transaction, participant=id, me=self._context.address, peer=offer.address)
         return Member(id=id, session=session, offer=offer, label=label, step=step, number=number)
 
     def accept(self, member: Member, terms: str, now: float) -> Effects:
-        assert not self._members.held(member.step), "a step is one participant's at a time (FRP, property 1)"
+        assert not self._members.held(member.step), "a step belongs to one participant at a time (FRP, property 1)"
         yield from self._send(member, frp.Accept(terms=terms), now, SILENCE)
 
     def execute(self, member: Member, execute: frp.Execute, now: float) -> Effects:
         yield from self._start_work(member, execute, now)
 
     def compensate(self, member: Member, situation: str, now: float) -> EffectsReturning[bool]:
-        """Have it undo what it did. Whether it can be told to."""
+        """Order a participant to compensate its work. Returns whether its state allows that."""
         if frp.Compensate not in COORDINATOR_SENDS.get(member.state, {}):
             return False
         member.reported, member.lost_version = False, None
@@ -130,18 +132,18 @@ class Participants:
         yield from self._watch(member, now)
 
     def _send_order(self, member: Member, body: frp.Execute | frp.Compensate, now: float) -> Effects:
-        """Told again, it is another message: what is still under way of the one before must not be obeyed for longer than that says."""
+        """Send an order. A repeated order is a new message, so that `begin_by` of the earlier message keeps its meaning."""
         member.begins_by = now + SILENCE
         member.last_order = structs.replace(body, begin_by=member.begins_by)
         yield from self._send(member, member.last_order, now, SILENCE)
 
     def dismiss(self, member: Member, reason: str, now: float) -> Effects:
-        """It is not needed, and has not begun."""
+        """Cancel a participant that is not needed, if it has not begun."""
         if frp.Cancel in COORDINATOR_SENDS.get(member.state, {}):
             yield from self._send(member, frp.Cancel(reason=reason), now, DISMISSAL_TIME)
 
     def stop(self, reason: str, now: float) -> Effects:
-        """Whoever works shall stop, and the others go home, but for those that hear about the end with it."""
+        """Stop the executing participants, and cancel those that have not begun. The others receive End later."""
         for member in self._members:
             if member.state is State.EXECUTING:
                 yield from self.halt(member, reason, now)
@@ -149,11 +151,11 @@ class Participants:
                 yield from self.dismiss(member, reason, now)
 
     def halt(self, member: Member, reason: str, now: float) -> Effects:
-        """Have it stop what it executes."""
+        """Order a participant to stop its execution."""
         yield from self._send(member, frp.Stop(reason=reason), now, SILENCE)
 
     def end(self, outcome: Outcome, now: float) -> Effects:
-        """End goes to everyone that was ever committed (FRP, property 6)."""
+        """Send End to all participants that were ever committed (FRP, property 6), and cancel the others."""
         for member in self._members:
             if member.state in WORKING:
                 yield from self.give_up_member(member)
@@ -164,8 +166,10 @@ class Participants:
                 yield from self.dismiss(member, "the task is over", now)
 
     def forget(self, had_steps: Iterable[str | None]) -> None:
-        """Once the transaction is over: all but those that were given up, whose report may still come. Of those that had steps is told
-        who they were."""
+        """Drop the participants of an ended transaction, except those that were given up and may still report.
+
+        `had_steps`: the ids of participants that clients still see, as `former`.
+        """
         self._members.former = {id: self._members.by_id[id] for id in had_steps if id is not None and id in self._members.by_id}
         self._members.by_id = {member.id: member for member in self._members if member.lost_version is not None and not member.reported}
 
@@ -176,15 +180,15 @@ class Participants:
         yield Send(message, now + seconds)
 
     def _mark_changed(self, member: Member) -> None:
-        """Its contract changed."""
+        """Record that the participant's contract has changed."""
         self._context.touched[self._transaction] = None
         self._members.change_count += 1
         member.change_number = self._members.change_count
 
-    # Hearing
+    # Receiving
 
     def receive(self, message: Message, now: float) -> EffectsReturning[tuple[Member, ReceiveResult] | None]:
-        """Who said it, and what it meant; None when it is from nobody that was invited."""
+        """Handle a message. Returns its participant and its meaning, or None if the sender is no participant."""
         member = self._members.find_member(message.header.participant)
         if member is None:
             yield from answer_stranger(message, self._context.address)
@@ -212,7 +216,7 @@ class Participants:
         return member, transition
 
     def delivery_failed(self, message: Message, reason: str, now: float) -> EffectsReturning[Member | None]:
-        """A message never arrived. The participant, if it is out because of that."""
+        """Handle a message that could not be delivered. Returns the participant if it leaves because of that."""
         member = self._members.find_member(message.header.participant)
         if member is None:
             return None
@@ -234,8 +238,11 @@ class Participants:
     # Silence, and lateness
 
     def silent(self, participant: str, now: float) -> EffectsReturning[Member | None]:
-        """The heartbeat of one that works may have stopped: ask it, and after as long again give it up, and return it. One that was
-        never heard to begin may have begun at the last moment at which it might, and is waited for from then on."""
+        """Check the heartbeat of a working participant. Returns the participant if it is given up.
+
+        A silent participant is queried first, and given up if it does not answer in time. If its start was not confirmed, the time counts
+        from the last moment at which it may have begun.
+        """
         member = self._members.find_member(participant)
         if member is None or member.state not in WORKING:
             return None
@@ -253,8 +260,11 @@ class Participants:
         return None
 
     def overdue(self, participant: str, now: float) -> EffectsReturning[Member | None]:
-        """It takes far longer than it said. One that executes is stopped; one that undoes is sent home, which stops it, too; one that
-        does not come to an end then is given up, and returned."""
+        """Handle a participant that takes far longer than it promised. Returns the participant if it is given up.
+
+        An executing participant receives Stop. A compensating participant receives End, which also stops it. Either is given up if that
+        has no effect.
+        """
         member = self._members.find_member(participant)
         if member is None or not (member.state in WORKING or member.halting):
             return None
@@ -274,14 +284,14 @@ class Participants:
         return member
 
     def force_end(self, member: Member, now: float) -> Effects:
-        """It does not come to an end of undoing its work: an End stops that, too. `overdue` returns it once it stands still."""
+        """Send End to a participant that does not finish its compensation. `overdue` returns it when it must have stopped."""
         yield from self.give_up_member(member)
         yield from self._send(member, frp.End(outcome=Outcome.FAILED), now, DISMISSAL_TIME)
         member.halting = True
         yield SetTimer(self._overdue(member), _rest_time(member, now))
 
     def give_up_member(self, member: Member) -> Effects:
-        """It may do anything from now on, but nobody waits for it."""
+        """Stop waiting for a participant, although its device may still act."""
         if member.session.abandon():
             self._mark_changed(member)
             member.lost_version = self._context.replica.version
@@ -307,12 +317,12 @@ class Participants:
 
 
 def _rest_time(member: Member, now: float) -> float:
-    """When one that says nothing more has stopped. If it was not heard to begin, it may until the last moment at which it might."""
+    """When a silent participant must have stopped. If its start was not confirmed, it may have begun as late as `begins_by`."""
     return max(now + SILENCE, member.begins_by + 2 * SILENCE)
 
 
 def answer_stranger(message: Message, address: str) -> list[Effect]:
-    """The answers to one that takes part in nothing that is known here, such as a transaction that is long over."""
+    """The answers to a sender that is no participant here, for example of a transaction that ended long ago."""
     header = message.header
     if header.transaction is None or header.participant is None:
         return []

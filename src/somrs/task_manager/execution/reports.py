@@ -1,4 +1,4 @@
-"""What the participants of one transaction report, on its way to the map."""
+"""The reports of the participants of one transaction, until they are on the map."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from somrs.task_manager.requests import ForReport, answer_problems
 
 
 class ProgressSubject(Struct, frozen=True, tag="OfProgress"):
-    """The participant goes on with its work, or was given up long ago."""
+    """An intermediate report, or a late report of a participant that was given up."""
 
     participant: str
 
 
 class WorkSubject(Struct, frozen=True, tag="OfWork"):
-    """The participant's work, or its undoing, is over. `trouble`: what went wrong."""
+    """The final report of a participant's work or compensation. `trouble`: what went wrong."""
 
     participant: str
     situation: str
@@ -26,7 +26,7 @@ class WorkSubject(Struct, frozen=True, tag="OfWork"):
 
 
 class UnobservedSubject(Struct, frozen=True, tag="OfNobody"):
-    """Nobody could look at the object, of which nothing is known since that work."""
+    """No service could observe the object, whose state has been unknown since the work with the number `work`."""
 
     object: str
     work: int
@@ -41,8 +41,10 @@ class Report(Struct, frozen=True, kw_only=True):
 
 
 class Reports(Struct, kw_only=True):
-    """One report after the other, so that none overtakes a later one. Until all are settled, nothing is planned or arranged (FRP, property
-    5)."""
+    """Sends reports to the Repository one after the other, in order.
+
+    Until all are settled, the transaction plans and arranges nothing (FRP, property 5).
+    """
 
     waiting: list[Report] = field(default_factory=list)
 
@@ -51,27 +53,27 @@ class Reports(Struct, kw_only=True):
         return bool(self.waiting)
 
     def add_report(self, owner: str, report: Report, context: TaskManagerContext, now: float) -> Effects:
-        """Put it on the map, when those before it are there. The owner hears of it by `answered`."""
+        """Send the report when those before it are settled. The owner receives the result as `ReportAnswered`."""
         self.waiting.append(report)
         if len(self.waiting) == 1:
             yield from self.send_next(owner, context, now)
 
     def send_next(self, owner: str, context: TaskManagerContext, now: float) -> Effects:
-        """Tell the Repository the first that waits."""
+        """Send the first waiting report to the Repository."""
         yield from context.requests.update(self.waiting[0].update, ForReport(owner), now)
 
     def settle_first(self) -> bool:
-        """The first is settled; whether it was the last."""
+        """Remove the first report, which is settled. Returns whether it was the last."""
         del self.waiting[0]
         return not self.waiting
 
 
 def settlement(answer: Message) -> tuple[int | None, tuple[str, ...]]:
-    """The version of the map that shows what the Repository answered to a report, if any does, and what is wrong with the report."""
+    """The map version that the replica must reach to reflect the answer, if there is one, and the problems of the report."""
     match answer.body:
         case Updated(version=version):
             return version, ()
-        case Rejected(version=int(version)):  # what it contradicts may not be known here yet
+        case Rejected(version=int(version)):  # the replica may not know yet what the report contradicts
             return version, answer_problems(answer)
         case _:
             return None, answer_problems(answer)

@@ -1,4 +1,4 @@
-"""The concrete plan of one task: each step of the abstract plan, who does it, and how far it is."""
+"""The concrete plan of one task: each step of the abstract plan, with its service and its progress."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from somrs.task_manager.execution.participants import Members
 
 
 class Progress(StrEnum):
-    """How far a step is."""
+    """The progress of a step."""
 
     OPEN = "open"
-    """Nobody has it yet."""
+    """No service has the step, and none is being asked."""
     ARRANGING = "arranging"
-    """Services were asked, and their answers are awaited."""
+    """Services have been asked, and their answers are awaited."""
     ARRANGED = "arranged"
     """One service is committed to it."""
     EXECUTING = "executing"
     REPORTING = "reporting"
-    """It is over, and what it came to is being put on the map."""
+    """The step has ended, and its result is not on the map yet."""
     COMPLETED = "done"
 
 
@@ -37,52 +37,55 @@ PROMISED = (Progress.ARRANGED, Progress.EXECUTING)
 
 
 class StepRun(Struct, kw_only=True, eq=False):
-    """A step of the plan and its life so far. `reported` is what a failed service, or whoever looked, said is so now.
+    """A step of the plan, with its progress.
 
-    `label` is what people know the step by; `key` tells it from all other steps of the transaction. `participant` has it, or had it last
-    while it is done; `provider` is that one's device.
+    `label` is its name for people; `key` is unique among all steps of the transaction. `participant` is the id of the participant that is
+    or was committed to the step, and `provider` its device. `reported` is the situation that a failed service or an observation reported.
     """
 
     step: Step
     label: str
     key: str
     goal: GoalKind = GoalKind.TASK
-    """What the plan is for."""
+    """The kind of goal that the plan serves."""
     progress: Progress = Progress.OPEN
     failure: str | None = None
-    """It was begun, and is nobody's now; something has to be done about that before it is arranged again."""
+    """Why the step failed after its start. It has to be recovered before it is arranged again."""
     participant: str | None = None
     provider: str | None = None
     precondition: Formula | None = None
     reported: Formula | None = None
     excluded: dict[str, str] = {}
-    """Services not to be asked again for this step, and why."""
+    """Services that are not asked again for this step, and why."""
     lapsed: set[str] = set()
-    """Services whose terms ran out once before the step could begin."""
+    """Services whose terms expired once before the step could begin."""
     handled: set[str] = set()
-    """What was laid down for its failure and has been tried, by its effect."""
+    """The effects of the handlers that have been tried for its failure."""
     start: float = 0.0
     finish: float = 0.0
     is_waiting: bool = field(default=False, name="waits")
-    """It is arranged, and another has its device."""
+    """The step is arranged, and waits for its device."""
 
     @property
     def work(self) -> Hashable:
-        """What is asked of a service, whatever the step is called."""
+        """What the step asks of a service, without the step's name."""
         return self.step.service_type, tuple(self.step.inputs.items())
 
 
 class Workflow(Struct, dict=True, eq=False):
-    """The steps of a plan with their states; order comes from the plan's links. What comes next is known without going through all
-    steps: each event moves few of them, and plans have hundreds. What is known so is made anew from the steps when they are read back."""
+    """The steps of a plan with their progress, in the order that the plan's links define.
+
+    Indexes give the next steps without a pass over all steps: a plan has hundreds, and an event moves few of them. The indexes are not
+    stored, but rebuilt from the steps.
+    """
 
     plan: Plan
     runs: dict[str, StepRun]
-    """By the step's id, in an order in which they can be done."""
+    """By the step's id, in topological order."""
 
     @classmethod
     def from_plan(cls, plan: Plan, name: str = "", label: str = "", goal: GoalKind = GoalKind.TASK) -> Workflow:
-        """None of its steps is anybody's yet."""
+        """A workflow in which all steps are open."""
         steps = plan.topological()
         return cls(plan, {step.id: StepRun(step=step, label=f"{label}{step.id}", key=f"{name}{step.id}", goal=goal) for step in steps})
 
@@ -96,17 +99,17 @@ class Workflow(Struct, dict=True, eq=False):
         self._unarranged = {
             id: sum(predecessor.progress in UNPROMISED for predecessor in predecessors) for id, predecessors in self._predecessors.items()
         }
-        """How many steps right before it nobody has promised to do, by step."""
+        """By step: the number of direct predecessors that no service is committed to."""
         self._undone = {
             id: sum(predecessor.progress is not Progress.COMPLETED for predecessor in predecessors)
             for id, predecessors in self._predecessors.items()
         }
         self._open: set[str] = set()
-        """Steps to arrange, when all before them is promised."""
+        """The steps to arrange next: open steps whose predecessors are all promised."""
         self._ready: set[str] = set()
         self._failed = {id for id, run in runs.items() if run.failure is not None}
         self._promised: dict[str, set[str]] = {}
-        """The steps that each provider is committed to, or does."""
+        """By provider: the steps that it is committed to or executes."""
         for id, run in runs.items():
             self._sort(run)
             if run.provider is not None and run.progress in PROMISED:
@@ -118,7 +121,7 @@ class Workflow(Struct, dict=True, eq=False):
     # How steps change
 
     def move(self, run: StepRun, progress: Progress) -> None:
-        """The step is in another state now."""
+        """Change the progress of a step."""
         old_progress, run.progress = run.progress, progress
         self._count[old_progress] -= 1
         self._count[progress] += 1
@@ -134,18 +137,18 @@ class Workflow(Struct, dict=True, eq=False):
                 self._sort(successor)
 
     def assign(self, run: StepRun, member: Member, start: float, finish: float) -> None:
-        """The service is committed to it, from then until then."""
+        """Mark a step as arranged: the participant is committed to it from `start` to `finish`."""
         run.participant, run.provider, run.start, run.finish, run.is_waiting = member.id, member.offer.provider, start, finish, False
         self.move(run, Progress.ARRANGED)
 
     def release(self, run: StepRun, failure: str | None = None) -> None:
-        """The service that had it is out."""
+        """Open a step again, because its service has left. `failure`: why it failed, if it had begun."""
         self.move(run, Progress.OPEN)
         run.participant = run.provider = None
         self.set_failure(run, failure)
 
     def set_failure(self, run: StepRun, failure: str | None) -> None:
-        """The step has to be recovered; or, with None, has been."""
+        """Mark a step as failed; or, with None, as recovered."""
         run.failure = failure
         _set_member(self._failed, run.step.id, failure is not None)
 
@@ -160,7 +163,7 @@ class Workflow(Struct, dict=True, eq=False):
     # What comes next
 
     def adopt(self, old: Workflow, members: Members) -> Iterator[Member]:
-        """Take over what still stands of the plan before. The services whose steps are no more are left over."""
+        """Take over the contracts of the old plan for equal steps. Yields the participants whose steps no longer exist."""
         waiting: dict[Hashable, deque[StepRun]] = {}
         for run in self:
             waiting.setdefault(run.work, deque()).append(run)
@@ -188,52 +191,52 @@ class Workflow(Struct, dict=True, eq=False):
                 yield member
 
     def bind(self, run: StepRun, provider: str) -> None:
-        """The device does the step, and with it all that have to be done by the same one."""
+        """Assign the device to the step, and to all steps of the same device group."""
         if run.step.alternative_providers:
             for other_run in [other_run for other_run in self if other_run.step.device_group == run.step.device_group]:
                 other_run.step = assign_provider(other_run.step, provider)
 
     def run_of(self, member: Member) -> StepRun | None:
-        """The step that the participant was asked for."""
+        """The step for which the participant was asked."""
         return self._by_key.get(member.step)
 
     def held_by(self, member: Member) -> StepRun | None:
-        """The step that the participant is committed to, or does."""
+        """The step that the participant is committed to or executes."""
         run = self.run_of(member)
         return run if run is not None and run.participant == member.id else None
 
     def predecessors(self, step: str) -> Sequence[StepRun]:
-        """The steps that must be done before this one."""
+        """The steps that must be completed before this one."""
         return self._predecessors[step]
 
     @property
     def open(self) -> list[StepRun]:
-        """The steps to arrange next: all before them is promised, so that it can be said when they can start."""
+        """The steps to arrange next: all their predecessors are promised, so that their earliest start is known."""
         return self._in_order(self._open)
 
     @property
     def remaining(self) -> list[StepRun]:
-        """The steps that are not done, in an order in which they can be."""
+        """The steps that are not completed, in topological order."""
         return [run for run in self if run.progress is not Progress.COMPLETED]
 
     @property
     def failed(self) -> StepRun | None:
-        """A step that was begun, and has to be recovered."""
+        """The first step that has to be recovered."""
         return next(iter(self._in_order(self._failed)), None)
 
     @property
     def ready(self) -> list[StepRun]:
-        """Arranged steps whose predecessors are all done."""
+        """Arranged steps whose predecessors are all completed."""
         return self._in_order(self._ready)
 
     @property
     def arranged(self) -> bool:
-        """Whether every step has its service, or had it."""
+        """Whether every step is arranged, in execution or completed."""
         return not any(self._count[progress] for progress in UNPROMISED)
 
     @property
     def busy(self) -> bool:
-        """Whether any step is under way."""
+        """Whether any step is executing or reporting."""
         return bool(self._count[Progress.EXECUTING] or self._count[Progress.REPORTING])
 
     @property
@@ -242,7 +245,7 @@ class Workflow(Struct, dict=True, eq=False):
 
     @property
     def step_count(self) -> int:
-        """How many steps there are."""
+        """The number of steps."""
         return len(self.runs)
 
     @property
@@ -250,16 +253,16 @@ class Workflow(Struct, dict=True, eq=False):
         return self._count[Progress.COMPLETED]
 
     def promised(self, provider: str) -> list[Interval]:
-        """When the provider is committed."""
+        """The intervals in which the provider is committed."""
         return [(self.runs[id].start, self.runs[id].finish) for id in self._promised.get(provider, ())]
 
     @property
     def providers(self) -> Iterable[str]:
-        """Those that are committed to something, or were."""
+        """The providers that are or were committed to a step."""
         return self._promised
 
     def earliest_start(self, run: StepRun, now: float) -> float:
-        """When everything before the step is promised to be finished."""
+        """The promised finish of all predecessors of the step; at least `now`."""
         return max(
             [now, *(predecessor.finish for predecessor in self.predecessors(run.step.id) if predecessor.progress is not Progress.COMPLETED)]
         )

@@ -1,1 +1,1 @@
-"""What is done about failures: replace, plan anew, look, undo (paper, "Protocol for failure handling and recovery")."""
+"""Recovery from failures: replace, replan, observe, compensate (paper, "Protocol for failure handling and recovery")."""

@@ -1,8 +1,8 @@
-"""Undoing what was done, last things first (FRP, "Recovery": give up, and compensate and retry).
+"""Compensation of work, the latest first (FRP, "Recovery": give up, and compensate and retry).
 
-Each piece of work goes through the same attempts, the cheapest first: it may have changed nothing, or be as it was already; a procedure
-may have been laid down for it; the service that did it may undo it; others may restore what was before. What none of them achieves is
-stranded: it is reported to the client with its situation.
+Work that changed nothing, or whose prior situation holds again, counts as undone. Otherwise there are up to three attempts, the cheapest
+first: a handler; compensation by the service that did the work; restoration of the prior situation by other services. Work that no attempt
+undoes is stranded, and is reported to the client with its situation.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from somrs.task_manager.reservations import Reservation
 
 
 class Attempt(StrEnum):
-    """In this order."""
+    """The attempts to undo work, in this order."""
 
     HANDLER = "a procedure that was laid down"
     PARTICIPANT = "the service that did it"
@@ -35,8 +35,11 @@ class Attempt(StrEnum):
 
 
 class Undoing(Struct, kw_only=True):
-    """What is to be undone: `remaining_numbers` are the numbers of the work that is yet to come, `work` the one that is being undone, with
-    the attempts that are left for it. `by_other_services`: other services may restore what was. `pursued`: a goal is pursued for it."""
+    """The state of a compensation.
+
+    `remaining_numbers` are the numbers of the work still to undo. `work` is the number of the work that is being undone, and `attempts` are
+    left for it. `by_other_services`: other services may restore prior situations. `pursued`: a goal of the task is to undo the work.
+    """
 
     remaining_numbers: list[int] = field(name="left")
     by_other_services: bool = field(name="by_others")
@@ -51,14 +54,14 @@ class Undoing(Struct, kw_only=True):
 
 
 class RestorationGoal(Struct, frozen=True):
-    """A formula has to be made true, so that the work is undone."""
+    """A formula that has to be made true to undo the work."""
 
     goal: str
     work: Work
 
 
 class Compensation:
-    """Goes on with the undoing of a task's work whenever something may have moved. `tell` notes what happened to a piece of work."""
+    """Continues the compensation of a task's work. `log_event` logs an event of the work."""
 
     def __init__(
         self,
@@ -76,8 +79,10 @@ class Compensation:
         self._members, self._participants, self._context, self._log_event = members, participants, context, log_event
 
     def proceed(self, now: float) -> EffectsReturning[bool | RestorationGoal]:
-        """Go on. Whether everything was gone through; or a formula that is to be pursued: `goal_reached` or `goal_failed` is called
-        then."""
+        """Continue. Returns True when no work is left, False when a participant is still busy, or a goal for the transaction.
+
+        After a goal, the transaction calls `goal_reached` or `goal_failed`.
+        """
         state = self._state
         while not state.pursued:
             if state.work is None:
@@ -99,17 +104,17 @@ class Compensation:
         return False
 
     def goal_reached(self, now: float) -> None:
-        """What was pursued is so."""
+        """The goal holds, and its work is undone."""
         self._state.pursued = False
         if self._state.work is not None:
             self._mark_restored(self._log.work_by_number(self._state.work), now)
 
     def goal_failed(self) -> None:
-        """What was pursued could not be had."""
+        """The goal cannot be reached; `proceed` makes the next attempt."""
         self._state.pursued = False
 
     def _attempt(self, attempt: Attempt, work: Work, now: float) -> EffectsReturning[str | None]:
-        """Undo it so. The formula that is to be pursued for that, if any."""
+        """Make one attempt. Returns the formula that has to be made true for it, if any."""
         match attempt:
             case Attempt.HANDLER:
                 for handler in fitting_handlers(self._task.handlers, work, Occasion.COMPENSATION, self._context.replica):
@@ -129,7 +134,7 @@ class Compensation:
         return None
 
     def _is_reserved_elsewhere(self, work: Work) -> bool:
-        """Whether another task has the objects of the work by now: this one had to wait since."""
+        """Whether another task has reserved the objects of the work. This is possible after the task has had to wait."""
         return bool(self._context.reservations.holders(self._owner, Reservation(changes=frozenset(work.concerned))))
 
     def _is_restored(self, work: Work) -> bool:

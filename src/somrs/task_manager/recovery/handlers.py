@@ -1,5 +1,5 @@
-"""The procedures that were laid down for failures and compensations (paper, "Protocol for failure handling and recovery": a concrete
-plan should contain them), with a task or with a service type.
+"""Handlers for failures and compensations, which a task or a service type defines (paper, "Protocol for failure handling and recovery":
+a concrete plan should contain them).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from somrs.task_manager.execution.execution_log import Work
 
 
 def fitting_handlers(of_task: Iterable[Handler], work: Work, occasion: Occasion, replica: Replica) -> list[Handler]:
-    """Those for the work that fit the situation, the task's own first, bound to its step."""
+    """The handlers for the work whose condition holds, the task's own first, with their variables bound to the step."""
     candidates = [handler for handler in of_task if handler.service_type in (None, work.step.service_type)] + [*work.service_type.handlers]
     bound = {**work.step.bindings, PROVIDER: Name(work.provider)}
     handlers: list[Handler] = []
@@ -28,6 +28,6 @@ def fitting_handlers(of_task: Iterable[Handler], work: Work, occasion: Occasion,
             condition = substitute(parse(handler.when), bound) if handler.when is not None else None
             if condition is None or next(iter(bindings(condition, replica.map, replica.ontology)), None) is not None:
                 handlers.append(Handler(on=occasion, effect=str(substitute(parse(handler.effect), bound))))
-        except FormulaError:  # the map may have lost what the procedure speaks of
+        except FormulaError:  # the map may have lost an object of the handler
             continue
     return handlers

@@ -1,7 +1,8 @@
-"""The ladder of recovery, cheapest rung first: what to try when a step has lost its service (FRP, "Recovery").
+"""The recovery ladder: what to try when a step has lost its service, the cheapest first (FRP, "Recovery").
 
-What a handler was laid down for goes before the ladder; undoing what failures left (`compensation.py`) comes after its second rung,
-when there is no plan; giving up, with everything undone, is the transaction's last."""
+Handlers come before the steps in this module. If they lead to no plan, the transaction compensates interrupted work (`compensation.py`).
+Its last step is to give up and to compensate all work.
+"""
 
 from __future__ import annotations
 
@@ -13,23 +14,26 @@ from msgspec import Struct, field
 from somrs.protocol.messages.directory import Offer
 
 MOST_REPLANS = 8
-"""How often one task is planned anew, with nothing completed between, before it is given up."""
+"""Maximum number of times that a goal is replanned without a completed step in between."""
 
 
 class Replans(Struct):
-    """How often one thing was planned anew. Nothing may be done between too few times in a row; and however much is done, not for ever:
-    somebody else may undo it each time. As often as there are steps in a plan, services may fail at them."""
+    """Counts and limits how often one goal is replanned.
+
+    `fruitless` counts since the last completed step. `total` has a limit, too, because others may undo each completed step. Its limit
+    includes the steps of the longest plan, because services may fail at each of them.
+    """
 
     fruitless: int = 0
     total: int = field(default=0, name="all")
     steps: int = 0
 
     def planned(self, steps: int) -> None:
-        """A plan has so many steps."""
+        """Record the number of steps of a plan."""
         self.steps = max(self.steps, steps)
 
     def count(self) -> None:
-        """It is planned anew."""
+        """Count a replanning."""
         self.fruitless += 1
         self.total += 1
 
@@ -43,22 +47,23 @@ class Replans(Struct):
 
     def __str__(self) -> str:
         if self.fruitless >= MOST_REPLANS:
-            return f"planned anew {self.fruitless} times already, and nothing was done"
-        return f"planned anew {self.total} times already"
+            return f"replanned {self.fruitless} times without a completed step"
+        return f"replanned {self.total} times"
 
 
 class Rung(StrEnum):
-    """What to do about a step that nobody does now."""
+    """How to recover a step that has lost its service."""
 
     REPLACE = "replace"
-    """Arrange the same step anew, with the reported situation as its precondition."""
+    """Arrange the same step again, with the reported situation as its precondition."""
     REPLAN = "replan"
-    """From the map as it is now to the task's effect, without the services that are known to be broken."""
+    """Plan from the current map to the goal, without the services that are known to be broken."""
 
 
 def next_rung(alternatives: Sequence[Offer], possible: bool, outcome_known: bool) -> Rung:
-    """The cheapest rung that can help: `alternatives` could do the step, and its precondition is `possible` on the map as it is.
+    """The cheapest recovery that can help.
 
-    `outcome_known`: what became of the step is known; one that is not is never simply begun again.
+    `alternatives` could do the step. `possible`: its precondition holds on the current map. `outcome_known`: the situation that the failure
+    left is known; otherwise the step must not simply start again.
     """
     return Rung.REPLACE if alternatives and possible and outcome_known else Rung.REPLAN

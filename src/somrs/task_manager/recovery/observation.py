@@ -1,5 +1,5 @@
-"""When nothing is known of what a failure left: who can look (paper, "Protocol for failure handling and recovery": a cognitive
-service is to recognise the situation), and what the map says when nobody can.
+"""Observation of objects in an unknown state after a failure (paper, "Protocol for failure handling and recovery": a cognitive service is
+to recognise the situation). If no service can observe an object, the map marks it as unknown.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from somrs.task_manager.requests import ForLook
 
 
 class Look(Struct, kw_only=True):
-    """An object of which nothing is known since that `work` was lost. `plans` are the plans by which it can be looked at, the next first.
+    """The observation of an object whose state is unknown because `work` was lost. `plans` can observe it, the next one first.
 
-    `since_version` is the map's version from which on nothing is known. If nobody can say how the object is, the map says that.
+    `since_version` is the map version from which on the state is unknown.
     """
 
     object: str
@@ -43,44 +43,44 @@ class Look(Struct, kw_only=True):
 
 
 class Unseen(Struct, frozen=True):
-    """An object that has to be looked at, and the number of the work that was lost."""
+    """An object to observe, and the number of the work that was lost."""
 
     object: str
     work: int
 
 
 class LookQueue(Struct, kw_only=True):
-    """What is `unseen`, one object after the other; `current_look`: it is being found out who can look. `look_count` counts."""
+    """The objects to observe, one after the other. `current_look` waits for the services on offer; `look_count` counts observations."""
 
     unseen: list[Unseen] = field(default_factory=list, name="wanted")
     current_look: Look | None = field(default=None, name="asking")
     look_count: int = field(default=0, name="begun")
 
     def add_work(self, work: Work) -> None:
-        """Nobody knows what the work left."""
+        """Queue the objects of physical work whose resulting situation is unknown."""
         if work.service_type.kind is ServiceKind.PHYSICAL:
             self.unseen += [Unseen(name, work.number) for name in work.concerned]
 
     def requeue(self, look: Look) -> None:
-        """Whoever looked was called off before anything was seen."""
+        """Queue an observation again that was stopped before it had a result."""
         self.unseen.append(Unseen(look.object, look.work))
 
     def drop(self) -> None:
-        """It does not matter any more who can look at what is being asked for."""
+        """Queue the current observation again, without waiting for the services on offer."""
         if self.current_look is not None:
             self.unseen.insert(0, Unseen(self.current_look.object, self.current_look.work))
             self.current_look = None
 
 
 class LookPlan(Struct, frozen=True):
-    """A plan that has to be pursued, so that the object is looked at."""
+    """A plan to execute, so that the object is observed."""
 
     plan: Plan
     look: Look
 
 
 class Observation:
-    """Finds somebody who can look, and says so on the map where nobody can. `tell` notes what happened to a piece of work."""
+    """Finds services that can observe objects, and marks objects as unknown if there are none. `log_event` logs an event of the work."""
 
     def __init__(
         self,
@@ -98,7 +98,7 @@ class Observation:
         self._services, self._reports, self._context, self._log_event = services, reports, context, log_event
 
     def begin(self, now: float) -> Effects:
-        """Find out who can look at the next object."""
+        """Discover the services that can observe the next object."""
         state, unseen = self._state, self._state.unseen.pop(0)
         member = self._members.find_member(self._log.work_by_number(unseen.work).participant)
         since_version = member.lost_version if member is not None and member.lost_version is not None else self._context.replica.version
@@ -107,7 +107,7 @@ class Observation:
         yield from self._context.requests.discover(ForLook(self._owner, state.look_count), now)
 
     def discovered(self, purpose: ForLook, offers: tuple[Offer, ...] | str, now: float) -> EffectsReturning[LookPlan | None]:
-        """The services on offer are known, or why they cannot be. Who is to look, if anybody can."""
+        """Handle the services on offer, or the reason why they are not known. Returns the plan of the observation, if there is one."""
         look = self._state.current_look
         if look is None or look.serial != purpose.serial:
             return None
@@ -119,7 +119,7 @@ class Observation:
         return (yield from self.next_plan(look, now))
 
     def next_plan(self, look: Look, now: float) -> EffectsReturning[LookPlan | None]:
-        """Have it looked at in the next way; without any, nothing is assumed about the object."""
+        """The next plan that can observe the object. Without one, the map marks the object as unknown."""
         work = self._log.work_by_number(look.work)
         if look.plans:
             plan = look.plans.pop(0)
@@ -137,17 +137,17 @@ class Observation:
         return None
 
     def assumed(self, subject: UnobservedSubject, problems: tuple[str, ...], now: float) -> None:
-        """The map says that nothing is known of the object, or that it does not say so."""
+        """The map marks the object as unknown, or the Repository rejected that for these `problems`."""
         work = self._log.work_by_number(subject.work)
         member = self._members.find_member(work.participant)
         if problems:
             self._log_event(events.KnownOtherwise(object=subject.object, problems=problems), now, work)
         elif work.state is State.UNREACHABLE and member is not None:
-            member.lost_version = self._context.replica.version  # its own report, should it come after all, is news
+            member.lost_version = self._context.replica.version  # a late report of its own is valid from here on
 
 
 def look_plans(object: str, offers: Iterable[Offer], map: Map, ontology: Ontology) -> list[Plan]:
-    """For each cognitive service type whose effect is that the object is known: the plan of one step that it is."""
+    """Plans of one step, one for each cognitive service type whose effect is that the state of the object is known."""
     types = {offer.service_type.name: offer.service_type for offer in offers if offer.service_type.kind is ServiceKind.COGNITIVE}
     steps = [_step(service_type, object, map, ontology) for _, service_type in sorted(types.items())]
     return [Plan((step,)) for step in steps if step is not None]
@@ -165,7 +165,7 @@ def _step(service_type: ServiceType, object: str, map: Map, ontology: Ontology) 
 
 
 def unknown_changes(object: str, map: Map, ontology: Ontology) -> list[Change]:
-    """It may be anywhere: the facts about it that exclude each other go, and the map says so."""
+    """The changes that mark an object as unknown. They remove its facts of exclusive relations, such as its location."""
     if object not in map.objects:
         return []
     facts = [

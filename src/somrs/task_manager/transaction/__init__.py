@@ -1,1 +1,1 @@
-"""One task from what its client states to its end: a transaction."""
+"""A task as a transaction, from its submission to its outcome."""

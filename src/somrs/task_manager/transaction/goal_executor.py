@@ -1,8 +1,8 @@
-"""Makes one formula true: by a plan, arranged step by step with services, executed, and recovered when a step fails, on the ladder's first
-two rungs (`recovery/ladder.py`).
+"""The execution of one goal: planning, arrangement, execution of the steps, and recovery of a failed step by replacement or replanning
+(`recovery/ladder.py`).
 
-The goal of a task is pursued so, and so is whatever has to be so on the way: what a handler demands, what a cognitive service is to
-find out, what is to be restored. What the pursuit cannot settle by itself it gives back as `NextAction`, for the transaction.
+The goals are that of the task, and further goals on the way: what a handler demands, what a cognitive service observes, what a
+compensation restores. Decisions that concern the whole task are returned to the transaction as a `NextAction`.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from somrs.task_manager.transaction.step_executor import StepExecutor
 
 
 class GoalExecutor:
-    """Goes on with one goal of a task. It has no state of its own."""
+    """Continues the execution of one goal of a task. It has no state of its own."""
 
     def __init__(self, execution: GoalExecution, scope: TaskScope) -> None:
         self._execution, self._scope = execution, scope
@@ -44,7 +44,7 @@ class GoalExecutor:
     # Planning
 
     def begin(self, now: float, plan: Plan | None = None) -> EffectsReturning[NextAction | None]:
-        """Have a plan made, or take this one and no other."""
+        """Request a plan, or adopt the given plan as the only one."""
         if plan is None:
             yield from self._plan(now)
             return None
@@ -52,14 +52,14 @@ class GoalExecutor:
         return (yield from self._adopt_plan(plan, now))
 
     def plan_anew(self, now: float) -> Effects:
-        """The map is another now: what was impossible may be possible."""
+        """Request another plan after a change of the map."""
         self._execution.replans.count()
         yield from self._plan(now)
 
     def _plan(self, now: float) -> Effects:
         execution, state = self._execution, self._scope.state
         execution.phase = Phase.PLANNING
-        # What the client said of the beginning is about the beginning.
+        # The client's precondition concerns only the initial situation.
         precondition = state.task.precondition if execution.kind is GoalKind.TASK and execution.plans == 0 else None
         task = structs.replace(state.task, effect=execution.goal, precondition=precondition)
         execution.request = PlanRequest(owner=state.id, goal=execution.number, serial=execution.plans, task=task)
@@ -70,7 +70,7 @@ class GoalExecutor:
         return PlanRequester(request, self._services, self._context, self._execution.workflow)
 
     def discovered(self, serial: int, offers: tuple[Offer, ...] | str, now: float) -> EffectsReturning[NextAction | None]:
-        """The services on offer are known; to a plan that is not wanted any more it means nothing."""
+        """Handle the services on offer; they are ignored if the request is out of date."""
         request = self._execution.request
         if request is None or request.serial != serial:
             return None
@@ -78,7 +78,7 @@ class GoalExecutor:
         return (yield from self._planned(result, now)) if result is not None else None
 
     def planned(self, question: PlanWanted, answer: Answer, now: float) -> EffectsReturning[NextAction | None]:
-        """The planner's answer; to a plan that is not wanted any more it means nothing."""
+        """Handle the planner's answer; it is ignored if the question is out of date."""
         request = self._execution.request
         if request is None or request.question != question:
             return None
@@ -94,7 +94,7 @@ class GoalExecutor:
                 yield from self._wait(result, now)
                 return None
             case BlockedPlan():
-                return (yield from self._fail((f"other tasks have {', '.join(result.objects)}",), now))
+                return (yield from self._fail((f"other tasks have reserved {', '.join(result.objects)}",), now))
             case NoPlan():
                 broken = self._services.broken
                 lost = (f"{service}: {reason}" for service, reason in broken.items() if service not in result.lost)
@@ -105,7 +105,7 @@ class GoalExecutor:
                 return (yield from self._fail((f"planning failed: {result}",), now))
 
     def without_plan(self, reasons: tuple[str, ...], now: float) -> EffectsReturning[NextAction | None]:
-        """There is none, and nothing can be undone so that there may be one."""
+        """There is no plan, and nothing can be compensated to make one possible: try failed services again, or fail."""
         if readmitted := self._services.readmit_failed():
             self._log_event(events.TriedOnceMore(services=service_names(readmitted)), now)
             yield from self._plan(now)
@@ -113,7 +113,7 @@ class GoalExecutor:
         return (yield from self._fail(reasons, now))
 
     def _wait(self, blocked_plan: BlockedPlan, now: float) -> Effects:
-        """Until those who have what is needed have ended. Who waits has nothing that others might wait for."""
+        """Wait until the tasks that hold the objects have ended. Contracts are cancelled, because a waiting task holds nothing."""
         execution, reservations = self._execution, self._context.reservations
         for run in execution:
             if run.progress is Progress.ARRANGED and (member := self._member(run)) is not None:
@@ -126,7 +126,7 @@ class GoalExecutor:
         reservations.wait(self._scope.state.id, blocked_plan.reservation)
 
     def freed(self, now: float) -> None:
-        """What it waited for is free."""
+        """The objects that the goal waits for are free."""
         self._execution.waiting_for, self._execution.resumed = None, True
         self._log_event(events.GoesOn(), now)
 
@@ -143,7 +143,7 @@ class GoalExecutor:
         return Proceed()
 
     def invalidate_plan(self, reason: str) -> Effects:
-        """The map is to change while a plan is being made: it has to be made again."""
+        """Withdraw a plan request, because the map is about to change. The plan is requested again later."""
         execution = self._execution
         if execution.request is not None:
             yield from self._requester(execution.request).withdraw()
@@ -151,7 +151,7 @@ class GoalExecutor:
             execution.replan_because, execution.phase = (reason,), Phase.RECOVERING
 
     def abandon(self) -> Effects:
-        """Nothing is made true any more. Whoever was asked or is committed hears that from the transaction."""
+        """Stop working on the goal. The transaction informs the participants."""
         execution = self._execution
         if execution.request is not None:
             yield from self._requester(execution.request).withdraw()
@@ -164,7 +164,7 @@ class GoalExecutor:
     # Arranging
 
     def proceed(self, now: float) -> EffectsReturning[NextAction | None]:
-        """Do whatever comes next. Nothing does while a plan is being made."""
+        """Do what comes next; nothing while a plan is being made or the goal waits for other tasks."""
         execution = self._execution
         workflow = execution.workflow
         if execution.request is not None or execution.waiting_for is not None:
@@ -190,21 +190,23 @@ class GoalExecutor:
             execution.phase = Phase.EXECUTING
             for run in workflow.ready:
                 if execution.phase is not Phase.EXECUTING:
-                    break  # the one before found that the plan does not hold any more
+                    break  # the step before it has shown that the plan is invalid
                 if reasons := (yield from StepExecutor(execution, self._scope).begin(run, now)):
                     return (yield from self._replan(now, reasons))
         return None
 
     def _arrange(self, run: StepRun, now: float) -> EffectsReturning[tuple[bool, NextAction | None]]:
-        """Ask every able service for terms. One that had the step and came back has to stop first: its report is awaited. Whether the
-        plan stands: there may be nobody to ask."""
+        """Ask every able service for terms. Returns whether the plan is still valid, and otherwise the next action.
+
+        If a participant that was given up has returned and still holds the step, its report is awaited first.
+        """
         calls = self._execution.calls
         if self._scope.state.members.held(run.key) or calls.settles(run.step):
             return True, None
         invited = self._services.able_offers(run)
         if not invited:
             exclusions = "; ".join(f"{service}: {reason}" for service, reason in run.excluded.items())
-            reasons = (f"no service takes it ({exclusions})" if exclusions else "nobody offers it any more",)
+            reasons = (f"no service takes it ({exclusions})" if exclusions else "no device offers it any more",)
             return False, (yield from self._begin_recovery(run, reasons, now))
         earliest, latest = self._workflow.earliest_start(run, now), self._scope.state.latest_finish
         call = yield from self._arrangement.invite_services(run, invited, earliest, latest, now)
@@ -213,18 +215,18 @@ class GoalExecutor:
         return True, None
 
     def ask_anew(self, now: float) -> Effects:
-        """Nobody could answer for some time. Who is not heard then is none who does not answer, so that all are asked once more."""
-        yield from self._withdraw("the Task Manager was away, and asks anew", now)
+        """Repeat all open calls after a restart: answers could not arrive, so that silence does not exclude a service."""
+        yield from self._withdraw("the Task Manager restarted, and asks again", now)
 
     def _withdraw(self, reason: str, now: float) -> Effects:
-        """Nobody is asked any more."""
+        """Withdraw all open calls."""
         calls = self._execution.calls
         for call in calls:
             yield from self._arrangement.withdraw(call, reason, now)
         yield from calls.close_all()
 
     def bids_due(self, now: float) -> EffectsReturning[NextAction | None]:
-        """The time to answer Arrange is over."""
+        """Choose among the bids of the calls whose time to answer is over."""
         calls = self._execution.calls
         due = [*calls.due(now)]
         for call in due:
@@ -233,7 +235,7 @@ class GoalExecutor:
         return Proceed() if due else None
 
     def terms_received(self, member: Member, terms: frp.Terms, id: str, now: float) -> EffectsReturning[NextAction | None]:
-        """Terms came."""
+        """Handle the terms of a participant."""
         service = member.offer.service
         self._context.quotes.record_quote(service, terms.price, terms.duration)
         call = self._execution.calls.find_call(member)
@@ -249,7 +251,7 @@ class GoalExecutor:
         return Proceed()
 
     def participant_left(self, member: Member, reason: str, now: float) -> EffectsReturning[NextAction | None]:
-        """A participant is out before it did anything."""
+        """A participant left before it began its step."""
         call = self._execution.calls.find_call(member)
         if call is not None:
             self._arrangement.participant_left(call, member, reason)
@@ -264,7 +266,7 @@ class GoalExecutor:
         return None
 
     def _choose(self, call: CallForProposals, now: float) -> Effects:
-        """Take the best of what came; without any, whoever is left is asked."""
+        """Close a call and accept the best bid. Without one, the step is open again, and the remaining services are asked."""
         yield from self._execution.calls.close(call)
         state = self._scope.state
         chosen = yield from self._arrangement.award(call, state.task, self._context.commitments(), self._services.broken, now)
@@ -275,7 +277,7 @@ class GoalExecutor:
             self._log_event(event, now, run)
 
     def run_of(self, member: Member) -> StepRun | None:
-        """The step that the participant is asked for, is committed to, or does."""
+        """The step that the participant is asked for, is committed to, or executes."""
         execution = self._execution
         call = execution.calls.find_call(member)
         if call is not None:
@@ -285,9 +287,9 @@ class GoalExecutor:
     # Recovering
 
     def _begin_recovery(self, run: StepRun, reasons: tuple[str, ...], now: float) -> EffectsReturning[NextAction | None]:
-        """The step is nobody's now, and something has to be done about it."""
+        """Begin the recovery of a step that has lost its service."""
         was_started = run.failure is not None
-        is_look = self._execution.kind is GoalKind.LOOK  # that the map does not call a thing unknown is no finding
+        is_look = self._execution.kind is GoalKind.LOOK  # a map without the unknown mark replaces no observation
         if was_started and not is_look and known_to_hold(run.step.effect, self._context.replica):
             self._workflow.set_failure(run, None)
             self._workflow.move(run, Progress.COMPLETED)
@@ -298,7 +300,7 @@ class GoalExecutor:
         return (yield from self.recover(run.step.id, reasons, now))
 
     def recover(self, step: str, reasons: tuple[str, ...], now: float) -> EffectsReturning[NextAction | None]:
-        """Climb the ladder."""
+        """Recover the step by replacement or replanning."""
         run, services = self._workflow.runs[step], self._services
         was_started = run.failure is not None
         self._workflow.set_failure(run, None)
@@ -308,7 +310,7 @@ class GoalExecutor:
             possible = True
         except LookupError:
             possible = False
-        bound = run.step.provider is not None  # a plan without it would be a detour, if there is one
+        bound = run.step.provider is not None  # a plan without this provider is a detour, or impossible
         if was_started and not alternatives and (possible or bound) and (alternatives := services.readmit_failed(run)):
             self._log_event(events.MayTryAgain(services=service_names(alternatives)), now, run)
         harmless = services.type_of(run.step).kind is not ServiceKind.PHYSICAL
@@ -322,7 +324,7 @@ class GoalExecutor:
                 return (yield from self._replan(now, reasons))
 
     def _replan(self, now: float, reasons: tuple[str, ...]) -> EffectsReturning[NextAction | None]:
-        """From the map as it is now to the goal; what runs is awaited first."""
+        """Request a plan from the current map to the goal, once all executing steps have ended."""
         execution = self._execution
         assert execution.workflow is not None or execution.replan_because is not None
         if execution.fixed:
@@ -361,7 +363,7 @@ class GoalExecutor:
                 yield from self._participants.halt(member, "the plan was given up", now)
         return GoalUnreachable(reasons)
 
-    # What it works with
+    # Parts
 
     @property
     def _workflow(self) -> Workflow:

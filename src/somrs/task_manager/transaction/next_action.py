@@ -1,4 +1,4 @@
-"""What comes next in a task, as far as the pursuit of one of its goals (`goal_executor.py`) cannot settle it by itself."""
+"""The actions that the execution of a goal (`goal_executor.py`) leaves to the transaction."""
 
 from __future__ import annotations
 
@@ -6,27 +6,27 @@ from msgspec import Struct
 
 
 class Proceed(Struct, frozen=True):
-    """Whatever comes next in the transaction may be done."""
+    """Continue the transaction."""
 
 
 class GoalReached(Struct, frozen=True):
-    """What was pursued is so."""
+    """The goal holds."""
 
 
 class GoalUnreachable(Struct, frozen=True):
-    """What was pursued cannot be had."""
+    """The goal cannot be reached."""
 
     reasons: tuple[str, ...]
 
 
 class NoPlanFound(Struct, frozen=True):
-    """There is no plan. What failures left may be in the way; otherwise go on with `without_plan`."""
+    """There is no plan. The transaction may compensate interrupted work first; otherwise it continues with `without_plan`."""
 
     reasons: tuple[str, ...]
 
 
 class StepLost(Struct, frozen=True):
-    """A step that was begun is nobody's now. A procedure may have been laid down for that; otherwise go on with `recover`."""
+    """A step lost its service after its start. The transaction may use a handler first; otherwise it continues with `recover`."""
 
     step: str
     reasons: tuple[str, ...]

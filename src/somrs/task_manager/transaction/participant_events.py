@@ -1,5 +1,5 @@
-"""What the participants of one task say, or fail to say, and what comes of it: news for the client, a situation for the map, and
-what became of work, so that the task can go on.
+"""The messages and the silence of a task's participants, and their consequences: events for the client, situations for the map, and
+results of work.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from somrs.task_manager.transaction.state import GoalExecution
 from somrs.task_manager.transaction.step_executor import StepExecutor
 
 GoalAction = tuple[GoalExecution | None, NextAction] | None
-"""What the transaction has to do next, and for which of its goals."""
+"""The next action of the transaction, and the goal that it concerns (None: the task's own)."""
 
 PROCEED: GoalAction = (None, Proceed())
 
 
 class ParticipantEvents:
-    """Hears each message once it is known whose it is, and notices who falls silent. It has no state of its own."""
+    """Handles the messages of participants, and participants that fall silent or are overdue. It has no state of its own."""
 
     def __init__(self, scope: TaskScope) -> None:
         self._scope, self._state = scope, scope.state
 
     def receive(self, message: Message, now: float) -> EffectsReturning[GoalAction]:
-        """A message of the protocol from a participant."""
+        """Handle a protocol message from a participant."""
         received = yield from self._scope.participants.receive(message, now)
         if received is None:
             return None
@@ -46,12 +46,12 @@ class ParticipantEvents:
         return None
 
     def delivery_failed(self, message: Message, reason: str, now: float) -> EffectsReturning[GoalAction]:
-        """A message never arrived."""
+        """Handle a message that could not be delivered."""
         member = yield from self._scope.participants.delivery_failed(message, reason, now)
         return (yield from self._participant_left(member, member.exit_reason, now)) if member is not None else None
 
     def _assignment(self, member: Member) -> tuple[GoalExecution, StepRun] | tuple[None, None]:
-        """What the participant is asked for, is committed to, or does."""
+        """The goal and the step that the participant is asked for, is committed to, or executes."""
         for execution in self._state.executions:
             if (run := self._executor(execution).run_of(member)) is not None:
                 return execution, run
@@ -124,11 +124,11 @@ class ParticipantEvents:
             yield from self._put_on_map(member, progress.situation, ProgressSubject(member.id), now)
 
     def _participant_left(self, member: Member, reason: str, now: float) -> EffectsReturning[GoalAction]:
-        """A participant is out before it did anything."""
+        """A participant left before it began its step."""
         member.exit_reason = reason
         work = self._state.log.work_of(member)
         if work is not None and work.state is State.EXECUTING:
-            self._state.log.drop(work)  # its terms, or its time to begin, had run out before it was told to start
+            self._state.log.drop(work)  # its terms, or its time to begin, had expired before Execute arrived
         execution, _ = self._assignment(member)
         if execution is None:
             return PROCEED
@@ -136,7 +136,7 @@ class ParticipantEvents:
         return (execution, action) if action is not None else None
 
     def _reported(self, member: Member, situation: str | None, trouble: str | None, now: float) -> EffectsReturning[GoalAction]:
-        """A participant's work, or its undoing, is over. What it left is on the map before anything is planned or arranged on it."""
+        """A participant's work or compensation has ended. Its report goes to the map before the task plans or arranges anything."""
         member.reported = True
         execution, run = self._assignment(member)
         if execution is not None and run is not None:
@@ -148,7 +148,7 @@ class ParticipantEvents:
             work.situation = situation or work.situation
             work.note = trouble or work.note
         for goal_execution in self._state.executions:
-            yield from self._executor(goal_execution).invalidate_plan(f"{member.offer.service} reported while it was planned")
+            yield from self._executor(goal_execution).invalidate_plan(f"{member.offer.service} reported during planning")
         if situation is None:
             self._conclude_work(member, None, trouble)
             return PROCEED
@@ -161,10 +161,10 @@ class ParticipantEvents:
         yield from self._state.reports.add_report(self._state.id, Report(update=update, subject=subject), self._scope.context, now)
 
     def settled(self, subject: ProgressSubject | WorkSubject, problems: tuple[str, ...], now: float) -> None:
-        """What a participant reported is on the map, or it was rejected."""
+        """A participant's report is on the map, or the Repository rejected it for these `problems`."""
         member = self._state.members.find_member(subject.participant)
         if member is None:
-            return  # the task was over before that
+            return  # the task ended before that
         if problems:
             _, run = self._assignment(member)
             self._log_event(events.ReportRejected(service=member.offer.service, problems=problems), run, now)
@@ -174,7 +174,7 @@ class ParticipantEvents:
             self._conclude_work(member, subject.situation, subject.trouble)
 
     def _conclude_work(self, member: Member, situation: str | None, trouble: str | None) -> None:
-        """What became of a participant's work is known; what comes of that, the transaction finds."""
+        """Record the result of a participant's work. The transaction then decides what to do next."""
         member.reporting = False
         state, services = self._state, self._scope.services
         work = state.log.work_of(member)
@@ -197,7 +197,7 @@ class ParticipantEvents:
             state.look_queue.add_work(work)
 
     def _process_late_message(self, member: Member, message: Message, now: float) -> Effects:
-        """One that was given up, and has had its End, says what became of its work: the map has to know that, too."""
+        """Report the result of a participant that was given up and has received End, because the map needs it."""
         match message.body:
             case frp.Completed(situation=str(situation)) | frp.Failed(situation=str(situation)) | frp.Stopped(situation=str(situation)):
                 if not member.reported:
@@ -207,21 +207,21 @@ class ParticipantEvents:
     # Silence
 
     def silent(self, participant: str, now: float) -> EffectsReturning[GoalAction]:
-        """The heartbeat of a working service may have stopped."""
+        """Check the heartbeat of a working participant."""
         member = yield from self._scope.participants.silent(participant, now)
         if member is None or self._state.outcome is not None:
             return None
         return self.lost(member, events.ServiceLost(service=member.offer.service, silent=True), now)
 
     def overdue(self, participant: str, now: float) -> EffectsReturning[GoalAction]:
-        """A working service may take far longer than it said."""
+        """Check a participant that may take far longer than it promised."""
         member = yield from self._scope.participants.overdue(participant, now)
         if member is None or self._state.outcome is not None:
             return None
         return self.lost(member, events.ServiceLost(service=member.offer.service), now)
 
     def lost(self, member: Member, event: events.ServiceLost, now: float) -> GoalAction:
-        """It may do anything now. Its own limits see to it that it has stopped; what it left has to be found out."""
+        """Record that a participant is lost. Its own time limits make it stop; the situation that it left has to be observed."""
         service, reason = member.offer.service, loss_text(event)
         execution, run = self._assignment(member)
         self._log_event(event, run, now)

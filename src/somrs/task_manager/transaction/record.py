@@ -1,4 +1,4 @@
-"""What is kept of a task that is over: who wanted it, what came of it, with which terms and messages."""
+"""The record of a task that has ended: its client, its outcome, its contracts, events and messages."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from somrs.task_manager.transaction.views import contract_view, event_view, mess
 
 
 def record(state: TaskState) -> TaskRecord:
-    """All that is kept of a task; it has just ended."""
-    assert state.outcome is not None, "only what is over is kept"
-    assert state.ended_at is not None, "only what is over is kept"
+    """The record of a task that has just ended."""
+    assert state.outcome is not None, "the task has ended"
+    assert state.ended_at is not None, "the task has ended"
     task_view, task = view(state), state.task
     return TaskRecord(
         task=state.id,

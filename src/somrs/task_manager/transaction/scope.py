@@ -1,4 +1,4 @@
-"""What all that works on one task has in common: the task's state, its participants, and the way to note what happens."""
+"""What the modules that work on one task share: the task's state, its participants, its services, and its event log."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from somrs.task_manager.transaction.state import LoggedEvent, LoggedMessage, Tas
 
 
 class TaskScope:
-    """Made anew whenever it is needed: it has no state of its own."""
+    """A short-lived view of one task. It has no state of its own."""
 
     def __init__(self, state: TaskState, context: TaskManagerContext) -> None:
         self.state, self.context = state, context
@@ -21,7 +21,7 @@ class TaskScope:
         self.services = AvailableServices(state.services, context.replica)
 
     def log_event(self, event: Event, now: float, subject: StepRun | Work | None = None) -> None:
-        """Something happened that the client wants to know."""
+        """Log an event for the client. `subject`: the step or the work that it concerns."""
         state = self.state
         self.context.touched[state.id] = None
         state.setbacks += kind_of(event) is EventKind.SETBACK

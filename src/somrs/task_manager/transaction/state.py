@@ -1,4 +1,4 @@
-"""One task as data: all that a Task Manager knows of it."""
+"""The state of one task, as data."""
 
 from __future__ import annotations
 
@@ -24,31 +24,33 @@ from somrs.task_manager.timers import BidsDue
 
 
 class GoalExecution(Struct, kw_only=True, eq=False):
-    """One formula that is being made true. `goal` is Entish. `work` is the number of what it is about, when it is not the task's own goal;
-    `look` what is to be found out."""
+    """The execution of one goal, a formula in Entish.
+
+    For a goal other than the task's own, `work` is the number of the work that it concerns. `look` is its observation, if any.
+    """
 
     number: int
     goal: str
     kind: GoalKind
     calls: OpenCalls
-    """The steps that services are being asked for."""
+    """The open calls for proposals."""
     work: int | None = None
     look: Look | None = None
     phase: Phase = Phase.PLANNING
     workflow: Workflow | None = None
     request: PlanRequest | None = None
     plans: int = 0
-    """How many were asked for."""
+    """The number of plans requested so far."""
     replans: Replans = field(default_factory=Replans)
-    """Plans since anything was completed."""
+    """Limits how often the goal is replanned."""
     waiting_for: WaitsForTasks | None = field(default=None, name="waits")
-    """For whom, and what they have; it goes on when they have ended."""
+    """The tasks that the goal waits for, and the objects that they hold."""
     resumed: bool = field(default=False, name="goes_on")
-    """It was waiting, and makes its plan as soon as it may."""
+    """It has stopped waiting, and requests its plan next."""
     fixed: bool = False
-    """It has one plan and no other."""
+    """Its plan was given, and is never replaced."""
     replan_because: tuple[str, ...] | None = None
-    """Why the plan is given up as soon as nothing of it runs any more."""
+    """Why the goal is replanned as soon as no step is executing."""
 
     @classmethod
     def create(cls, owner: str, number: int, goal: str, kind: GoalKind, work: int | None = None, look: Look | None = None) -> GoalExecution:
@@ -59,12 +61,12 @@ class GoalExecution(Struct, kw_only=True, eq=False):
 
     @property
     def label(self) -> str:
-        """What the names of its steps begin with, for people."""
+        """The prefix of its steps' names, for people."""
         return "" if self.kind is GoalKind.TASK else f"{self.kind}{self.number}."
 
 
 class LoggedEvent(Struct, frozen=True):
-    """An event. `step`: what people call the step that it is of; `goal`: what that is done for."""
+    """An event of a task. `step` is the label of the step that it concerns, `goal` the kind of goal of that step."""
 
     at: float
     event: Event
@@ -77,15 +79,18 @@ class LoggedEvent(Struct, frozen=True):
 
 
 class LoggedMessage(Struct, frozen=True):
-    """A message of the protocol."""
+    """A protocol message that was sent or received."""
 
     at: float
     message: Message
 
 
 class TaskState(Struct, kw_only=True, eq=False):
-    """`client` is who wants it; `goal` what the task is for, `side_goals` what is pursued before that is gone on with: the last one is what
-    goes on. `ending`: how it will end once everything under way has stopped, and is undone; `reasons`: why."""
+    """The state of one task.
+
+    `client` is the address of the client. `goal` is the task's own goal. `side_goals` are further goals, executed before it, the last one
+    first. `ending` is the outcome that the task will have when its participants have stopped and its work is undone; `reasons` says why.
+    """
 
     id: str
     task: Submit
@@ -94,18 +99,18 @@ class TaskState(Struct, kw_only=True, eq=False):
     goal: GoalExecution
     side_goals: list[GoalExecution] = field(default_factory=list, name="aside")
     goal_count: int = field(default=1, name="goals")
-    """How many goals there were."""
+    """The number of goals so far."""
     outcome: Outcome | None = None
     ended_at: float | None = None
     ending: Outcome | None = None
     reasons: tuple[str, ...] = ()
     events: list[LoggedEvent] = []
     messages: list[LoggedMessage] = []
-    """Of the protocol, until the end: then they are recorded."""
+    """Protocol messages, until the task ends. Then they are in its record."""
     message_count: int = field(default=0, name="passed")
-    """How many there were."""
+    """The number of messages so far."""
     setbacks: int = 0
-    """How often something went wrong."""
+    """The number of setbacks so far."""
     log: ExecutionLog = field(default_factory=ExecutionLog)
     members: Members = field(default_factory=Members)
     services: KnownServices = field(default_factory=KnownServices)
@@ -113,7 +118,7 @@ class TaskState(Struct, kw_only=True, eq=False):
     look_queue: LookQueue = field(default_factory=LookQueue, name="looks")
     undoing: Undoing | None = None
     blocked: tuple[str, ...] = ()
-    """Why there is no plan, while what failures left is undone."""
+    """Why there is no plan, while interrupted work is being compensated."""
 
     @property
     def executions(self) -> Iterator[GoalExecution]:
@@ -122,7 +127,7 @@ class TaskState(Struct, kw_only=True, eq=False):
 
     @property
     def phase(self) -> Phase:
-        """How far it is."""
+        """The current phase of the task."""
         if self.outcome is not None:
             return Phase.ENDED
         if self.undoing is not None:
@@ -133,5 +138,5 @@ class TaskState(Struct, kw_only=True, eq=False):
 
     @property
     def latest_finish(self) -> float | None:
-        """When all has to be done."""
+        """When the task has to be accomplished; None without a deadline, or if the task is ending."""
         return self.submitted_at + self.task.deadline if self.task.deadline is not None and self.ending is None else None

@@ -1,4 +1,4 @@
-"""The execution of the steps of one goal: each begins when its device is free and its precondition holds, and ends with what it came to."""
+"""The execution of the steps of one goal: a step begins when its device is free and its precondition holds, and ends with its result."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from somrs.task_manager.transaction.state import GoalExecution
 
 
 class StepExecutor:
-    """Made anew whenever it is needed: it has no state of its own."""
+    """Starts and ends steps of one goal. It has no state of its own."""
 
     def __init__(self, execution: GoalExecution, scope: TaskScope) -> None:
         self._execution, self._scope = execution, scope
 
     def begin(self, run: StepRun, now: float) -> EffectsReturning[tuple[str, ...]]:
-        """Have an arranged step executed, unless it has to wait for its device. Why the plan does not hold any more, if so."""
+        """Start an arranged step, unless it has to wait for its device. Returns why the plan is invalid, if it is."""
         state, context, participants = self._scope.state, self._scope.context, self._scope.participants
         member = self._member(run)
         rank = (-state.task.priority, run.start, state.submitted_at, state.id)
@@ -43,11 +43,11 @@ class StepExecutor:
         return ()
 
     def start_reporting(self, run: StepRun) -> None:
-        """The step is over, and what it came to is being put on the map."""
+        """The step has ended, and its report goes to the map."""
         self._workflow.move(run, Progress.REPORTING)
 
     def finish_step(self, run: StepRun, situation: str | None, failure: str | None) -> None:
-        """What became of a step is known, and on the map; what comes of that, the goal's pursuit finds."""
+        """Set the result of a step whose report is settled: completed, or failed and open again."""
         if failure is None:
             self._workflow.move(run, Progress.COMPLETED)
             self._execution.replans.step_completed()
@@ -57,7 +57,7 @@ class StepExecutor:
         self._workflow.release(run, failure)
 
     def lost(self, run: StepRun, service: str, reason: str) -> None:
-        """Whoever did the step is not heard of any more."""
+        """The service that executes the step is lost."""
         run.excluded[service] = reason
         self._workflow.release(run, f"{service} {reason}")
 
@@ -68,5 +68,5 @@ class StepExecutor:
 
     def _member(self, run: StepRun) -> Member:
         member = self._scope.state.members.find_member(run.participant)
-        assert member is not None, "the step is somebody's"
+        assert member is not None, "the step has a participant"
         return member

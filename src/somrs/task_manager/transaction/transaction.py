@@ -1,9 +1,9 @@
-"""One task from what its client states to its end (paper, "Protocol for failure handling and recovery": the realization of a task is a
+"""A task from its submission to its outcome (paper, "Protocol for failure handling and recovery": the realization of a task is a
 transaction).
 
-It pursues the task's goal, and whatever has to be so on the way, one thing at a time (`goal_executor.py`); hears the participants, and has
-what they report put on the map (`participant_events.py`); has somebody look where nobody reports (`recovery/observation.py`); and undoes
-what was done when it ends otherwise than wanted (`recovery/compensation.py`).
+A transaction executes the task's goal and further goals, one at a time (`goal_executor.py`). It handles the participants' messages and
+sends their reports to the map (`participant_events.py`). It has objects observed whose state is unknown (`recovery/observation.py`), and
+compensates the work of a task that is not accomplished (`recovery/compensation.py`).
 """
 
 from __future__ import annotations
@@ -38,24 +38,24 @@ from somrs.task_manager.transaction.scope import TaskScope
 from somrs.task_manager.transaction.state import GoalExecution, TaskState
 
 STOP_TIME = 60.0
-"""Seconds that everybody has to stop safely; who has not by then is given up."""
+"""Seconds that participants have to stop safely. Those that have not stopped by then are given up."""
 
 
 def new_task(id: str, task: Submit, now: float, client: str = "") -> TaskState:
-    """A task that was just stated. `start` its transaction next."""
+    """A task that was just submitted; `start` its transaction next."""
     goal = GoalExecution.create(id, 1, task.effect, GoalKind.TASK)
     return TaskState(id=id, task=task, submitted_at=now, client=client, goal=goal)
 
 
 class Transaction:
-    """Goes on with one task. It has no state of its own."""
+    """Continues one task. It has no state of its own."""
 
     def __init__(self, state: TaskState, context: TaskManagerContext) -> None:
         self.state, self._context = state, context
         self._scope = TaskScope(state, context)
         self._participants = ParticipantEvents(self._scope)
 
-    # What comes
+    # Inputs
 
     def start(self, now: float) -> Effects:
         state = self.state
@@ -66,7 +66,7 @@ class Transaction:
         yield from self._apply_action(state.goal, (yield from self._executor(state.goal).begin(now)), now)
 
     def discovered(self, purpose: ForPlan | ForLook, offers: tuple[Offer, ...] | str, now: float) -> Effects:
-        """The services on offer are known, or why they cannot be."""
+        """Handle the services on offer, or the reason why they are not known."""
         if isinstance(purpose, ForLook):
             yield from self._look((yield from self._observation.discovered(purpose, offers, now)), now)
             return
@@ -75,22 +75,24 @@ class Transaction:
             yield from self._apply_action(execution, (yield from self._executor(execution).discovered(purpose.serial, offers, now)), now)
 
     def planned(self, question: PlanWanted, answer: Answer, now: float) -> Effects:
-        """The planner's answer."""
+        """Handle the planner's answer."""
         execution = self._execution(question.goal)
         if execution is not None:
             yield from self._apply_action(execution, (yield from self._executor(execution).planned(question, answer, now)), now)
 
     def receive(self, message: Message, now: float) -> Effects:
-        """A message of the protocol from a participant."""
+        """Handle a protocol message from a participant."""
         yield from self._apply_goal_action((yield from self._participants.receive(message, now)), now)
 
     def delivery_failed(self, message: Message, reason: str, now: float) -> Effects:
-        """A message never arrived."""
+        """Handle a message that could not be delivered."""
         yield from self._apply_goal_action((yield from self._participants.delivery_failed(message, reason, now)), now)
 
     def report_answered(self, answer: Message, now: float) -> EffectsReturning[tuple[int, tuple[str, ...]] | None]:
-        """The Repository answered a report. The version of the map that is to be known before it is `settled`, with what is wrong with it;
-        None: it is settled."""
+        """Handle the Repository's answer to a report. Returns None if the report is settled.
+
+        Otherwise returns the map version that the replica must reach before the caller calls `settled`, and the report's problems.
+        """
         version, problems = settlement(answer)
         if version is not None and version > self._context.replica.version:
             return version, problems
@@ -98,7 +100,7 @@ class Transaction:
         return None
 
     def settled(self, problems: tuple[str, ...], now: float) -> Effects:
-        """A report is on the map that is known here, or there is something wrong with it."""
+        """A report is on the replica's map, or the Repository rejected it for these `problems`."""
         reports = self.state.reports
         match reports.waiting[0].subject:
             case UnobservedSubject() as subject:
@@ -111,7 +113,7 @@ class Transaction:
             yield from reports.send_next(self.state.id, self._context, now)
 
     def timer_fired(self, timer: BidsDue | SilenceDue | OverdueDue | DeadlineDue | StopDue, now: float) -> Effects:
-        """A timer of the task rang."""
+        """Handle a timer of the task."""
         match timer:
             case BidsDue(goal=goal):
                 execution = self._execution(goal)
@@ -127,24 +129,24 @@ class Transaction:
                 yield from self._stop_overdue(now)
 
     def restarted(self, now: float) -> Effects:
-        """The Task Manager was away."""
+        """Continue after a restart of the Task Manager."""
         for execution in self.state.executions:
             yield from self._executor(execution).ask_anew(now)
         yield from self.proceed(now)
 
     def freed(self, now: float) -> Effects:
-        """What the task waits for is free."""
+        """The objects that the task waits for are free."""
         self._executor(self.state.goal).freed(now)
         yield from self.proceed(now)
 
     def cancel(self, now: float, reason: str) -> Effects:
-        """The client does not want it any more."""
+        """Cancel the task for its client."""
         yield from self._stop(now, Outcome.CANCELLED, (reason or "cancelled by the client",))
 
-    # Going on
+    # Progress
 
     def proceed(self, now: float) -> Effects:
-        """Do whatever comes next. Nothing does while a report is on its way to the map (FRP, property 5)."""
+        """Do what comes next; nothing while a report is on its way to the map (FRP, property 5)."""
         state = self.state
         self._context.touched[state.id] = None
         if state.outcome is not None or state.reports.pending or state.look_queue.current_look is not None:
@@ -173,7 +175,7 @@ class Transaction:
             yield from self._apply_action(execution if execution is not None else self.state.goal, action, now)
 
     def _apply_action(self, execution: GoalExecution, action: NextAction | None, now: float) -> Effects:
-        """What the pursuit of a goal could not settle by itself."""
+        """Carry out the action that the execution of a goal leaves to the transaction."""
         match action:
             case Proceed():
                 yield from self.proceed(now)
@@ -189,7 +191,7 @@ class Transaction:
                     yield from self._apply_action(execution, (yield from self._executor(execution).without_plan(reasons, now)), now)
 
     def _goal_reached(self, execution: GoalExecution, now: float) -> Effects:
-        """What was pursued is so."""
+        """A goal holds."""
         state = self.state
         if execution is state.goal:
             yield from self._end(now, Outcome.ACCOMPLISHED)
@@ -202,7 +204,7 @@ class Transaction:
         yield from self.proceed(now)
 
     def _goal_unreachable(self, execution: GoalExecution, reasons: tuple[str, ...], now: float) -> Effects:
-        """What was pursued cannot be had."""
+        """A goal cannot be reached."""
         state = self.state
         if execution is state.goal:
             yield from self._stop(now, Outcome.FAILED, reasons)
@@ -220,7 +222,7 @@ class Transaction:
         yield from self.proceed(now)
 
     def _try_handler(self, execution: GoalExecution, step: str, now: float) -> EffectsReturning[bool]:
-        """Whether a procedure that was laid down for the failure of the step is begun. The step is recovered after it."""
+        """Begin a handler for the failure of the step, if one fits, and return whether one does. The step is recovered after it."""
         assert execution.workflow is not None, "a step of it was lost"
         state, run = self.state, execution.workflow.runs[step]
         work = next((work for work in reversed(state.log.works) if work.key == run.key), None)
@@ -235,7 +237,7 @@ class Transaction:
         return False
 
     def _try_unblocking(self, execution: GoalExecution, reasons: tuple[str, ...], now: float) -> EffectsReturning[bool]:
-        """Whether what failures left is being undone by those that failed, so that there may be a plan again (FRP, third rung)."""
+        """Have failed services compensate, so that there may be a plan again (FRP, third recovery step). Returns whether any can."""
         state = self.state
         works = [work for work in state.log.interrupted() if self._can_undo(work)]
         if execution is not state.goal or state.ending is not None or state.undoing is not None or not works:
@@ -259,10 +261,10 @@ class Transaction:
         state.side_goals.append(execution)
         yield from self._apply_action(execution, (yield from self._executor(execution).begin(now, plan)), now)
 
-    # Undoing
+    # Compensation
 
     def _reserve_objects(self, works: Iterable[Work]) -> None:
-        """Nobody else has to do with what is going to be undone, but for those who have it already."""
+        """Reserve the objects of the work to undo, unless other tasks have reserved them."""
         reservations = self._context.reservations
         for work in works:
             reservation = Reservation(changes=frozenset(work.concerned))
@@ -283,10 +285,10 @@ class Transaction:
                 else:
                     yield from self._stop(now, Outcome.FAILED, state.blocked)
 
-    # Looking
+    # Observation
 
     def _look(self, look_plan: LookPlan | None, now: float) -> Effects:
-        """Have it looked at so; otherwise go on."""
+        """Execute the plan of an observation; without one, continue the task."""
         if look_plan is None:
             yield from self.proceed(now)
             return
@@ -294,8 +296,8 @@ class Transaction:
         yield from self._pursue(str(look_plan.plan.steps[0].effect), GoalKind.LOOK, work, now, look_plan.plan, look_plan.look)
 
     def _look_completed(self, execution: GoalExecution, now: float) -> None:
-        """The finding is on the map, as every report is; the step that was lost begins where it says."""
-        assert execution.look is not None, "whoever looks knows for what"
+        """Record the result of an observation, which is on the map. The lost step continues from the observed situation."""
+        assert execution.look is not None, "an observation has an object"
         state = self.state
         labels = {run.label for run in execution}
         observed_situation = next((work.situation for work in reversed(state.log.works) if work.label in labels), None)
@@ -330,7 +332,7 @@ class Transaction:
         yield from self.proceed(now)
 
     def _stop_overdue(self, now: float) -> Effects:
-        """Not everybody has stopped in time."""
+        """Give up the participants that have not stopped in time."""
         state = self.state
         if state.outcome is not None or state.ending is None:
             return
@@ -357,7 +359,7 @@ class Transaction:
         state.messages.clear()
         self._scope.participants.forget(run.participant for run in state.goal)
 
-    # What it works with
+    # Parts
 
     def _execution(self, number: int) -> GoalExecution | None:
         return next((execution for execution in self.state.executions if execution.number == number), None)

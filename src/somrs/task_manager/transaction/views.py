@@ -1,4 +1,4 @@
-"""Tasks, steps, contracts, messages and plans as clients see them (the values of `protocol/messages/clients.py`)."""
+"""Tasks, steps, contracts, messages and plans as clients see them (the types of `protocol/messages/clients.py`)."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ STEP_STATE = {
     Progress.REPORTING: State.EXECUTING,
     Progress.COMPLETED: State.COMPLETED,
 }
-"""How a step looks to clients who know the protocol's states only."""
+"""The protocol state that clients see for the progress of a step."""
 
 
 def view(task: TaskState) -> TaskView:
-    """A transaction as clients see it."""
+    """A task as clients see it."""
     workflow = task.goal.workflow
     return TaskView(
         task=task.id,
@@ -53,8 +53,10 @@ def view(task: TaskState) -> TaskView:
 
 
 def view_in_parts(task: TaskState, offset: int) -> tuple[TaskView, int | None]:
-    """A transaction with as many of its steps and its work behind the first `offset` as fit a message; how many that makes, or None if
-    these are the last."""
+    """A task with a part of its steps and work: those after the first `offset` that fit into a message.
+
+    Also returns the offset of the next part, or None after the last part.
+    """
     task_view = view(task)
     parts = [*task_view.steps, *task_view.work]
     page = [*fit_page(parts[offset:], len(parts))]
@@ -66,7 +68,7 @@ def view_in_parts(task: TaskState, offset: int) -> tuple[TaskView, int | None]:
 
 
 def row(task: TaskState) -> TaskRow:
-    """A transaction in a list."""
+    """A task as a row of a list."""
     workflow = task.goal.workflow
     working = [member for member in task.members.working if member.state in WORKING]
     count, done_count = (workflow.step_count, workflow.done_count) if workflow is not None else (0, 0)
@@ -132,7 +134,7 @@ def step_view(
 
 
 def preview_reply(result: object) -> Previewed:
-    """What the planner found, for a client that wanted to see only."""
+    """The planner's result as the reply to a preview."""
     match result:
         case Plan():
             steps = tuple(step_view(step, result) for step in result.topological())
@@ -150,7 +152,7 @@ def preview_reply(result: object) -> Previewed:
 
 
 def contract_view(member: Member) -> ContractView:
-    """What became of a participant, and of the terms that it gave."""
+    """The contract of a participant, with its terms and its outcome."""
     session, terms = member.session, member.session.terms
     return ContractView(
         number=member.number,
@@ -171,19 +173,19 @@ def contract_view(member: Member) -> ContractView:
 
 
 def _reasons(task: TaskState) -> tuple[str, ...]:
-    """Why it ended, or ends, or what it waits for."""
+    """Why the task ended or is ending, or what it waits for."""
     return task.reasons or ((waiting_text(task.goal.waiting_for),) if task.goal.waiting_for is not None else ())
 
 
 def event_view(number: int, noted: LoggedEvent) -> TaskEvent:
-    """Something that happened."""
+    """An event with its sentence, as clients see it."""
     return TaskEvent(
         number=number, at=noted.at, text=sentence(noted.event), step=noted.step, goal=noted.goal, kind=noted.kind, event=noted.event
     )
 
 
 def message_view(logged_at: float, message: Message) -> MessageView:
-    """A message as it passed."""
+    """A protocol message, as clients see it."""
     header = message.header
     return MessageView(
         at=logged_at,

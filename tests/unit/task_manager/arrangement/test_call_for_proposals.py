@@ -280,7 +280,7 @@ def test_nobody_is_chosen_while_one_that_came_back_has_the_step() -> None:
     harness.offers("Robot2", 1.0)
     assert harness.transaction.executing().step == harness.run.key
     effects, winner = harness.award()
-    reason = "one that had it has come back, and has to stop first"
+    reason = "another service still holds the step, and has to stop first"
     assert (sent_bodies(effects), winner) == ({"Robot2": (frp.Cancel(reason=reason), 60.0 + DAY)}, None)
     assert (harness.run.progress, harness.run.excluded) == (Progress.OPEN, {})
 

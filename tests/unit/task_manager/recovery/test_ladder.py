@@ -28,7 +28,7 @@ def test_nothing_is_planned_anew_for_ever_without_anything_done() -> None:
         assert not replans.is_exhausted
         replans.count()
     assert replans.is_exhausted
-    assert str(replans) == "planned anew 8 times already, and nothing was done"
+    assert str(replans) == "replanned 8 times without a completed step"
     replans.step_completed()
     assert not replans.is_exhausted
 
@@ -42,4 +42,4 @@ def test_nothing_is_planned_anew_for_ever_though_much_is_done() -> None:
         replans.count()
         replans.step_completed()
     assert replans.is_exhausted
-    assert str(replans) == "planned anew 11 times already"
+    assert str(replans) == "replanned 11 times"

@@ -202,7 +202,10 @@ def test_a_step_that_nobody_offers_any_more_is_planned_anew() -> None:
     harness.task.services.offers = ()
     event_count = len(harness.task.events)
     effects = terms(harness, "a", 1.0, 10.0, 20.0)
-    assert logged_events(harness, event_count)[3:5] == [events.Replanned(reasons=("nobody offers it any more",)), events.Planned(steps=2)]
+    assert logged_events(harness, event_count)[3:5] == [
+        events.Replanned(reasons=("no device offers it any more",)),
+        events.Planned(steps=2),
+    ]
     assert bodies(effects) == ["Accept", "Cancel", "Discover", "Arrange", "Arrange"]
 
 
@@ -284,7 +287,7 @@ def test_a_goal_is_not_planned_anew_for_ever() -> None:
         if harness.task.outcome is not None:
             break
         harness.offer(61.5 + now)
-    assert harness.task.reasons[:2] == ("every step was done, but the goal does not hold", "planned anew 9 times already")
+    assert harness.task.reasons[:2] == ("every step was done, but the goal does not hold", "replanned 9 times")
     assert [type(event).__name__ for event in logged_events(harness, 0)].count("Replanned") == 9
 
 
@@ -304,7 +307,7 @@ def test_when_a_plan_is_given_up_nobody_goes_on_with_it() -> None:
         frp.Failed(description="stuck", situation="Jar002 isHeldBy Robot2"), 5.0, sender=member(harness, "c", SECOND_SERVICE)
     )
     assert (bodies(effects), goodbyes(effects)) == (["UpdateMap", "Stop", "Cancel"], ["the plan was given up"] * 2)
-    assert (harness.task.ending, harness.task.reasons) == (Outcome.FAILED, ("failed: stuck", "planned anew 100 times already"))
+    assert (harness.task.ending, harness.task.reasons) == (Outcome.FAILED, ("failed: stuck", "replanned 100 times"))
     assert member(harness, "a").state is State.STOPPING
 
 
@@ -332,7 +335,7 @@ def test_what_is_reported_while_a_plan_is_made_has_it_made_again() -> None:
     assert [effect.question for effect in effects if isinstance(effect, Ask)] == [PlanWanted(id, 2, 1, 1)]
     assert logged_events(harness, event_count) == [
         events.StepCompleted(service=SECOND_SERVICE, situation="Tin001 isOn Platform001"),
-        events.Replanned(reasons=(f"{SECOND_SERVICE} reported while it was planned",)),
+        events.Replanned(reasons=(f"{SECOND_SERVICE} reported during planning",)),
     ]
 
 

@@ -209,9 +209,11 @@ def test_a_procedure_needs_nothing_that_others_have() -> None:
     harness.manager.state.reservations.hold("other", Reservation(changes=frozenset({"Jar001"})))
     event_count = len(task.events)
     harness.service_says(frp.Failed(description="stuck", situation=INITIAL_SITUATION), 5.0)
-    assert (events.GoalFailed(goal=GoalKind.HANDLER, step="step1", reasons=("other tasks have Jar001",)), None, None) in harness.news(
-        event_count
-    )
+    assert (
+        events.GoalFailed(goal=GoalKind.HANDLER, step="step1", reasons=("other tasks have reserved Jar001",)),
+        None,
+        None,
+    ) in harness.news(event_count)
 
 
 def test_no_procedure_is_begun_for_what_failed_while_the_task_ends() -> None:
@@ -289,7 +291,7 @@ def test_a_task_manager_that_was_away_asks_anew() -> None:
     effects = harness.feed(Started("tm"), 5.0)
     assert bodies(effects) == ["SubscribeMap", "Cancel", "Cancel", "Arrange", "Arrange"]
     reasons = {effect.message.body.reason for effect in effects if isinstance(effect, Send) and isinstance(effect.message.body, frp.Cancel)}
-    assert reasons == {"the Task Manager was away, and asks anew"}
+    assert reasons == {"the Task Manager restarted, and asks again"}
     assert logged_events(harness, event_count) == [events.ServicesAsked(services=(FIRST_SERVICE, SECOND_SERVICE))]
     assert [effect.at for effect in effects if isinstance(effect, SetTimer) and isinstance(effect.timer, BidsDue)] == [None, 15.0]
 
