@@ -208,7 +208,7 @@ class Replica(Struct):
         self.subscription = None
         if self.reading is None:
             self.answer_by = None
-        if version < self.subscribed_at:  # its store was restored from a backup or created anew: this copy is of another map
+        if version < self.subscribed_at:  # its store was restored from a backup or is new: this copy is of another map
             self.version = self.announced_version = -1
             self.events.clear()
             self.reading = None

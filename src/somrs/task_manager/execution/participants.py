@@ -235,7 +235,7 @@ class Participants:
         self._mark_changed(member)
         return member
 
-    # Silence, and lateness
+    # Timeouts
 
     def silent(self, participant: str, now: float) -> EffectsReturning[Member | None]:
         """Check the heartbeat of a working participant. Returns the participant if it is given up.

@@ -160,7 +160,7 @@ class Workflow(Struct, dict=True, eq=False):
     def _in_order(self, ids: Iterable[str]) -> list[StepRun]:
         return [self.runs[id] for id in sorted(ids, key=self._place.__getitem__)]
 
-    # What comes next
+    # Next steps
 
     def adopt(self, old: Workflow, members: Members) -> Iterator[Member]:
         """Take over the contracts of the old plan for equal steps. Yields the participants whose steps no longer exist."""
