@@ -1,16 +1,16 @@
-"""Every error that SO-MRS raises on purpose.
+"""The exceptions that SO-MRS raises.
 
     SomrsError
-    ├── InputError            what somebody gave us is wrong; the message says where, what, and what to do next
-    │   ├── FormulaError      a text that is not Entish, or names what the ontology does not have
-    │   ├── ModelError        an ontology, map or site that breaks its rules: carries every Problem at once
-    │   ├── DeviceError       a device author's class or program that cannot be run as it is
-    │   └── UsageError        a command or call that cannot be carried out as asked
-    ├── WireError             bytes or a message from another program that we cannot process; becomes a SOAP Fault
-    ├── RemoteError           another component answered that it cannot do what we asked, or did not answer
-    └── SimulationError       the physics stopped making sense (NaN, a world that cannot be built)
+    ├── InputError            invalid input; the message gives the place, the problem and what to do next
+    │   ├── FormulaError      a text that is not Entish, or uses a name that the ontology does not have
+    │   ├── ModelError        an ontology, map or site that breaks its rules; holds every Problem
+    │   ├── DeviceError       a device class or program that cannot run as it is written
+    │   └── UsageError        a command or call that cannot be carried out as given
+    ├── WireError             bytes or a message from another program that cannot be processed; becomes a SOAP Fault
+    ├── RemoteError           another component refused a request, failed, or did not reply
+    └── SimulationError       the simulated world cannot be built, or its physics is invalid (NaN)
 
-Anything else that escapes is a defect of SO-MRS itself.
+Any other exception is a defect of SO-MRS.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from dataclasses import dataclass
 
 
 class SomrsError(Exception):
-    """The root: catch this to catch everything that SO-MRS raises on purpose."""
+    """The base class of all exceptions of SO-MRS."""
 
 
 class InputError(SomrsError):
-    """Something given to us is wrong, and the person who gave it can mend it."""
+    """Invalid input, which the user can correct."""
 
 
 class FormulaError(InputError):
-    """A formula that cannot be read or does not fit the ontology.
+    """A formula that cannot be parsed or does not agree with the ontology.
 
-    `text` is the whole formula, `position` the 0-based offset of the offending part, `problem` what is wrong there,
-    `hint` what was expected or which name was probably meant.
+    `text` is the whole formula, `position` the 0-based offset of the invalid part, `problem` what is wrong there,
+    `hint` what is expected or which similar names exist.
     """
 
     def __init__(self, text: str, position: int, problem: str, hint: str = "") -> None:
@@ -48,7 +48,7 @@ class FormulaError(InputError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Problem:
-    """One broken rule in a file: where it is, which object or type it concerns, which rule, and what to do."""
+    """One violated rule in a file: the place, the object or type (`subject`), the rule, and what to do (`message`)."""
 
     file: str
     line: int | None
@@ -62,7 +62,7 @@ class Problem:
 
 
 class ModelError(InputError):
-    """An ontology, map or site that does not obey its rules; `problems` holds all of them."""
+    """An ontology, map or site that violates its rules; `problems` holds all violations."""
 
     def __init__(self, problems: list[Problem]) -> None:
         self.problems = problems
@@ -73,17 +73,17 @@ class ModelError(InputError):
 
 
 class DeviceError(InputError):
-    """A device class or program that cannot be run as it is written."""
+    """A device class or program that cannot run as it is written."""
 
 
 class UsageError(InputError):
-    """A command or call that cannot be carried out as asked."""
+    """A command or call that cannot be carried out as given."""
 
 
 class WireError(SomrsError):
     """A message that cannot be processed. `code` is a SOAP 1.2 / WS-Addressing fault code or subcode.
 
-    `headers` are the header blocks, as `{namespace}name`, that had to be understood and were not.
+    `headers` are the mandatory header blocks, as `{namespace}name`, that were not understood.
     """
 
     def __init__(self, code: str, text: str, headers: tuple[str, ...] = ()) -> None:
@@ -95,8 +95,8 @@ class WireError(SomrsError):
 
 
 class RemoteError(SomrsError):
-    """Another component refused, failed or did not answer."""
+    """Another component refused a request, failed, or did not reply."""
 
 
 class SimulationError(SomrsError):
-    """The simulated world cannot be built, or its physics stopped making sense."""
+    """The simulated world cannot be built, or its physics is invalid."""

@@ -1,8 +1,8 @@
-"""TCP ports: had at once by a server, or reserved for programs that are started later, and again after they have ended.
+"""TCP ports: bound by a server, or reserved for programs that start later or restart.
 
-A reserved port is held by a socket that is bound and does not listen: nobody else is given it, as a server or as the source of a
-connection, and who connects to it is refused until the program listens there. Both sockets have SO_REUSEPORT, which Linux allows among
-sockets of one user (socket(7)).
+A reserved port is held by a socket that is bound and does not listen. Other programs cannot bind the port, nor use it as the source of a
+connection; connections to it are refused until the program listens. Both sockets have SO_REUSEPORT, which Linux allows among sockets of
+one user (socket(7)).
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from collections.abc import Mapping, Sequence
 from somrs.errors import UsageError
 
 RESERVED = "SOMRS_RESERVED_PORTS"
-"""The environment variable that tells a program which ports whoever started it has reserved for it and its like."""
+"""The environment variable that lists the ports, separated by commas, that the parent process has reserved for its child processes."""
 
 _reserved: set[int] = set()
-"""The ports that this process has reserved itself."""
+"""The ports that this process has reserved."""
 
 
 def bound(host: str, port: int) -> socket.socket:
-    """A socket at the port; at a free one, if it is 0. Raises UsageError when the port cannot be had."""
+    """A socket bound to the port, or to a free port if `port` is 0. Raises UsageError when the port cannot be bound."""
     is_ours = port in _reserved or str(port) in os.environ.get(RESERVED, "").split(",")
     try:
         return _bound(host, port, socket.SO_REUSEADDR, *([socket.SO_REUSEPORT] if is_ours else []))
@@ -30,10 +30,10 @@ def bound(host: str, port: int) -> socket.socket:
 
 
 class Reservation:
-    """Ports of a host that only this process can listen at, and those that it starts with this `environment`, until it is closed.
+    """Ports of a host that only this process, and processes started with its `environment`, can listen at until it is closed.
     A context manager.
 
-    `wanted`: ports to have, as far as nobody else has them.
+    `preferred_ports` are used where they are free; other free ports take the place of the rest.
     """
 
     def __init__(self, host: str, count: int, preferred_ports: Sequence[int] = ()) -> None:
@@ -45,7 +45,7 @@ class Reservation:
 
     @property
     def environment(self) -> Mapping[str, str]:
-        """The environment of programs that may listen at them."""
+        """The environment for programs that may listen at the ports."""
         return {**os.environ, RESERVED: ",".join(map(str, self.ports))}
 
     def __enter__(self) -> Reservation:
@@ -55,14 +55,14 @@ class Reservation:
         self.close()
 
     def close(self) -> None:
-        """Leave the ports to whoever listens there, or to anybody. Again: nothing."""
+        """Release the ports; programs that listen there keep them. A second call does nothing."""
         _reserved.difference_update(self.ports)
         for sock in self._sockets:
             sock.close()
 
 
 def _is_free(host: str, port: int) -> bool:
-    """Whether nobody has the port, or reserved it; connections of an earlier run may linger there."""
+    """Whether the port is neither bound nor reserved. Connections of an earlier run may linger there."""
     try:
         _bound(host, port, socket.SO_REUSEADDR).close()
     except OSError:
@@ -71,7 +71,8 @@ def _is_free(host: str, port: int) -> bool:
 
 
 def _held(host: str, port: int) -> socket.socket:
-    """A socket that keeps others from the port; where connections linger of who did not reserve it, only those who ask for a free one."""
+    """A socket that keeps other programs from the port. If connections of a program that did not reserve the port linger there, the socket
+    needs SO_REUSEADDR, and only keeps the port from being assigned as a free one."""
     try:
         return _bound(host, port, socket.SO_REUSEPORT)
     except OSError:

@@ -1,4 +1,4 @@
-"""Entish: the quantifier-free formula language in which tasks, preconditions, effects and situations are written."""
+"""Entish: the quantifier-free formula language of tasks, preconditions, effects and situations."""
 
 from somrs.entish.formula import (
     And,

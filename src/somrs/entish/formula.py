@@ -1,7 +1,7 @@
-"""Formulas as frozen values, and their printed form. Parsing is `parse.py`; what is true lives in `ontology.truth`.
+"""Formulas as frozen values, and their printed form. `parse.py` parses them; `ontology.truth` evaluates them.
 
 Paper, "Services": Entish is first-order logic without quantifiers, with AND, OR, names of relations, names of functions
-and variables. `NOT` before an atom is SO-MRS's one extension.
+and variables. `NOT` before an atom is the only extension of SO-MRS.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Name(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
 
 
 class Variable(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
-    """`?Shelf` or, typed, `?Shelf: Shelf`. One variable has the same type at every occurrence in one formula."""
+    """A variable: `?Shelf`, or with a type `?Shelf: Shelf`. It has the same type at every occurrence in a formula."""
 
     name: str
     type: str | None = None
@@ -36,7 +36,7 @@ class Variable(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
 
 
 class Number(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
-    """A number, with a unit where one is written (`12.5`, `500 g`). Without one, the unit is the attribute's own."""
+    """A number, with or without a unit (`12.5`, `500 g`). Without a unit, the attribute's own unit applies."""
 
     value: float
     unit: str | None = None
@@ -55,7 +55,7 @@ class Text(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
 
 
 class Truth(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
-    """`TRUE` or `FALSE`: the value of a truth attribute."""
+    """`TRUE` or `FALSE`, the values of a truth attribute."""
 
     value: bool
 
@@ -64,7 +64,7 @@ class Truth(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
 
 
 class Attribute(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
-    """An attribute of an object: `Jar002.PositionX`, or of a complex one: `Jar002.Shape.Height` (path `Shape.Height`)."""
+    """An attribute of an object: `Jar002.PositionX`, or part of a complex attribute: `Jar002.Shape.Height` (path `Shape.Height`)."""
 
     owner: Name | Variable = field(name="of")
     path: str
@@ -84,8 +84,8 @@ class Call(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
 
 
 class Arithmetic(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
-    """Two numbers added, subtracted or multiplied: `?Provider.Charge - 2 * distance(?From, ?To)`. There are no parentheses, so a
-    factor is no sum, nor is what is subtracted."""
+    """A sum, difference or product of two numbers: `?Provider.Charge - 2 * distance(?From, ?To)`. Arithmetic has no parentheses, so
+    neither a factor nor a subtrahend is a sum."""
 
     left: Term
     operator: str
@@ -129,7 +129,7 @@ class Not(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
 
 
 class And(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
-    """Two or more parts that all hold. Never holds another And directly; `conjunction` keeps it so."""
+    """A conjunction of two or more parts. No part is an And; use `conjunction` to build it."""
 
     parts: tuple[Formula, ...]
 
@@ -138,7 +138,7 @@ class And(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
 
 
 class Or(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
-    """Two or more parts of which one holds. Never holds another Or directly; `disjunction` keeps it so."""
+    """A disjunction of two or more parts. No part is an Or; use `disjunction` to build it."""
 
     parts: tuple[Formula, ...]
 
@@ -154,7 +154,7 @@ Substitution = Mapping[str, Term]
 
 
 def format_node(node: Formula | Term, declared: set[str]) -> str:
-    """The text of a node. `declared` are the variables whose type is already written; it grows as they are shown."""
+    """The text of a node. `declared` holds the variables whose type is already written; the function adds those that it writes."""
     match node:
         case Name(name):
             return name
@@ -195,24 +195,24 @@ def format_node(node: Formula | Term, declared: set[str]) -> str:
 
 
 def conjunction(*parts: Formula) -> Formula:
-    """The parts joined by AND, flattened, repeats dropped. At least one part is needed."""
+    """The parts joined by AND, flattened and without duplicates. At least one part is required."""
     flat = dict.fromkeys(p for part in parts for p in (part.parts if isinstance(part, And) else (part,)))
     return next(iter(flat)) if len(flat) == 1 else And(tuple(flat))
 
 
 def disjunction(*parts: Formula) -> Formula:
-    """The parts joined by OR, flattened, repeats dropped. At least one part is needed."""
+    """The parts joined by OR, flattened and without duplicates. At least one part is required."""
     flat = dict.fromkeys(p for part in parts for p in (part.parts if isinstance(part, Or) else (part,)))
     return next(iter(flat)) if len(flat) == 1 else Or(tuple(flat))
 
 
 def conjuncts(formula: Formula) -> tuple[Formula, ...]:
-    """The parts of a conjunction; of anything else, itself."""
+    """The parts of a conjunction; for any other formula, the formula itself."""
     return formula.parts if isinstance(formula, And) else (formula,)
 
 
 def literals(formula: Formula) -> Iterator[Literal]:
-    """The atoms, each with its NOT, in the order they are written."""
+    """The atoms, each with its NOT, in written order."""
     match formula:
         case And(parts) | Or(parts):
             for part in parts:
@@ -222,7 +222,7 @@ def literals(formula: Formula) -> Iterator[Literal]:
 
 
 def alternatives(formula: Formula) -> Iterator[tuple[Literal, ...]]:
-    """The disjunctive normal form, one conjunction at a time, its literals in the order they are written."""
+    """The conjunctions of the disjunctive normal form, each with its literals in written order."""
     match formula:
         case Or(parts):
             for part in parts:
@@ -235,7 +235,7 @@ def alternatives(formula: Formula) -> Iterator[tuple[Literal, ...]]:
 
 
 def count_alternatives(formula: Formula) -> int:
-    """How many conjunctions `alternatives` would yield, without making them."""
+    """The number of conjunctions that `alternatives` would yield, computed without building them."""
     match formula:
         case Or(parts):
             return sum(map(count_alternatives, parts))
@@ -246,7 +246,7 @@ def count_alternatives(formula: Formula) -> int:
 
 
 def terms(formula: Formula | Term) -> Iterator[Term]:
-    """Every term in the formula, outer ones first, in the order they are written."""
+    """Every term in the formula, in written order, outer terms before inner terms."""
     match formula:
         case And(parts) | Or(parts):
             for part in parts:
@@ -275,13 +275,13 @@ def terms(formula: Formula | Term) -> Iterator[Term]:
 
 @lru_cache(maxsize=4096)
 def variables(formula: Formula | Term) -> Mapping[str, Variable]:
-    """The variables by name, in order of first occurrence."""
+    """The variables by name, in the order of their first occurrence."""
     return MappingProxyType({term.name: term for term in terms(formula) if isinstance(term, Variable)})
 
 
 @lru_cache(maxsize=4096)
 def names(formula: Formula | Term) -> tuple[str, ...]:
-    """The constants, each once, in order of first occurrence."""
+    """The names of the constants, without duplicates, in the order of their first occurrence."""
     return tuple(dict.fromkeys(term.name for term in terms(formula) if isinstance(term, Name)))
 
 
@@ -303,7 +303,7 @@ def substitute_term(term: Term, bindings: Substitution) -> Term:
 
 
 def substitute(formula: Formula, bindings: Substitution) -> Formula:
-    """The formula with its bound variables replaced; unbound ones stay."""
+    """The formula with its bound variables replaced; unbound variables stay."""
     match formula:
         case And(parts):
             return conjunction(*(substitute(part, bindings) for part in parts))
@@ -316,11 +316,11 @@ def substitute(formula: Formula, bindings: Substitution) -> Formula:
         case Relation(relation, arguments):
             replaced = tuple(substitute_term(argument, bindings) for argument in arguments)
             assert all(isinstance(argument, Name | Variable) for argument in replaced), formula
-            return Relation(relation, replaced)  # type: ignore[arg-type]  # the line above is the proof
+            return Relation(relation, replaced)  # type: ignore[arg-type]  # the assertion above checks this
         case Comparison(left_term, operator, right_term):
             return Comparison(substitute_term(left_term, bindings), operator, substitute_term(right_term, bindings))
 
 
 def with_types(formula: Formula, types: Mapping[str, str]) -> Formula:
-    """The formula with types given to its variables; names of variables that it does not have are ignored."""
+    """The formula with types added to its variables. Names of other variables are ignored."""
     return substitute(formula, {name: Variable(name, type_name) for name, type_name in types.items()})

@@ -1,4 +1,4 @@
-"""From text to formulas. Errors carry a caret and what was expected; the nearest names come from whoever knows names."""
+"""Parser from text to formulas. Errors show the place with a caret and what is expected there."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from somrs.entish.formula import (
 )
 from somrs.errors import FormulaError
 
-# `\b` lets a keyword be the beginning of a name (`ORanges`, `OR-gate`); a whole one it cannot be.
+# With `\b`, a name may begin with a keyword (`ORanges`, `OR-gate`), but cannot be a keyword.
 GRAMMAR = r"""
 start: formula
 ?formula: conjunct (_OR conjunct)*      -> disjunction
@@ -81,7 +81,7 @@ COMMENT: /#[^\n]*/
 %ignore COMMENT
 """
 
-# What a person calls the tokens of the grammar.
+# Descriptions of the grammar's tokens for error messages.
 EXPECTED = {
     "NAME": "a name",
     "VARIABLE": "a variable such as ?Shelf",
@@ -105,13 +105,15 @@ EXPECTED = {
 
 
 MAX_DEPTH = 100
-"""More parentheses within each other are taken for a mistake."""
+"""The maximum depth of nested parentheses."""
 
 
 class ParsedFormula(Struct, frozen=True):
-    """A text and the formula that it says, and where things are written, as offsets in the text: an atom's relation or
-    comparison sign (with None), its terms (of an attribute, its name; of a call, the function; of what is calculated, the
-    sign), and variables' types."""
+    """A text, its formula, and the offsets of the formula's parts in the text.
+
+    `places` gives the offset of an atom's relation or comparison sign (with None) and of its terms: for an attribute, its name; for a
+    call, the function; for arithmetic, the sign. `types` gives the offset of each variable's type.
+    """
 
     text: str
     formula: Formula
@@ -119,23 +121,23 @@ class ParsedFormula(Struct, frozen=True):
     types: dict[str, int]
 
     def error(self, atom: Atom, term: Term | None, problem: str, hint: str = "") -> FormulaError:
-        """That something is wrong with a term of the atom, or with the atom itself."""
+        """An error at a term of the atom, or at the atom itself if `term` is None."""
         return FormulaError(self.text, self.places.get((atom, term), 0), problem, hint)
 
     def type_error(self, variable: str, problem: str, hint: str = "") -> FormulaError:
-        """That something is wrong with the type that is written behind a variable."""
+        """An error at the type of a variable."""
         return FormulaError(self.text, self.types.get(variable, 0), problem, hint)
 
 
 class _MisplacedToken(Exception):
-    """Grammatical, but no formula; becomes a FormulaError at the token."""
+    """The text matches the grammar but is not a valid formula; becomes a FormulaError at the token."""
 
     def __init__(self, token: Token, problem: str, hint: str = "") -> None:
         self.token, self.problem, self.hint = token, problem, hint
 
 
 class _PlacedTerm(Struct, frozen=True):
-    """A term, and the places of it and of the terms within it."""
+    """A term with the offsets of itself and of the terms within it."""
 
     term: Term
     places: tuple[tuple[Term, int], ...]
@@ -147,7 +149,7 @@ def _place_term(term: Term, token: Token, *inner: _PlacedTerm) -> _PlacedTerm:
 
 @v_args(inline=True)
 class _FormulaBuilder(Transformer[Token, Any]):
-    """Makes the formula of one text, and notes where its parts are and which types its variables are given."""
+    """Builds the formula of one text, and records the places of its parts and the types of its variables."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -245,13 +247,16 @@ def _grammar() -> Lark:
 
 
 def parse(text: str) -> Formula:
-    """The formula that `text` says. Raises FormulaError, which shows the place."""
+    """Parse a formula. Raises FormulaError, which shows the place."""
     return read(text).formula
 
 
 def parse_beginning(text: str) -> tuple[list[tuple[str, str]], frozenset[str]] | None:
-    """What the beginning of a formula is made of, each token with its kind, and the kinds of tokens that can come next (keys of
-    `EXPECTED`); None when no formula begins so."""
+    """Parse the beginning of a formula.
+
+    Returns its tokens as (kind, text), and the kinds of tokens that can follow (keys of `EXPECTED`); None when no formula begins with
+    the text. Raises FormulaError for parentheses nested too deeply.
+    """
     _limit_depth(text)
     try:
         parser = _grammar().parse_interactive(text)
@@ -262,7 +267,7 @@ def parse_beginning(text: str) -> tuple[list[tuple[str, str]], frozenset[str]] |
 
 
 def parse_term(text: str) -> Term:
-    """The term that `text` says. Raises FormulaError, which shows the place."""
+    """Parse a term. Raises FormulaError, which shows the place."""
     try:
         formula = parse(f"{text} = 0")
     except FormulaError as error:
@@ -275,7 +280,7 @@ def parse_term(text: str) -> Term:
 
 @lru_cache(maxsize=4096)
 def read(text: str) -> ParsedFormula:
-    """The formula that `text` says, with the places of its parts. Raises FormulaError, which shows the place."""
+    """Parse a formula, with the places of its parts. Raises FormulaError, which shows the place."""
     _limit_depth(text)
     builder = _FormulaBuilder()
     try:
@@ -286,7 +291,7 @@ def read(text: str) -> ParsedFormula:
         if isinstance(error.orig_exc, _MisplacedToken):
             raise FormulaError(text, error.orig_exc.token.start_pos or 0, error.orig_exc.problem, error.orig_exc.hint) from None
         raise
-    # A type that is written once holds for every occurrence of the variable.
+    # A type that is written at one occurrence of a variable holds for all its occurrences.
     types = {name: Variable(name, str(token)) for name, token in builder.types.items()}
     places: dict[tuple[Atom, Term | None], int] = {}
     for (atom, term), place in builder.places.items():
@@ -297,7 +302,7 @@ def read(text: str) -> ParsedFormula:
 
 
 def _limit_depth(text: str) -> None:
-    """Keeps everything that walks through formulas within Python's stack."""
+    """Refuse deeply nested formulas, so that recursive functions on formulas stay within Python's stack."""
     depth = 0
     for match in re.finditer(r'"(?:[^"\\\n]|\\.)*"|#[^\n]*|[()]', text):
         depth += {"(": 1, ")": -1}.get(match.group(), 0)
@@ -306,7 +311,7 @@ def _limit_depth(text: str) -> None:
 
 
 def _unexpected(text: str, error: UnexpectedInput) -> FormulaError:
-    """The parser's error in a person's words."""
+    """The parser's error as a FormulaError."""
     hint = _expected(error)
     token: object = getattr(error, "token", None)
     if isinstance(token, Token) and token.type == "$END":
@@ -318,7 +323,7 @@ def _unexpected(text: str, error: UnexpectedInput) -> FormulaError:
 
 
 def _expected(error: UnexpectedInput) -> str:
-    """What would have fitted: Lark says it differently of tokens that do not fit and of characters that are no token."""
+    """A hint that lists the expected tokens. Lark keeps them in different attributes for unexpected tokens and unexpected characters."""
     tokens = getattr(error, "accepts", None) or getattr(error, "expected", None) or getattr(error, "allowed", None) or ()
     descriptions = [words for token, words in EXPECTED.items() if token in tokens]
     *other_descriptions, last_description = descriptions or [""]
@@ -332,14 +337,14 @@ def _expected(error: UnexpectedInput) -> str:
 
 
 MAX_COMPARED_NAMES = 100
-"""Of more names than so many, those are compared that have most pairs of letters in common."""
+"""If there are more names, only this many of them are compared: those that share most pairs of adjacent letters with the name."""
 
 
 def nearest(name: str, known_names: Iterable[str]) -> str:
-    """A hint that names the known names closest to `name`; empty when none is close."""
+    """A hint with the known names that are most similar to `name`; empty when none is similar."""
     candidates = {candidate.casefold(): candidate for candidate in known_names}
     if len(candidates) > MAX_COMPARED_NAMES:
-        # To compare all letter by letter takes long when there are thousands of names, as on large maps.
+        # `get_close_matches` is slow for thousands of names, as on large maps.
         name_pairs = _pairs(name.casefold())
         closest = heapq.nlargest(MAX_COMPARED_NAMES, candidates, key=lambda candidate: len(name_pairs & _pairs(candidate)))
         candidates = {candidate: candidates[candidate] for candidate in closest}
