@@ -22,7 +22,7 @@ from tests.integration.test_recovery import GOAL
 from tests.support.virtual_system import Robot, VirtualSystem
 
 REASON = (
-    f"no plan: {GOAL} could be brought about by TransferObject, but nobody is left to do it "
+    f"no plan: {GOAL} could be brought about by TransferObject, but no service is left "
     "(Robot1.TransferObject: it is too heavy; Robot2.TransferObject: its way is blocked)"
 )
 

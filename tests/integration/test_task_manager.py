@@ -109,7 +109,7 @@ def test_a_wish_that_everybody_refuses_is_said_to_be_refused() -> None:
     (view,) = system.finish(system.submit("Jar002 isOn Jar001"))
     assert view.explanation == (
         "no plan: Jar002 isOn Jar001 could be brought about by TransferObject, "
-        f"but nobody is left to do it (Robot1.TransferObject and Robot2.TransferObject: {refusal})"
+        f"but no service is left (Robot1.TransferObject and Robot2.TransferObject: {refusal})"
     )
 
 

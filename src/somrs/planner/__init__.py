@@ -1,1 +1,1 @@
-"""From a formula, a map and the services on offer to an abstract plan."""
+"""The planner: from a goal, a map and the services on offer to an abstract plan."""

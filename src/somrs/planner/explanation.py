@@ -1,4 +1,4 @@
-"""Why there is no plan, for people: which part of the goal nothing can bring about, and what is missing for it."""
+"""Explains to users why there is no plan: which part of the goal no service can achieve, and what is missing for it."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from somrs.planner.model.world import World
 from somrs.planner.search.conflict import find_minimal_conflict, find_torn_object, is_impossible
 
 DEPTH = 4
-"""How many services back a reason is looked for."""
+"""The maximum length of a chain of services that an explanation follows backward."""
 
 
 def unmet_precondition(problem: Problem) -> NoPlan | None:
-    """What the client says of the beginning and the map denies."""
+    """The result for a precondition of the task that does not hold on the map; None if it holds."""
     if problem.precondition is None or formula_holds(problem.precondition, problem.map, problem.ontology):
         return None
     parts = conjuncts(problem.precondition)
@@ -38,7 +38,8 @@ def unmet_precondition(problem: Problem) -> NoPlan | None:
 
 
 def explain_failure(problem: Problem, world: World, guessed: bool = False) -> NoPlan:
-    """The reasons, for the alternative of the goal that lacks least. `guessed`: values that nobody named were not tried."""
+    """The reasons for the goal's alternative with the fewest unreachable parts. `guessed`: numbers and texts that the task does not name
+    were not tried as inputs."""
     best: _Reasons | None = None
     for branch in alternatives(problem.goal):
         reasons = _Reasons(problem, world)
@@ -50,7 +51,7 @@ def explain_failure(problem: Problem, world: World, guessed: bool = False) -> No
     omissions = [inexpressible for inexpressible in world.repertoire.omissions if str(inexpressible) not in explanation]
     best.texts.update((f"not considered: {inexpressible}", None) for inexpressible in omissions)
     if guessed:
-        best.texts["services that can be given any number or text were tried with those only that the task names"] = None
+        best.texts["services with a number or text as input were tried only with the values that the task names"] = None
     return NoPlan(
         explanation="; ".join(best.texts),
         unreachable=tuple(best.unreachable),
@@ -77,7 +78,7 @@ class _Reasons:
     lost: dict[str, None] = field(default_factory=dict)
 
     def explain_all(self, parts: Sequence[Literal]) -> None:
-        """Why the parts of the goal cannot come about: each that cannot, else as few as possible that cannot together."""
+        """Explain each part of the goal that is unreachable by itself; if there is none, a minimal set of parts that conflict."""
         for literal in parts:
             if not self.reachable([literal]):
                 self.unreachable.append(str(literal))
@@ -96,7 +97,7 @@ class _Reasons:
         self.texts[f"{' and '.join(map(_format_literal, conflict))} can each be brought about, but not all together{cause}"] = None
 
     def reachable(self, literals: Sequence[Literal]) -> bool:
-        """Whether all can come about together if nothing that is true ever became false; when in doubt, yes."""
+        """Whether the literals are reachable together in the delete relaxation (no fact becomes false); True when undecided."""
         try:
             goals = list(goal_operators(conjunction(*literals), self.world.vocabulary))
             return Grounding(self.world, demands(goals, self.world)).is_goal_reachable
@@ -104,7 +105,7 @@ class _Reasons:
             return True
 
     def explain(self, literal: Literal, depth: int) -> None:
-        """Why the literal, which is not reachable, is not."""
+        """Explain why the literal is not reachable."""
         if self._unknown_objects(literal):
             return
         offered = [available for available in self.problem.services if self.world.providers[available.service_type.name]]
@@ -134,7 +135,7 @@ class _Reasons:
         return bool(unknown or excluded_names)
 
     def _objects(self, literal: Literal) -> Iterator[str]:
-        """The names that are not values of enumerations."""
+        """The names of objects in the literal, without values of enumerations."""
         words = {value for attribute in self.problem.ontology.attributes.values() for value in attribute.values}
         return (name for name in names(literal) if name not in words or name in self.problem.map.objects)
 
@@ -157,20 +158,20 @@ class _Reasons:
         self.unoffered.update(dict.fromkeys(unoffered_names))
         for name, providers in busy.items():
             self.obstacles.add(Obstacle.PROMISED)
-            cause = f"{' and '.join(providers)} are promised to other tasks, or nobody knows what state they are in"
+            cause = f"{' and '.join(providers)} are reserved by other tasks, or their state is unknown"
             cause = not_usable(providers[0]) if len(providers) == 1 else cause
             self.texts[f"{_format_literal(literal)} could be brought about by {name}, but {cause}"] = None
         for name, services in lost.items():
             if services:
                 self.lost.update((loss.service, None) for loss in services)
                 self.texts[
-                    f"{_format_literal(literal)} could be brought about by {name}, but nobody is left to do it ({_format_losses(services)})"
+                    f"{_format_literal(literal)} could be brought about by {name}, but no service is left ({_format_losses(services)})"
                 ] = None
         if unoffered_names:
             self.obstacles.add(Obstacle.NOT_OFFERED)
-            self.texts[f"{_format_literal(literal)} could be brought about by {' or '.join(unoffered_names)}, which nobody offers now"] = (
-                None
-            )
+            self.texts[
+                f"{_format_literal(literal)} could be brought about by {' or '.join(unoffered_names)}, which no device offers now"
+            ] = None
         if not absent:
             self.obstacles.add(Obstacle.NO_SERVICE_TYPE)
             self.missing[_format_literal(literal)] = None
@@ -178,7 +179,7 @@ class _Reasons:
             self.texts[f"{_format_literal(literal)} does not hold on the map, and no service type brings it about{unfit}"] = None
 
     def _find_misfits(self, service: ServiceType, literal: Literal) -> Iterator[str]:
-        """That the service brings about such things, but not of objects of such types."""
+        """Texts for the inputs whose type does not admit the literal's objects, where the service has such an effect on other types."""
         types = {parameter.name: parameter.type for parameter in service.inputs}
         for unifier in unifiers(parse(service.effect), literal, self.problem.ontology, types):
             objects = {name: self.problem.map.objects.get(term.name) for name, term in unifier.items() if isinstance(term, Name)}
@@ -187,7 +188,7 @@ class _Reasons:
                     yield f"{service.name} takes only a {types[name]} as its {name}, and {object.name} is a {object.type}"
 
     def _explain_lacking(self, available: AvailableService, literal: Literal, depth: int) -> None:
-        """What the service needs and cannot have."""
+        """Explain which preconditions of the service are unreachable."""
         service = available.service_type
         unifier = next(achieving_bindings(service, literal, self.problem.ontology, self.problem.map), {})
         substitution = {name: term for name, term in unifier.items() if not isinstance(term, Variable)}
@@ -211,16 +212,16 @@ class _Reasons:
             if depth > 0 and not circular:
                 self.explain(missing, depth - 1)
         if not lacking:
-            self.texts[f"{service.name} brings about such things, but not {_format_literal(literal)}"] = None
+            self.texts[f"{service.name} has such effects, but not {_format_literal(literal)}"] = None
 
     def _row(self, attainable: Sequence[Literal]) -> Substitution:
-        """What the variables of the parts stand for on the map, of those that a relation gives a value."""
+        """Values on the map for the variables of the parts, as far as relations bind them."""
         bound_variables = {name for part in attainable if isinstance(part, Relation) for name in variables(part)}
         parts = [part for part in attainable if bound_variables.issuperset(variables(part))]
         return next(bindings(conjunction(*parts), self.problem.map, self.problem.ontology), {}) if parts else {}
 
     def _explain_conflict(self, service: str, literal: Literal, parts: Sequence[Literal]) -> None:
-        """The service needs what can come about, but not all of it at a time."""
+        """Explain that the preconditions of the service are reachable one by one, but conflict with each other."""
         conflict_text = str(conjunction(*parts)).replace(" AND ", " and ")
         self.missing[conflict_text] = None
         self.texts[
@@ -228,7 +229,7 @@ class _Reasons:
         ] = None
 
     def _describe_current(self, literal: Literal) -> str:
-        """What the map says in the place of a relation that would have to hold."""
+        """Text for the facts that hold on the map instead of the required relation."""
         if not isinstance(literal, Relation) or not isinstance(literal.arguments[0], Name):
             return ""
         name, relation_type = literal.arguments[0].name, self.problem.ontology.relations.get(literal.relation)
@@ -244,7 +245,7 @@ class _Reasons:
 
 
 def _format_losses(services: Sequence[LostService]) -> str:
-    """Who does not do it, and why; those with the same reason together."""
+    """The lost services with their reasons, grouped by reason."""
     services_by_reason: dict[str, list[str]] = {}
     for loss in services:
         services_by_reason.setdefault(loss.reason, []).append(loss.service)
@@ -252,11 +253,11 @@ def _format_losses(services: Sequence[LostService]) -> str:
 
 
 def _format_literal(literal: Literal) -> str:
-    """The literal with `?` for what may be anything."""
+    """The literal with `?` in place of untyped variables."""
     blank = {name: Name("?") for name, variable in variables(literal).items() if variable.type is None}
     return str(substitute(literal, blank))
 
 
 def not_usable(name: str) -> str:
-    """Why nothing can be done with, or said of, an object that is excluded."""
-    return f"{name} is promised to another task, or nobody knows what state it is in"
+    """Text for why no step may involve an excluded object."""
+    return f"{name} is reserved by another task, or its state is unknown"

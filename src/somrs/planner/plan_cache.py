@@ -1,4 +1,4 @@
-"""Answers of a moment ago: a task that is stated again on the same facts is not planned again."""
+"""A cache of planning results: a task that is submitted again on the same facts is not planned again."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import Problem
 
 SIZE = 32
-"""So many answers are kept, the last ones."""
+"""The number of results to keep; the oldest is dropped first."""
 
 Question = tuple[Formula, Formula | None, tuple[tuple[ServiceType, tuple[str, ...]], ...], frozenset[str], bool]
-"""What services cost is not in it: a plan stays one when prices move."""
+"""The cache key of a problem. It leaves prices out: a plan stays valid when prices change."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Answer:
-    """What was found, and on which map; it is about these relations, and these attributes with a dot before them."""
+    """A result, the map that it was found on, and the relations and attributes (with a leading dot) that it depends on (`subjects`)."""
 
     ontology: Ontology
     map: Map
@@ -32,13 +32,13 @@ class _Answer:
 
 
 class PlanCache:
-    """What was found for the last problems."""
+    """The results of the latest problems."""
 
     def __init__(self) -> None:
         self._answers: dict[Question, _Answer] = {}
 
     def store(self, problem: Problem, result: Plan | NoPlan) -> None:
-        """Remember the answer, unless it is that none was found in time."""
+        """Store the result, unless it is undecided."""
         if isinstance(result, NoPlan) and result.undecided:
             return
         self._answers.pop(_question(problem), None)
@@ -47,7 +47,7 @@ class PlanCache:
             del self._answers[next(iter(self._answers))]
 
     def recall(self, problem: Problem) -> Plan | NoPlan | None:
-        """The answer that was found on the same facts, whatever else has changed on the map."""
+        """The stored result, if all facts that it depends on are unchanged on the map; else None."""
         answer = self._answers.get(_question(problem))
         if answer is None or answer.ontology is not problem.ontology:
             return None
@@ -66,11 +66,11 @@ def _matters(change: Change, subjects: frozenset[str]) -> bool:
             return fact.relation in subjects
         case ValueSet(_, path):
             return "." + path in subjects
-    return True  # an object came or went
+    return True  # an object was added or removed
 
 
 def _find_subjects(problem: Problem) -> Iterator[str]:
-    """The relations and attributes that the problem's formulas speak of, and the relations that end with those."""
+    """The relations and attributes that occur in the problem's formulas, and the relations that exclude those."""
     formulas = [problem.goal, *([problem.precondition] if problem.precondition is not None else [])]
     for available in problem.services:
         service = available.service_type
@@ -100,4 +100,4 @@ def _mentioned_predicates(formulas: Iterable[Formula], ontology: Ontology) -> It
 
 
 POSITION = ["PositionX", "PositionY", "PositionZ"]
-"""What a function that SO-MRS computes, `distance`, reads."""
+"""The attributes that the built-in function `distance` reads."""

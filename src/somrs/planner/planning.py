@@ -1,4 +1,4 @@
-"""From a problem to an abstract plan: at once where that can be, else relevance, grounding, search, and why there is none."""
+"""From a problem to an abstract plan: a quick match, then relevance, grounding and search; and if there is no plan, the explanation."""
 
 from __future__ import annotations
 
@@ -29,31 +29,32 @@ from somrs.planner.search.search import TooHard, cheapest, remove_redundant_move
 from somrs.planner.search.steps import build_plan
 
 Engine = Callable[[str, float], list[str] | None]
-"""Given a task in Fast Downward's format and a limit in seconds: the names of the operators that solve it, or None when
-there are none. Raises SomrsError when it could not find out."""
+"""A function of a task in Fast Downward's format and a time limit in seconds. Returns the names of the operators of a plan, or None
+when there is no plan. Raises SomrsError when it finds neither."""
 
 VALUES = 5_000
-"""Where services calculate, so many actions with a value each are listed; then the values are counted with."""
+"""The maximum number of actions when effects calculate values and each value is a fact; beyond it, numbers become counters."""
 STATES = 5_000
-"""Of facts and numbers: so many are looked at before an engine is asked, in a second or two."""
+"""The number of states (of facts and numbers) that the search visits before it calls a numeric engine: one to two seconds."""
 ALL_STATES = 50_000
-"""The same where there is no such engine: half a minute at the most."""
+"""The number of states that the search visits when there is no numeric engine: at most half a minute."""
 NumericEngine = Callable[[str, str, float], list[str] | None]
-"""The same for a task in numeric PDDL, its domain and its problem: the names of the actions."""
+"""Like `Engine`, for a domain and a problem in numeric PDDL. Returns the names of the actions."""
 
 Improver = Callable[[str, bool], list[list[str]]]
-"""Given the same as an Engine, and whether it is to be done soon rather than cheaply: other plans, as far as they are found soon."""
+"""A function of a task in Fast Downward's format and whether a short makespan matters more than cost. Returns further plans, if it finds
+any in time."""
 
 LONG = 10
-"""A plan of so many steps is worth looking for a better one."""
+"""The number of steps from which the planner looks for a better plan than the first."""
 
 LIMIT = 30.0
-"""Seconds that an engine may take."""
+"""The time limit of an engine, in seconds."""
 
 
 @dataclass(frozen=True, slots=True)
 class Engines:
-    """Who is asked when a search takes longer, and for how many seconds each."""
+    """The engines to call when the planner's own search gives up, and the time limit of each in seconds."""
 
     search: Engine | None
     numeric: NumericEngine | None
@@ -62,14 +63,14 @@ class Engines:
 
 
 def plan_quickly(problem: Problem) -> Plan | NoPlan | None:
-    """What can be said of the problem within a few milliseconds; None when it has to be searched."""
+    """The result that can be found within a few milliseconds; None when the problem needs a search."""
     try:
         result = _check_map(problem)
         if result is not None:
             return result
         short = match(problem, *_compile_problem(problem))
         if short is not None and len(short.steps) >= LONG:
-            short = None  # a better one is worth a search
+            short = None  # a search may find a better plan
         return generalize_providers(problem, prefer_repaired(problem, short))
     except Inexpressible as inexpressible:
         return _report_inexpressible(inexpressible)
@@ -82,7 +83,7 @@ def plan(
     numeric: NumericEngine | None = None,
     improver: Improver | None = None,
 ) -> Plan | NoPlan:
-    """A plan that makes the goal true on the map, or why there is none; what still stands of the plan before, if that is as short."""
+    """A plan that makes the goal true on the map, or why there is none. Prefers the rest of the previous plan if it is as short."""
     if (result := plan_quickly(problem)) is not None:
         return result
     return generalize_providers(problem, prefer_shorter(problem, _plan(problem, Engines(engine, numeric, improver, limit))))
@@ -103,7 +104,7 @@ def _plan(problem: Problem, engines: Engines) -> Plan | NoPlan:
 
 
 def _check_map(problem: Problem) -> Plan | NoPlan | None:
-    """What the map says already."""
+    """The result that follows from the map alone: an unmet precondition, or a goal that already holds. None otherwise."""
     unmet = unmet_precondition(problem)
     if unmet is not None:
         return unmet
@@ -125,7 +126,8 @@ def _report_inexpressible(inexpressible: Inexpressible) -> NoPlan:
 
 
 def _search_plan(problem: Problem, world: World, goals: list[Operator], engines: Engines) -> Plan | NoPlan:
-    """By what is likely to help first, then by all that can help: only that may show that there is no plan."""
+    """Search first with the likely actions only (narrow), then with all relevant actions: only the latter can prove that there is no
+    plan."""
     max_actions = VALUES if world.vocabulary.calculates else None
     try:
         for narrow in (True, False):
@@ -143,8 +145,8 @@ def _search_plan(problem: Problem, world: World, goals: list[Operator], engines:
 
 
 def _improve_plan(problem: Problem, first_plan: Plan, task: Task, engines: Engines) -> Plan:
-    """A better plan, if one is found soon: the first one is whatever came first. Nobody looks for one when something went wrong on the
-    way: devices stand and wait then."""
+    """A better plan than the first, if the improver finds one in time. When planning follows a failure (`problem.rest`), the first plan is
+    kept, because devices are waiting."""
     if engines.improver is None or len(first_plan.steps) < LONG or problem.rest:
         return first_plan
     other_plans = engines.improver(encode_sas(merge_task(task)), problem.hurry)
@@ -154,7 +156,7 @@ def _improve_plan(problem: Problem, first_plan: Plan, task: Task, engines: Engin
 
 
 def _plan_with_counters(problem: Problem, engines: Engines) -> Plan | NoPlan:
-    """The same with numbers beside the facts, where they may come to more values than can be listed."""
+    """Plan with counters beside the facts, for numbers that may take too many values to have a fact each."""
     world = World(problem, counting=True)
     goals = list(goal_operators(problem.goal, world.vocabulary))
     for narrow in (True, False):
@@ -180,7 +182,7 @@ def _solve_with_counters(task: Task, counters: Counters, engines: Engines) -> li
         return None
     moves = numeric_task.decode_moves(names)
     if not counting.reaches_goal(moves, task, counters):
-        raise CountingFailed("the plan that the engine for numbers found is none when it is calculated exactly")
+        raise CountingFailed("the plan from the engine for numbers fails in exact arithmetic")
     return moves
 
 
@@ -193,5 +195,5 @@ def _solve(task: Task, engines: Engines) -> list[Move] | None:
         try:
             names = engines.search(encode_sas(merge_task(task)), engines.limit)
         except SomrsError as error:
-            raise RemoteError(f"{error}; of the short search before it, {hard}") from error
+            raise RemoteError(f"{error}; the short search before it: {hard}") from error
     return decode_moves(names, task) if names is not None else None

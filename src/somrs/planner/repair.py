@@ -1,7 +1,6 @@
-"""What still stands of the plan before, when something went wrong on the way: the rest of it, if that leads to the goal from here.
+"""Plan repair after a failure: keep the rest of the previous plan if it still leads to the goal.
 
-Services are committed to its steps already, and a search for another plan of hundreds of steps takes its time. What is kept so costs no
-more than a plan from scratch would, and what is kept.
+Services are already committed to its steps, and a search for another plan of hundreds of steps takes long.
 """
 
 from __future__ import annotations
@@ -23,8 +22,8 @@ from somrs.planner.model.validation import apply_step, validate
 
 
 def repair_plan(problem: Problem) -> Plan | None:
-    """The rest of the plan before, without what is so already, cannot be done any more, or serves nothing; None when that does not lead
-    to the goal."""
+    """The rest of the previous plan, without steps whose effect already holds, that are no longer applicable, or that nothing needs.
+    None when this does not lead to the goal."""
     available_services = {available.service_type.name: available for available in problem.services}
     steps: list[Step] = []
     maps = [problem.map]
@@ -43,12 +42,12 @@ def repair_plan(problem: Problem) -> Plan | None:
             maps.append(apply_step(step, maps[-1], problem))
         plan = Plan(tuple(steps), derive_links(steps, maps, problem))
         return plan if not validate(plan, problem) else None
-    except FormulaError:  # the map has lost what the plan speaks of
+    except FormulaError:  # the plan names an object that is no longer on the map
         return None
 
 
 def _adapt_step(old: Step, map: Map, problem: Problem, available_services: Mapping[str, AvailableService]) -> Step | None:
-    """The step as it can be done on the map, if it can; what its inputs leave open may be another way by now."""
+    """The step as it is applicable on the map, or None. Variables that its inputs do not bind may be bound anew."""
     offered = available_services.get(old.service_type)
     if offered is None or (old.provider is not None and old.provider not in offered.providers):
         return None
@@ -69,8 +68,8 @@ def _adapt_step(old: Step, map: Map, problem: Problem, available_services: Mappi
 
 
 def prefer_repaired(problem: Problem, short: Plan | NoPlan | None) -> Plan | NoPlan | None:
-    """The rest of the plan before, when no search is needed to know that it is worth it: all of it is promised, but for one step at most.
-    Otherwise `short`, which was found without a search."""
+    """The rest of the previous plan, if services are committed to all of its steps but at most one: then no search is needed. Otherwise
+    `short`, which was found without a search."""
     plan = repair_plan(problem) if problem.rest else None
     if plan is None or (isinstance(short, Plan) and len(short.steps) < len(plan.steps)):
         return short
@@ -79,7 +78,7 @@ def prefer_repaired(problem: Problem, short: Plan | NoPlan | None) -> Plan | NoP
 
 
 def prefer_shorter(problem: Problem, result: Plan | NoPlan) -> Plan | NoPlan:
-    """The rest of the plan before, unless what was found by a search has fewer steps."""
+    """The rest of the previous plan, unless `result`, from a search, has fewer steps."""
     plan = repair_plan(problem) if problem.rest else None
     if plan is None or (isinstance(result, Plan) and len(result.steps) < len(plan.steps)):
         return result
@@ -87,5 +86,5 @@ def prefer_shorter(problem: Problem, result: Plan | NoPlan) -> Plan | NoPlan:
 
 
 def _step_key(step: Step) -> object:
-    """What is asked of a service, whatever the step is called."""
+    """What identifies a step, apart from its id."""
     return step.service_type, step.inputs, step.provider

@@ -1,1 +1,1 @@
-"""The planner as a process, and the engines that it asks."""
+"""The planner as a process, and the engines that it calls."""

@@ -1,7 +1,7 @@
-"""pytyr (https://github.com/planning-and-learning/tyr) in a process of its own, for tasks with counters:
+"""The numeric engine pytyr (https://github.com/planning-and-learning/tyr) in a process of its own, for tasks with counters:
 `python -m somrs.planner_service.engine_counters`.
 
-It is under the GPL: it is imported in that process only, and everything but hard counting works without it.
+pytyr is under the GPL, so only that process imports it. It is optional; only hard tasks with counters need it.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any
 from somrs.errors import RemoteError
 
 GRACE = 5.0
-"""Seconds on top of the limit for the process to start and to write its answer."""
+"""Seconds beyond the time limit for the process to start and to write its result."""
 
 
 def is_tyr_installed() -> bool:
@@ -25,7 +25,7 @@ def is_tyr_installed() -> bool:
 
 
 def tyr(domain: str, problem: str, seconds: float) -> list[str] | None:
-    """The names of the actions of a plan; None when there is no plan. Raises RemoteError when there is no answer in time."""
+    """The names of the actions of a plan; None when there is no plan. Raises RemoteError when pytyr fails or has no result in time."""
     command = [sys.executable, "-m", "somrs.planner_service.engine_counters", str(seconds)]
     try:
         request = json.dumps([domain, problem])
@@ -43,11 +43,11 @@ def tyr(domain: str, problem: str, seconds: float) -> list[str] | None:
 
 
 def _timeout_text(seconds: float) -> str:
-    return f"no plan with these numbers was found in {seconds:g} s, nor that there is none"
+    return f"no plan with these numbers was found in {seconds:g} s, and no proof that there is none"
 
 
 def _solve(domain: str, problem: str, seconds: float) -> dict[str, object]:
-    """Lazy greedy best-first search with the relaxed plan's length as estimate, and its actions first."""
+    """Lazy greedy best-first search with the FF heuristic, which also prefers the actions of the relaxed plan."""
     import pytyr.formalism.planning as formalism
     from pypddl.formalism import ParserOptions
     from pytyr.planning import SearchBudget, lifted

@@ -1,6 +1,6 @@
-"""A process that shows that there is no plan, where counting shows it (`planner/encodings/equation.py`), with the solver HiGHS of SciPy.
+"""A process that proves by the state equation (`planner/encodings/equation.py`) that there is no plan, with SciPy's solver HiGHS.
 
-`python -m somrs.planner_service.engine_equation TASK`: ends with code 11 when there is none, and with 1 when there may be one.
+`python -m somrs.planner_service.engine_equation TASK` exits with code 11 when there is no plan, and with 1 when there may be one.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from somrs.planner.encodings.sas import parse_sas
 from somrs.planner.grounding.finite_task import FiniteTask, prune_irrelevant
 
 UNSOLVABLE = 11
-"""As Fast Downward's exit code for the same."""
+"""The exit code for an unsolvable task, the same as Fast Downward's."""
 INFEASIBLE = 2
-"""SciPy's status for a problem without a solution."""
+"""SciPy's status of an infeasible linear program."""
 
 
 def main(task: str) -> int:
@@ -29,7 +29,8 @@ def main(task: str) -> int:
 
 
 def equations(task: FiniteTask) -> Iterator[Equation]:
-    """That of the task; then, with pairs of variables, those of its parts: what takes a minute as a whole takes a second in parts."""
+    """The equation of the task; then the equations of its parts with pairs of variables. Parts take a second where the whole task with
+    pairs would take a minute."""
     yield equation(task)
     if companions(task):
         for part in parts(task):
@@ -38,7 +39,7 @@ def equations(task: FiniteTask) -> Iterator[Equation]:
 
 
 def parts(task: FiniteTask) -> Iterable[FiniteTask]:
-    """What the parts of the goal depend on: one for all that depend on the same."""
+    """The task restricted to what each part of the goal depends on; goal parts with the same dependencies share a subtask."""
     subtasks: dict[tuple[tuple[str, ...], ...], FiniteTask] = {}
     for variable, value in task.goal:
         if task.initial[variable] != value:
@@ -49,8 +50,8 @@ def parts(task: FiniteTask) -> Iterable[FiniteTask]:
 
 
 def is_unsatisfiable(state_equation: Equation) -> bool:
-    """Whether no numbers of times satisfy it. As few times as possible are asked for: so the solver can begin with none at all,
-    and is many times as fast as when any number will do."""
+    """Whether no operation counts satisfy the equation. Minimizes the sum of the counts: the solver then starts from zero, and is many
+    times faster than without an objective."""
     if not state_equation.cases:
         return max(state_equation.least) > 0
     rows, columns, changes = ([term[place] for term in state_equation.terms] for place in range(3))

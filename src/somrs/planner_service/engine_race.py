@@ -1,6 +1,7 @@
-"""Engines side by side, each a process of its own: the first answer counts, and the others are ended.
+"""Runs engines in parallel, each in a process of its own. The first result counts; the other engines are killed.
 
-Each has its share of the time, and of the memory. One that ends without an answer, however that came, makes room for the next.
+Each engine has limits of time and memory. When an engine ends without a result, or has used its share of the time while
+others wait, the next waiting engine starts.
 """
 
 from __future__ import annotations
@@ -20,42 +21,42 @@ from pathlib import Path
 from somrs.errors import RemoteError
 
 MAX_RUNNING = 2
-"""Engines that run at a time, if there are so many processors."""
+"""The maximum number of engines that run in parallel, if there are as many processors."""
 MEMORY = 4 * 1024**3
-"""Bytes that an engine may use."""
+"""The memory limit of an engine, in bytes."""
 MOST_WAIT = 0.05
-"""Seconds between two looks at engines that take long."""
+"""The maximum interval between two polls of the engines, in seconds."""
 GRACE = 5
-"""Seconds of computing on top of its time, after which the system ends an engine even if nobody is left to do so."""
+"""Seconds of processor time beyond an engine's time limit after which the kernel kills it, in case its parent process has ended."""
 
 KILLED = {-signal.SIGKILL, -signal.SIGTERM, -signal.SIGSEGV, -signal.SIGBUS}
-"""How a process ends that something from outside ended, or a fault of its own that it may not have again."""
+"""Exit codes of a process that was killed from outside, or by a fault of its own that may not occur again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Entrant:
-    """An engine that takes part: `command` for the files that hold the task and that it is to write the plan to."""
+    """An engine that takes part. `command` makes its command line from the path of the task file and the path to write the plan to."""
 
     name: str
     command: Callable[[Path, Path], Sequence[str]]
     share: float = 1.0
-    """The part of the time that it may take, if others wait."""
+    """The share of the time limit that it may take, if other engines wait."""
     proves: frozenset[int] = frozenset()
-    """The exit codes that say that there is no plan."""
+    """The exit codes that mean that there is no plan."""
     starts: int = 2
-    """So often it is started when a signal that nobody here sent ends it."""
+    """The maximum number of starts, if signals from outside kill it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EngineResult:
-    """What came out: the names of the plan's operators, or None if there is no plan; by whom."""
+    """The result of an engine: the names of the plan's operators, or None if there is no plan."""
 
     engine_name: str
     operators: tuple[str, ...] | None
 
 
 class _Running:
-    """An engine under way: one process, of the group of whoever started it, and so ended with it."""
+    """A running engine: one process, in its parent's process group, so that both are killed together."""
 
     def __init__(self, entrant: Entrant, number: int, task: Path, seconds: float, memory: int) -> None:
         self.entrant = entrant
@@ -74,7 +75,7 @@ class _Running:
         self.process.wait()
 
     def read_result(self) -> EngineResult | None:
-        """What an engine that has ended found out."""
+        """The result of an engine that has ended; None if it found neither a plan nor a proof that there is none."""
         if self.plan_path.exists():
             lines = self.plan_path.read_text(encoding="ascii").splitlines()
             return EngineResult(
@@ -98,7 +99,8 @@ def _all_ended() -> Iterator[list[_Running]]:
 
 
 def race(entrants: Sequence[Entrant], task: Path, seconds: float, *, max_running: int | None = None, memory: int = MEMORY) -> EngineResult:
-    """The first answer to the task in the file. Raises RemoteError when none comes in time. Whatever happens, no engine is left."""
+    """The first result for the task in the file, within `seconds`. Raises RemoteError when there is none in time. Leaves no engine
+    running."""
     slots = max_running or max(1, min(MAX_RUNNING, os.cpu_count() or 1))
     deadline = time.monotonic() + seconds
     waiting, failures = list(entrants), list[str]()
@@ -124,15 +126,15 @@ def race(entrants: Sequence[Entrant], task: Path, seconds: float, *, max_running
                     running.remove(engine)
                     engine.end()
             if not running and not waiting:
-                raise RemoteError(f"no engine found a plan, or that there is none: {'; '.join(failures)}")
+                raise RemoteError(f"no engine found a plan or a proof that there is none: {'; '.join(failures)}")
             if time.monotonic() > deadline:
-                raise RemoteError(f"no plan was found in {seconds:g} s, nor that there is none")
+                raise RemoteError(f"no plan was found in {seconds:g} s, and no proof that there is none")
             time.sleep(wait)
             wait = min(wait * 1.2, MOST_WAIT)
 
 
 def run_all(entrants: Sequence[Entrant], task: Path, seconds: float, *, memory: int = MEMORY) -> list[EngineResult]:
-    """What each of them finds within the time, all at once."""
+    """The results that the engines, all in parallel, find within `seconds`."""
     deadline = time.monotonic() + seconds
     with _all_ended() as running:
         running += [_Running(entrant, number, task, seconds, memory) for number, entrant in enumerate(entrants)]

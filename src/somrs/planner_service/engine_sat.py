@@ -1,9 +1,8 @@
 """A process that plans by satisfiability (`planner/encodings/satisfiability.py`), with the solvers of PySAT (https://pysathq.github.io).
 
-`python -m somrs.planner_service.engine_sat TASK PLAN SOLVER FIRST GROWTH [busy]`: for plans of as many steps as there must be at
-least and FIRST
-more, then of GROWTH times as many, and so on; `busy` when each device does one thing in a step. That there is no plan of any number of
-steps, it cannot show.
+`python -m somrs.planner_service.engine_sat TASK PLAN SOLVER FIRST GROWTH [busy]` tries plans of FIRST steps more than the lower bound,
+then of GROWTH times as many steps, and so on. With `busy`, each device performs at most one operation in a step. The process cannot prove
+that there is no plan.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from somrs.planner.encodings.sas import parse_sas
 from somrs.planner.encodings.satisfiability import Clauses
 
 LITERALS = 4_000_000
-"""More are not worth it: such a task is large for other reasons than that it is knotty."""
+"""The maximum number of literals: a larger task is hard by its size, where SAT solvers do not help."""
 
 
 def main(task: str, plan: str, solver: str, first: str, growth: str, busy: str = "") -> int:

@@ -1,8 +1,8 @@
-"""Whom the planner asks when a task needs more than a moment's search: engines in processes of their own, side by side.
+"""The engines for tasks that need a longer search. Each runs in a process of its own, and several run in parallel.
 
-Fast Downward (https://www.fast-downward.org) is under the GPL: it is called, never imported. It searches; beside it a SAT solver
-looks for plans in which agents act at the same time (`engine_sat.py`), which is another way to be good; and counting shows of some tasks
-that there is no plan (`engine_equation.py`). Each works without the others, and everything but hard planning without all of them.
+Fast Downward (https://www.fast-downward.org) does heuristic search; it is under the GPL, so it is called as a program and never imported.
+A SAT solver looks for plans in which agents act at the same time (`engine_sat.py`). The state equation proves for some tasks that there is
+no plan (`engine_equation.py`). Every engine is optional; only hard tasks need one.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from somrs.planner_service.engine_counters import is_tyr_installed, tyr
 from somrs.planner_service.engine_race import EngineResult, Entrant, race, run_all
 
 UNSOLVABLE = frozenset({11, 12})
-"""Fast Downward's exit codes for: proved unsolvable; searched through without finding a solution. 12 comes from incomplete
-searches too, but those used here are complete."""
+"""Fast Downward's exit codes for a task proved unsolvable (11) and for an exhausted search without a plan (12). Incomplete searches also
+end with 12, but the searches used here are complete."""
 FIRST_SHARE = 0.25
-"""The part of the time after which the first search makes room: most that it finds it finds within seconds."""
+"""The share of the time limit for the first search, if other engines wait: it finds most of its plans within seconds."""
 
 COUNTING_SHARE = 0.1
-"""The part of the time that counting has; where it shows anything, it mostly takes a second."""
+"""The share of the time limit for the state equation, if other engines wait: a proof mostly takes about a second."""
 
 _ESTIMATES = """let(landmarks, eval_modify_costs(landmark_sum(lm_factory=lm_reasonable_orders_hps(lm_rhw()), pref=true), cost_type=one),
 let(ff, eval_modify_costs(ff(), cost_type=one), {}))"""
@@ -35,33 +35,34 @@ FIRST_SEARCH = _ESTIMATES.format(
     """let(contexts, eval_modify_costs(cea(), cost_type=one),
 lazy_greedy([ff, contexts, landmarks], preferred=[contexts, ff, landmarks], cost_type=one, reopen_closed=false))"""
 )
-"""The first search of LAMA (Richter and Westphal 2010), with what helps landmarks preferred, too, and with a third estimate that
-follows what each variable depends on (Helmert and Geffner 2008): the more different ways of seeing, the fewer plateaus."""
+"""The first search of LAMA (Richter and Westphal 2010), with preferred operators of the landmark heuristic, too, and with the
+context-enhanced additive heuristic (Helmert and Geffner 2008): more diverse heuristics mean fewer plateaus."""
 EXPLORING_SEARCH = _ESTIMATES.format(
     """lazy(alt([single(ff), single(ff, pref_only=true), single(landmarks), single(landmarks, pref_only=true),
 type_based([ff, g()])], boost=1000), preferred=[ff, landmarks], cost_type=one, reopen_closed=false)"""
 )
-"""Two of them with type-based exploration (Xie, Müller, Holte and Imai 2014), where the estimates mislead."""
+"""The FF and landmark heuristics with type-based exploration (Xie, Müller, Holte and Imai 2014), for tasks where heuristics mislead."""
 
 CHEAP_SEARCH = """let(landmarks, landmark_sum(lm_factory=lm_reasonable_orders_hps(lm_rhw()), pref=true),
 let(ff, ff(), lazy_wastar([ff, landmarks], preferred=[ff, landmarks], w=3)))"""
-"""The later searches of LAMA, which mind what steps cost."""
+"""A later search of LAMA, which takes the cost of steps into account."""
 
 SPARE_GROWTH, SOONEST_GROWTH = 1.4, 1.1
-"""So many times as many steps are tried next: a plan with steps to spare is found faster than one with none, which is done sooner."""
+"""The factors by which the number of steps grows between attempts of the SAT engine. A plan with spare steps is found faster; a plan
+without is done sooner."""
 
 LEAST_BETTER, MOST_BETTER = 2.0, 20.0
-"""Seconds in which a better plan than the first is looked for."""
+"""The bounds, in seconds, of the time to look for a better plan than the first."""
 
 
 def plan_in_process(problem: object, limit: float = LIMIT) -> Plan | NoPlan:
-    """Carry out a Task Manager's Ask for a plan. To be called in a process that can be waited for."""
+    """Plan with all installed engines; `limit` is in seconds. It blocks, so it is called in the planner's process."""
     if not isinstance(problem, Problem):
         raise TypeError(f"a planning problem was expected, not {type(problem).__name__}")
     started_at = time.monotonic()
 
     def improve(task: str, hurry: bool) -> list[list[str]]:
-        """For twice as long as the first plan took, within bounds."""
+        """Look for better plans for twice the time that the first plan took, within bounds."""
         spent = time.monotonic() - started_at
         return improve_plan(task, hurry, min(max(2 * spent, LEAST_BETTER), MOST_BETTER, limit - spent))
 
@@ -69,14 +70,19 @@ def plan_in_process(problem: object, limit: float = LIMIT) -> Plan | NoPlan:
 
 
 def solve(task: str, seconds: float) -> list[str] | None:
-    """The names of the operators of a plan, by whoever finds one first; None when there is no plan. Raises RemoteError when
-    there is no answer in time."""
+    """The operator names of the first plan that an engine finds; None when there is no plan. Raises RemoteError when no engine has a
+    result in time."""
     result = race_engines(task, seconds, entrants())
     return list(result.operators) if result.operators is not None else None
 
 
 def race_engines(task: str, seconds: float, engines: list[Entrant]) -> EngineResult:
-    """The same, with who it was, among these engines."""
+    """The first result of the given engines, with the engine's name.
+
+    Raises:
+        UsageError: if there is no engine.
+        RemoteError: if no engine has a result in time.
+    """
     if not engines:
         raise UsageError("planning tasks of many steps needs an engine: pip install 'somrs[planner]'")
     with tempfile.TemporaryDirectory(prefix="somrs-plan-") as place:
@@ -86,8 +92,8 @@ def race_engines(task: str, seconds: float, engines: list[Entrant]) -> EngineRes
 
 
 def improve_plan(task: str, hurry: bool, seconds: float) -> list[list[str]]:
-    """Other plans than the first one: with as many agents at work at the same time as there can be, which are often short ones, too;
-    and, if there is no hurry, one that is cheap."""
+    """Further plans for a task: one with as many agents at work in parallel as possible, which is often short, too; and, if `hurry` is
+    False, a cheap one."""
     if seconds <= 0:
         return []
     engines = [_sat_entrant("glucose4", 0, SOONEST_GROWTH)] if importlib.util.find_spec("pysat") is not None else []
@@ -102,7 +108,7 @@ def improve_plan(task: str, hurry: bool, seconds: float) -> list[list[str]]:
 
 
 def entrants() -> list[Entrant]:
-    """The engines that are installed, in the order in which they take part."""
+    """The installed engines, in the order in which they start."""
     program = driver()
     searches = (
         [_search_entrant(program, "estimates", FIRST_SEARCH, FIRST_SHARE), _search_entrant(program, "exploring", EXPLORING_SEARCH, 1.0)]
@@ -118,8 +124,8 @@ def entrants() -> list[Entrant]:
 
 
 def driver() -> Path | None:
-    """Fast Downward's search program, if the `planner` extra is installed."""
-    spec = importlib.util.find_spec("up_fast_downward")  # looks for the package without running it
+    """The path of Fast Downward's search program; None unless the `planner` extra is installed."""
+    spec = importlib.util.find_spec("up_fast_downward")  # finds the package without importing it
     if spec is None or spec.origin is None:
         return None
     path = Path(spec.origin).parent / "downward" / "builds" / "release" / "bin" / "downward"

@@ -1,4 +1,4 @@
-"""A planning problem on its way to another process: what that process has of the map already is not sent again."""
+"""Planning problems as sent to another process: only the changes of the map since the previous problem are sent."""
 
 from __future__ import annotations
 
@@ -9,25 +9,25 @@ from somrs.ontology.types import Ontology
 from somrs.planner.model.problem import Problem
 
 EMPTY_MAP = Map()
-"""In place of the map, while a problem is on its way."""
+"""Stands in for the map in a problem that is sent."""
 
 
 class ProblemDelta(Struct, frozen=True, kw_only=True):
-    """A problem without what it was about last; `changes` lead from the last map to its own."""
+    """A problem without its map and, if it is unchanged, without its ontology; `changes` lead from the previous map to its own."""
 
     problem: Problem
     same_ontology: bool
     changes: tuple[Change, ...]
     map: Map | None
-    """The whole map, when it is the first, or the changes are many."""
+    """The whole map, for the first problem and when there are many changes; else None."""
 
 
 MAX_CHANGES = 1_000
-"""More changes than this take longer to send than they save."""
+"""The maximum number of changes to send; beyond it, the whole map is sent."""
 
 
 class Sender:
-    """What the other process has."""
+    """Packs problems; keeps the ontology and map that the other process has."""
 
     def __init__(self) -> None:
         self._ontology: Ontology | None = None
@@ -47,7 +47,7 @@ class Sender:
 
 
 class Recipient:
-    """The same, in the other process."""
+    """Unpacks problems in the other process; keeps the latest ontology and map."""
 
     def __init__(self) -> None:
         self._ontology = Ontology()

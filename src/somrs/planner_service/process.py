@@ -1,4 +1,4 @@
-"""The planner in a process beside the Task Manager's, so that planning holds nothing up. One that was killed is started again."""
+"""The planner in a process beside the Task Manager's, so that planning does not block the Task Manager. A killed process is restarted."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from somrs.planner_service.engines import plan_in_process
 from somrs.planner_service.problem_delta import ProblemDelta, Recipient, Sender
 
 PARENT_CHECK = 1.0
-"""Seconds between two looks whether the parent process is still there."""
+"""Seconds between two checks that the parent process still exists."""
 
 MOST_STARTS = 2
-"""So many processes try a question: what kills two of them (its memory, perhaps) would kill more."""
+"""The number of processes that try a problem: a problem that kills two (by its memory, perhaps) would kill more."""
 
 
 class Defect(Struct, frozen=True, tag=True):
-    """What the planner raised, in words."""
+    """The message of an exception that the planner raised."""
 
     text: str
 
@@ -40,9 +40,9 @@ _ANSWER_CODEC: Codec[Plan | NoPlan | Defect] = Codec(Plan | NoPlan | Defect)
 
 
 class PlannerProcess:
-    """Answers one question after the other. A context manager; the process is there from the first question on.
+    """Plans one problem after the other. A context manager; the process starts with the first problem.
 
-    A pipe, and no process pool: a pool is of no use any more once its process was killed, and leaves semaphores behind when this one is.
+    It uses a pipe, not a process pool: a pool is unusable once its process was killed, and leaks semaphores when this process is killed.
     """
 
     def __init__(self) -> None:
@@ -55,7 +55,7 @@ class PlannerProcess:
         return self._running[0].pid if self._running is not None else None
 
     async def plan(self, problem: Problem) -> Plan | NoPlan:
-        """Raises RemoteError with what the planner raised, and when its process ends again and again."""
+        """A plan, or why there is none. Raises RemoteError when the planner raises an exception or its process ends repeatedly."""
         return await asyncio.get_running_loop().run_in_executor(self._executor, self._ask, problem)
 
     def __enter__(self) -> PlannerProcess:
@@ -64,22 +64,22 @@ class PlannerProcess:
     def __exit__(self, *exception: object) -> None:
         self._closed = True
         if self._running is not None:
-            _kill_with_engines(self._running[0])  # whatever it is at; nobody waits for the answer any more
+            _kill_with_engines(self._running[0])  # no caller waits for the result any more
         self._executor.shutdown(cancel_futures=True)
         self._end()
 
     def _ask(self, problem: Problem) -> Plan | NoPlan:
         for _ in range(MOST_STARTS):
             if self._closed:
-                raise RemoteError("the planner was ended before it had an answer")
+                raise RemoteError("the planner was stopped before it had an answer")
             _, connection, sender = self._running or self._start()
             try:
                 connection.send_bytes(encode(sender.pack(problem)))
                 answer = _ANSWER_CODEC.decode(connection.recv_bytes())
-            except (EOFError, OSError):  # it has ended
+            except (EOFError, OSError):  # the process has ended
                 self._end()
                 continue
-            except BaseException:  # what could not be sent is not what it has
+            except BaseException:  # the process may lack what `sender` regards as sent
                 self._end()
                 raise
             if isinstance(answer, Defect):
@@ -88,7 +88,7 @@ class PlannerProcess:
         raise RemoteError(f"the planner's process ended {MOST_STARTS} times without an answer")
 
     def _start(self) -> tuple[SpawnProcess, Connection, Sender]:
-        # Spawned, not forked: a fork would keep the sockets of this process open when it is killed.
+        # Spawned, not forked: a forked process would keep the sockets of this process open when this process is killed.
         spawned = multiprocessing.get_context("spawn")
         parent_end, child_end = spawned.Pipe()
         process = spawned.Process(target=_serve, args=(child_end,), daemon=True)
@@ -107,17 +107,17 @@ class PlannerProcess:
 
 
 def _kill_with_engines(process: SpawnProcess) -> None:
-    """End the process with the engines that it started, which are of its group; those too that it left behind."""
+    """Kill the process and the engines of its process group, including engines that outlive it."""
     assert process.pid is not None, "it was started"
     with contextlib.suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)
-    process.kill()  # it may have no group yet
+    process.kill()  # it may not have its own process group yet
 
 
 def _serve(questions: Connection) -> None:
-    """What the process does, until nobody can ask it any more."""
+    """The main loop of the process: solve problems until the pipe is closed."""
     os.setpgrp()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C in a terminal is for the Task Manager, which ends this process, too
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the Task Manager handles Ctrl-C, and ends this process
     threading.Thread(target=_end_with_parent, args=(os.getppid(),), daemon=True).start()
     recipient = Recipient()
     with contextlib.suppress(EOFError, OSError):
@@ -126,13 +126,13 @@ def _serve(questions: Connection) -> None:
             answer: Plan | NoPlan | Defect
             try:
                 answer = plan_in_process(recipient.unpack(_DELTA_CODEC.decode(question)))
-            except Exception as error:  # noqa: BLE001  # whatever went wrong is the answer; the Task Manager says what it means
+            except Exception as error:  # noqa: BLE001  # any defect becomes the reply; the Task Manager reports it
                 answer = Defect(str(error) or type(error).__name__)
             questions.send_bytes(encode(answer))
 
 
 def _end_with_parent(parent: int) -> None:
-    """End amid a question, too, when the process that started this one is gone, however that came."""
+    """Kill this process and its engines, even during a search, when the parent process has ended."""
     while os.getppid() == parent:
         time.sleep(PARENT_CHECK)
-    os.killpg(0, signal.SIGKILL)  # with the engines
+    os.killpg(0, signal.SIGKILL)  # the whole group, engines included

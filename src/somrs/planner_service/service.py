@@ -1,4 +1,4 @@
-"""Who answers a Task Manager's questions for a plan: memory, a short match, or the planner's process."""
+"""The planner for a Task Manager: a quick match, the cache of results, or the planner's process."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from somrs.planner_service.process import PlannerProcess
 
 
 class Planner:
-    """Answers at once what takes a few milliseconds, and leaves what takes a search to a process of its own."""
+    """Plans in this process what takes a few milliseconds, and in a separate process what needs a search."""
 
     def __init__(self, process: PlannerProcess) -> None:
         self._process = process
         self._cache = PlanCache()
 
     async def plan(self, problem: Problem) -> Plan | NoPlan:
-        """Raises what the planner raises."""
+        """A plan, or why there is none. Raises RemoteError when the planner's process fails."""
         result = plan_quickly(problem) or self._cache.recall(problem)
         if result is None:
             result = await self._process.plan(problem)

@@ -82,7 +82,7 @@ def test_one_part_that_no_order_of_services_makes_true_is_explained_by_what_it_n
 
 def test_a_provider_that_is_taken_is_named() -> None:
     result = refused(cellar("Lamp1.Lit = TRUE", ("Robot1", "Robot2"), frozenset({"Robot1", "Robot2"})))
-    assert "could be brought about by LightLamp, but Robot1 and Robot2 are promised to other tasks" in result.explanation
+    assert "could be brought about by LightLamp, but Robot1 and Robot2 are reserved by other tasks" in result.explanation
     assert result.unoffered == ()
     assert result.obstacles == (Obstacle.PROMISED,)
 
@@ -157,7 +157,7 @@ def missed(goal: str, *losses: tuple[ServiceType, str, str], services: tuple[Ser
         ),
         (
             make_problem(GOAL),
-            [f"{GOAL} could be brought about by TransferObject, which nobody offers now"],
+            [f"{GOAL} could be brought about by TransferObject, which no device offers now"],
             {"unoffered": ("TransferObject",), "obstacles": (Obstacle.NOT_OFFERED,)},
         ),
         (
@@ -177,32 +177,29 @@ def missed(goal: str, *losses: tuple[ServiceType, str, str], services: tuple[Ser
         ),
         (
             make_problem(GOAL, TRANSFER, excluded=frozenset({"Platform001"})),
-            [f"{GOAL}: Platform001 is promised to another task, or nobody knows what state it is in"],
+            [f"{GOAL}: Platform001 is reserved by another task, or its state is unknown"],
             {"obstacles": (Obstacle.PROMISED,)},
         ),
         (
             make_problem(GOAL, TRANSFER, excluded=frozenset({"Robot1"})),
-            [
-                f"{GOAL} could be brought about by TransferObject, but Robot1 is promised to another task, "
-                "or nobody knows what state it is in"
-            ],
+            [f"{GOAL} could be brought about by TransferObject, but Robot1 is reserved by another task, or its state is unknown"],
             {"obstacles": (Obstacle.PROMISED,)},
         ),
         (
             missed(GOAL, (TRANSFER, "s1", "it failed"), (TRANSFER, "s2", "it failed"), (TRANSFER, "s3", "it refused")),
-            [f"{GOAL} could be brought about by TransferObject, but nobody is left to do it (s1 and s2: it failed; s3: it refused)"],
+            [f"{GOAL} could be brought about by TransferObject, but no service is left (s1 and s2: it failed; s3: it refused)"],
             {"lost": ("s1", "s2", "s3")},
         ),
         (
             missed("Jar001.Clean = TRUE", (WASH, "w1", "it fell silent"), (TRANSFER, "t1", "it failed"), services=(TRANSFER,)),
-            ["Jar001.Clean = TRUE could be brought about by WashJar, but nobody is left to do it (w1: it fell silent)"],
+            ["Jar001.Clean = TRUE could be brought about by WashJar, but no service is left (w1: it fell silent)"],
             {"lost": ("w1",)},
         ),
         (
             make_problem("Jar001.Clean = TRUE", WASH),
             [
                 "WashJar could bring about Jar001.Clean = TRUE, but needs Jar001 isOn Washer1, and the map says Jar001 isOn Shelf1",
-                "Jar001 isOn Washer1 could be brought about by TransferObject, which nobody offers now",
+                "Jar001 isOn Washer1 could be brought about by TransferObject, which no device offers now",
             ],
             {"missing": ("Jar001 isOn Washer1",), "unoffered": ("TransferObject",), "obstacles": (Obstacle.NOT_OFFERED,)},
         ),
@@ -224,7 +221,7 @@ def missed(goal: str, *losses: tuple[ServiceType, str, str], services: tuple[Ser
             ["DriveTo could bring about Robot1 isInside RoomB, but needs DoorAB.Open = TRUE", f"DoorAB.Open = TRUE {DENIED}"],
             {"missing": ("DoorAB.Open = TRUE",), "obstacles": (Obstacle.NO_SERVICE_TYPE,)},
         ),
-        (make_problem("Jar001 isOn Jar001", TRANSFER), ["TransferObject brings about such things, but not Jar001 isOn Jar001"], {}),
+        (make_problem("Jar001 isOn Jar001", TRANSFER), ["TransferObject has such effects, but not Jar001 isOn Jar001"], {}),
         (
             make_problem("Jar001.Clean = TRUE", READ, WRITE),
             [

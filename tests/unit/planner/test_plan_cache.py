@@ -59,7 +59,7 @@ def test_another_task_or_other_services_are_another_question() -> None:
 
 def test_that_nothing_was_found_in_time_is_not_remembered() -> None:
     memory, stated = PlanCache(), changed_problem("Jar001 isOn Platform001")
-    memory.store(stated, NoPlan(explanation="no plan was found in 1 s, nor that there is none", undecided=True))
+    memory.store(stated, NoPlan(explanation="no plan was found in 1 s, and no proof that there is none", undecided=True))
     assert memory.recall(stated) is None
     memory.store(stated, NoPlan(explanation="there is none"))
     assert isinstance(memory.recall(stated), NoPlan)

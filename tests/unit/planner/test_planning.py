@@ -149,7 +149,7 @@ def test_nothing_is_put_on_itself_and_types_are_respected() -> None:
     ("goal", "services", "message"),
     [
         ("Jar001.Clean = TRUE", (TRANSFER,), "no service type"),
-        ("Jar001 isOn Platform001", (), "TransferObject, which nobody offers"),
+        ("Jar001 isOn Platform001", (), "TransferObject, which no device offers"),
         ("Shelf1 isOn Platform001", (TRANSFER,), "TransferObject takes only a Graspable as its Object, and Shelf1 is a Shelf"),
         ("Jar009 isOn Platform001", (TRANSFER,), "there is no object Jar009"),
     ],
@@ -172,7 +172,7 @@ def test_a_thing_that_is_nowhere_is_said_to_be_missing() -> None:
 def test_objects_promised_elsewhere_are_left_alone() -> None:
     result = plan(make_problem("Jar001 isOn Platform001", TRANSFER, excluded=frozenset({"Platform001"})))
     assert isinstance(result, NoPlan)
-    assert "Platform001 is promised" in result.explanation
+    assert "Platform001 is reserved" in result.explanation
 
 
 def test_a_precondition_that_does_not_hold_is_named() -> None:

@@ -69,7 +69,7 @@ def test_what_holds_already_is_done() -> None:
 
 
 def test_of_what_nobody_knows_it_is_not_said_that_it_is_done() -> None:
-    explanation = "Jar001 isOn Shelf1 AND Jar002 isOn Shelf1: Jar002 is promised to another task, or nobody knows what state it is in"
+    explanation = "Jar001 isOn Shelf1 AND Jar002 isOn Shelf1: Jar002 is reserved by another task, or its state is unknown"
     problem = make_problem("Jar001 isOn Shelf1 AND Jar002 isOn Shelf1", TRANSFER, excluded=frozenset({"Jar002", "Shelf2"}))
     assert plan_quickly(problem) == NoPlan(explanation=explanation, obstacles=(Obstacle.PROMISED,))
 
@@ -118,7 +118,7 @@ def test_where_an_engine_finds_none_there_is_no_plan() -> None:
 @pytest.mark.usefixtures("hard")
 def test_what_an_engine_says_of_why_it_did_not_find_out_is_told() -> None:
     result = plan(make_problem(GOAL, TRANSFER), RecordingEngine(SomrsError("out of memory")))
-    assert result == NoPlan(explanation=f"no plan was found: out of memory; of the short search before it, {FAR}", undecided=True)
+    assert result == NoPlan(explanation=f"no plan was found: out of memory; the short search before it: {FAR}", undecided=True)
 
 
 # Better plans
@@ -201,7 +201,7 @@ def test_what_an_engine_for_numbers_finds_is_calculated_again(answer: list[str],
     engine = RecordingEngine(answer)
     result = plan(box(), numeric=engine, limit=7.0)
     if expected is None:
-        explanation = "this is too large to be searched: the plan that the engine for numbers found is none when it is calculated exactly"
+        explanation = "this is too large to be searched: the plan from the engine for numbers fails in exact arithmetic"
         assert result == NoPlan(explanation=explanation, undecided=True)
     else:
         assert isinstance(result, Plan)

@@ -375,7 +375,7 @@ class Grounding:
 
 
 def _operator_name(operator: Operator) -> str:
-    return operator.service.name if operator.service is not None else "the task's own wish"
+    return operator.service.name if operator.service is not None else "the task's goal"
 
 
 def _at_least(number: float | None, least: float | None) -> bool:

@@ -18,7 +18,7 @@ def validate(plan: Plan, problem: Problem) -> list[str]:
     service_types = {available.service_type.name: available.service_type for available in problem.services}
     for step in plan.topological():
         if step.service_type not in service_types:
-            wrong.append(f"{step.id}: nobody offers {step.service_type}")
+            wrong.append(f"{step.id}: no device offers {step.service_type}")
             continue
         if step.precondition is not None and not formula_holds(step.precondition, map, problem.ontology):
             wrong.append(f"{step.id}: {step} needs {step.precondition}, which does not hold by then")

@@ -68,7 +68,7 @@ class NumericTask:
             assert isinstance(atom, Comparison), "counters are compared"
             opposite = {"<": ">=", "<=": ">", ">": "<=", ">=": "<", "!=": "="}.get(atom.operator)
             if opposite is None:
-                raise Inexpressible(condition.literal, "an engine does not take that two numbers differ")
+                raise Inexpressible(condition.literal, "an engine does not support that two numbers differ")
             yield from self._comparison(Comparison(atom.left, opposite, atom.right), condition)
         else:
             assert isinstance(condition.literal, Comparison), "counters are compared"
@@ -94,7 +94,7 @@ class NumericTask:
             case "<":
                 yield f"(< {left_expression} (- {right_expression} {slack}))"
             case _:
-                raise Inexpressible(comparison, "an engine does not take that two numbers differ")
+                raise Inexpressible(comparison, "an engine does not support that two numbers differ")
 
     def _range(self, numeric_effect: NumericEffect, value: str) -> Iterator[str]:
         attribute = self._counters.attributes[numeric_effect.counter]

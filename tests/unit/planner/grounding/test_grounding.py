@@ -276,7 +276,7 @@ def test_so_many_actions_are_allowed_and_no_more() -> None:
     count = len(ground_problem(instance).actions)
     assert count == 6
     assert len(ground_problem(instance, max_actions=count).actions) == count
-    with pytest.raises(TooLarge, match="there are more than 5 ways to use services, the last one of them the task's own wish"):
+    with pytest.raises(TooLarge, match="there are more than 5 ways to use services, the last one of them the task's goal"):
         ground_problem(instance, max_actions=5)
     with pytest.raises(TooLarge, match="there are more than 1 ways to use services, the last one of them Mark"):
         ground_problem(instance, max_actions=1)

@@ -27,7 +27,7 @@ def changed(number: int, **fields: object) -> Plan:
     ("broken", "wrong"),
     [
         (lambda: PLAN, []),
-        (lambda: changed(0, service_type="Carry"), ["nobody offers Carry", "which does not hold by then"]),
+        (lambda: changed(0, service_type="Carry"), ["no device offers Carry", "which does not hold by then"]),
         (lambda: changed(0, effect=parse("Jar001 isOn Shelf2")), ["is not what", "needs Jar001 isOn Washer1, which does not hold by then"]),
         (lambda: changed(1, precondition=parse("Jar001 isOn Shelf2")), ["needs Jar001 isOn Shelf2, which does not hold by then"]),
         (lambda: replace(PLAN, steps=PLAN.steps[:1], links=()), ["after all steps Jar001.Clean = TRUE does not hold"]),

@@ -111,8 +111,8 @@ def test_what_is_made_of_numbers(effect: str, preconditions: str, effects: str) 
 @pytest.mark.parametrize(
     ("condition", "message"),
     [
-        ("?T.Count != 2", "?T1.Count != 2: an engine does not take that two numbers differ"),
-        ("NOT ?T.Count = 2", "NOT ?T1.Count = 2: an engine does not take that two numbers differ"),
+        ("?T.Count != 2", "?T1.Count != 2: an engine does not support that two numbers differ"),
+        ("NOT ?T.Count = 2", "NOT ?T1.Count = 2: an engine does not support that two numbers differ"),
         ("?T.Level >= 1 kg", "1 kg: kg and m do not measure the same thing"),
         ("?T.Level >= ?T.Weight", "?T1.Weight: kg and m differ by more than a factor"),
         (
