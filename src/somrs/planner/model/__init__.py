@@ -1,1 +1,1 @@
-"""Planning problems and plans: objects, operators and states, and what a plan is."""
+"""Planning problems, operators, plans and their causal links."""

@@ -1,4 +1,5 @@
-"""From a sequence of steps to the order that is needed: who brings about what a step needs, and who must not undo it."""
+"""From a sequence of steps to a partial order: causal links to the steps that achieve conditions, and protection from steps that undo
+them."""
 
 from __future__ import annotations
 
@@ -17,11 +18,12 @@ from somrs.planner.model.problem import Problem
 
 
 def derive_links(steps: Sequence[Step], maps: Sequence[Map], problem: Problem, written: Sequence[Formula] = ()) -> tuple[Link, ...]:
-    """The links among steps that can be done in the order given; `maps` are the one before the first, and those after each,
-    `written` the steps' effects before anything was calculated in them.
+    """The links among steps that can be executed in the given order. `maps` are the map before the first step and the map after each step,
+    `written` the steps' effects before their terms were evaluated.
 
-    For each condition of a step, the last step before it that brings it about comes before it (the causal link); a step
-    that could undo it comes before that one or after it (Penberthy and Weld 1992). The goal is the last step's condition.
+    For each condition of a step, a causal link leads from the last earlier step that achieves it. A step that could undo the condition
+    comes before the achieving step or after the step with the condition (Penberthy and Weld 1992). The goal counts as the condition of a
+    final step.
     """
     if len(steps) < 2:
         return ()
@@ -50,7 +52,7 @@ def derive_links(steps: Sequence[Step], maps: Sequence[Map], problem: Problem, w
 
 
 def find_useful_steps(steps: Sequence[Step], maps: Sequence[Map], problem: Problem) -> list[int]:
-    """The places of the steps that the goal needs, or others that it needs."""
+    """The places of the steps that the goal needs, directly or for other needed steps."""
     support_table = _SupportTable(steps, maps, problem.ontology)
     conditions_by_place: dict[int, list[Literal]] = {}
     for place, condition in _conditions(steps, maps, problem, [step.effect for step in steps]):
@@ -69,19 +71,19 @@ def find_useful_steps(steps: Sequence[Step], maps: Sequence[Map], problem: Probl
 
 @dataclass(frozen=True, slots=True)
 class _ConditionSupport:
-    """What becomes of a condition: the steps that bring it about where it was not so, and those after which it may not be so."""
+    """The steps that make a condition true, and those after which it may be false, in order."""
 
     achievers: tuple[int, ...]
     deleters: tuple[int, ...]
 
     def supporter(self, place: int) -> int:
-        """The last step before the place that brings it about; -1 when it is so from the start."""
+        """The last step before the place that makes the condition true; -1 if the condition holds from the start."""
         number = bisect_left(self.achievers, place)
         return self.achievers[number - 1] if number else -1
 
 
 class _SupportTable:
-    """The fate of each condition, found once, from the steps that speak of what it speaks of."""
+    """The support of each condition, cached. Only steps that share a subject with the condition are examined."""
 
     def __init__(self, steps: Sequence[Step], maps: Sequence[Map], ontology: Ontology) -> None:
         self._maps, self._ontology = maps, ontology
@@ -125,8 +127,8 @@ class _SupportTable:
         return fact_holds is expected_truth
 
     def _subjects(self, part: Formula) -> Iterator[tuple[object, Term | None]]:
-        """What it is about: what touches a condition shares one of its subjects. Effects have the objects in them that they are about;
-        a condition with a variable is about the same of any object."""
+        """The subjects of an effect or a condition: a relation or an attribute, with an object or (None) with any object. An effect that
+        touches a condition shares a subject with it."""
         match part.atom if isinstance(part, Not) else part:
             case Relation(name, arguments):
                 relation = self._ontology.relations.get(name)
@@ -147,7 +149,7 @@ def _pair_topics(topics: Iterable[object], objects: Sequence[Term]) -> Iterator[
 
 
 def _conditions(steps: Sequence[Step], maps: Sequence[Map], problem: Problem, written: Sequence[Formula]) -> Iterator[tuple[int, Literal]]:
-    """Every condition, with the place of the step that needs it; the goal's come behind the last step."""
+    """Every condition, with the place of the step that needs it; the goal's conditions have the place after the last step."""
     for place, step in enumerate(steps):
         if step.precondition is not None:
             for part in conjuncts(step.precondition):
@@ -166,7 +168,8 @@ def _conditions(steps: Sequence[Step], maps: Sequence[Map], problem: Problem, wr
 
 
 def _readings(effect: Formula) -> Iterator[Term]:
-    """What an effect is made of: of `?A.Level = ?B.Level + 2`, the level of ?B, which has to be what it is by then."""
+    """The attributes and functions that an effect reads: in `?A.Level = ?B.Level + 2`, the level of ?B. Their values are conditions of the
+    step."""
     for part in conjuncts(effect):
         if isinstance(part, Comparison):
             source = part.right if isinstance(part.left, Attribute) else part.left
@@ -174,7 +177,7 @@ def _readings(effect: Formula) -> Iterator[Term]:
 
 
 def touches(effect: Formula, condition: Literal, ontology: Ontology) -> bool:
-    """Whether the effect may change if the condition holds: both are about one relation of one object, or one attribute."""
+    """Whether the effect may change the truth of the condition: both are about a relation or an attribute of the same object."""
     atom = condition.atom if isinstance(condition, Not) else condition
     written = effect.atom if isinstance(effect, Not) else effect
     match written, atom:
@@ -215,7 +218,7 @@ def _same_fact(effect_atom: Relation, condition_atom: Relation, ontology: Ontolo
 
 
 def _displaces(effect_atom: Relation, condition_atom: Relation, ontology: Ontology) -> bool:
-    """Whether the object that enters into the one relation leaves the other."""
+    """Whether an object that enters the relation of the effect leaves the relation of the condition."""
     effect_relation, condition_relation = ontology.relations.get(effect_atom.relation), ontology.relations.get(condition_atom.relation)
     if effect_relation is None or condition_relation is None:
         return False
@@ -229,14 +232,14 @@ def _displaces(effect_atom: Relation, condition_atom: Relation, ontology: Ontolo
 
 
 def _reduce_transitively(pairs: Iterable[tuple[int, int]], count: int) -> Iterator[tuple[int, int]]:
-    """The pairs without orders that the others give already."""
+    """The transitive reduction of the pairs of ordered steps."""
     successors: list[list[int]] = [[] for _ in range(count)]
     for first, second in pairs:
         successors[first].append(second)
     descendants = [0] * count
-    """For each step the steps that come somewhere after it, as bits."""
+    """For each step, the bit set of the steps after it."""
     for first in reversed(range(count)):
-        for second in sorted(successors[first]):  # a way round leads through a step that comes before the other
+        for second in sorted(successors[first]):  # an indirect order leads through a step before `second`
             if not descendants[first] >> second & 1:
                 yield first, second
                 descendants[first] |= descendants[second] | 1 << second

@@ -1,4 +1,4 @@
-"""A growing set of facts: what holds now, which is looked up on the map when it is asked for, and what can come about."""
+"""A growing set of facts: those that hold now, which are looked up on the map on demand, and those that are reachable."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from somrs.planner.model.world import World
 
 
 class Facts:
-    """Facts found by predicate and any one argument."""
+    """Facts, indexed by predicate and by each argument."""
 
     def __init__(self, world: World) -> None:
         self.new: dict[Fact, None] = {}
-        """What does not hold now."""
+        """The reachable facts that do not hold now."""
         self._world = world
         self._by_predicate: dict[str, list[tuple[Argument, ...]]] = {}
         self._by_argument: dict[tuple[str, int, Argument], list[tuple[Argument, ...]]] = {}
@@ -22,7 +22,7 @@ class Facts:
         return fact in self.new or self._world.fact_holds(fact)
 
     def add(self, fact: Fact) -> bool:
-        """Whether the fact is new."""
+        """Add the fact. Returns whether it is new."""
         if fact in self:
             return False
         self.new[fact] = None
@@ -33,11 +33,12 @@ class Facts:
         return True
 
     def count(self, predicate: str, known_arguments: Sequence[Argument | None]) -> int:
-        """About how many facts `find_facts` would look at."""
+        """An estimate of the number of facts that `find_facts` returns."""
         return self._world.count(predicate, known_arguments) + len(self._find_added_facts(predicate, known_arguments))
 
     def find_facts(self, predicate: str, known_arguments: Sequence[Argument | None]) -> list[tuple[Argument, ...]]:
-        """The arguments of facts that may have the known ones, of which at least one was looked at."""
+        """The arguments of facts that may have the known arguments (None: unknown). Only one of the known arguments is compared; the caller
+        compares the rest."""
         added_facts = self._find_added_facts(predicate, known_arguments)
         current_facts = self._world.find_facts(predicate, known_arguments)
         return [*current_facts, *added_facts] if added_facts else current_facts

@@ -1,8 +1,8 @@
-"""Service types as operators: what they need, add and take away, in facts that a search can count with.
+"""Service types as operators: preconditions, add effects and delete effects, all as facts.
 
-A fact is a predicate and its arguments. For a relation the predicate is its name; for an attribute it is a dot and the path,
-the arguments are the object and the value (`.Open`, Door1, TRUE). Only what some service on offer can change becomes
-facts; everything else is settled on the map while operators are grounded (`grounding.py`).
+A fact is a predicate and its arguments. For a relation, the predicate is its name. For an attribute, the predicate is a dot and the path,
+and the arguments are the object and the value (`.Open`, Door1, TRUE). Only relations and attributes that a service on offer can change
+become facts; static conditions are evaluated on the map during grounding (`grounding.py`).
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ from somrs.ontology.types import Kind, Ontology
 from somrs.ontology.values import attribute_at
 
 Argument = str | Constant
-"""An object by its name, or a value."""
+"""The name of an object, or a value."""
 Fact = tuple[str, tuple[Argument, ...]]
 Pattern = tuple[str, tuple[Argument | Term, ...]]
-"""A fact with terms in some places."""
+"""A fact whose arguments may be terms."""
 
 GOAL: Fact = ("", ())
-"""The fact that the task is accomplished, which the goal's own operators add."""
+"""The fact that the goal is reached, which the goal's operators add."""
 EXISTS_SUFFIX = " *"
-"""`isOn *` of a thing: it is on something, no matter what. Only for relations in which a thing has one partner at a time."""
+"""The fact `isOn *` of an object: it is on any object. Only for relations in which an object has one partner at a time."""
 ALTERNATIVES = 256
-"""Of one formula: more combinations of its ORs are not planned with."""
+"""The maximum number of alternatives (conjunctions of the disjunctive normal form) of a formula."""
 
 
 class Inexpressible(Exception):
-    """A formula means what the planner cannot count with."""
+    """A formula that the planner cannot express as operators, and the reason."""
 
     def __init__(self, formula: object, reason: str) -> None:
         self.formula, self.reason = formula, reason
@@ -42,7 +42,7 @@ class Inexpressible(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Test:
-    """A comparison with attributes that change: `hidden` variables stand for their values, each with its tolerance."""
+    """A comparison with attributes that services change. The `hidden` variables stand for their values; each has a tolerance."""
 
     comparison: Comparison
     hidden: Mapping[str, float]
@@ -50,7 +50,8 @@ class Test:
 
 @dataclass(frozen=True, slots=True)
 class NegativePrecondition:
-    """No such fact may hold (of those whose hidden value passes the test); variables bound nowhere else stand for any object."""
+    """No fact may match the pattern (with a test: no fact whose hidden value passes it). Variables that only occur here stand for any
+    object."""
 
     pattern: Pattern
     test: Test | None = None
@@ -58,11 +59,11 @@ class NegativePrecondition:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Operator:
-    """One alternative of a service type's precondition; or of the goal, with no service."""
+    """A service type with one alternative of its precondition; or one alternative of the goal (`service` is None)."""
 
     service: ServiceType | None
     condition: tuple[Literal, ...]
-    """The alternative as it is written."""
+    """The alternative as written."""
     effect: Formula | None
     preconditions: tuple[Pattern, ...]
     negative_preconditions: tuple[NegativePrecondition, ...]
@@ -71,25 +72,25 @@ class Operator:
     add_effects: tuple[Pattern, ...]
     delete_effects: tuple[Pattern, ...]
     numeric_conditions: tuple[Literal, ...]
-    """Comparisons of counters, which are not facts."""
+    """Comparisons of counters."""
     numeric_effects: tuple[tuple[Attribute, Term], ...]
-    """The counters that it gives values, and which."""
+    """The counters that the operator assigns, with their new values."""
     types: Mapping[str, frozenset[str]]
-    """The types that what a variable stands for must all be of."""
+    """For each variable, the types that its value must all have."""
     variables: tuple[str, ...]
-    """Those that must be bound; `Provider` is among them if the formulas speak of it."""
+    """The variables to bind, with `Provider` if the formulas use it."""
 
 
 class Vocabulary:
-    """What the services on offer can change, and which facts replace each other.
+    """The relations and attributes that the services on offer can change, and which facts replace each other.
 
-    When counting, the numbers that they can change are counters, and not facts with a value each.
+    With `counting`, the numbers that services can change are counters instead of facts with a value each.
     """
 
     def __init__(self, ontology: Ontology, effects: Iterable[Formula], counting: bool = False) -> None:
         self.ontology = ontology
         self.calculates = False
-        """Whether effects calculate numbers: there may be more of those than can be listed."""
+        """Whether effects calculate numbers, so that there may be too many values to enumerate."""
         self.relations: set[str] = set()
         self.paths: set[str] = set()
         groups: dict[str, list[str]] = {}
@@ -115,13 +116,13 @@ class Vocabulary:
         return attribute is not None and attribute.kind is Kind.NUMBER
 
     def excluded_by(self, relation: str) -> list[str]:
-        """The other relations that an object leaves when it enters into this one."""
+        """The other relations that an object leaves when it enters this one."""
         relation_type = self.ontology.relations.get(relation)
         group = self.groups.get(relation_type.excludes, []) if relation_type and relation_type.excludes else []
         return [name for name in group if name != relation]
 
     def variable_of(self, fact: Fact) -> tuple[str, Argument] | None:
-        """Facts that replace each other share this: the place of a thing, the value of an attribute. None: replaces nothing."""
+        """The state variable of the fact, which facts that replace each other share; None for a fact that replaces no other."""
         predicate, arguments = fact
         if predicate.startswith("."):
             return predicate, arguments[0]
@@ -131,7 +132,7 @@ class Vocabulary:
         return self.ontology.relations[relation].excludes or relation
 
     def is_exclusive(self, relation: str) -> bool:
-        """Whether, of the relation and all that it excludes, an object is in one, with one partner."""
+        """Whether an object has at most one partner in this relation and those that it excludes together."""
         group = [relation, *self.excluded_by(relation)]
         relation_types = [self.ontology.relations.get(name) for name in group]
         return all(r is not None and r.functional and not r.symmetric for r in relation_types)
@@ -141,11 +142,11 @@ class Vocabulary:
         return relation_type is not None and relation_type.symmetric and len(relation_type.joins) == 2
 
     def changing(self, term: Term) -> Attribute | None:
-        """The attribute that the term reads, if services change it."""
+        """The attribute that the term reads, if its values are changing facts; else None. Raises Inexpressible."""
         return self._read(term, self.paths)
 
     def counter(self, term: Term) -> Attribute | None:
-        """The same, if it is a counter."""
+        """The attribute that the term reads, if it is a counter; else None. Raises Inexpressible."""
         return self._read(term, self.counters)
 
     def _read(self, term: Term, paths: set[str]) -> Attribute | None:
@@ -162,7 +163,7 @@ class Vocabulary:
 
 
 def providers_of(service: str) -> str:
-    """What `?Provider` is of, in place of a type: the devices that offer the service."""
+    """The pseudo-type of `?Provider`: the devices that offer the service."""
     return f"provider of {service}"
 
 
@@ -182,7 +183,7 @@ def operators(service: ServiceType, vocabulary: Vocabulary) -> Iterator[Operator
 
 
 def goal_operators(goal: Formula, vocabulary: Vocabulary) -> Iterator[Operator]:
-    """One operator for each alternative of the goal; it adds that the task is accomplished."""
+    """One operator for each alternative of the goal, which adds `GOAL`. Raises Inexpressible."""
     for branch in _branches(goal):
         yield _Compiler(vocabulary, {}).operator(None, branch, None)
 
@@ -194,7 +195,7 @@ def _branches(formula: Formula) -> list[tuple[Literal, ...]]:
 
 
 class _Compiler:
-    """Makes one self."""
+    """Compiles one operator."""
 
     def __init__(self, vocabulary: Vocabulary, inputs: Mapping[str, str]) -> None:
         self.vocabulary, self.inputs = vocabulary, inputs
@@ -239,7 +240,7 @@ class _Compiler:
         )
 
     def _to_bind(self) -> Iterator[str]:
-        """The variables that grounding binds; one that stands behind NOT only is not, nor one that `EXISTS_SUFFIX` replaced."""
+        """The variables that grounding binds: not those that occur only after NOT, nor those that `EXISTS_SUFFIX` replaced."""
         for _, arguments in (*self.preconditions, *self.add_effects, *self.delete_effects):
             for argument in arguments:
                 if not isinstance(argument, str):
@@ -299,7 +300,7 @@ class _Compiler:
             raise Inexpressible(literal, "NOT before a comparison of two attributes that services change")
 
     def _with_hidden(self, comparison: Comparison) -> tuple[Test | None, list[Pattern]]:
-        """The comparison with the values of changing attributes behind hidden variables, and the facts that give them."""
+        """The comparison with hidden variables in place of changing attributes, and the patterns of the facts that bind them."""
         hidden: dict[str, float] = {}
         patterns: list[Pattern] = []
 
@@ -309,7 +310,7 @@ class _Compiler:
             attribute = self.vocabulary.changing(term)
             if attribute is None:
                 return term
-            variable = Variable(str(attribute))  # a text with a dot in it is no other variable's name
+            variable = Variable(str(attribute))  # no other variable has a dot in its name
             attribute_type = attribute_at(attribute.path, self.vocabulary.ontology)
             hidden[variable.name] = attribute_type.tolerance if attribute_type else 0.0
             patterns.append(("." + attribute.path, (strip_type(attribute.owner), variable)))
@@ -319,7 +320,7 @@ class _Compiler:
         return (Test(changed, hidden) if hidden else None), patterns
 
     def _existential_pattern(self, atom: Relation) -> Pattern | None:
-        """`isOn *` in place of `?Object isOn ?Source`, when nothing else is said of ?Source."""
+        """`isOn *` in place of `?Object isOn ?Source`, if ?Source occurs nowhere else; else None."""
         relation = self.vocabulary.ontology.relations.get(atom.relation)
         if relation is None or not relation.functional or not self.vocabulary.is_exclusive(atom.relation):
             return None

@@ -18,11 +18,11 @@ from somrs.ontology.services import PROVIDER
 
 
 class Step(Struct, frozen=True):
-    """One use of a service type.
+    """A step of a plan: a service type with its inputs, by input name.
 
-    `inputs` are by the service type's input names. `provider` is the device that has to do it, when the service type's formulas speak of
-    `?Provider`; otherwise None: any provider will do. Those `alternative_providers` could do it as well, if one of them does all steps that
-    say the `device_group`. `precondition` and `effect` have no variables left."""
+    `provider` is the device that has to execute the step, if the service type's formulas use `?Provider`; None means any provider. One of
+    the `alternative_providers` can take its place, if it executes all steps of the same `device_group`. `precondition` and `effect` are
+    without variables."""
 
     id: str
     service_type: str
@@ -35,7 +35,7 @@ class Step(Struct, frozen=True):
 
     @property
     def bindings(self) -> Substitution:
-        """The inputs and, if the plan names one, the provider: what to substitute in the service type's formulas."""
+        """The inputs and the provider, if there is one: the substitution for the service type's formulas."""
         return self.inputs if self.provider is None else {**self.inputs, PROVIDER: Name(self.provider)}
 
     def __str__(self) -> str:
@@ -45,8 +45,8 @@ class Step(Struct, frozen=True):
 
 
 class Link(Struct, frozen=True):
-    """Step `after` comes after step `before`, because `before` brings `fact` about; or, when `is_protection`, because `after` would
-    undo `fact`, which `before` (or a step that must be over by then) still needs or has yet to see undone and restored."""
+    """An order of two steps: `after` starts when `before` has ended. A causal link: `before` makes `fact` true for `after`. If
+    `is_protection`: the other order could undo `fact` where a step needs it."""
 
     before: str
     after: str
@@ -55,7 +55,7 @@ class Link(Struct, frozen=True):
 
 
 class Plan(Struct, frozen=True, dict=True, tag=True):
-    """The steps in an order in which they can be done one by one, and the links that say which order is needed."""
+    """An abstract plan: the steps in an order in which they can be executed one by one, and the links with the required order."""
 
     steps: tuple[Step, ...] = ()
     links: tuple[Link, ...] = ()
@@ -82,19 +82,19 @@ class Plan(Struct, frozen=True, dict=True, tag=True):
         return self._by_id[id]
 
     def links_to(self, id: str) -> Sequence[Link]:
-        """The links that say what has to be done before this step."""
+        """The links from the steps that have to end before this step."""
         return self._incoming_links.get(id, ())
 
     def predecessors(self, id: str) -> tuple[str, ...]:
-        """The ids of the steps that have to be done before this one, as far as the links say so directly."""
+        """The ids of the steps that are linked directly before this step."""
         return tuple(dict.fromkeys(link.before for link in self._incoming_links.get(id, ())))
 
     def successors(self, id: str) -> tuple[str, ...]:
-        """The ids of the steps that wait for this one directly."""
+        """The ids of the steps that are linked directly after this step."""
         return tuple(dict.fromkeys(link.after for link in self._outgoing_links.get(id, ())))
 
     def topological(self) -> tuple[Step, ...]:
-        """The steps, each after all that it waits for. Steps that wait for nothing among the rest keep the plan's order."""
+        """The steps in topological order; unordered steps keep the plan's order. Raises ValueError if the links have a cycle."""
         place = {step.id: number for number, step in enumerate(self.steps)}
         waits_for = {step.id: len(self.predecessors(step.id)) for step in self.steps}
         ready = [place[id] for id, count in waits_for.items() if count == 0]
@@ -111,7 +111,7 @@ class Plan(Struct, frozen=True, dict=True, tag=True):
         return tuple(order)
 
     def ready(self, completed_ids: Collection[str]) -> tuple[Step, ...]:
-        """The steps that can start when those in `completed_ids` are over; those are not among them."""
+        """The steps that can start when the steps in `completed_ids` have ended, without the completed ones."""
         return tuple(
             step
             for step in self.steps
@@ -127,27 +127,27 @@ class Plan(Struct, frozen=True, dict=True, tag=True):
 
 
 class Obstacle(StrEnum):
-    """What stands in the way of a plan, as clients know it (`protocol/messages/clients.py`)."""
+    """The kind of reason why there is no plan, with the same values as in `protocol/messages/clients.py`."""
 
     NO_SERVICE_TYPE = "no-service-type"
-    """No service type that is known brings it about."""
+    """No known service type has the required effect."""
     NOT_OFFERED = "not-offered"
-    """Nobody offers a service that would bring it about."""
+    """No device offers a service with the required effect."""
     PROMISED = "promised"
-    """Who, or what, it takes is promised to other tasks, or nobody knows what state it is in."""
+    """Other tasks have reserved a required device or object, or its state is unknown."""
     PRECONDITION = "precondition"
-    """The map denies what the client says of the beginning."""
+    """The task's precondition does not hold on the map."""
     NO_OBJECT = "no-object"
-    """There is no object of such a name on the map."""
+    """The map has no object of that name."""
     TWO_PLACES = "two-places"
-    """Something would be in two places at a time."""
+    """An object would be in two places at a time."""
 
 
 class NoPlan(Struct, frozen=True, tag=True):
     """Why there is no plan.
 
-    `explanation` is for people. `unreachable` are the parts of the goal that no service on offer can bring about,
-    `missing` the facts that would make a difference, `unoffered` the service types that would help if anybody offered them.
+    `explanation` is a text for users. `unreachable` are the parts of the goal that no service on offer can achieve, `missing` the facts
+    that would be needed, `unoffered` the service types that would help if a device offered them.
     """
 
     explanation: str
@@ -155,22 +155,22 @@ class NoPlan(Struct, frozen=True, tag=True):
     missing: tuple[str, ...] = ()
     unoffered: tuple[str, ...] = ()
     undecided: bool = False
-    """Whether there may be a plan all the same: it was too much to look through, or cannot be expressed."""
+    """Whether there may be a plan all the same: the search was incomplete, or the planner cannot express the problem."""
     separate_reasons: tuple[str, ...] = field(default=(), name="said")
-    """The reasons that the explanation is made of, if there are several."""
+    """The single reasons that make up the explanation."""
     obstacles: tuple[Obstacle, ...] = ()
-    """What the reasons come to."""
+    """The kinds of the reasons."""
     lost: tuple[str, ...] = ()
-    """The services of which the reasons say why they cannot do it any more."""
+    """The lost services that the reasons name."""
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """The explanation, each reason by itself."""
+        """The explanation as separate reasons."""
         return self.separate_reasons or (self.explanation,)
 
 
 def linearisations(plan: Plan) -> Iterator[tuple[Step, ...]]:
-    """Every order in which the steps can be done one by one."""
+    """Every order in which the steps can be executed one by one."""
 
     def extend(prefix: tuple[Step, ...]) -> Iterator[tuple[Step, ...]]:
         if len(prefix) == len(plan.steps):

@@ -1,4 +1,4 @@
-"""What the planner is asked: bring this about, on this map, with the services that are on offer."""
+"""The planner's input: a goal, a map, and the services on offer."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from somrs.planner.model.plan import Step
 
 
 class AvailableService(Struct, frozen=True):
-    """A service type that can be used now, and the devices (objects of the map, if they are on it) that offer it. `prices` are what
-    some of them asked for it last."""
+    """A service type that is on offer, with the names of the devices that offer it. `prices` holds the latest prices, in euros, of those
+    devices that have quoted one."""
 
     service_type: ServiceType
     providers: tuple[str, ...]
@@ -21,7 +21,7 @@ class AvailableService(Struct, frozen=True):
 
 
 class LostService(Struct, frozen=True):
-    """A service that is on offer, but not to this task any more, and why: it refused, failed, or fell silent."""
+    """A service that this task can no longer use, and why: it refused, failed, or stopped responding."""
 
     service_type: ServiceType
     service: str
@@ -29,13 +29,13 @@ class LostService(Struct, frozen=True):
 
 
 class Problem(Struct, frozen=True, kw_only=True, tag=True):
-    """A task as the planner sees it.
+    """A planning problem.
 
-    `goal` may have variables (any binding will do) and OR. `precondition` is what the client says is so at the start.
-    `excluded` are objects that no step may involve: promised to another task, or in a state that nobody knows.
-    `rest` is what was still to do of the plan before, in an order, when it has to be planned anew; to those `promised`, by id, services
-    are committed. `hurry`: of two plans the one that is done sooner is better, not the cheaper one. `lost` services are not planned with,
-    but are spoken of when there is no plan without them.
+    `goal` may have OR and variables, for which any binding is accepted. `precondition` is a condition of the client that must hold at the
+    start. `excluded` are objects that no step may involve: another task has reserved them, or their state is unknown. When a task is
+    replanned, `rest` holds the steps of the previous plan that are still to do, in an order of execution, and `promised` the ids of those
+    that services are committed to. `hurry`: a plan that is done sooner is better than a cheaper one. `lost` services are not planned
+    with; the explanation names them when there is no plan without them.
     """
 
     ontology: Ontology

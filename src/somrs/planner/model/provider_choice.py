@@ -1,7 +1,7 @@
-"""Which device does what, where the plan need not say: steps that belong together are done by one device, whichever it is.
+"""Alternative providers for the steps of a plan: a group of steps needs one device, but not always the device that the search chose.
 
-A search binds every service that speaks of its provider to a device, and takes whichever comes first. Here it is found out where another
-would do as well; arrangement then chooses by terms, the same device for all steps that say so.
+The search binds every service whose formulas use `?Provider` to the first device that fits. This module finds the other devices that fit
+as well. Arrangement then chooses among them by their terms, one device for all steps of a group.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Result = TypeVar("Result", bound=Plan | NoPlan | None)
 
 
 def generalize_providers(problem: Problem, result: Result) -> Result | Plan:
-    """What was found; a plan with `device_group` and `alternative_providers` for the steps that other devices could do as well."""
+    """The result; if it is a plan, with `device_group` and `alternative_providers` for the steps that other devices could execute."""
     return _generalize_plan(result, problem) if isinstance(result, Plan) else result
 
 
@@ -63,7 +63,7 @@ def _generalize_plan(plan: Plan, problem: Problem) -> Plan:
 
 
 def assign_provider(step: Step, provider: str) -> Step:
-    """The step done by that device, one of its `alternative_providers`."""
+    """The step, executed by the given device, which is one of its `alternative_providers`."""
     if step.provider is None:
         return step
     precondition = _replace_provider(step.precondition, step.provider, provider) if step.precondition is not None else None
@@ -77,7 +77,7 @@ def assign_provider(step: Step, provider: str) -> Step:
 
 
 def _groups(plan: Plan) -> Iterator[list[Step]]:
-    """The steps of one device that belong together, because one brings about what another needs of the device."""
+    """Groups of steps of one device, joined by links whose fact is about the device."""
     group_of = {step.id: [step] for step in plan.steps if step.provider is not None}
     for link in plan.links:
         producer, consumer = plan.step(link.before), plan.step(link.after)
@@ -94,7 +94,7 @@ def _groups(plan: Plan) -> Iterator[list[Step]]:
 
 
 def _is_special(provider: str, group: Sequence[Step], types: Sequence[ServiceType], problem: Problem) -> bool:
-    """Whether it has to be this device: the wish or an input names it, or what is done changes it, or is made of its values."""
+    """Whether the group needs this very device: the goal or an input names it, an effect changes it, or an effect reads its attributes."""
     if provider in names(problem.goal) or any(provider in names(term) for step in group for term in step.inputs.values()):
         return True
     if any(_changes(part, provider, problem.ontology) for step in group for part in conjuncts(step.effect)):
@@ -108,7 +108,7 @@ def _variable_names(term: Term) -> Iterator[str]:
 
 
 def _changes(effect: Formula, name: str, ontology: Ontology) -> bool:
-    """Whether the effect is about the object itself."""
+    """Whether the effect changes a fact or an attribute of the object."""
     match effect.atom if isinstance(effect, Not) else effect:
         case Relation(relation, arguments):
             relation_type = ontology.relations.get(relation)
@@ -118,7 +118,7 @@ def _changes(effect: Formula, name: str, ontology: Ontology) -> bool:
 
 
 def _find_device_conditions(provider: str, group: Sequence[Step], plan: Plan, ontology: Ontology) -> list[Literal] | None:
-    """What the group needs of the device and does not bring about itself; None when any step of the plan may change that."""
+    """The conditions on the device that the group needs and does not achieve itself; None if a step of the plan may change one of them."""
     ids = {step.id for step in group}
     conditions: list[Literal] = []
     for step in group:
@@ -138,7 +138,7 @@ def _replace_provider(formula: Formula, provider: str, replacement: str) -> Form
 
 
 def _replace_name(literal: Formula, name: str, replacement: Name | Variable) -> Literal:
-    """The literal with another term in the place of the name."""
+    """The literal with the name replaced by another term."""
 
     def term(old: Term) -> Term:
         match old:

@@ -1,4 +1,4 @@
-"""Which of several plans is best: the cheapest, or the one that is done first."""
+"""Quality of plans: cost and makespan."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from somrs.planner.model.world import World, as_argument
 
 
 def best(problem: Problem, plans: Iterable[Plan]) -> Plan:
-    """By cost, then by time; where the problem is in a hurry, the other way round. Of equals the first."""
+    """The plan with the lowest cost, then the lowest makespan; with `problem.hurry` the makespan comes first. Of equals, the first."""
 
     def preference(plan: Plan) -> tuple[float, float]:
         costs, ends = cost(plan, problem), makespan(plan)
@@ -21,7 +21,7 @@ def best(problem: Problem, plans: Iterable[Plan]) -> Plan:
 
 
 def cost(plan: Plan, problem: Problem) -> float:
-    """What the plan's steps cost together, as far as can be told before anybody is asked."""
+    """The estimated cost of all steps in euros, before services quote prices for them."""
     world = World(problem)
     services = {available.service_type.name: available.service_type for available in problem.services}
     total = 0.0
@@ -34,8 +34,8 @@ def cost(plan: Plan, problem: Problem) -> float:
 
 
 def makespan(plan: Plan) -> int:
-    """After how many steps' time everything is done, if each step takes as long, begins as soon as its links let it, and a device that
-    has to do a step does one at a time."""
+    """The makespan in steps, assuming that all steps take equally long, start as soon as their links allow, and a device that a step is
+    bound to does one step at a time."""
     ends: dict[str, int] = {}
     free: dict[str, int] = {}
     for step in plan.topological():

@@ -1,4 +1,4 @@
-"""What services of given types can do, compiled once for all tasks that are planned with them."""
+"""The operators of a set of service types, compiled once for all tasks that are planned with them."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from somrs.ontology.types import Ontology
 from somrs.planner.model.operators import EXISTS_SUFFIX, Argument, Inexpressible, Operator, Pattern, Vocabulary, operators, strip_type
 
 Outcome = tuple[bool, str]
-"""That facts of a predicate hold (True) or do not hold any more."""
+"""Facts of a predicate become true (True) or false (False)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Repertoire:
-    """The operators of service types, and which of them bring about what."""
+    """The operators of service types, by their outcomes."""
 
     vocabulary: Vocabulary
     achievers: Mapping[Outcome, tuple[tuple[Operator, Pattern], ...]]
     omissions: tuple[Inexpressible, ...]
-    """What was said of service types that cannot be expressed."""
+    """The service types that the planner cannot express, and why."""
 
 
-@lru_cache(maxsize=32)  # an ontology is never changed: it stands for what it says
+@lru_cache(maxsize=32)  # an ontology is immutable, so its identity can be the key
 def repertoire(ontology: Ontology, services: tuple[ServiceType, ...], counting: bool = False) -> Repertoire:
     vocabulary = Vocabulary(ontology, [parse(service.effect) for service in services], counting)
     achievers: dict[Outcome, list[tuple[Operator, Pattern]]] = {}
@@ -48,7 +48,7 @@ def repertoire(ontology: Ontology, services: tuple[ServiceType, ...], counting: 
 
 
 def _find_outcomes(operator: Operator, vocabulary: Vocabulary) -> Iterator[tuple[bool, Pattern]]:
-    """What the operator makes true and false, what it replaces included."""
+    """What the operator makes true and false, including the facts that its effects replace."""
     for predicate, arguments in operator.add_effects:
         yield True, (predicate, arguments)
         if predicate.startswith("."):
@@ -70,7 +70,7 @@ def _find_outcomes(operator: Operator, vocabulary: Vocabulary) -> Iterator[tuple
 def _deleted_patterns(
     entered: str, abandoned_relation: str, arguments: tuple[Argument | Term, ...], vocabulary: Vocabulary
 ) -> Iterable[Pattern]:
-    """What of the other relation the first argument gives up when it enters into the one."""
+    """The facts of `abandoned_relation` that become false for the first argument when it enters the relation `entered`."""
     relation = vocabulary.ontology.relations[abandoned_relation]
     if abandoned_relation == entered and not relation.functional:
         return

@@ -1,4 +1,4 @@
-"""Whether a plan does what its problem asks for, by doing its steps on the map."""
+"""Validates a plan by executing its steps on the map."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from somrs.planner.model.problem import Problem
 
 
 def validate(plan: Plan, problem: Problem) -> list[str]:
-    """What is wrong with the plan, by doing its steps on the map one by one in topological order; empty when all is well."""
+    """The errors of the plan, found by executing its steps on the map in topological order; empty if the plan is valid."""
     wrong: list[str] = []
     map = problem.map
     service_types = {available.service_type.name: available.service_type for available in problem.services}
@@ -32,5 +32,5 @@ def validate(plan: Plan, problem: Problem) -> list[str]:
 
 
 def apply_step(step: Step, map: Map, problem: Problem) -> Map:
-    """The map once the step is done."""
+    """The map after the step."""
     return apply_effect(step.effect, map, problem.ontology)

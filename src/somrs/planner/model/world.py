@@ -1,4 +1,4 @@
-"""The map as the planner asks about it: what is of which type, what holds now, and what is settled because no service changes it."""
+"""The map as the planner queries it: types of objects, facts that hold now, and static conditions, which no service changes."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from somrs.planner.model.problem import Problem
 from somrs.planner.model.repertoire import repertoire
 
 Binding = dict[str, Argument]
-"""What variables stand for."""
+"""The values of variables, by name."""
 VALUES: Mapping[str, tuple[type, ...]] = {"number": (Number,), "text": (Text, Name), "truth": (Truth,)}
-"""What an input that is a value can be."""
+"""The constants that an input of a value type admits."""
 
 
 class World:
-    """One problem's map and ontology, with answers kept."""
+    """The map and ontology of one problem, with caches of query results."""
 
     def __init__(self, problem: Problem, counting: bool = False) -> None:
         self.map: Map = problem.map
@@ -35,7 +35,7 @@ class World:
             available.service_type.name: tuple(name for name in available.providers if name not in problem.excluded)
             for available in problem.services
         }
-        """The devices that offer a service type, those that may take part."""
+        """The devices that offer each service type, without excluded ones."""
         self._providers_by_type: dict[str, frozenset[str]] = {
             providers_of(name): frozenset(device_names) for name, device_names in self.providers.items()
         }
@@ -50,12 +50,15 @@ class World:
 
     @property
     def has_varying_costs(self) -> bool:
-        """Whether it is known that uses of services may cost more or less."""
+        """Whether the known costs of services differ."""
         return self._has_service_costs or len({price for quotes in self._prices.values() for price in quotes.values()}) > 1
 
     def cost(self, service: ServiceType | None, binding: Binding) -> float:
-        """What a use of the service costs, as far as can be told before anybody is asked: by the service type; by what its provider, or
-        the cheapest, asked last; or what services cost as a rule."""
+        """The estimated cost of a use of the service in euros, before a service quotes a price.
+
+        In this order: the cost term of the service type; the latest price of the provider, or the lowest if there is no provider; the
+        average of all known prices.
+        """
         if service is None:
             return 0.0
         if service.cost is not None:
@@ -69,11 +72,11 @@ class World:
         return min(quotes.values(), default=self._average_price)
 
     def is_eligible(self, argument: Argument, types: Iterable[str]) -> bool:
-        """Whether an object or value is of all the types."""
+        """Whether an object or value is not excluded and is of all the types."""
         return argument not in self.excluded and self.has_types(argument, types)
 
     def has_types(self, argument: Argument, types: Iterable[str]) -> bool:
-        """The same, for objects that no step may involve, too."""
+        """Whether an object or value is of all the types, excluded or not."""
         if isinstance(argument, str):
             object = self.map.objects.get(argument)
             for type_name in types:
@@ -86,7 +89,7 @@ class World:
         return all(isinstance(argument, VALUES.get(type_name, ())) for type_name in types)
 
     def is_subtype(self, type_name: str, supertype: str) -> bool:
-        """Whether everything that is of the one is of the other; either may be the devices that offer a service."""
+        """Whether `type_name` is a subtype of `supertype`. Either may be the devices that offer a service (`providers_of`)."""
         if supertype in self._providers_by_type:
             return type_name in self._providers_by_type and self._providers_by_type[type_name] <= self._providers_by_type[supertype]
         return type_name not in self._providers_by_type and self._type_is_a(type_name, supertype)
@@ -98,7 +101,7 @@ class World:
         return self._subtype_cache[key]
 
     def has_attribute(self, name: str, path: str) -> bool:
-        """Whether the object may have the attribute."""
+        """Whether the object's type has the attribute."""
         object = self.map.objects.get(name)
         if object is None:
             return False
@@ -107,7 +110,7 @@ class World:
         return path in self._paths[object.type]
 
     def domain(self, types: frozenset[str]) -> Iterator[str]:
-        """The objects that are of all the types."""
+        """The eligible objects that are of all the types."""
         for type_name in types:
             if type_name in self._providers_by_type:
                 candidates: Iterable[str] = next(
@@ -119,7 +122,7 @@ class World:
             candidates = (name for subtype in self.ontology.subtypes(narrowest) for name in self.map.of_type(subtype))
         return (name for name in candidates if self.is_eligible(name, types))
 
-    # What holds now, of what services change
+    # Changing facts that hold now
 
     def fact_holds(self, fact: Fact) -> bool:
         """Whether the fact holds now."""
@@ -134,7 +137,7 @@ class World:
         )
 
     def count(self, predicate: str, known_arguments: Sequence[Argument | None]) -> int:
-        """About how many facts hold now that `find_facts` would look at; never fewer."""
+        """An upper bound of the number of facts that `find_facts` returns."""
         if predicate.startswith("."):
             return (
                 1
@@ -155,7 +158,8 @@ class World:
         )
 
     def find_facts(self, predicate: str, known_arguments: Sequence[Argument | None]) -> list[tuple[Argument, ...]]:
-        """The arguments of facts that hold now and may have the known ones, of which at least one was looked at."""
+        """The arguments of facts that hold now and may have the known arguments (None: unknown). Only one of the known arguments is
+        compared; the caller compares the rest."""
         places = [place for place, value in enumerate(known_arguments) if value is not None]
         place = min(places, key=lambda place: self._count_matches(predicate, place, known_arguments[place]), default=None)
         key = (predicate, place, known_arguments[place]) if place is not None else predicate
@@ -164,7 +168,7 @@ class World:
         return self._match_cache[key]  # type: ignore[index]
 
     def _count_matches(self, predicate: str, place: int, value: Argument | None) -> int:
-        """How many facts there are with the value at the place; fewer are better."""
+        """The number of facts with the value at the place, to choose the most selective argument."""
         if predicate.startswith("."):
             return place
         return len(self.map.facts_with(predicate.removesuffix(EXISTS_SUFFIX), place, value)) if isinstance(value, str) else 0
@@ -191,7 +195,7 @@ class World:
             yield from tuples
 
     def _owners(self, path: str, place: int | None, value: Argument | None) -> Iterable[str]:
-        """The objects whose attribute may have the value."""
+        """The objects whose attribute may have the value, explicitly or by the default of their type."""
         if place is None:
             return self.map.objects
         if place == 0:
@@ -211,25 +215,25 @@ class World:
         return tuple(argument if isinstance(argument, str) else "" for argument in arguments)
 
     def canonical(self, fact: Fact) -> Fact:
-        """One way of writing facts of symmetric relations."""
+        """The fact in canonical form: the arguments of a symmetric relation are sorted."""
         predicate, arguments = fact
         return (predicate, tuple(sorted(arguments, key=str))) if self.vocabulary.is_symmetric(predicate) else fact
 
     def holds_statically(self, literal: Literal, binding: Binding) -> bool:
-        """Whether a literal over what no service changes holds."""
+        """Whether a static literal holds; the result is cached."""
         key = literal, tuple((name, binding[name]) for name in variables(literal) if name in binding)
         if key not in self._settled:
             self._settled[key] = next(self.find_bindings(literal, dict(key[1])), None) is not None
         return self._settled[key]
 
     def find_bindings(self, literal: Literal, binding: Binding) -> Iterator[Binding]:
-        """The ways in which such a literal holds."""
+        """The extensions of the binding with which a static literal holds."""
         substitution = {name: as_term(value) for name, value in binding.items() if name in variables(literal)}
         for row in rows(literal, substitution, self.map, self.ontology):
             yield {**binding, **{name: as_argument(term) for name, term in row.items()}}
 
     def passes(self, test: Test, binding: Binding) -> bool:
-        """Whether the comparison holds with these values of attributes."""
+        """Whether the comparison holds with the values that the binding gives to its hidden variables."""
         terms = {name: as_term(value) for name, value in binding.items()}
         sides = []
         for side in (test.comparison.left, test.comparison.right):
@@ -242,7 +246,7 @@ class World:
 
 
 def rows(formula: Formula, substitution: Mapping[str, Term], map: Map, ontology: Ontology) -> Iterator[Mapping[str, Term]]:
-    """The ways in which the formula holds, of a provider too that is not on the map."""
+    """The bindings with which the formula holds on the map. The provider may be a device that is not on the map."""
     provider = substitution.get(PROVIDER)
     if isinstance(provider, Name) and provider.name not in map.objects:
         formula = substitute(formula, {PROVIDER: provider})
