@@ -1,1 +1,1 @@
-"""A planning task written for other solvers: SAS+, satisfiability, linear equations."""
+"""Encodings of a planning task for other solvers: SAS+, propositional satisfiability, linear inequalities."""

@@ -1,12 +1,13 @@
-"""Why there may be no plan, by counting: the state equation of a task (van den Briel et al. 2007, Bonet 2013).
+"""The state equation of a task, which proves for some tasks that there is no plan (van den Briel et al. 2007, Bonet 2013).
 
-However often each operation is carried out, and in whichever order: what is so in the end was so in the beginning, or was brought about
-once more often than it was taken away. That is a set of linear inequalities. If no numbers of times satisfy them, there is no plan; if some
-do, there may be one. Searches do not see such things: that a lift, say, counts one passenger less than it has to let out.
+In every plan, a fact that holds at the end holds at the start, or operations add it once more often than they delete it. This gives linear
+inequalities for the number of times that each operation is executed. If the inequalities have no solution, there is no plan; if they have
+one, there may be a plan. Heuristic search cannot find such proofs, for example that a lift takes in one passenger less than it has to let
+out.
 
-What an operation needs and leaves as it is does not count: data is put on a message and taken off it, wherever the message is. It does
-where two variables are looked at together (Bonet and van den Briel 2014): a message at a sensor with the data becomes a message at
-the base with the data only if the sensor sends it.
+The equation ignores preconditions that an operation keeps: data can be put on a message and taken off it, wherever the message is. Pairs of
+variables take them into account (Bonet and van den Briel 2014): a message with the data at a sensor becomes a message with the data at the
+base only if the sensor sends it.
 """
 
 from __future__ import annotations
@@ -22,14 +23,14 @@ Pair = tuple[int, int]
 
 
 class Case(NamedTuple):
-    """An operation (its place) that is carried out when this is so."""
+    """The execution of an operation (its index) when the conditions hold."""
 
     operation: int
     conditions: tuple[Assignment, ...] = ()
 
 
 class Term(NamedTuple):
-    """By how much one more of a case (its place) raises a sum (its place), at the most."""
+    """The maximum change of a sum (its index) by one occurrence of a case (its index)."""
 
     sum: int
     case: int
@@ -37,8 +38,8 @@ class Term(NamedTuple):
 
 
 class Equation(NamedTuple):
-    """`terms`, summed over how often each case occurs, have to give `least` for each sum, at the least. The first of the cases are
-    the operations, whenever they are carried out."""
+    """Linear inequalities: for each sum, its terms, weighted by the number of occurrences of their cases, add up to at least `least`. The
+    first cases are the operations without conditions."""
 
     cases: tuple[Case, ...]
     least: tuple[int, ...]
@@ -46,7 +47,7 @@ class Equation(NamedTuple):
 
 
 def equation(task: FiniteTask, pairs: Iterable[Pair] = ()) -> Equation:
-    """The state equation of the task: of all its variables, and of these pairs of definite ones."""
+    """The state equation of the task, for all variables and for the given pairs of definite variables."""
     builder = _EquationBuilder(task)
     for pair in pairs:
         builder.join(pair)
@@ -54,7 +55,7 @@ def equation(task: FiniteTask, pairs: Iterable[Pair] = ()) -> Equation:
 
 
 def definite(task: FiniteTask) -> set[int]:
-    """The variables of which every operation says what becomes of them, whatever else is so."""
+    """The variables that no operation changes conditionally or twice."""
     vague: set[int] = set()
     for operation in task.operations:
         changed = [variable for _, variable, _ in operation.effects]
@@ -63,8 +64,8 @@ def definite(task: FiniteTask) -> set[int]:
 
 
 def companions(task: FiniteTask) -> list[Pair]:
-    """The pairs that are worth being looked at together: whatever changes the one says what the other is, as data is put on a message, and
-    taken off it, only where the message is. More pairs would show more, in much more time."""
+    """The pairs of variables that are worth joining: all operations that change the one have a precondition on the other, as data is put on
+    a message, and taken off it, only where the message is. More pairs would prove more, in much more time."""
     changing = _changing(task)
     clear = definite(task) & changing.keys()
     pairs: set[Pair] = set()
@@ -79,7 +80,7 @@ def companions(task: FiniteTask) -> list[Pair]:
 
 
 class _EquationBuilder:
-    """An equation that grows."""
+    """Builds an equation."""
 
     def __init__(self, task: FiniteTask) -> None:
         self.task = task
@@ -93,7 +94,7 @@ class _EquationBuilder:
             self.terms += (Term(sums[fact], number, change) for fact, change in _changes(operation))
 
     def join(self, pair: Pair) -> None:
-        """Count how often the two variables have which values. What changes one of them changes that."""
+        """Add the sums of all pairs of values of the two variables, and the changes by operations on either variable."""
         domains = [range(len(self.task.names[variable])) for variable in pair]
         sums = {values: self._sum(*zip(pair, values, strict=True)) for values in product(*domains)}
         for number in sorted({number for variable in pair for number in self.changing.get(variable, ())}):
@@ -109,13 +110,13 @@ class _EquationBuilder:
                     self.terms += (Term(sums[values], case, -1), Term(sums[values_after], case, 1))
 
     def _sum(self, *facts: Assignment) -> int:
-        """How often the facts begin to be so together, less how often they cease to."""
+        """Add a sum: how often the facts become true together, less how often they cease to be. Returns its index."""
         at_first = all(self.task.initial[variable] == value for variable, value in facts)
         self.least.append(self.goal.issuperset(facts) - at_first)
         return len(self.least) - 1
 
     def _split(self, number: int, pair: Pair, values_before: list[tuple[int, ...]]) -> list[int]:
-        """The cases of an operation by what the pair is before it: they occur as often as the operation is carried out."""
+        """The cases of an operation, one for each pair of values before it; together they occur as often as the operation."""
         if len(values_before) == 1:
             return [number]
         cases = list(range(len(self.cases), len(self.cases) + len(values_before)))
@@ -136,8 +137,8 @@ def _changing(task: FiniteTask) -> dict[int, list[int]]:
 
 
 def _changes(operation: Operation) -> Iterator[tuple[Assignment, int]]:
-    """By how much it raises each fact at the most. What it takes away is certain only where it says what was so before it, and changes
-    that whatever else is so."""
+    """The maximum change of each fact by the operation. It deletes a fact for certain only if the fact is a precondition and the effect is
+    unconditional."""
     preconditions = dict(operation.preconditions)
     added_facts = {(variable, value) for _, variable, value in operation.effects}
     for variable, value in added_facts:

@@ -1,4 +1,4 @@
-"""A task as text for Fast Downward's search (its translator output format, version 3): engines need no more of us.
+"""A task in Fast Downward's translator output format, version 3, which all engines without counters read.
 
 https://www.fast-downward.org/latest/documentation/translator-output-format/
 """
@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING
 
 from somrs.planner.grounding.finite_task import Assignment, FiniteTask, Operation
 
-if TYPE_CHECKING:  # a process that only reads tasks is to start quickly
+if TYPE_CHECKING:  # keeps the start of processes that only read tasks fast
     from somrs.planner.grounding.task import Move, Task
 
 
 def encode_sas(task: FiniteTask) -> str:
-    """The task. Its operators are named by the place of their moves, and the device, so that no name needs escaping."""
+    """The task as text. Operators are named by the index of their move and the number of their device, so no name needs escaping."""
     return "\n".join(_lines(task)) + "\n"
 
 
 def decode_moves(names: list[str], task: Task) -> list[Move]:
-    """The moves that an engine named, without one that only says that the goal is reached."""
+    """The moves of an engine's plan, without those that only reach the goal."""
     moves = [task.moves[int(name.split()[0])] for name in names]
     return [move for move in moves if move.action.operator.service is not None]
 
@@ -62,7 +62,7 @@ def _prevail_and_effects(operation: Operation) -> Iterator[str]:
 
 
 def parse_sas(text: str) -> FiniteTask:
-    """The task that was written; of variables' values, only how many there are."""
+    """The task of a text in this format."""
     lines = iter(text.splitlines())
 
     def numbers() -> list[int]:

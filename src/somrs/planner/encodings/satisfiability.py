@@ -1,8 +1,8 @@
-"""A task as clauses: is there a plan of so many steps, in each of which any number of agents act? (Kautz and Selman 1992)
+"""A task as clauses that are satisfiable if there is a plan of a given number of parallel steps (Kautz and Selman 1992).
 
-It finds plans where every way to the goal takes scarce things (energy, say): there a search walks into dead ends that no
-estimate sees, while what the clauses say of one step rules out what another one did. Actions of one step need what holds when
-it begins, and can be done one after another in the order of the operations (Rintanen, Heljanko and Niemelä 2006).
+This encoding is strong where every plan consumes scarce resources, such as energy: there heuristic search runs into dead ends that its
+heuristics do not detect, while a SAT solver propagates constraints between steps. The operations of one step need their preconditions at
+the start of the step, and can be executed one by one in the order of the operations (Rintanen, Heljanko and Niemelä 2006).
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ from math import ceil, sqrt
 from somrs.planner.grounding.finite_task import Assignment, FiniteTask, Operation
 
 PAIRWISE_LIMIT = 5
-"""Of so many literals each pair is excluded; of more, by rows and columns."""
+"""Up to this number of literals, at-most-one constraints are pairwise; beyond it, they use rows and columns."""
 
 
 class Clauses:
-    """The clauses for one step after another. Literals are numbers from 1, with a minus before what is not so. `busy`: each device does
-    one thing in a step, so that a plan takes as long as it has steps."""
+    """Builds the clauses step by step. Literals are numbers from 1, negative if negated, as in DIMACS. With `busy`, each device performs at
+    most one operation in a step, so the number of steps is the makespan."""
 
     def __init__(self, task: FiniteTask, add: Callable[[list[int]], None], *, busy: bool = False) -> None:
         self.task, self.busy = task, busy
         self.literals = 0
         self._add = add
         self._operations: list[tuple[int, Operation]] = []
-        """The operations that can be reached, each with the first step in which it can be done."""
+        """The reachable operations, each with the first step in which it is applicable."""
         self._level = self._levels()
         self._held: list[dict[Assignment, int]] = []
         self._literals_by_step: list[list[tuple[Operation, int]]] = []
@@ -38,11 +38,11 @@ class Clauses:
 
     @property
     def least(self) -> int | None:
-        """No plan has fewer steps; None: there is no plan."""
+        """A lower bound of the number of steps; None if there is no plan."""
         return max((self._level[part] for part in self.task.goal), default=0) if all(p in self._level for p in self.task.goal) else None
 
     def extend(self) -> None:
-        """Clauses for one step more."""
+        """Add the clauses of one more step."""
         facts_before = self._held[-1]
         step = self.steps
         step_literals = [(operation, self._new_literal()) for level, operation in self._operations if level <= step]
@@ -67,11 +67,11 @@ class Clauses:
             self._serialize_devices(step_literals)
 
     def goal_assumptions(self, steps: int) -> list[int]:
-        """What is to be assumed for the goal to hold after so many steps."""
+        """The literals to assume so that the goal holds after `steps` steps."""
         return [self._held[steps][part] for part in self.task.goal]
 
     def plan(self, true: Collection[int], steps: int) -> list[int]:
-        """The moves of a solution, in order."""
+        """The moves of a model with the given true literals, in order of execution."""
         return [
             operation.move for step_literals in self._literals_by_step[:steps] for operation, literal in step_literals if literal in true
         ]
@@ -113,7 +113,7 @@ class Clauses:
         return held
 
     def _in_order(self, step_literals: list[tuple[Operation, int]]) -> None:
-        """Of the operations of a step none takes away what a later one needs."""
+        """Add clauses so that no operation of a step deletes a fact that a later operation of the step needs."""
         concerned: dict[Assignment, list[tuple[int, bool, bool]]] = {}
         for operation, literal in step_literals:
             new_values = {variable: value for _, variable, value in operation.effects}
@@ -145,7 +145,7 @@ class Clauses:
             self._add_at_most_one(literals)
 
     def _exclude_conditional(self, step_literals: list[tuple[Operation, int]]) -> None:
-        """What an operation does under conditions depends on what others do; it is the only one of its step."""
+        """Add clauses so that an operation with conditional effects is the only one of its step: its effects depend on other operations."""
         conditional_literals = [literal for operation, literal in step_literals if any(conditions for conditions, *_ in operation.effects)]
         if conditional_literals:
             any_conditional = self._new_literal()
@@ -156,7 +156,7 @@ class Clauses:
                 self._add([-literal, -any_conditional])
 
     def _add_conjunction(self, literal: int, conditions: list[int]) -> int:
-        """The literal for: this one, and the conditions."""
+        """A new literal that is equivalent to the conjunction of the literal and the conditions."""
         conjunction = self._new_literal()
         for part in (literal, *conditions):
             self._add([-conjunction, part])
@@ -164,7 +164,8 @@ class Clauses:
         return conjunction
 
     def _add_at_most_one(self, literals: Iterable[int]) -> None:
-        """By rows and columns, of each of which at most one holds (Chen 2010)."""
+        """Add clauses so that at most one literal holds: pairwise for few literals, else by the product encoding with rows and columns
+        (Chen 2010)."""
         members = list(literals)
         if len(members) <= PAIRWISE_LIMIT:
             for first, second in combinations(members, 2):
@@ -184,8 +185,8 @@ class Clauses:
 
 
 def _ordered(task: FiniteTask) -> list[Operation]:
-    """The operations so that, as far as can be, what leaves a fact as it is comes before what takes it away: so most can be done
-    in one step. (Depth first, from operations to those that take away what they need; the last one finished comes first.)"""
+    """The operations in an order in which, as far as possible, those that need and keep a fact come before those that delete it, so that
+    one step can have many operations. (Reverse postorder of a depth-first search from operations to those that delete what they need.)"""
     deleters: dict[Assignment, list[int]] = {}
     kept_facts: list[list[Assignment]] = []
     for number, operation in enumerate(task.operations):

@@ -1,1 +1,1 @@
-"""From a planning problem to a task with finitely many variables and moves: what is relevant, ground, and mutually exclusive."""
+"""From a planning problem to a finite-domain task: relevance analysis, grounding and mutex groups."""

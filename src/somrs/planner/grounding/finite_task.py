@@ -1,4 +1,4 @@
-"""The smallest that an engine needs to know of a task: variables with a few values each, and what changes them."""
+"""The minimal finite-domain representation of a task for engines: variables with their values, and operations."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ State = tuple[int, ...]
 Assignment = tuple[int, int]
 """A variable and its value."""
 Effect = tuple[tuple[Assignment, ...], int, int]
-"""Under these conditions (mostly none) this variable gets this value."""
+"""Conditions (mostly none), and the variable that gets a value if they hold."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Operation:
-    """A move, by its place among the task's. `device` is the number of the one that has to do it; 0: any will do."""
+    """A move, given by its index in `Task.moves`. `device` is the number of the device that has to execute it; 0 means any device."""
 
     move: int
     cost: int
@@ -26,7 +26,7 @@ class Operation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FiniteTask:
-    """`names[v][x]` says what it means that variable v has the value x; `mutex_groups` are sets of which one holds at most."""
+    """A finite-domain task. `names[v][x]` describes value x of variable v; at most one assignment of each of the `mutex_groups` holds."""
 
     names: tuple[tuple[str, ...], ...]
     initial: State
@@ -36,7 +36,7 @@ class FiniteTask:
 
 
 def prune_irrelevant(task: FiniteTask) -> FiniteTask:
-    """The task without variables that the goal does not depend on, and what only changes those."""
+    """The task without variables that the goal does not depend on, and without operations that change only such variables."""
     relevant_variables = {variable for variable, _ in task.goal}
     changing: dict[int, list[Operation]] = {}
     for operation in task.operations:

@@ -1,6 +1,6 @@
-"""From operators to actions: everything that can become true if nothing ever became false again, fact by fact.
+"""From operators to actions: the facts and actions that are reachable in the delete relaxation, where no fact becomes false.
 
-Facts that follow from the map alone are settled here; what is left depends only on what services change.
+Grounding evaluates static conditions on the map; the conditions of the actions depend only on what services change.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from somrs.planner.model.operators import EXISTS_SUFFIX, GOAL, Argument, Fact, N
 from somrs.planner.model.world import Binding, World, as_term
 
 ACTIONS = 100_000
-"""More actions than this are not searched through."""
+"""The maximum number of actions."""
 EFFORT = 10_000_000
-"""More facts than this are not looked at, unless less is allowed: that takes about ten seconds."""
+"""The default maximum number of facts to match with conditions: about ten seconds."""
 PLACES = 16
-"""So many objects are tried where any of a type will do, when planning narrowly: those where such things stand now, and
+"""With `narrow`, the maximum number of objects to try for a variable that only a type restricts: objects that are in such a place now, and
 others of their types."""
 STANDING_LIMIT = 500
-"""So many objects that stand in a place are looked at, to find those."""
+"""The maximum number of objects in an argument place to examine, to find those."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,17 +45,17 @@ class Action:
 
     @property
     def provider(self) -> str | None:
-        """The device that has to do it, if the service type's formulas speak of one."""
+        """The device that has to execute the action, if the service type's formulas use `?Provider`."""
         provider = self.binding.get(PROVIDER)
         return provider if isinstance(provider, str) else None
 
 
 class TooLarge(Exception):
-    """There is more to look at than is allowed; which says nothing of whether there is a plan."""
+    """The problem exceeds a limit. There may or may not be a plan."""
 
 
 class Grounding:
-    """The actions that are demanded and reachable, and the facts they lead to. Making it raises TooLarge."""
+    """The actions that are demanded and reachable, and the facts that they add. The constructor raises TooLarge."""
 
     def __init__(
         self, world: World, demanded: list[Demand], *, narrow: bool = False, effort: int = EFFORT, max_actions: int | None = None
@@ -63,7 +63,7 @@ class Grounding:
         self.world = world
         self.narrow = narrow
         self.guessed = False
-        """Whether a service could be given values that nobody named, and was not."""
+        """Whether a service has a number or text as input that the goal does not determine; such inputs are not tried."""
         self._effort = effort
         self._max_actions = ACTIONS if max_actions is None else max_actions
         self.facts = Facts(world)
@@ -77,7 +77,7 @@ class Grounding:
         return GOAL in self.facts.new
 
     def _run(self, demanded: list[Demand]) -> None:
-        # The needs that a fact may meet, by its predicate and one argument, if one is known (its place, and what it is).
+        # The preconditions that a fact may meet, by its predicate and the place and value of a known argument; place -1 if none is known.
         demands_by_precondition: dict[tuple[str, int, Argument], list[tuple[Demand, Binding, Pattern]]] = {}
         for demand in demanded:
             binding = dict(demand.values)
@@ -112,7 +112,7 @@ class Grounding:
             self._add(operator, complete)
 
     def _complete(self, demand: Demand, conditions: list[Pattern | Literal | Test], binding: Binding) -> Iterator[Binding]:
-        """The bindings that meet the conditions, taking next the condition that leaves the fewest possibilities."""
+        """The bindings that meet the conditions; the condition with the fewest matches comes next."""
         open_conditions: list[Pattern | Literal | Test] = []
         for condition in conditions:
             ready = self._ready(demand.operator, condition, binding)
@@ -152,7 +152,7 @@ class Grounding:
             case Test(comparison):
                 return self.world.passes(condition, binding) if all(name in binding for name in variables(comparison)) else None
             case Not():
-                # a variable behind NOT that nothing else binds stands for any object
+                # a variable after NOT that nothing else binds stands for any object
                 has_unbound = any(name in operator.variables and name not in binding for name in variables(condition))
                 return None if has_unbound else self.world.holds_statically(condition, binding)
             case Relation() | Comparison():
@@ -170,7 +170,7 @@ class Grounding:
         return term
 
     def _partial_fact(self, condition: Pattern | Literal, binding: Binding) -> tuple[str, list[Argument | None]] | None:
-        """The predicate or relation, and its arguments as far as they are known; None of a comparison."""
+        """The predicate or relation, and its arguments as far as they are known; None for a comparison."""
         match condition:
             case Relation(relation, arguments):
                 return relation, [argument.name if isinstance(argument, Name) else binding.get(argument.name) for argument in arguments]
@@ -179,7 +179,7 @@ class Grounding:
         return None
 
     def _count(self, condition: Pattern | Literal, binding: Binding) -> int | None:
-        """About how many possibilities there are; None of a comparison."""
+        """An estimate of the number of matching facts; None for a comparison."""
         partial_fact = self._partial_fact(condition, binding)
         if partial_fact is None:
             return None
@@ -203,7 +203,7 @@ class Grounding:
         return lookup(predicate, known_arguments)
 
     def _match(self, demand: Demand, condition: Pattern | Literal, arguments: tuple[Argument, ...], binding: Binding) -> Binding | None:
-        """What a fact binds of a condition, or None when it does not fit."""
+        """The binding extended by matching the condition with a fact's arguments; None if they do not match. Raises TooLarge."""
         self._effort -= 1
         if self._effort < 0:
             raise TooLarge(f"there are too many ways to use services, {_operator_name(demand.operator)} among them")
@@ -236,7 +236,7 @@ class Grounding:
         return types
 
     def _defines(self, comparison: Comparison, binding: Binding) -> bool:
-        """Whether `?w = term` gives ?w its value."""
+        """Whether the comparison determines its only unbound variable: `?w = term`."""
         unbound = [name for name in variables(comparison) if name not in binding]
         sides = (comparison.left, comparison.right)
         return comparison.operator == "=" and len(unbound) == 1 and any(isinstance(s, Variable) and s.name == unbound[0] for s in sides)
@@ -247,7 +247,7 @@ class Grounding:
             return [Truth(True), Truth(False)]
         if types & {"number", "text"}:
             self.guessed = True
-            return []  # a value that the goal does not give could be anything
+            return []  # the goal does not determine the value
         if not self.narrow or name == PROVIDER:
             return [*self.world.domain(types)]
         objects = self.world.map.objects
@@ -259,7 +259,7 @@ class Grounding:
         return list(likely)[:PLACES]
 
     def _usual(self, operator: Operator, name: str, types: frozenset[str]) -> Iterator[str]:
-        """The objects that stand in that place now, in the facts that the operator adds: where things are put as a rule."""
+        """The objects that now have the variable's argument place in facts of the predicates that the operator adds: the usual places."""
         for predicate, terms in operator.add_effects:
             for place, term in enumerate(terms):
                 if isinstance(term, Variable) and term.name == name and not predicate.startswith("."):
@@ -312,7 +312,7 @@ class Grounding:
         )
 
     def _effect(self, pattern: Pattern, binding: Binding) -> Fact | None:
-        """The fact that the effect makes; None for one that makes no sense (a thing in its own place, a value that is none)."""
+        """The fact that the effect adds; None for an invalid fact (an object in a place relation to itself, an undefined value)."""
         predicate, terms = pattern
         if predicate.startswith("."):
             owner = self._argument(terms[0], binding)
@@ -328,12 +328,12 @@ class Grounding:
         return self.world.canonical((predicate, arguments))
 
     def _with_itself(self, predicate: str) -> bool:
-        """Whether an object may stand in the relation to itself: no place is its own, nor is anything beside itself."""
+        """Whether an object may have the relation to itself: not in functional, symmetric or exclusive relations, such as places."""
         relation = self.world.ontology.relations.get(predicate)
         return relation is not None and not (relation.functional or relation.symmetric or relation.excludes)
 
     def _value(self, term: Argument | Term, attribute: AttributeType | None, binding: Binding) -> Constant | None:
-        """What the attribute will be, as the map will have it."""
+        """The new value of the attribute, in the attribute's unit; None if it is undefined or out of range."""
         terms: Mapping[str, Term] = {name: as_term(value) for name, value in binding.items()}
         measured = measure(term, self.world.map, self.world.ontology, terms) if not isinstance(term, str) else None
         if measured is None or attribute is None:
@@ -352,7 +352,7 @@ class Grounding:
         return None
 
     def forbidden_facts(self, action: Action) -> list[Fact]:
-        """The facts, of all that can come about, that must not hold when the action starts."""
+        """The reachable facts that must not hold when the action starts."""
         return [fact for forbidden in action.operator.negative_preconditions for fact in self._forbidden_by(forbidden, action)]
 
     def _forbidden_by(self, forbidden: NegativePrecondition, action: Action) -> Iterator[Fact]:

@@ -1,9 +1,10 @@
-"""Facts of which at most one holds at a time, found in the actions, where the ontology does not say so of a relation.
+"""Mutex groups: sets of facts of which at most one holds at a time, derived from the actions where the ontology does not define them.
 
-A candidate is a set of relations, each with the places whose objects they share: `at(crate, .)`, `in(crate, .)` and
-`lifting(., ., crate)`. It is balanced if each action that adds such a fact takes away another one that it needed. One that is
-not is tried with one more relation (Helmert 2009, "Concise finite-domain representations for PDDL planning tasks"); here any
-number of a fact's arguments may be free, for with agents in the facts there often are two: who lifts, and with what.
+A candidate is a set of relations, each with the argument places of the shared objects: `at(crate, .)`, `in(crate, .)` and
+`lifting(., ., crate)`. A candidate is balanced if each action that adds such a fact deletes another such fact that it requires. An
+unbalanced candidate is refined with one more relation (Helmert 2009, "Concise finite-domain representations for PDDL planning tasks").
+Unlike there, any number of a fact's arguments may be free, because facts with agents often have two free arguments: the agent that lifts,
+and its tool.
 """
 
 from __future__ import annotations
@@ -18,27 +19,27 @@ from somrs.planner.grounding.task import Task
 from somrs.planner.model.operators import EXISTS_SUFFIX, Argument, Fact, Operator
 
 CANDIDATES = 500
-"""So many are looked at."""
+"""The maximum number of candidates."""
 SHARED = 3
-"""So many objects at most do the facts of one group share."""
+"""The maximum number of objects that the facts of a group share."""
 RELATIONS = 5
-"""So many relations at most are in one candidate."""
+"""The maximum number of relations of a candidate."""
 
 Part = tuple[str, tuple[int, ...]]
-"""A relation, and the places of the shared objects in it."""
+"""A relation, and the argument places of the shared objects."""
 Candidate = frozenset[Part]
 
 
 @dataclass(frozen=True, slots=True)
 class _Change:
-    """What of an action's effects matters: the facts added that it did not need, and those needed that it takes away."""
+    """The relevant effects of an action: added facts that it does not require, and required facts that it deletes."""
 
     add_effects: tuple[Fact, ...]
     delete_effects: tuple[Fact, ...]
 
 
 def find_mutex_groups(task: Task) -> list[tuple[Fact, ...]]:
-    """Sets of facts of the task, of each of which one holds at most, at any time."""
+    """Sets of facts of the task; at most one fact of each set holds at any time."""
     facts: dict[str, list[Fact]] = {}
     for fact in task.place:
         if _counted(fact[0], task):
@@ -56,7 +57,8 @@ def find_mutex_groups(task: Task) -> list[tuple[Fact, ...]]:
 
 
 def _counted(predicate: str, task: Task) -> bool:
-    """Not attributes, which have one value anyway; nor facts that come about with others, or that have two ways of writing."""
+    """Whether the facts of the predicate may be in groups: not attributes, which have one value anyway, nor derived `EXISTS_SUFFIX` facts,
+    nor symmetric relations."""
     return (
         predicate in task.vocabulary.ontology.relations
         and not predicate.endswith(EXISTS_SUFFIX)
@@ -70,8 +72,8 @@ def _holds_initially(fact: Fact, task: Task) -> bool:
 
 
 def _changes(task: Task) -> Iterator[_Change]:
-    """What actions do, of all that do the same to other objects only one: those of an operator whose variables stand for the
-    same object where theirs do."""
+    """The changes of actions, one for all actions of an operator that differ only in their objects: those with equal objects in the same
+    places."""
     seen_signatures: set[tuple[Operator, tuple[int, ...]]] = set()
     constants: dict[Operator, list[Argument]] = {}
     for move in task.moves:
@@ -104,7 +106,7 @@ def _change(action: Action, task: Task) -> _Change:
 
 
 def _balanced(changes: list[_Change], facts: dict[str, list[Fact]]) -> Iterator[Candidate]:
-    """The candidates that no action adds a fact to without taking one away."""
+    """The balanced candidates: no action adds one of their facts without deleting another."""
     waiting: deque[Candidate] = deque()
     for predicate in sorted(facts):
         for count in range(min(SHARED, len(facts[predicate][0][1])) + 1):
@@ -124,7 +126,7 @@ def _balanced(changes: list[_Change], facts: dict[str, list[Fact]]) -> Iterator[
 
 
 def _unbalanced(candidate: Candidate, change: _Change) -> list[Part] | None:
-    """None if the action leaves as many of the facts as there were, or fewer; else what the candidate may lack."""
+    """The parts that may balance the candidate for the action; None if the action does not increase the number of facts that hold."""
     added_counts: dict[tuple[Argument, ...], int] = {}
     for shared in _members(candidate, change.add_effects):
         added_counts[shared] = added_counts.get(shared, 0) + 1
@@ -150,7 +152,7 @@ def _shared(fact: Fact, places: tuple[int, ...]) -> tuple[Argument, ...]:
 
 
 def _parts(fact: Fact, shared: tuple[Argument, ...]) -> Iterator[Part]:
-    """The ways in which the fact can be one of those that share the objects."""
+    """The parts with which the fact shares the given objects."""
     for places in permutations(range(len(fact[1])), len(shared)):
         if _shared(fact, places) == shared:
             yield fact[0], places

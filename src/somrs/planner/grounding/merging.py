@@ -1,7 +1,7 @@
-"""The task as engines get it: with as few variables as there can be, and nothing said that goes without saying.
+"""The task for engines, with as few variables and preconditions as possible.
 
-Facts of which one holds at a time (`invariants.py`) become the values of one variable; what a move need not ask for, because
-something else that it needs excludes the opposite, it does not; and what then nothing asks for is left out.
+The facts of a mutex group (`invariants.py`) become the values of one variable. Preconditions that other preconditions imply are dropped,
+and then variables that the goal does not depend on.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from somrs.planner.grounding.task import Task
 from somrs.planner.model.operators import Fact
 
 DEAREST = 10_000
-"""What the dearest move costs, as engines are told."""
+"""The cost of the most expensive move after scaling to integers."""
 
 
 def merge_task(task: Task) -> FiniteTask:
-    """The task with facts that exclude each other in one variable."""
+    """The task with mutually exclusive facts merged into one variable."""
     mutex_groups = find_mutex_groups(task)
     costs = _integer_costs([move.cost for move in task.moves])
     devices: dict[str | None, int] = {None: 0}
@@ -41,14 +41,14 @@ def merge_task(task: Task) -> FiniteTask:
 
 
 def _integer_costs(costs: list[float]) -> list[int]:
-    """What moves cost, in whole numbers: engines have no others, and none that are very large."""
+    """The costs as integers, scaled if needed: engines accept only integers that are not very large."""
     if all(cost == int(cost) and cost <= DEAREST for cost in costs):
         return list(map(int, costs))
     return [round(cost * DEAREST / max(costs)) for cost in costs]
 
 
 def _excludes(task: Task, mutex_groups: list[tuple[Fact, ...]]) -> dict[Assignment, set[Assignment]]:
-    """What cannot hold together, other than as values of the same variable."""
+    """For each assignment, those that cannot hold at the same time according to the mutex groups."""
     excludes: dict[Assignment, set[Assignment]] = {}
     for group in mutex_groups:
         places = [task.place[fact] for fact in group]
@@ -60,7 +60,7 @@ def _excludes(task: Task, mutex_groups: list[tuple[Fact, ...]]) -> dict[Assignme
 
 
 def _reachable_operations(task: Task, operations: list[Operation], excludes: dict[Assignment, set[Assignment]]) -> list[Operation]:
-    """The operations that need nothing that cannot hold together, and that the others make possible."""
+    """The operations that are reachable in the delete relaxation and have no mutually exclusive preconditions."""
     missing_counts: list[int] = []
     needing: dict[Assignment, list[int]] = {}
     for number, operation in enumerate(operations):
@@ -88,7 +88,7 @@ def _reachable_operations(task: Task, operations: list[Operation], excludes: dic
 
 
 def _drop_static_preconditions(task: Task, operations: list[Operation]) -> list[Operation]:
-    """Without needs that nothing ever changes."""
+    """The operations without preconditions on variables that no operation changes."""
     changing = {variable for operation in operations for _, variable, _ in operation.effects}
     return [
         replace(o, preconditions=preconditions)
@@ -101,10 +101,10 @@ def _drop_static_preconditions(task: Task, operations: list[Operation]) -> list[
 def _drop_implied_preconditions(
     task: Task, operations: list[Operation], mutex_groups: list[tuple[Fact, ...]], excludes: dict[Assignment, set[Assignment]]
 ) -> list[Operation]:
-    """Without needs to which there is one alternative only, which something else that is needed excludes.
+    """The operations without implied preconditions: those whose only alternative another precondition excludes.
 
-    Two facts of which always one holds are such alternatives (`is-at` and `not-at`, as domains without NOT have them), and so
-    are the two values of a variable.
+    Two facts of which exactly one always holds are alternatives (`is-at` and `not-at` in domains without NOT), and so are the two values
+    of a binary variable.
     """
     pairs = [(task.place[group[0]], task.place[group[1]]) for group in mutex_groups if len(group) == 2]
     alternative = dict(_always_one(task, operations, pairs))
@@ -138,14 +138,15 @@ def _drop_implied_preconditions(
 def _always_one(
     task: Task, operations: list[Operation], pairs: list[tuple[Assignment, Assignment]]
 ) -> Iterator[tuple[Assignment, Assignment]]:
-    """The pairs of which one holds at the beginning, and none is lost unless the other comes. Both ways round."""
+    """The pairs, in both orders, of which exactly one always holds: initially, and because no operation deletes one without adding the
+    other."""
     partners: dict[Assignment, set[Assignment]] = {}
     for first, second in pairs:
         if (task.initial[first[0]] == first[1]) != (task.initial[second[0]] == second[1]):
             partners.setdefault(first, set()).add(second)
             partners.setdefault(second, set()).add(first)
     lost: set[tuple[Assignment, Assignment]] = set()
-    """A fact that goes without the other one coming: of the facts that it is paired with, each by itself."""
+    """Pairs of a fact that an operation may delete and a partner that the operation does not add."""
     variables = {variable for variable, _ in partners}
     for operation in operations:
         new_assignments = {(variable, value) for conditions, variable, value in operation.effects if not conditions}
@@ -162,12 +163,12 @@ def _always_one(
 
 
 class _Merging:
-    """Makes one task."""
+    """Builds the merged task."""
 
     def __init__(self, task: Task, mutex_groups: list[tuple[Fact, ...]], operations: list[Operation]) -> None:
         self.old, self.operations = task, operations
         self.facts: list[list[Assignment]] = []
-        """For each new variable the old assignments that are its values; the last value is none of them."""
+        """For each new variable, the old assignments that are its values; one more value, the last, means none of them."""
         self.place: dict[Assignment, Assignment] = {}
         self.mutex_groups = mutex_groups
         self._cover()
@@ -190,9 +191,10 @@ class _Merging:
         )
 
     def _goal(self, operations: list[Operation]) -> tuple[tuple[Assignment, ...], list[Operation]]:
-        """What the one operation needs that only says that the goal is reached, if there is one only; and the others.
+        """The goal, and the operations without those that the goal replaces.
 
-        Engines see more in a goal of many parts than in one fact that comes about when all of them hold.
+        If exactly one operation reaches the goal, its preconditions become the goal: heuristics of engines are better informed by a goal
+        of many parts than by a single fact.
         """
         assert self.old.goal is not None, "a goal that nothing reaches is not searched for"
         reaching = [operation for operation in operations if self.old.moves[operation.move].action.operator.service is None]
@@ -206,7 +208,8 @@ class _Merging:
         return f"{fact[0]}({', '.join(map(str, fact[1]))})"
 
     def _cover(self) -> None:
-        """The largest groups first. A variable of which some move needs that none of its facts holds stays what it is."""
+        """Cover the old variables with new ones, the largest groups first. A variable whose value 0 is a precondition or condition is not
+        merged."""
         separate_variables = {variable for operation in self.operations for variable, value in operation.preconditions if value == 0}
         separate_variables |= {
             variable for operation in self.operations for conditions, *_ in operation.effects for variable, value in conditions if not value
@@ -228,7 +231,7 @@ class _Merging:
                 self._add_variable([(variable, value) for value in range(1, len(values))])
 
     def _free_members(self, group: list[Assignment], free: set[int]) -> list[Assignment]:
-        """What of the group is of variables that are still free and that it has all the facts of."""
+        """The members of the group whose variable is still free and has all its facts in the group."""
         count: dict[int, int] = {}
         for variable, _ in group:
             count[variable] = count.get(variable, 0) + 1
@@ -248,7 +251,7 @@ class _Merging:
         return self.place[old]
 
     def _operation(self, old: Operation) -> Operation | None:
-        """None for one that can never be used, or that changes nothing."""
+        """The operation on the new variables; None if it is never applicable or changes nothing."""
         preconditions = dict.fromkeys(self._assignment(precondition) for precondition in old.preconditions)
         known_values = dict(list(preconditions))
         if len(known_values) < len(preconditions):
@@ -277,7 +280,7 @@ class _Merging:
         conditions: tuple[Assignment, ...],
         effects: dict[tuple[tuple[Assignment, ...], int], int],
     ) -> None:
-        """None of the facts of an old variable is to hold: of the new one, none of those."""
+        """Add the effects on the new variable that make all facts of an old variable false."""
         variable = self.place[old, 1][0]
         if variable in new_assignments:
             return

@@ -1,6 +1,6 @@
-"""What can matter for a goal: backward from it, over the effects of operators that are not grounded yet.
+"""Relevance analysis: a backward search from the goal over the effects of operators that are not grounded yet.
 
-Without it, a service that puts anything anywhere would be considered for every thing and place on a map of thousands.
+Without it, grounding would try a service that puts any object in any place with all of the thousands of objects and places of a map.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from somrs.planner.model.operators import EXISTS_SUFFIX, Argument, Operator, Pat
 from somrs.planner.model.world import World
 
 Kinds = frozenset[str]
-"""In place of an argument that is not known: the types that it is of."""
+"""The types of an unknown argument."""
 ANY_KIND: Kinds = frozenset()
 Subgoal = tuple[bool, str, tuple[Argument | Kinds, ...]]
-"""That such facts hold (True) or do not hold."""
+"""Facts that have to hold (True) or must not hold (False)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Demand:
-    """An operator, as far as the goal says what its variables stand for."""
+    """An operator whose variables are bound as far as the goal determines them."""
 
     operator: Operator
     values: tuple[tuple[str, Argument], ...]
@@ -31,11 +31,10 @@ class Demand:
 
 
 def demands(goals: Sequence[Operator], world: World, *, narrow: bool = False, depth: int | None = None) -> list[Demand]:
-    """Every use of an operator that may help, the goals' own first.
+    """Every use of an operator that may help to reach the goal, the goal's operators first.
 
-    When narrow, fewer: nobody needs to bring about a `EXISTS_SUFFIX` fact that is so already, and of facts that must not hold, those
-    that do hold now are looked at one by one. With a depth, only what helps by way of so many services or fewer.
-    Both may lose plans, but seldom do.
+    With `narrow`, an `EXISTS_SUFFIX` fact that already holds is no subgoal, and of the facts that must not hold, only those that hold now
+    are subgoals. With `depth`, chains of services are limited to that length. Both can lose plans, but seldom do.
     """
     collected_demands: dict[Demand, None] = dict.fromkeys(Demand(goal, (), ()) for goal in goals)
     seen_subgoals: set[Subgoal] = set()
@@ -54,9 +53,9 @@ def demands(goals: Sequence[Operator], world: World, *, narrow: bool = False, de
 
 
 def _without_special(candidates: Iterable[Demand], world: World, narrow: bool) -> list[Demand]:
-    """The demands without those that are a special case of another one: who may move any crate may move this one.
+    """The demands without special cases of other demands: a demand to move any crate covers a demand to move one crate.
 
-    When narrow, not all objects are tried where any will do, and the special case stays that names one.
+    With `narrow`, grounding does not try all objects for an unbound variable, so a special case that names an object is kept.
     """
     kept_demands: list[Demand] = []
     general: dict[Operator, dict[tuple[str, ...], dict[tuple[Argument, ...], list[Demand]]]] = {}
@@ -75,7 +74,7 @@ def _without_special(candidates: Iterable[Demand], world: World, narrow: bool) -
 
 
 def _covers(general: Demand, special: Demand, world: World, narrow: bool) -> bool:
-    """Whether all that is of the types that the special one asks for is of those of the general one."""
+    """Whether every binding that the special demand admits is admitted by the general demand."""
     values, kinds = dict(special.values), dict(special.kinds)
     if narrow and not {*values} - {name for name, _ in general.values} <= {PROVIDER, *_fact_bound_variables(special.operator)}:
         return False
@@ -89,7 +88,7 @@ def _covers(general: Demand, special: Demand, world: World, narrow: bool) -> boo
 
 
 def _implies_kinds(kinds: Kinds, required_kinds: Kinds, world: World) -> bool:
-    """Whether what is of the kinds is of the wanted ones."""
+    """Whether an object of the given kinds is of all required kinds."""
     return all(required_kind in kinds or any(world.is_subtype(kind, required_kind) for kind in kinds) for required_kind in required_kinds)
 
 
@@ -124,7 +123,7 @@ def _narrow(subgoals: Iterable[Subgoal], world: World) -> Iterator[Subgoal]:
 def _find_subgoals(demand: Demand) -> Iterator[Subgoal]:
     values, kinds = dict(demand.values), dict(demand.kinds)
     for test in demand.operator.tests:
-        match test.comparison:  # a value that would pass is the one that a service with a value as input should be given
+        match test.comparison:  # a value that passes the test is a candidate for an input of an achieving service
             case Comparison(Variable(name), "=" | "<=" | ">=", (Number() | Text() | Truth() | Name()) as value) | Comparison(
                 (Number() | Text() | Truth() | Name()) as value, "=" | "<=" | ">=", Variable(name)
             ) if name in test.hidden:
@@ -152,13 +151,13 @@ def _find_subgoals(demand: Demand) -> Iterator[Subgoal]:
 def _match_operator(
     operator: Operator, pattern: Pattern, arguments: tuple[Argument | Kinds, ...], is_eligible: Callable[[Argument, Iterable[str]], bool]
 ) -> Demand | None:
-    """The operator bound so that the pattern of its effect is what is wanted; None when it cannot be."""
+    """The operator, bound so that the pattern of its effect matches the subgoal's arguments; None if they do not match."""
     values: dict[str, Argument] = {}
     kinds: dict[str, Kinds] = {}
     for pattern_term, argument in zip(pattern[1], arguments, strict=False):
         if isinstance(pattern_term, Variable):
             if not pattern_term.name or "." in pattern_term.name:
-                continue  # any partner; or the value that an attribute has by then, which is not for the goal to say
+                continue  # any partner; or the current value of an attribute, which the goal does not determine
             if isinstance(argument, frozenset):
                 kinds[pattern_term.name] = kinds.get(pattern_term.name, ANY_KIND) | argument - operator.types.get(
                     pattern_term.name, ANY_KIND
@@ -183,7 +182,7 @@ def _name(item: tuple[str, object]) -> str:
 
 
 def _fact_bound_variables(operator: Operator) -> Iterator[str]:
-    """The variables that what the operator needs binds."""
+    """The variables that the operator's preconditions and static relations bind."""
     for _, arguments in operator.preconditions:
         yield from (argument.name for argument in arguments if isinstance(argument, Variable))
     for literal in operator.static_conditions:

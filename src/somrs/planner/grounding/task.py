@@ -1,6 +1,6 @@
-"""The ground problem in finite-domain variables: the place of a thing is one variable, whose value a service replaces.
+"""The ground problem in finite-domain variables: the place of an object, for example, is one variable, whose value a service replaces.
 
-Such a task is small, needs no delete effects, and is what engines read (`sas.py`) and `search.py` looks through.
+Such a task is small and needs no delete effects. `search.py` searches it, and `sas.py` writes it for engines.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ Key = tuple[str, object]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Move:
-    """An action: what it needs, and what it assigns, each under conditions (mostly none)."""
+    """An action in finite-domain variables: preconditions, and assignments, each with conditions (mostly none)."""
 
     action: Action
     preconditions: tuple[Assignment, ...]
     effects: tuple[tuple[tuple[Assignment, ...], int, int], ...]
     cost: float = 1.0
-    """What the service costs, as far as can be told before anybody is asked."""
+    """The estimated cost of the service, before it quotes a price."""
 
     @property
     def length(self) -> int:
-        """How many steps it is: that the goal is reached is none."""
+        """The number of steps: 0 for a move that only reaches the goal, else 1."""
         return 0 if self.action.operator.service is None else 1
 
     def is_applicable(self, state: State) -> bool:
@@ -42,7 +42,7 @@ class Move:
 
 
 class Task:
-    """`values[v]` are the facts that variable v can stand for, by value; value 0 is none of them."""
+    """A ground task. `values[v]` lists the facts that the values of variable v stand for; value 0 means none of them."""
 
     def __init__(self, grounding: Grounding) -> None:
         self.vocabulary = grounding.world.vocabulary
@@ -51,9 +51,9 @@ class Task:
         self.values: list[list[Fact | None]] = []
         self.place: dict[Fact, Assignment] = {}
         self.negated: dict[Fact, int] = {}
-        """The variable that is 1 while the fact, one of several values of its own variable, does not hold."""
+        """For a fact that shares its variable with others: the variable that is 1 while the fact does not hold."""
         self._variables: dict[Key, int] = {}
-        # The facts that do not share a variable, and the negated ones, by relation and the object that would give them up.
+        # The facts with a variable of their own and the negated facts, by relation and the object that can leave it.
         self._by_first: dict[tuple[str, Argument], list[Fact]] = {}
         forbidden = {action: grounding.forbidden_facts(action) for action in grounding.actions if action.operator.negative_preconditions}
         actions = self._useful(grounding, forbidden)
@@ -72,7 +72,7 @@ class Task:
         self.moves = [move for action in actions if (move := self._move(action, forbidden.get(action, []))) is not None]
 
     def _useful(self, grounding: Grounding, forbidden: dict[Action, list[Fact]]) -> list[Action]:
-        """The actions with an effect that any of them, or the goal, needs or forbids; `mentioned` are those facts."""
+        """The actions with an effect that another action or the goal needs or forbids. Sets `mentioned` to those facts."""
         actions = grounding.actions
         while True:
             needed_facts = dict.fromkeys([fact for action in actions for fact in action.preconditions] + [GOAL])
@@ -96,7 +96,7 @@ class Task:
             actions = useful_actions
 
     def _displacement_key(self, fact: Fact) -> object:
-        """Adding a fact can take away only facts of which this is the same."""
+        """The key that a fact shares with all facts that adding it can delete."""
         predicate, arguments = fact
         if predicate.startswith(".") or not arguments:
             return predicate, arguments[:1]
@@ -109,7 +109,7 @@ class Task:
         return fact[0] + EXISTS_SUFFIX, fact[1][:1]
 
     def _find_conflicting_variables(self, initial_facts: list[Fact]) -> set[Key]:
-        """Variables that the map gives two values, against its own rules: their facts stand alone."""
+        """Variables with several values on a map that violates its rules; each of their facts gets a variable of its own."""
         count: dict[Key, int] = {}
         for fact in initial_facts:
             key = self.vocabulary.variable_of(fact)
@@ -133,7 +133,7 @@ class Task:
             self._by_object(fact)
 
     def _by_object(self, fact: Fact) -> None:
-        """Keep a fact to be looked up by the object that would give it up."""
+        """Index the fact by the object that can leave the relation."""
         for argument in fact[1] if self.vocabulary.is_symmetric(fact[0]) else fact[1][:1]:
             self._by_first.setdefault((fact[0], argument), []).append(fact)
 
@@ -157,7 +157,7 @@ class Task:
         if len({variable for variable, _ in preconditions}) < len(preconditions) or set(action.add_effects) & set(action.delete_effects):
             return None
         if len({self._key(fact) for fact in action.add_effects}) < len(action.add_effects):
-            return None  # an object cannot be in two of these at a time
+            return None  # the action would give one variable two values
         effects: dict[int, tuple[tuple[Assignment, ...], int]] = {}
         for fact in action.delete_effects:
             self._remove(fact, effects, ())
@@ -181,7 +181,7 @@ class Task:
             effects[self.place[self._existential_fact(fact)][0]] = conditions, 0
 
     def _displace(self, fact: Fact, action: Action, effects: dict[int, tuple[tuple[Assignment, ...], int]]) -> None:
-        """What an object gives up when it enters into a relation, and an attribute when it gets a value."""
+        """Add the effects that delete what the fact replaces: the relations that the object leaves, or the attribute's old value."""
         predicate, arguments = fact
         if not arguments:
             return
@@ -204,7 +204,7 @@ class Task:
                     effects[self.place[rival][0]] = (), 0
 
     def _entering(self, fact: Fact, action: Action) -> Argument:
-        """The object that enters into the relation: the first one as the effect is written."""
+        """The object that enters the relation: the first argument of the effect as written."""
         if self.vocabulary.is_symmetric(fact[0]):
             for predicate, terms in action.operator.add_effects:
                 if predicate == fact[0]:

@@ -132,7 +132,7 @@ class Vocabulary:
         return self.ontology.relations[relation].excludes or relation
 
     def is_exclusive(self, relation: str) -> bool:
-        """Whether an object has at most one partner in this relation and those that it excludes together."""
+        """Whether an object has at most one partner in all: in this relation or in one of those that it excludes."""
         group = [relation, *self.excluded_by(relation)]
         relation_types = [self.ontology.relations.get(name) for name in group]
         return all(r is not None and r.functional and not r.symmetric for r in relation_types)

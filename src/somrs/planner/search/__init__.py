@@ -1,1 +1,1 @@
-"""Search for plans: forward, by matching, with counters; and the smallest conflicting part of a goal."""
+"""Search for plans: heuristic forward search, matching of short chains, search with counters; and minimal conflicts of a goal."""

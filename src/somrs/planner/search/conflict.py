@@ -1,4 +1,4 @@
-"""The smallest part of a goal that cannot come about, though each thing in it can."""
+"""Minimal conflicts: the smallest sets of goal parts that are unreachable together, though each part is reachable by itself."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from somrs.planner.model.world import World
 from somrs.planner.search.search import TooHard, search
 
 EFFORT = 200_000
-"""Moves and effects looked at for one part of the goal: about a tenth of a second."""
+"""The maximum number of moves and effects to examine for one set of goal parts: about a tenth of a second."""
 FACTS = 100_000
-"""The same for facts."""
+"""The maximum number of facts to match for one set of goal parts."""
 PARTS = 60
-"""So many parts of the goal are tried; then what is left is not made smaller any more."""
+"""The maximum number of sets of goal parts to try; then the conflict is not reduced further."""
 
 
 def is_impossible(parts: Sequence[Literal], world: World) -> bool:
-    """Whether it is certain that these cannot come about together."""
+    """Whether the parts are certainly unreachable together; False if undecided."""
     try:
         goals = list(goal_operators(conjunction(*parts), world.vocabulary))
         grounding = Grounding(world, demands(goals, world), effort=FACTS)
@@ -34,7 +34,7 @@ def is_impossible(parts: Sequence[Literal], world: World) -> bool:
 
 
 def find_minimal_conflict(parts: Sequence[Literal], world: World) -> tuple[Literal, ...]:
-    """Of parts that are impossible together, as few as still are, by leaving out halves, quarters, and so on (Zeller and
+    """A minimal subset of the parts that is still impossible, by delta debugging: leave out halves, quarters, and so on (Zeller and
     Hildebrandt 2002)."""
     kept_parts = list(parts)
     chunk, attempts = max(len(kept_parts) // 2, 1), 0
@@ -53,7 +53,7 @@ def find_minimal_conflict(parts: Sequence[Literal], world: World) -> tuple[Liter
 
 
 def find_torn_object(parts: Sequence[Literal], world: World) -> str | None:
-    """The object that would have to be in two places at a time."""
+    """The object that would have to be in two places at a time, if there is one."""
     seen_places: set[tuple[str, str]] = set()
     for part in parts:
         if isinstance(part, Relation) and part.relation in world.vocabulary.relations and world.vocabulary.is_exclusive(part.relation):

@@ -1,4 +1,4 @@
-"""A task with counters, such as a battery's charge: states have numbers beside their facts, which may come to any value."""
+"""Search for tasks with counters, such as a battery's charge: a state has facts and numbers, and a number can take any value."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from somrs.planner.model.world import World
 from somrs.planner.search.search import AdditiveHeuristic
 
 Numbers = tuple[float | None, ...]
-"""The counters' values, each in its attribute's unit; None where there is none."""
+"""The values of the counters, each in its attribute's unit; None for a counter without a value."""
 
 
 class CountingFailed(Exception):
-    """Not found among so many states; which does not say that there is no plan."""
+    """Planning with counters gave up. There may or may not be a plan."""
 
 
 @dataclass(frozen=True, slots=True)
 class NumericCondition:
-    """A comparison of counters, `read_counters`, which variables of their names stand for in `literal`."""
+    """A comparison `literal`, in which variables stand for the counters `read_counters`."""
 
     literal: Literal
     read_counters: tuple[int, ...]
@@ -33,7 +33,7 @@ class NumericCondition:
 
 @dataclass(frozen=True, slots=True)
 class NumericEffect:
-    """The counter `counter` gets the value of `source`, in which variables stand for the counters `read_counters`."""
+    """An assignment of `source` to `counter`; variables in `source` stand for the counters `read_counters`."""
 
     counter: int
     source: Term
@@ -41,13 +41,13 @@ class NumericEffect:
 
 
 class Counters:
-    """The counters of a task, and what its moves ask and make of them."""
+    """The counters of a task, with the numeric conditions and effects of its moves."""
 
     def __init__(self, task: Task, world: World) -> None:
         self._world = world
         self._place: dict[tuple[str, str], int] = {}
         self.names: list[str] = []
-        """What the variables that stand for them are called."""
+        """The names of the variables that stand for the counters."""
         self.attributes: list[AttributeType | None] = []
         self._initial: list[float | None] = []
         self.numeric_conditions: dict[Move, tuple[NumericCondition, ...]] = {}
@@ -66,16 +66,16 @@ class Counters:
         return attribute.unit if attribute is not None else None
 
     def measure_term(self, term: Term) -> Number | None:
-        """What a term without counters stands for."""
+        """The value of a term without counters; None if it is no number."""
         measurement = measure(term, self._world.map, self._world.ontology)
         return measurement.constant if measurement is not None and isinstance(measurement.constant, Number) else None
 
     def allows(self, move: Move, numbers: Numbers) -> bool:
-        """Whether all that the move asks of the counters is so."""
+        """Whether the move's numeric conditions hold."""
         return all(self._is_satisfied(condition, numbers) for condition in self.numeric_conditions[move])
 
     def apply(self, move: Move, numbers: Numbers) -> Numbers | None:
-        """The counters after the move; None when one of them would be out of its range."""
+        """The counters after the move; None if a counter would be undefined or out of range."""
         effects = self.numeric_effects[move]
         if not effects:
             return numbers
@@ -88,13 +88,13 @@ class Counters:
         return tuple(new_numbers)
 
     def gap(self, move: Move, numbers: Numbers) -> float:
-        """How far what the move asks of the counters is from being so: 0 when it is."""
+        """A measure of how far the move's numeric conditions are from being satisfied; 0 if they are."""
         return sum(
             self._gap(condition, numbers) for condition in self.numeric_conditions[move] if not self._is_satisfied(condition, numbers)
         )
 
     def _gap(self, condition: NumericCondition, numbers: Numbers) -> float:
-        """Between 1 and 2, the more so the farther the two sides are apart."""
+        """The gap of an unsatisfied condition: between 1 and 2, increasing with the difference of the two sides."""
         atom = condition.literal.atom if isinstance(condition.literal, Not) else condition.literal
         assert isinstance(atom, Comparison), "counters are compared"
         binding = self._binding(condition.read_counters, numbers)
@@ -159,7 +159,7 @@ class Counters:
         return NumericEffect(self._counter(target), hidden, tuple(read_counters))
 
     def _hidden(self, term: Term, read_counters: list[int]) -> Term:
-        """The term with variables in place of counters, which are added to `read_counters`."""
+        """The term with variables in place of counters; the function adds the counters to `read_counters`."""
         if isinstance(term, Arithmetic):
             return Arithmetic(self._hidden(term.left, read_counters), term.operator, self._hidden(term.right, read_counters))
         attribute = self._world.vocabulary.counter(term)
@@ -181,11 +181,11 @@ class Counters:
 
 
 def search_with_counters(task: Task, counters: Counters, max_states: int) -> list[Move] | None:
-    """The moves that reach the goal with all counters as they must be, or None if nothing does. Raises TooMany, when more than so
-    many states were looked at.
+    """The moves of a plan that satisfies all numeric conditions, or None if there is no plan. Raises CountingFailed after `max_states`
+    states.
 
-    Greedy best-first; the estimate knows of facts only, and then how far the comparisons of the goal, and of what would lead there, are
-    from being so.
+    Greedy best-first search. The heuristic takes only facts into account; ties are broken by the gap of the numeric conditions of the goal
+    and of the helpful moves.
     """
     goals = [move for move in task.moves if move.action.operator.service is None]
     heuristic = AdditiveHeuristic(task)
@@ -230,7 +230,7 @@ def _path(parents: dict[tuple[State, Numbers], tuple[tuple[State, Numbers], Move
 
 
 def remove_redundant_moves(moves: Sequence[Move], task: Task, counters: Counters) -> list[Move]:
-    """The plan without single moves that it can do without."""
+    """The plan without moves that are redundant one by one."""
     kept_moves = list(moves)
     for move in moves:
         rest = list(kept_moves)
@@ -241,7 +241,7 @@ def remove_redundant_moves(moves: Sequence[Move], task: Task, counters: Counters
 
 
 def reaches_goal(moves: Sequence[Move], task: Task, counters: Counters) -> bool:
-    """Whether the moves can be done one after the other, and lead to the goal."""
+    """Whether the moves are applicable in sequence and reach the goal."""
     state, numbers = task.initial, counters.initial
     for move in moves:
         if not move.is_applicable(state) or not counters.allows(move, numbers):

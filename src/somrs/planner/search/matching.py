@@ -1,4 +1,4 @@
-"""The tasks that come all day: what one service brings about, or one after another that makes it possible, found at once."""
+"""A quick match for everyday tasks: one service, or a chain of two, for each part of the goal."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from somrs.planner.search.search import TooHard, cheapest, remove_redundant_move
 from somrs.planner.search.steps import build_plan
 
 CHAINS = (1, 2)
-"""So many services one after the other, each for what the next needs; the goal's parts have such chains each."""
+"""The lengths of the chains to try. Each service of a chain achieves a precondition of the next; each goal part has its own chain."""
 FACTS = 2_000
-"""Facts looked at before the match is given up: a few milliseconds."""
+"""The maximum number of facts to match: a few milliseconds."""
 EFFORT = 10_000
-"""The same for moves and effects."""
+"""The maximum number of moves and effects that the search examines."""
 
 
 def match(problem: Problem, world: World, goals: Sequence[Operator]) -> Plan | None:
-    """A plan of short chains, if there is one among few possibilities: the shortest, or the cheapest, if it is known that services cost
-    more or less. None says nothing."""
+    """A plan of short chains: the shortest, or the cheapest if the known costs of services differ. None if none is found within the limits;
+    there may still be a plan."""
     plans: list[list[Move]] = []
     for depth in CHAINS:
         try:

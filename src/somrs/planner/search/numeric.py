@@ -1,4 +1,4 @@
-"""A task with counters as numeric PDDL 2.1 (Fox and Long 2003) for an engine that reads that: ground, so that names are numbers."""
+"""A task with counters as ground numeric PDDL 2.1 (Fox and Long 2003), for numeric engines. All names are numbers."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ INDENT = "\n  "
 
 
 class NumericTask:
-    """The domain and the problem. The moves are actions named by their place in `task.moves`; the goal's only reach the goal."""
+    """The PDDL domain and problem. Moves become actions, named by their index in `task.moves`; the goal's moves only add `(reached)`."""
 
     def __init__(self, task: Task, counters: Counters) -> None:
         self._task, self._counters = task, counters
@@ -23,7 +23,7 @@ class NumericTask:
         self.problem = self._problem()
 
     def decode_moves(self, names: list[str]) -> list[Move]:
-        """The moves that an engine named, without the last one, which only says that the goal is reached."""
+        """The moves of an engine's plan, without the last one, which only reaches the goal."""
         moves = [self._task.moves[int(name.lower().removeprefix("a"))] for name in names]
         return [move for move in moves if move.action.operator.service is not None]
 
@@ -53,7 +53,7 @@ class NumericTask:
         return f"(:action a{number} :parameters () :precondition (and {' '.join(preconditions)}){INDENT}:effect (and {' '.join(effects)}))"
 
     def _effect(self, move: Move, conditions: tuple[Assignment, ...], variable: int, value: int) -> Iterator[str]:
-        """A variable gets a value; it has its old one no more, whichever that was."""
+        """The literals that give a variable a value and delete its old value, or all other values if the old one is unknown."""
         known_value = dict((*move.preconditions, *conditions)).get(variable)
         old = [known_value] if known_value is not None else range(len(self._task.values[variable]))
         literals = [_atom((variable, value)), *(f"(not {_atom((variable, other_value))})" for other_value in old if other_value != value)]
@@ -75,7 +75,7 @@ class NumericTask:
             yield from self._comparison(condition.literal, condition)
 
     def _comparison(self, comparison: Comparison, condition: NumericCondition) -> Iterator[str]:
-        """Two numbers within tolerance are the same, as everywhere."""
+        """The comparison in PDDL. Numbers within the attribute's tolerance are equal, as in `ontology.values`."""
         counter = condition.read_counters[0]
         left_expression = self._expression(comparison.left, self._counters.unit(counter))
         right_expression = self._expression(comparison.right, self._counters.unit(counter))
@@ -105,7 +105,7 @@ class NumericTask:
                 yield f"(<= {value} {_plain(attribute.maximum)})"
 
     def _expression(self, term: Term, unit: str | None) -> str:
-        """The term as a number of the unit."""
+        """The term as a PDDL expression in the given unit."""
         match term:
             case Variable(name):
                 counter = self._counters.names.index(name)
@@ -124,7 +124,7 @@ class NumericTask:
         return _converted(measured, unit, term)
 
     def _product(self, left_term: Term, right_term: Term, unit: str | None) -> str:
-        """One factor is a constant, as far as engines can calculate."""
+        """A product in PDDL. One factor has to be constant, because engines only calculate linear expressions."""
         for factor, other_factor in ((left_term, right_term), (right_term, left_term)):
             constant = self._counters.measure_term(factor)
             if constant is not None:
@@ -143,7 +143,7 @@ def _atom(assignment: Assignment) -> str:
 
 
 def _plain(number: float) -> str:
-    """A number as PDDL has it: without an exponent."""
+    """The number in PDDL notation, which has no exponent."""
     return f"{number:.12f}".rstrip("0").rstrip(".")
 
 

@@ -1,4 +1,4 @@
-"""How far a search got that was not finished."""
+"""The progress of an unfinished search."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from somrs.planner.grounding.task import Task
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Progress:
-    """`held_count` is how many of the goal's `parts` held in the state where most of them did."""
+    """The number of visited states, and how many of the goal's `parts` held in the best of them (`held_count`)."""
 
     states: int
     held_count: int
@@ -22,7 +22,7 @@ class Progress:
 
 
 def measure_progress(task: Task, states: Collection[State]) -> Progress:
-    """What the states that were looked at come to, for the alternative of the goal that they came closest to."""
+    """The progress of the visited states, for the alternative of the goal that they came closest to."""
     best = Progress(states=len(states), held_count=0, parts=1)
     for move in task.moves:
         if move.action.operator.service is None:

@@ -1,5 +1,5 @@
-"""The tasks of the day, solved at once: greedy best-first search that looks at states as late as it can and at helpful
-moves first (Richter and Helmert 2009), guided by the additive heuristic (Bonet and Geffner 2001)."""
+"""Lazy greedy best-first search with preferred operators (Richter and Helmert 2009), guided by the additive heuristic (Bonet and Geffner
+2001). It solves most everyday tasks within half a second."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from somrs.planner.grounding.task import Move, Task
 from somrs.planner.search.progress import Progress, measure_progress
 
 EFFORT = 1_500_000
-"""Moves and effects looked at before an engine is asked instead: about half a second."""
+"""The number of moves and effects that the search examines before it gives up: about half a second."""
 
 
 class TooHard(Exception):
-    """Not found with the effort allowed; which does not say that there is no plan."""
+    """The search gave up at its limit of effort. There may or may not be a plan."""
 
     def __init__(self, progress: Progress) -> None:
         super().__init__(str(progress))
@@ -24,7 +24,7 @@ class TooHard(Exception):
 
 
 def cheapest(task: Task, effort: int = EFFORT) -> list[Move] | None:
-    """The moves that reach the goal, or None if nothing does: a short plan, or a cheaper one that is found as soon. Raises TooHard."""
+    """A short plan, or a cheaper one if a second search of the same effort finds one; None if there is no plan. Raises TooHard."""
     moves = search(task, effort)
     if moves is None or task.hurry or len({move.cost for move in task.moves if move.length}) < 2:
         return moves
@@ -35,8 +35,8 @@ def cheapest(task: Task, effort: int = EFFORT) -> list[Move] | None:
 
 
 def search(task: Task, effort: int = EFFORT, *, cheap: bool = False) -> list[Move] | None:
-    """The moves that reach the goal, or None if nothing does; `cheap` rather than found at once: then what the moves to a state cost is
-    added to its distance, as A* does. Raises TooHard."""
+    """The moves of a plan, or None if there is no plan. With `cheap`, the cost of the moves to a state is added to its heuristic value, as
+    in A*, for a cheaper plan after a longer search. Raises TooHard."""
     assert task.goal is not None, "a goal that nothing reaches is not searched for"
     heuristic = AdditiveHeuristic(task, cheap=cheap)
     parents: dict[State, tuple[State, Move] | None] = {task.initial: None}
@@ -78,7 +78,7 @@ def _path(parents: dict[State, tuple[State, Move] | None], state: State) -> list
 
 
 def remove_redundant_moves(moves: Sequence[Move], task: Task) -> list[Move]:
-    """The plan without moves that it can do without, with those that only they make possible (Nakhost and Müller 2010)."""
+    """The plan without redundant moves, and without moves that only redundant moves make applicable (Nakhost and Müller 2010)."""
     kept_moves = list(moves)
     place = 0
     while place < len(kept_moves):
@@ -100,13 +100,13 @@ def _reaches(state: State, task: Task) -> bool:
 
 
 class AdditiveHeuristic:
-    """How far a state is from the goal: each fact costs what the best move to it costs, and what that needs, added up. A move costs
-    one, or, if it is to be `cheap`, what it is said to."""
+    """The additive heuristic: the cost of a fact is the cost of its best achieving move plus the sum of the costs of that move's
+    preconditions. A move costs 1, or, with `cheap`, its estimated cost."""
 
     def __init__(self, task: Task, *, cheap: bool = False) -> None:
         self.task, self.cheap = task, cheap
         self.visit_count = 0
-        # Effects with the same conditions come about together: one unit of a move, what it needs, and what it makes.
+        # Effects of a move with the same conditions form one unit, with its own preconditions.
         self.moves: list[Move] = []
         self.preconditions: list[tuple[Assignment, ...]] = []
         self.effects: list[list[Assignment]] = []
@@ -124,8 +124,8 @@ class AdditiveHeuristic:
                 self.effects.append(unit_effects)
 
     def evaluate(self, state: State) -> tuple[float | None, set[Move]]:
-        """The distance, and the moves of the state that a way there begins with. None: the goal cannot be reached from
-        there, even if nothing were ever undone."""
+        """The estimated distance to the goal, and the helpful moves: the applicable moves of the relaxed plan. The distance is None if the
+        goal is unreachable even in the delete relaxation."""
         unmet_counts = [len(unit_preconditions) for unit_preconditions in self.preconditions]
         total = [move.cost if self.cheap else float(move.length) for move in self.moves]
         supporter: dict[Assignment, int] = {}

@@ -1,4 +1,4 @@
-"""From the moves of a search to the steps of an abstract plan, which is validated."""
+"""From the moves of a search to a validated abstract plan."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from somrs.planner.model.world import as_term, rows
 
 
 def build_plan(problem: Problem, moves: Sequence[Move]) -> Plan:
-    """The plan that the moves are, in services, with the links between its steps."""
+    """The plan of the moves, with the links between its steps. Raises AssertionError if it is not valid."""
     steps: list[Step] = []
     written: list[Formula] = []
     maps = [problem.map]
@@ -37,7 +37,7 @@ def build_plan(problem: Problem, moves: Sequence[Move]) -> Plan:
 
 
 def _step(id: str, action: Action, map: Map, problem: Problem) -> Step:
-    """The action with all its formulas' variables found on the map as it is when the action starts."""
+    """The step of an action; the variables that the action leaves open are bound on the map at its start."""
     operator = action.operator
     assert operator.service is not None, "the goal is no step"
     assert operator.effect is not None, "services have effects"
