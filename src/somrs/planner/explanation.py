@@ -66,7 +66,7 @@ def explain_failure(problem: Problem, world: World, guessed: bool = False) -> No
 
 @dataclass(slots=True, eq=False)
 class _Reasons:
-    """The reasons found so far."""
+    """Collects the reasons."""
 
     problem: Problem
     world: World

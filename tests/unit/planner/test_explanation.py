@@ -115,7 +115,7 @@ def test_values_that_nobody_named_leave_it_open_whether_there_is_a_plan() -> Non
         Problem(ontology=ontology, map=problem.map, goal=problem.goal, services=(*problem.services, AvailableService(ship, ("Robot1",))))
     )
     assert result.undecided
-    assert "any number or text" in result.explanation
+    assert "a number or text as input" in result.explanation
 
 
 def test_a_search_that_was_not_finished_says_how_far_it_got() -> None:

@@ -1,6 +1,6 @@
 """Abstract plans: service types with their inputs, and the causal links between them (paper, "SO-MRS architecture": Planner).
 
-An abstract plan is a directed acyclic graph. How plans are found is in `planning.py`.
+An abstract plan is a directed acyclic graph. `planning.py` finds plans.
 """
 
 from __future__ import annotations

@@ -145,7 +145,7 @@ def _replace_name(literal: Formula, name: str, replacement: Name | Variable) -> 
             case Name() if old.name == name:
                 return replacement
             case Attribute(owner, path):
-                return Attribute(term(owner), path)  # type: ignore[arg-type]  # a name or variable, as before
+                return Attribute(term(owner), path)  # type: ignore[arg-type]  # still a name or variable
             case Call(function, arguments):
                 return Call(function, tuple(map(term, arguments)))
             case Arithmetic(left_term, operator, right_term):
@@ -155,7 +155,7 @@ def _replace_name(literal: Formula, name: str, replacement: Name | Variable) -> 
 
     match literal:
         case Not(atom):
-            return Not(_replace_name(atom, name, replacement))  # type: ignore[arg-type]  # an atom, as before
+            return Not(_replace_name(atom, name, replacement))  # type: ignore[arg-type]  # still an atom
         case Relation(relation, arguments):
             return Relation(relation, tuple(map(term, arguments)))  # type: ignore[arg-type]
         case Comparison(left_term, operator, right_term):

@@ -230,7 +230,7 @@ def _path(parents: dict[tuple[State, Numbers], tuple[tuple[State, Numbers], Move
 
 
 def remove_redundant_moves(moves: Sequence[Move], task: Task, counters: Counters) -> list[Move]:
-    """The plan without moves that are redundant one by one."""
+    """The plan without redundant moves; each move is tested by itself."""
     kept_moves = list(moves)
     for move in moves:
         rest = list(kept_moves)
