@@ -180,7 +180,7 @@ def test_a_question_that_nobody_waits_for_ends_with_its_engines() -> None:
             while not engines:
                 await asyncio.sleep(0.05)
                 engines.extend(children(planner.pid) if planner.pid is not None else [])
-        with pytest.raises(RemoteError, match="ended before it had an answer"):
+        with pytest.raises(RemoteError, match="stopped before it had an answer"):
             await question
 
     asyncio.run(asyncio.wait_for(run(), HANG_TIME))  # nobody waits until there is a plan
