@@ -1,4 +1,4 @@
-"""The Failure Recovery Protocol: its states and transitions as tables, a session at each side, and the diagram.
+"""The Failure Recovery Protocol: tables of states and transitions, a session for each side, and a diagram of the tables.
 
 Paper, "Protocol for failure handling and recovery".
 """

@@ -1,5 +1,6 @@
-"""Draws the tables of `states.py`: `python -m somrs.protocol.frp.diagram docs/reference/frp-states.md` writes the page, without an argument
-it is printed. Mermaid, which GitHub and most documentation tools show as a picture.
+"""Draw the tables of `states.py` as a page of Mermaid diagrams and Markdown tables.
+
+`python -m somrs.protocol.frp.diagram docs/reference/frp-states.md` writes the page; without an argument, the command prints it.
 """
 
 from __future__ import annotations
@@ -16,22 +17,23 @@ PAGE = Path("docs/reference/frp-states.md")
 
 _HEAD = """# The states of the Failure Recovery Protocol
 
-Made from the tables in `src/somrs/protocol/frp/states.py` by `python -m somrs.protocol.frp.diagram docs/reference/frp-states.md`. What
-the protocol is for, and how to read it, is in [the explanation of the protocol](../explanation/failure-recovery-protocol.md).
+Made from the tables in `src/somrs/protocol/frp/states.py` by `python -m somrs.protocol.frp.diagram docs/reference/frp-states.md`.
+[The explanation of the protocol](../explanation/failure-recovery-protocol.md) describes its purpose and how to read it.
 
-`?Execute` is a message that comes, `!Completed` one that is sent of one's own accord, `?Stop !Stopped` one that comes and is
-answered at once. In the tables, `→ State` moves, `again` is "already done: answer again" and `·` is "too late: ignore".
+In the diagrams, `?Execute` is a received message, `!Completed` a message that is sent unasked, and `?Stop !Stopped` a received message with
+its immediate answer. In the tables, `→ State` is a transition, `news` is new information in the same state, `again` means "already done:
+answer again", and `·` means "too late: ignore".
 """
 
 
 def page() -> str:
-    """The whole page."""
+    """Return the whole page."""
     return "\n".join(
         [
             _HEAD,
             "## The participant",
             "",
-            "Left out of the picture: End and Cancel, which lead from every state to Ended, and Query, which changes nothing.",
+            "The diagram omits End and Cancel, which lead from every state to Ended, and Query, which changes nothing.",
             "",
             *mermaid(states.PARTICIPANT, states.PARTICIPANT_SENDS, {}, frozenset((End, Cancel, Query))),
             "",
@@ -39,7 +41,7 @@ def page() -> str:
             "",
             "## The coordinator's view of a participant",
             "",
-            "`silent` is the coordinator's own move, when it has waited too long.",
+            "`silent` is the coordinator's own transition, after a timeout.",
             "",
             *mermaid(states.COORDINATOR, states.COORDINATOR_SENDS, states.ABANDONED_STATES, frozenset()),
             "",
@@ -50,7 +52,7 @@ def page() -> str:
 
 
 def mermaid(table: Table, sends: Sends, silent: dict[State, State], excluded: frozenset[MessageType]) -> Iterator[str]:
-    """The state diagram: one arrow for each pair of states, with all that leads from the one to the other."""
+    """Yield a state diagram with one arrow for each pair of states, labelled with all messages that lead from one to the other."""
     arrows: dict[tuple[State, State], list[str]] = {}
     for state, after_sending in sends.items():
         for message, target in after_sending.items():
@@ -74,7 +76,7 @@ def mermaid(table: Table, sends: Sends, silent: dict[State, State], excluded: fr
 
 
 def grid(table: Table, messages: tuple[MessageType, ...]) -> Iterator[str]:
-    """The whole table: a row for each state, a column for each message."""
+    """Yield the whole table, with a row for each state and a column for each message."""
     yield f"| | {' | '.join(message.__name__ for message in messages)} |"
     yield f"|---|{'---|' * len(messages)}"
     for state, row in table.items():

@@ -1,7 +1,7 @@
-"""One side's view of one participant: plays the tables of `states.py`, gives messages their ids, and remembers what it said.
+"""A session: the view that one side has of one participant. It follows the tables of `states.py` and creates and records messages.
 
-A session reads no clock and sends nothing: `receive` tells what a message meant and which messages answer it, `send` makes
-a message. A session is a value with setters: `kept` is a copy for the journal, and one read back goes on where it stopped.
+A session reads no clock and sends nothing. `receive` returns what a message means and which messages answer it; `send` creates a message. A
+session is data: the journal stores a copy of it, and a session that is read back continues where it stopped.
 """
 
 from __future__ import annotations
@@ -47,9 +47,9 @@ ParticipantBody = Terms | Refuse | Progress | Completed | Failed | Stopped | Com
 B = TypeVar("B")
 
 NOT_ALLOWED = "frp:NotAllowed"
-"""The fault code of a message that its sender may not send now."""
+"""The fault code of a message that its sender may not send in the present state."""
 
-# What a message is an answer to: the latest of these that was heard.
+# The message that a message answers: the latest received message of one of these types.
 _ANSWERS: dict[str, tuple[str, ...]] = {
     "Terms": ("Arrange",),
     "Refuse": ("Arrange",),
@@ -64,23 +64,23 @@ _ANSWERS: dict[str, tuple[str, ...]] = {
     "Execute": ("Terms",),
     "Compensate": ("Completed", "Failed", "Stopped"),
 }
-# Monitoring: may come often, changes no contract, so neither ids nor contents are kept.
+# Monitoring messages may come often and change no contract, so neither their ids nor their contents are kept.
 _FLEETING = frozenset(("Progress", "Query", "Status", "Fault"))
 _BOUND = states.WORKING | {State.COMMITTED}
 
 
 def participant_id(service: str, step: str, attempt: int = 1) -> str:
-    """The id of one service instance in one step: `Robot1.TransferObject#s1`, and `...#s1.2` the second time."""
+    """Return the id of a service instance in a step: `Robot1.TransferObject#s1`, and `Robot1.TransferObject#s1.2` at the second attempt."""
     return f"{service}#{step}" if attempt == 1 else f"{service}#{step}.{attempt}"
 
 
 def service_of(participant: str) -> str:
-    """The name of the service in a participant's id."""
+    """Return the name of the service in a participant's id."""
     return participant.rpartition("#")[0]
 
 
 class MessageRecord(Struct, frozen=True, kw_only=True):
-    """The last message of its type in one direction, and the state in which it was said."""
+    """The last message of its type in one direction, and the state of the session at that time."""
 
     id: str
     body: FrpBody
@@ -89,7 +89,7 @@ class MessageRecord(Struct, frozen=True, kw_only=True):
 
 
 class ReceiveResult(Struct, frozen=True, kw_only=True):
-    """What a message meant: whether it moved the session, from where to where, and what has to be sent in answer."""
+    """The meaning of a message: whether it moved the session, from which state to which, and the messages that answer it."""
 
     kind: Kind
     state_before: State
@@ -102,7 +102,7 @@ class ReceiveResult(Struct, frozen=True, kw_only=True):
 
 
 class _Session(Struct, kw_only=True):
-    """What both sides keep: who is who, the state, and what was said and heard last of each type."""
+    """What both sides keep: their addresses, the state, and the last message of each type in each direction."""
 
     transaction: str
     participant: str
@@ -110,9 +110,9 @@ class _Session(Struct, kw_only=True):
     peer: str
     state: State = State.NEW
     reason: str = ""
-    """Why it ended: refused, expired, cancelled, ended; or in the words of whoever ended it."""
+    """Why the session ended: refused, expired, cancelled, ended, or the reason that the other side gave."""
     number: int = 0
-    """How many messages with a place in the contract were sent."""
+    """The number of messages sent, monitoring messages not counted."""
     sent_messages: dict[str, MessageRecord] = field(default_factory=dict, name="said")
     received_messages: dict[str, MessageRecord] = field(default_factory=dict, name="heard")
 
@@ -125,7 +125,7 @@ class _Session(Struct, kw_only=True):
             )
 
     def _create_message(self, side: str, body: FrpBody, relates_to: str | None = None) -> Message:
-        """A new message. Ids are made of the transaction, the participant, the side, a number and the type."""
+        """Create a message. Its id is made from the transaction, the participant, the side, a number and the type."""
         name = type(body).__name__
         if relates_to is None:
             for kind in _ANSWERS.get(name, ()):
@@ -133,7 +133,8 @@ class _Session(Struct, kw_only=True):
                     relates_to = request.id
                     break
         if name in _FLEETING:
-            # Counted apart, so that a restart from a journal without them gives no id to two different messages.
+            # Monitoring messages have ids of their own: the journal does not hold them, and after a restart no id may be given to two
+            # messages.
             identity = self._fleeting_id(side, name, relates_to)
         else:
             self.number += 1
@@ -161,11 +162,11 @@ class _Session(Struct, kw_only=True):
         )
 
     def _repeat(self, *kinds: str) -> tuple[Message, ...]:
-        """The messages of these types as they were said, if they were."""
+        """Return the messages of these types as they were sent, as far as they were."""
         return tuple(self._message(self.sent_messages[kind]) for kind in kinds if kind in self.sent_messages)
 
     def _record_received(self, message: Message, entry: Entry) -> Entry:
-        """Note the message, and move. What was heard before moves nothing a second time."""
+        """Record the message and move. A message that was received before does not move the session again."""
         name, identity = type(message.body).__name__, message.header.message_id
         is_duplicate = name in self.received_messages and self.received_messages[name].id == identity
         if is_duplicate and entry.kind is Kind.MOVES and name not in _FLEETING:
@@ -181,7 +182,7 @@ class _Session(Struct, kw_only=True):
         return entry
 
     def copy(self) -> _Session:
-        """A copy that stays as it is."""
+        """Return a copy that later changes do not affect."""
         return structs.replace(self)
 
 
@@ -190,7 +191,11 @@ class ParticipantSession(_Session, tag="participant", kw_only=True):
 
     @classmethod
     def from_message(cls, message: Message, me: str) -> ParticipantSession:
-        """A new session for the first message of a participant, whichever it is; `receive` it next."""
+        """Return a new session for the first message to a participant, of any type; pass the message to `receive` next.
+
+        Raises:
+            WireError: the header has no transaction or no participant.
+        """
         header = message.header
         if header.transaction is None or header.participant is None:
             raise WireError(NOT_ALLOWED, f"{type(message.body).__name__} needs a transaction and a participant in its header")
@@ -201,12 +206,12 @@ class ParticipantSession(_Session, tag="participant", kw_only=True):
 
     @property
     def order(self) -> Arrange | None:
-        """What was asked for."""
+        """The Arrange that the coordinator sent."""
         return _body(self.received_messages, Arrange)
 
     @property
     def terms(self) -> Terms | None:
-        """What was offered."""
+        """The Terms that this participant offered."""
         return _body(self.sent_messages, Terms)
 
     @property
@@ -215,9 +220,9 @@ class ParticipantSession(_Session, tag="participant", kw_only=True):
         return message_ids[-1] if message_ids else None
 
     def receive(self, message: Message) -> ReceiveResult:
-        """What the message means. A message that a coordinator may not send is answered with a Fault, or ignored."""
+        """Return the meaning of the message. A message that a coordinator may not send is ignored or answered with a Fault."""
         self._check(message)
-        if not isinstance(message.body, Query | Fault):  # anyone may ask, and is answered; that makes nobody the coordinator
+        if not isinstance(message.body, Query | Fault):  # any node may send a Query; its sender does not become the coordinator
             self.peer = _reply_address(message.header)
         state_before, kind = self.state, type(message.body)
         entry = states.PARTICIPANT[state_before].get(kind)
@@ -233,7 +238,7 @@ class ParticipantSession(_Session, tag="participant", kw_only=True):
         return ReceiveResult(kind=entry.kind, state_before=state_before, state=self.state, answers=self._answers(message, entry))
 
     def send(self, body: ParticipantBody) -> Message:
-        """Say something of one's own accord, and move. Raises UsageError for what the state does not allow."""
+        """Create a message that answers no other, and move. Raises UsageError when the state does not allow it."""
         kind = type(body)
         allowed = states.PARTICIPANT_SENDS.get(self.state, {})
         if kind not in allowed:
@@ -245,16 +250,16 @@ class ParticipantSession(_Session, tag="participant", kw_only=True):
         return message
 
     def last_report(self) -> tuple[Message, ...]:
-        """The report that the coordinator may not have got before a restart, to be sent again as it was."""
+        """Return the last report, unchanged, to send it again after a restart: the coordinator may not have received it."""
         report_names = {State.OFFERED: "Terms", State.ENDED: "Refuse"}
         return self._repeat(report_names.get(self.state, self.state.value))
 
     def _not_accepted(self, message: Message) -> str:
-        """Why an Accept or Execute is not for what this participant offered; empty when it is."""
+        """Return why an Accept or Execute does not refer to the Terms of this participant; empty when it does."""
         terms = self.sent_messages.get("Terms")
         terms_id = message.body.terms if isinstance(message.body, Accept) else message.header.relates_to
         if isinstance(message.body, Accept | Execute) and self.state is State.OFFERED and terms is not None and terms_id != terms.id:
-            return f"{type(message.body).__name__} names the terms {terms_id}, and {terms.id} were offered"
+            return f"{type(message.body).__name__} names the terms {terms_id}, and the offered terms are {terms.id}"
         return ""
 
     def _answers(self, message: Message, entry: Entry) -> tuple[Message, ...]:
@@ -296,16 +301,16 @@ class CoordinatorSession(_Session, tag="coordinator", kw_only=True):
 
     @property
     def terms(self) -> Terms | None:
-        """What the service offered."""
+        """The Terms that the service offered."""
         return _body(self.received_messages, Terms)
 
     @property
     def terms_id(self) -> str | None:
-        """What an Accept has to name."""
+        """The id of the Terms, which an Accept names."""
         return self.received_messages["Terms"].id if "Terms" in self.received_messages else None
 
     def receive(self, message: Message) -> ReceiveResult:
-        """What the message means: it moved the session, asks for an answer that was given already, or came too late."""
+        """Return the meaning of the message: it moves the session, it is a repetition to be answered again, or it is too late."""
         self._check(message)
         state_before, kind = self.state, type(message.body)
         entry = states.COORDINATOR[state_before].get(kind)
@@ -319,7 +324,7 @@ class CoordinatorSession(_Session, tag="coordinator", kw_only=True):
         return ReceiveResult(kind=entry.kind, state_before=state_before, state=self.state, answers=self._answers(entry))
 
     def send(self, body: CoordinatorBody) -> Message:
-        """Say something of one's own accord, and move. Raises UsageError for what the state does not allow."""
+        """Create a message that answers no other, and move. Raises UsageError when the state does not allow it."""
         kind = type(body)
         if isinstance(body, Query) and self.state is not State.NEW:
             return self._create_message("coordinator", body)
@@ -327,7 +332,7 @@ class CoordinatorSession(_Session, tag="coordinator", kw_only=True):
         if kind not in allowed:
             raise _state_error(self, kind, allowed)
         if isinstance(body, Accept) and body.terms != self.terms_id:
-            raise UsageError(f"{self.participant} offered the terms {self.terms_id}, and {body.terms} would be accepted")
+            raise UsageError(f"{self.participant} offered the terms {self.terms_id}; the Accept names {body.terms}")
         message = self._create_message("coordinator", body)
         self.state = allowed[kind]
         if isinstance(body, Cancel):
@@ -337,20 +342,20 @@ class CoordinatorSession(_Session, tag="coordinator", kw_only=True):
         return message
 
     def accept(self) -> Message:
-        """Accept the terms that were offered."""
+        """Accept the Terms that were offered."""
         if self.terms_id is None:
             raise _state_error(self, Accept, states.COORDINATOR_SENDS.get(self.state, {}))
         return self.send(Accept(terms=self.terms_id))
 
     def abandon(self) -> bool:
-        """It has been silent for too long. Whether that changes anything: only one with a contract becomes Unreachable."""
+        """Give up a participant that was silent for too long. Return whether the state changed: without a contract, it does not."""
         if self.state not in states.ABANDONED_STATES:
             return False
         self.state = states.ABANDONED_STATES[self.state]
         return True
 
     def _belongs_elsewhere(self, message: Message) -> bool:
-        """An answer to something that was never said here, or a Fault about what changes no contract."""
+        """Whether the message answers something that this session did not send, or is a Fault about a message that changes no contract."""
         related, body = message.header.relates_to, message.body
         if isinstance(body, Terms | Refuse) and related is not None and "Arrange" in self.sent_messages:
             return related != self.sent_messages["Arrange"].id
@@ -360,7 +365,7 @@ class CoordinatorSession(_Session, tag="coordinator", kw_only=True):
         return False
 
     def _forgotten(self, message: Message) -> bool:
-        """It says that it knows nothing, in answer to a question that was asked after it made its contract."""
+        """Whether the participant reports that it has no contract, in answer to a Query that was sent after the contract was made."""
         query = self.sent_messages.get("Query")
         return (
             isinstance(message.body, Status)
@@ -377,9 +382,9 @@ class CoordinatorSession(_Session, tag="coordinator", kw_only=True):
         if entry.kind is Kind.REPEATED:
             return self._repeat("End") or self._repeat("Cancel")
         bodies: dict[str, CoordinatorBody] = {
-            "Cancel": Cancel(reason="no such service is wanted here"),
+            "Cancel": Cancel(reason="this service takes no part in the transaction"),
             "End": End(outcome=Outcome.CANCELLED),
-            "Stop": Stop(reason="it had been silent for too long, and its step may be another's by now"),
+            "Stop": Stop(reason="it was silent for too long, and another service may have its step"),
         }
         name = entry.answer.__name__
         return self._repeat(name) or (self._create_message("coordinator", bodies[name]),)
@@ -397,5 +402,5 @@ def _body(messages: dict[str, MessageRecord], kind: type[B]) -> B | None:
 def _state_error(session: _Session, kind: type[object], allowed: dict[type[object], State]) -> UsageError:
     allowed_names = ", ".join(message_type.__name__ for message_type in allowed) or "nothing"
     return UsageError(
-        f"{session.participant} in {session.transaction} is {session.state.value}: {kind.__name__} cannot be said now, but {allowed_names}"
+        f"{session.participant} in {session.transaction} is {session.state.value}: {kind.__name__} is not allowed; allowed: {allowed_names}"
     )

@@ -1,12 +1,13 @@
-"""The Failure Recovery Protocol as tables: what each side does about each message in each state, and what it may say.
+"""The Failure Recovery Protocol as tables: what each side does with each message in each state, and what it may send.
 
-Plain data, complete: no pair of state and message is left to chance. `session.py` plays the tables, `diagram.py` draws
-them, and the tests walk through all of them. Nothing here knows bodies, ids or time.
+The tables are complete: they have an entry for each pair of state and message. `session.py` executes them, `diagram.py` draws them, and the
+tests visit every entry. They contain no message contents, ids or times.
 
-Media lose, reorder and repeat messages. Three facts keep the tables small all the same:
-- each side only ever moves forward, so that a repeated message finds its state left behind;
-- nodes repeat a message until the other node has acknowledged it, so Accept, Cancel and End need no answer of their own;
-- whatever a late message could start is closed by the message that overtook it (a Cancel before its Arrange ends).
+The network loses, repeats and reorders messages. Three rules keep the tables small:
+- Each side only moves forward, so a repeated message meets a later state.
+- Nodes repeat a message until the other node has acknowledged it, so Accept, Cancel and End need no answer.
+- When a message overtakes another, the one that comes first settles what the later one could start (a Cancel before its Arrange ends the
+  session).
 """
 
 from __future__ import annotations
@@ -41,16 +42,16 @@ MessageType = type[object]
 
 
 class Kind(Enum):
-    """What a message is to the state it meets."""
+    """What a message means in the state in which it is received."""
 
     MOVES = "moves"
-    """News: the state changes, or something is learned in it."""
+    """The state changes, or the message brings new information in the same state."""
     REPEATED = "already done: answer again"
     LATE = "too late: ignore"
 
 
 class Entry(NamedTuple):
-    """What to do about a message: the state to be in then, and the type of message to answer with at once."""
+    """What to do with a message: the next state, and the type of message to answer with at once."""
 
     kind: Kind
     next_state: State
@@ -86,7 +87,7 @@ def late(send: MessageType | None = None) -> Entry:
 
 
 def _complete(states: tuple[State, ...], messages: tuple[MessageType, ...], rows: dict[State, dict[MessageType, Entry]]) -> Table:
-    """Every pair. What a row leaves out is too late; what does not move stays in the row's state."""
+    """Complete the table. A pair that `rows` leaves out is too late; an entry that does not move keeps the state of its row."""
     full_rows = {state: {message: rows[state].get(message, late()) for message in messages} for state in states}
     return {
         state: {message: entry if entry.kind is Kind.MOVES else entry._replace(next_state=state) for message, entry in row.items()}
@@ -94,9 +95,9 @@ def _complete(states: tuple[State, ...], messages: tuple[MessageType, ...], rows
     }
 
 
-# In every state a participant says its state when asked, and is over on End, or on Cancel: if it is executing, it stops.
+# In every state a participant answers a Query, and ends on End or Cancel; if it is executing, it stops.
 _ALWAYS: dict[MessageType, Entry] = {Query: repeat(Status), Cancel: move(ENDED), End: move(ENDED)}
-# Work, or undoing, is demanded of a participant that has no contract, such as one that lost its memory: it says so.
+# A participant without a contract, such as one that lost its data, reports this when it receives an order to work or to undo.
 _NO_CONTRACT: dict[MessageType, Entry] = {
     **_ALWAYS, Accept: move(FAILED, Failed), Execute: move(FAILED, Failed), Stop: move(FAILED, Failed),
     Compensate: move(STRANDED, Stranded),
@@ -106,7 +107,7 @@ _NO_CONTRACT: dict[MessageType, Entry] = {
 PARTICIPANT: Table = _complete(PARTICIPANT_STATES, TO_PARTICIPANT, {
     NEW:          {**_NO_CONTRACT, Arrange: move(ARRANGING)},
     ARRANGING:    {**_NO_CONTRACT, Arrange: repeat()},
-    # An Execute names the Terms, as an Accept does: it may overtake it. A Stop may overtake both, and then nothing starts.
+    # An Execute names the Terms, as an Accept does, so it may come first. A Stop may come before both; then nothing starts.
     OFFERED:      {**_ALWAYS, Arrange: repeat(Terms), Accept: move(COMMITTED), Execute: move(EXECUTING), Stop: move(STOPPED, Stopped),
                    Compensate: move(STRANDED, Stranded)},
     COMMITTED:    {**_ALWAYS, Accept: repeat(), Execute: move(EXECUTING), Stop: move(STOPPED, Stopped),
@@ -122,9 +123,9 @@ PARTICIPANT: Table = _complete(PARTICIPANT_STATES, TO_PARTICIPANT, {
     ENDED:        {Query: repeat(Status), Cancel: repeat(), End: repeat()},
 })
 
-# What a participant may say of its own accord. Refuse when Offered: the terms expired. Failed when Committed: it broke before
-# the start. Either, and Stranded when Compensating: the order to begin came too late. Completed when Stopping: it was quicker.
-# Stopped when Executing: it was cut off, or a person stopped it.
+# What a participant may send unasked. Refuse when Offered: the terms expired. Failed when Committed: it broke before the start. Refuse or
+# Failed, and Stranded when Compensating: the order to begin came too late. Completed when Stopping: the work was done before the Stop took
+# effect. Stopped when Executing: it lost the connection, or a person stopped it.
 PARTICIPANT_SENDS: Sends = {
     ARRANGING:    {Terms: OFFERED, Refuse: ENDED},
     OFFERED:      {Refuse: ENDED},
@@ -134,19 +135,19 @@ PARTICIPANT_SENDS: Sends = {
     COMPENSATING: {Progress: COMPENSATING, Compensated: COMPENSATED, Stranded: STRANDED},
 }
 
-# Whoever works, or reports work, without a contract is sent home.
+# A participant that works, or reports work, without a contract is ended.
 _UNKNOWN: dict[MessageType, Entry] = {
     Progress: move(ENDED, End), Completed: move(ENDED, End), Failed: move(ENDED, End), Stopped: move(ENDED, End),
     Compensated: move(ENDED, End), Stranded: move(ENDED, End),
 }
-# An answer to anyone who has not heard that it is over.
+# The answer to a participant that does not know yet that the session has ended.
 _ENDED_ROW: dict[MessageType, Entry] = dict.fromkeys((Terms, Progress, Completed, Failed, Stopped, Compensated, Stranded), repeat(End))
 
 COORDINATOR: Table = _complete(COORDINATOR_STATES, TO_COORDINATOR, {
     NEW:          {**_UNKNOWN, Terms: move(ENDED, Cancel)},
     ARRANGING:    {**_UNKNOWN, Terms: move(OFFERED), Refuse: move(ENDED), Fault: move(ENDED, Cancel), Status: repeat()},
     OFFERED:      {**_UNKNOWN, Terms: repeat(), Refuse: move(ENDED), Fault: move(ENDED, Cancel), Status: repeat()},
-    # Refuse from here on: the terms had expired before the Accept came, and nothing was or will be started.
+    # Refuse, here and below: the terms had expired before the Accept came; nothing was or will be started.
     COMMITTED:    {Terms: repeat(), Refuse: move(ENDED), Failed: move(FAILED), Status: repeat(), Fault: move(FAILED)},
     EXECUTING:    {Refuse: move(ENDED), Progress: move(EXECUTING), Completed: move(COMPLETED), Failed: move(FAILED), Stopped: move(STOPPED),
                    Status: repeat(), Fault: move(FAILED)},
@@ -159,16 +160,16 @@ COORDINATOR: Table = _complete(COORDINATOR_STATES, TO_COORDINATOR, {
     COMPENSATING: {Progress: move(COMPENSATING), Compensated: move(COMPENSATED), Stranded: move(STRANDED), Status: repeat(),
                    Fault: move(STRANDED)},
     COMPENSATED:  {Compensated: repeat(), Status: repeat()},
-    # Compensated: it had been silent for too long.
+    # Compensated: the participant had been silent for too long.
     STRANDED:     {Compensated: move(COMPENSATED), Stranded: repeat(), Status: repeat()},
     ENDED:        _ENDED_ROW,
-    # One that was given up came back. Its step may be another's by now, so if it works it must stop; its report is the truth.
+    # A participant that was given up answers again. Another service may have its step, so it must stop if it works; its report is accepted.
     UNREACHABLE:  {Refuse: move(ENDED), Progress: move(STOPPING, Stop), Completed: move(COMPLETED), Failed: move(FAILED),
                    Stopped: move(STOPPED), Status: repeat()},
 })
 
-# What a coordinator may say of its own accord; Query besides, once it has said anything. Execute when Executing, Compensate when
-# Compensating: it was not reached in time by the one before.
+# What a coordinator may send unasked; also a Query, once it has sent anything. Execute when Executing, and Compensate when Compensating:
+# the one before did not reach the participant in time.
 COORDINATOR_SENDS: Sends = {
     NEW:          {Arrange: ARRANGING},
     ARRANGING:    {Cancel: ENDED},
@@ -186,20 +187,20 @@ COORDINATOR_SENDS: Sends = {
 # fmt: on
 
 ABANDONED_STATES: dict[State, State] = {**dict.fromkeys((COMMITTED, EXECUTING, STOPPING), UNREACHABLE), COMPENSATING: STRANDED}
-"""The coordinator's move, in the states in which it waits for a participant with a contract, when that one stays silent.
+"""The state to which the coordinator moves when a participant with a contract stays silent, by the present state.
 
-An undoing of which nothing is heard counts as one that failed. Were it Unreachable, a late sign of life from the work before would
-have it told to stop, and it would be waited for, although it may never have begun to undo."""
+A silent compensation counts as a failed one. If it became Unreachable, a late heartbeat from the work before would make the coordinator
+send a Stop and wait for the participant, although it may never have begun to undo.
+"""
 
 CONTRACTED = frozenset((COMMITTED, EXECUTING, STOPPING, COMPENSATING, UNREACHABLE))
-"""The coordinator's states in which a participant owes it something."""
+"""The coordinator's states in which a participant has a contract and has not reported its end."""
 
 WORKING = frozenset((EXECUTING, STOPPING, COMPENSATING))
 """The states in which a participant's device may be moving."""
 
 HOLDING_STATES = frozenset((COMMITTED, EXECUTING, STOPPING, COMPENSATING))
-"""The coordinator's states in which the step is this participant's. While one is in them, no other is accepted for the step."""
+"""The coordinator's states in which the participant holds the step. Meanwhile no other participant is accepted for it."""
 
 RESUMES: dict[State, MessageType] = {EXECUTING: Failed, STOPPING: Stopped, COMPENSATING: Stranded}
-"""What a participant reports that was restarted, or could reach nobody, in the middle of its work, once its device is in a safe
-state."""
+"""What a participant reports after a restart or a lost connection in the middle of its work, once its device is in a safe state."""

@@ -1,1 +1,1 @@
-"""All messages: the envelope (WS-Addressing), and the bodies by who takes them."""
+"""All messages: the envelope (WS-Addressing) and the bodies, by protocol."""

@@ -36,7 +36,7 @@ OrderBody = (
     | orders.SubscribeOrders | orders.OrdersSubscribed | orders.OrdersChanged
 )  # fmt: skip
 if TYPE_CHECKING:
-    # For a checker of types it is what they all are: so many alternatives would take it half of its time.
+    # For type checkers, `Body` is the common base class: checking a union of this size would take half of their time.
     Body = MessageBody
 else:
     Body = FrpBody | DirectoryBody | KnowledgeBody | ClientBody | OrderBody
@@ -79,7 +79,7 @@ REQUESTS: dict[type[Body], tuple[type[Body], ...]] = {
     orders.SubscribeOrders: (orders.OrdersSubscribed,),
     frp.Query: (frp.Status,),
 }
-"""What is always answered, and by what; a Fault besides. All else is one-way."""
+"""The requests that are always answered, with their answers; a Fault may come instead. All other messages are one-way."""
 
 REPORTS: dict[type[Body], tuple[type[Body], ...]] = {
     frp.Arrange: (frp.Terms, frp.Refuse),
@@ -87,4 +87,4 @@ REPORTS: dict[type[Body], tuple[type[Body], ...]] = {
     frp.Stop: (frp.Stopped, frp.Completed, frp.Failed),
     frp.Compensate: (frp.Compensated, frp.Stranded),
 }
-"""What a coordinator tells a participant to do, and how the participant may say what came of it."""
+"""The orders of a coordinator, with the reports that a participant may answer them with."""

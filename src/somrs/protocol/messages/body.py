@@ -1,4 +1,4 @@
-"""What all bodies of messages are."""
+"""The base class of all message bodies."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The bodies between clients (people's windows, command line, other programs) and a Task Manager."""
+"""The bodies between clients (windows, command line, other programs) and a Task Manager."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ class Policy(StrEnum):
     """How arrangement chooses among Terms."""
 
     PRICE = "price"
-    """The cheapest; the quicker of two that cost the same."""
+    """The lowest price; at equal prices, the earliest finish."""
     TIME = "time"
-    """The one that is done first; the cheaper of two that are as quick."""
+    """The earliest finish; at equal times, the lowest price."""
     WEIGHTED = "weighted"
-    """The least price plus what its time is worth (`time_value` per second)."""
+    """The lowest sum of the price and the value of the time (`time_value` per second)."""
 
 
 class Phase(StrEnum):
@@ -28,21 +28,23 @@ class Phase(StrEnum):
 
     PLANNING = "planning"
     WAITING = "waiting"
-    """For another task, which has what this one needs."""
+    """For another task, which has reserved objects that this task needs."""
     ARRANGING = "arranging"
     EXECUTING = "executing"
     RECOVERING = "recovering"
-    """Stopping what runs, or waiting for what a failure left to be known."""
+    """Stopping the services that run, or finding out what a failure left."""
     COMPENSATING = "compensating"
     """Undoing what was done."""
     ENDED = "ended"
 
 
 class Submit(MessageBody, frozen=True, kw_only=True, tag=True):
-    """A task: make `effect` true. `precondition` is the initial situation, if the client wants to state it. `deadline` in
-    seconds from now. `time_value`: what a second is worth, in the currency of the terms, for the weighted policy. `handlers`
-    go before those that come with service types. `priority`: of tasks that wait for the same things, or for the same devices,
-    the one with the higher number goes first; what is under way is not interrupted."""
+    """State a task: make `effect` true.
+
+    `precondition` is the initial situation, if the client states it. `deadline` is in seconds from now. `time_value` is the value of a
+    second, in the currency of the terms, for the weighted policy. `handlers` take precedence over those of the service types. `priority`:
+    among tasks that wait for the same objects or devices, the one with the higher number goes first; work under way is not interrupted.
+    """
 
     effect: str
     precondition: str | None = None
@@ -58,7 +60,7 @@ class Submitted(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class TaskRejected(MessageBody, frozen=True, kw_only=True, tag=True):
-    """The task is not one: what is wrong with it."""
+    """The task is not valid, and why."""
 
     problem: str
 
@@ -73,8 +75,11 @@ class Cancelling(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class StepView(Struct, frozen=True, kw_only=True):
-    """One node of the plan. `after` are the ids of the steps that enable it, `because` the facts they bring about, and `brought_by`, for
-    each of these facts, which of the steps."""
+    """A step of the plan.
+
+    `after` are the ids of the steps that enable it, `because` the facts that these bring about, and `brought_by` the step for each of these
+    facts.
+    """
 
     step: str
     service_type: str
@@ -90,9 +95,12 @@ class StepView(Struct, frozen=True, kw_only=True):
 
 
 class WorkView(Struct, frozen=True, kw_only=True):
-    """What a service did, or began to do, in a task. `state` is what became of it in the end: Completed, Failed, Stopped,
-    Unreachable, or, once it had to be undone, Compensated or Stranded; `result` how it ended before that, and `ended` when.
-    `situation` is what it left; `before` what its undoing restores."""
+    """The work of one service in a task, from its start.
+
+    `state` is the final one: Completed, Failed, Stopped or Unreachable, or Compensated or Stranded after an attempt to undo it. `result` is
+    the state in which the work itself ended, and `ended` the time. `situation` holds after the work; `before` is the situation that a
+    compensation restores.
+    """
 
     step: str
     service: str
@@ -109,7 +117,7 @@ class WorkView(Struct, frozen=True, kw_only=True):
 
 
 class TaskView(Struct, frozen=True, kw_only=True):
-    """A task as it is: what was wanted by whom, how far it is, and what was done. `deadline` in seconds from `submitted_at`."""
+    """A task as it is now: the goal, the client, the phase and the work done. `deadline` is in seconds from `submitted_at`."""
 
     task: str
     effect: str
@@ -119,10 +127,10 @@ class TaskView(Struct, frozen=True, kw_only=True):
     ended_at: float | None = None
     explanation: str = ""
     reasons: tuple[str, ...] = ()
-    """The explanation, each reason by itself."""
+    """The reasons of which the explanation consists."""
     steps: tuple[StepView, ...] = ()
     work: tuple[WorkView, ...] = ()
-    """All that services did, in the order in which they began, in this plan and those before."""
+    """The work of all services, in the order in which it began, of this plan and of earlier ones."""
     client: str = ""
     precondition: str | None = None
     policy: Policy = Policy.PRICE
@@ -133,8 +141,11 @@ class TaskView(Struct, frozen=True, kw_only=True):
 
 
 class TaskRow(Struct, frozen=True, kw_only=True):
-    """A task in a list. `deadline` in seconds from `submitted_at`; `fraction`: how much of its plan is done, by the number of steps;
-    `setbacks`: how often something went wrong."""
+    """A task in a list.
+
+    `deadline` is in seconds from `submitted_at`; `fraction` is the part of the plan that is done, by the number of steps; `setbacks` counts
+    what went wrong.
+    """
 
     task: str
     effect: str
@@ -144,7 +155,7 @@ class TaskRow(Struct, frozen=True, kw_only=True):
     ended_at: float | None = None
     explanation: str = ""
     reasons: tuple[str, ...] = ()
-    """The explanation, each reason by itself."""
+    """The reasons of which the explanation consists."""
     client: str = ""
     deadline: float | None = None
     priority: int = 0
@@ -153,12 +164,14 @@ class TaskRow(Struct, frozen=True, kw_only=True):
     fraction: float = 0.0
     setbacks: int = 0
     services: tuple[str, ...] = ()
-    """Those that are at work now."""
+    """The services that are working now."""
 
 
 class ReadTasks(MessageBody, frozen=True, kw_only=True, tag=True):
-    """The tasks that this Task Manager knows, newest first, up to `limit`: all, or those that are not over yet (`running`).
-    `behind`: those behind this one in that order."""
+    """Read the tasks that this Task Manager knows, newest first, up to `limit`.
+
+    `running`: only those that are not over. `behind`: only those after this task in that order.
+    """
 
     limit: int = 50
     running: bool = False
@@ -166,25 +179,31 @@ class ReadTasks(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class Tasks(MessageBody, frozen=True, kw_only=True, tag=True):
-    """`more`: there are older ones. A page ends early when it becomes too long for a message. Of a plan that is too long for one by itself,
-    the first steps come; TaskNews has them all."""
+    """A page of tasks. `more`: there are older tasks.
+
+    A page ends early when it becomes too long for a message. If a single plan is too long, the page has its first steps; TaskNews has all.
+    """
 
     tasks: tuple[TaskView, ...]
     more: bool = False
 
 
 class WatchTasks(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Answer as soon as a task changed after the change of number `after`, or there is a new one; at the latest after `wait` seconds. 0:
-    all tasks that are known."""
+    """Wait for a change of any task after the change with the number `after`; answer after `wait` seconds at the latest.
+
+    With `after` 0, the answer has all known tasks.
+    """
 
     after: int = 0
     wait: float = 20.0
 
 
 class TasksNews(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Those that changed, as they are now, in the order in which they did. `version`: the number of the last of these changes; ask for
-    those after it. `more`: there are some already. `begun`: since when tasks are known here; when that is another than before, what was
-    heard before is out of date."""
+    """The tasks that changed, as they are now, in the order of their changes.
+
+    `version` is the number of the last of these changes: request the later ones with `after`. `more`: there are later ones already. `begun`
+    is the time from which this Task Manager knows tasks; when it differs from the one before, earlier answers are out of date.
+    """
 
     rows: tuple[TaskRow, ...]
     version: int
@@ -193,8 +212,11 @@ class TasksNews(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class TaskEvent(Struct, frozen=True, kw_only=True):
-    """Something that happened to a task: `number` counts from 1, `at` in seconds since 1970. `event` is what happened, for programs;
-    `text` says it, for people; `goal` is what its step is done for. Records of SO-MRS 0.1 have the text only, those of 0.2.0 no goal."""
+    """An event in the life of a task.
+
+    `number` counts from 1; `at` is in seconds since 1970. `event` is the event as data; `text` is the same as a sentence, for people;
+    `goal` is what the step is done for. Records of SO-MRS 0.1 have the text only; those of 0.2.0 have no goal.
+    """
 
     number: int
     at: float
@@ -206,9 +228,11 @@ class TaskEvent(Struct, frozen=True, kw_only=True):
 
 
 class ContractView(Struct, frozen=True, kw_only=True):
-    """A participant of a task: the service, the step, the terms that it gave, whether they were accepted, and the state that it is in, or
-    was in when the task ended; if it left before (Ended), the reason, such as that another was chosen. `start`, `finish`: from when
-    until when it would do the step, or is to do it, as was known when terms were chosen."""
+    """A participant of a task: the service, the step, its terms, whether they were accepted, and its present or last state.
+
+    `reason`: why it left before the end (Ended), for example because another service was chosen. `start` and `finish`: the time of the
+    step, as known when the terms were chosen.
+    """
 
     participant: str
     service: str
@@ -223,15 +247,17 @@ class ContractView(Struct, frozen=True, kw_only=True):
     start: float | None = None
     finish: float | None = None
     number: int = 0
-    """In the order in which they were asked."""
+    """The position in the order in which the services were requested."""
     refused: bool | None = None
-    """Whether it answered that it does not do the step; SO-MRS 0.1 did not keep that."""
+    """Whether the service refused the step; None in records of SO-MRS 0.1."""
 
 
 class WatchTask(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Answer as soon as there is an event behind number `after`, at the latest after `wait` seconds. With `messages`, also as soon as
-    there are more messages of the protocol than so many; with `contracts`, also as soon as one changed after the change of that number.
-    `parts`: of the view's steps and work, in this order, those behind the first so many."""
+    """Wait for an event after the number `after`; answer after `wait` seconds at the latest.
+
+    `messages`: answer also as soon as there are more messages of the protocol than this. `contracts`: answer also as soon as a contract
+    changed after the change with this number. `parts`: omit this many of the view's steps and work, counted in this order.
+    """
 
     task: str
     after: int = 0
@@ -242,9 +268,12 @@ class WatchTask(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class TaskNews(MessageBody, frozen=True, kw_only=True, tag=True):
-    """`more`: there are events, or contracts, behind these already. `rest`: the view is too long for one message; ask again for its
-    `parts` behind so many. `messages`: how many there are. `contracts`: those that changed, if they were asked for, and `contracts_at` the
-    number of the last of these changes. Of a task that is over, its record has contracts and messages."""
+    """The task and its news.
+
+    `more`: there are further events or contracts. `rest`: the view is too long for one message; request the others with `parts` set to this
+    number. `messages` is their count. `contracts` are those that changed, if they were requested, and `contracts_at` is the number of the
+    last of these changes. When a task is over, its contracts and messages are in its record.
+    """
 
     view: TaskView
     events: tuple[TaskEvent, ...]
@@ -256,8 +285,11 @@ class TaskNews(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class Preview(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Plan, but do not carry it out. With `quotes`, services are asked for their terms, too, which nobody accepts; the best are chosen as
-    they would be in a task with this `policy`, `time_value` and `deadline`."""
+    """Plan a task without executing it.
+
+    With `quotes`, the answer has the terms of services, without contracts. The best terms are chosen as in a task with this `policy`,
+    `time_value` and `deadline`.
+    """
 
     effect: str
     precondition: str | None = None
@@ -269,8 +301,11 @@ class Preview(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class Quotation(Struct, frozen=True, kw_only=True):
-    """What a service answered when it was asked for a step: its terms, or (`reason`) why it gave none. `start` and `finish` in seconds from
-    the preview. `chosen`: it would get the step. `estimate`: it was not asked now; this is what it asked last."""
+    """The answer of a service to a request for terms: the terms, or the `reason` why there are none.
+
+    `start` and `finish` are in seconds from the preview. `chosen`: it would get the step. `estimate`: it received no request now; these are
+    its latest terms.
+    """
 
     step: str
     service: str
@@ -285,34 +320,36 @@ class Quotation(Struct, frozen=True, kw_only=True):
 
 
 class Obstacle(StrEnum):
-    """What stands in the way of a plan."""
+    """Why there is no plan."""
 
     NO_SERVICE_TYPE = "no-service-type"
-    """No service type that is known brings it about."""
+    """No known service type brings about the goal."""
     NOT_OFFERED = "not-offered"
-    """Nobody offers a service that would bring it about."""
+    """The Registry has no offer of a service that would bring about the goal."""
     PROMISED = "promised"
-    """Who, or what, it takes is promised to other tasks, or nobody knows what state it is in."""
+    """The services or objects that a plan needs are reserved by other tasks, or their state is unknown."""
     PRECONDITION = "precondition"
-    """The map denies what the client says of the beginning."""
+    """The map contradicts the precondition of the client."""
     NO_OBJECT = "no-object"
-    """There is no object of such a name on the map."""
+    """The map has no object of this name."""
     TWO_PLACES = "two-places"
-    """Something would be in two places at a time."""
+    """An object would be in two places at the same time."""
 
 
 class Previewed(MessageBody, frozen=True, kw_only=True, tag=True):
-    """The steps of the plan; or none, and why there is none: no steps and no `reasons` mean that it is so already. `waits`: a task would
-    wait for others first, and for whom. With quotes: what services answered, in the order of the steps; the `price` of all steps together,
-    and in how many `seconds` the last of them would be done; None where nobody offers a step (`unserved`: which, and why), or in several
-    currencies."""
+    """The steps of the plan, or the `reasons` why there is none. No steps and no reasons: the goal already holds.
+
+    `waits`: the other tasks for which this one would wait. With quotes: the answers of the services in the order of the steps, the total
+    `price`, and the `seconds` until the last step would be done; None if no service offers a step (`unserved`: which, and why), or for
+    several currencies.
+    """
 
     steps: tuple[StepView, ...]
     explanation: str = ""
     reasons: tuple[str, ...] = ()
-    """The explanation, each reason by itself."""
+    """The reasons of which the explanation consists."""
     obstacles: tuple[Obstacle, ...] = ()
-    """What the reasons come to, for programs, as far as they are of these kinds."""
+    """The kinds of the reasons, for programs, as far as they are of a known kind."""
     waits: str = ""
     quotations: tuple[Quotation, ...] = ()
     price: float | None = None
@@ -337,14 +374,14 @@ class MessageView(Struct, frozen=True, kw_only=True):
 
 
 class ReadMessages(MessageBody, frozen=True, kw_only=True, tag=True):
-    """The messages of a task, whether it runs or is over, behind the first `after`, in the order in which they passed."""
+    """Read the messages of a task, running or over, in the order in which they passed, without the first `after`."""
 
     task: str
     after: int = 0
 
 
 class Messages(MessageBody, frozen=True, kw_only=True, tag=True):
-    """`more`: there are some behind these already."""
+    """A page of messages. `more`: there are further ones already."""
 
     messages: tuple[MessageView, ...]
     more: bool = False

@@ -1,4 +1,4 @@
-"""The bodies of the Service Registry's protocol: who offers what, until when."""
+"""The bodies of the Service Registry's protocol: the offers of services and their leases."""
 
 from __future__ import annotations
 
@@ -9,12 +9,15 @@ from somrs.ontology.types import Value
 from somrs.protocol.messages.body import MessageBody
 
 CAPACITY_ATTRIBUTE = "AtOnce"
-"""The attribute of a service whose device performs several services at the same time: so many. Without it, one at a time."""
+"""The attribute with the number of services that a device performs at the same time; without it, one."""
 
 
 class Offer(Struct, frozen=True, kw_only=True):
-    """One service of one device. `service` is its name in the whole system (`Robot1.TransferObject`), `provider` the
-    device's object in the map, `address` where its Service Manager listens. `attributes`: operation range, price, ..."""
+    """One service of one device.
+
+    `service` is its name in the whole system (`Robot1.TransferObject`), `provider` the device's object on the map, `address` that of its
+    Service Manager. `attributes` are such as the operation range and the price.
+    """
 
     service: str
     provider: str
@@ -25,7 +28,7 @@ class Offer(Struct, frozen=True, kw_only=True):
 
 
 class Publish(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Offer these services for `lease` seconds. Publishing again renews, and replaces what the provider offered."""
+    """Offer these services for `lease` seconds. A repeated Publish renews the lease and replaces the provider's offers."""
 
     provider: str
     offers: tuple[Offer, ...]
@@ -33,21 +36,21 @@ class Publish(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class Published(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Kept until `until`, on the Registry's clock; renew at the latest every `renew_within` seconds."""
+    """The offers are kept until `until`, on the Registry's clock; renew the lease at least every `renew_within` seconds."""
 
     until: float
     renew_within: float
 
 
 class Renew(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Still there: another lease. Answered by Published, or by a Fault when the Registry does not know the provider."""
+    """Renew the lease. The answer is Published, or a Fault when the Registry does not know the provider."""
 
     provider: str
     lease: float
 
 
 class Retract(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Withdraw a provider's services: those named, or all."""
+    """Withdraw the named services of a provider, or all."""
 
     provider: str
     services: tuple[str, ...] = ()
@@ -58,8 +61,11 @@ class Retracted(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class Discover(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Which services fit all that is given: a service type (its sub-types included), a provider, equal attributes, and a
-    formula that the service's effect can make true. `after` is the last service of the page before."""
+    """Find the services that match all given criteria.
+
+    The criteria are a service type (with its sub-types), a provider, equal attributes, and a formula that the service's effect can make
+    true. `after` is the last service of the page before.
+    """
 
     service_type: str | None = None
     provider: str | None = None
@@ -69,14 +75,14 @@ class Discover(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class Discovered(MessageBody, frozen=True, kw_only=True, tag=True):
-    """In the order of the services' names; `more` says whether another page follows."""
+    """The offers, by the names of the services. `more`: another page follows."""
 
     offers: tuple[Offer, ...]
     more: bool = False
 
 
 class SubscribeServices(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Tell the sender who comes and goes, for `lease` seconds."""
+    """Report to the sender, for `lease` seconds, which services join and leave."""
 
     lease: float
 
@@ -90,7 +96,7 @@ class ServicesJoined(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class ServicesLeft(MessageBody, frozen=True, kw_only=True, tag=True):
-    """`reason`: retracted, or expired (the device fell silent)."""
+    """Services left. `reason`: retracted, or expired (the lease was not renewed)."""
 
     services: tuple[str, ...]
     provider: str

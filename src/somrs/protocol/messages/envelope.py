@@ -1,4 +1,4 @@
-"""A message: a header, the same for all, and a body. The bodies are in `frp.py`, `directory.py`, `knowledge.py`, `clients.py`."""
+"""A message: a header, which is the same for all, and a body. The bodies are in the other modules of this package."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ VERSION = "1.0"
 """The version of the protocol, in every header."""
 
 ANONYMOUS = "http://www.w3.org/2005/08/addressing/anonymous"
-"""WS-Addressing 1.0 Core, 2.1: reply on the connection that the message came on."""
+"""WS-Addressing 1.0 Core, 2.1: reply on the connection on which the message came."""
 
 _NAMESPACE = uuid.UUID("6f1c9f0e-5a58-5b5e-9a36-50e4c0a0f5f1").bytes
 _VARIANT = {digit: "89ab"[int(digit, 16) % 4] for digit in "0123456789abcdef"}
 
 
 class Header(Struct, frozen=True, kw_only=True):
-    """Who says it to whom, and what it belongs to (paper, "Protocol for failure handling and recovery").
+    """The sender, the recipient, and what the message belongs to (paper, "Protocol for failure handling and recovery").
 
-    Addresses are URLs. `transaction` and `participant` are set in messages of the Failure Recovery Protocol only; they are
-    what messages are correlated by, together with `relates_to`.
+    Addresses are URLs. `transaction` and `participant` are set in messages of the Failure Recovery Protocol only; together with
+    `relates_to`, they correlate its messages.
     """
 
     sender: str
@@ -42,15 +42,15 @@ class Message(Struct, frozen=True, kw_only=True):
 
 
 def message_id(*parts: object) -> str:
-    """A deterministic id: the same parts give the same id, so that a message sent again is the same message."""
+    """Return a deterministic id: the same parts give the same id, so that a repeated message is the same message."""
     text = "/".join(map(str, parts))
     digest = sha1(_NAMESPACE + text.encode(), usedforsecurity=False).hexdigest()
-    # RFC 9562, 5.5: as `uuid.uuid5` does it, which makes an object of it first, and takes several times as long.
+    # RFC 9562, 5.5. `uuid.uuid5` returns the same value, but creates an object first and takes several times as long.
     return f"urn:uuid:{digest[:8]}-{digest[8:12]}-5{digest[13:16]}-{_VARIANT[digest[16]]}{digest[17:20]}-{digest[20:32]}"
 
 
 def normalised_id(text: str) -> str:
-    """`uuid:X` and `urn:uuid:X`, in either case, are one id."""
+    """Return the one form of an id: `uuid:X` and `urn:uuid:X`, in either case, are the same."""
     bare = text.strip()
     lowered = bare.lower()
     for prefix in ("urn:uuid:", "uuid:"):
@@ -60,7 +60,7 @@ def normalised_id(text: str) -> str:
 
 
 def reply(request: Message, body: Body, sender: str) -> Message:
-    """The answer to a message: to its ReplyTo, related to it, in the same transaction."""
+    """Return the reply to a message: addressed to its ReplyTo, related to it, in the same transaction."""
     header = request.header
     return Message(
         header=Header(

@@ -1,4 +1,4 @@
-"""Events of tasks as sentences, for people. No program reads them."""
+"""Sentences for the events of tasks, for people. No program parses them."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from somrs.protocol.messages.events import Event
 
 
 def join_reasons(reasons: Iterable[str]) -> str:
-    """Reasons on one line."""
+    """Join the reasons to one line."""
     return "; ".join(reasons)
 
 
 def waiting_text(event: events.WaitsForTasks) -> str:
-    """For whom a task waits, and for what."""
+    """Return for which tasks a task waits, and for which objects."""
     holders = " and ".join(f"task {task} ({goal})" for task, goal in event.tasks.items())
     return f"waiting for {holders} to end, which {'has' if len(event.tasks) == 1 else 'have'} {', '.join(event.objects)}"
 
 
 def sentence(event: Event) -> str:
-    """What happened."""
+    """Return the event as a sentence."""
     match event:
         case events.TaskStated(effect=effect):
             return f"task: {effect}"
@@ -31,11 +31,11 @@ def sentence(event: Event) -> str:
         case events.WaitsForTasks():
             return waiting_text(event)
         case events.GoesOn():
-            return "going on: what it waited for is free"
+            return "continuing: the objects it waited for are free"
         case events.Replanned(reasons=reasons):
-            return f"planning anew: {join_reasons(reasons)}"
+            return f"replanning: {join_reasons(reasons)}"
         case events.TriedOnceMore(services=services):
-            return f"there is no plan without {', '.join(services)}, which may try again"
+            return f"there is no plan without {', '.join(services)}; they may try again"
         case events.Stopping(reason=reason):
             return f"stopping: {reason}"
         case events.TaskEnded(outcome=outcome, reasons=reasons):
@@ -65,7 +65,7 @@ def _of_step(event: Event) -> str:
         case events.StepStopped(service=service):
             return f"{service} stopped"
         case events.FoundSo():
-            return "what it was to bring about is so"
+            return "the effect of the step holds after all"
         case _:
             return _of_failure(event)
 
@@ -83,7 +83,7 @@ def _of_failure(event: Event) -> str:
 
 
 def failure_text(event: events.ServiceFailure) -> str:
-    """What went wrong with a service, for a place where its name stands already."""
+    """Return what went wrong with a service, for a context that already names the service."""
     match event:
         case events.NotBegun(description=description):
             return f"did not begin: {description}"
@@ -96,9 +96,9 @@ def failure_text(event: events.ServiceFailure) -> str:
         case events.ServiceSilent():
             return "is silent; asking for its state"
         case events.ServiceOverdue(undoing=True):
-            return "takes far longer to undo it than it said; sending it home"
+            return "takes far too long to undo its work; releasing it"
         case events.ServiceOverdue():
-            return "takes far longer than it said; stopping it"
+            return "takes far longer than its terms say; stopping it"
         case events.ServiceLost():
             return f"{loss_text(event)}; nothing is known of what it left"
         case events.ReportRejected(problems=problems):
@@ -108,10 +108,10 @@ def failure_text(event: events.ServiceFailure) -> str:
 
 
 def loss_text(event: events.ServiceLost) -> str:
-    """Why nothing is known of what the service left."""
+    """Return why it is unknown what the service left."""
     if event.silent:
         return "fell silent while it worked"
-    return "did not say that it stopped" if event.stopping else "did not come to an end"
+    return "did not report that it stopped" if event.stopping else "did not come to an end"
 
 
 def _of_recovery(event: Event) -> str:
@@ -119,33 +119,33 @@ def _of_recovery(event: Event) -> str:
         case events.ServiceReplaced():
             return "replacing the service"
         case events.MayTryAgain(services=services):
-            return f"nobody else can do it: {', '.join(services)} may try again"
+            return f"no other service can do it: {', '.join(services)} may try again"
         case events.HandlerBegun(effect=effect):
-            return f"the step failed, and for that was laid down: {effect}"
+            return f"the step failed; its handler is to achieve: {effect}"
         case events.GoalFailed(goal=goal, step=step, reasons=reasons):
             return f"{goal} for {step}: {join_reasons(reasons)}"
         case events.LookBegun(service_type=service_type, object=object):
-            return f"{service_type}: somebody is to look at {object}"
+            return f"{service_type}: a service is to observe {object}"
         case events.LookFound(situation=situation):
-            return f"seen: {situation or 'nothing'}"
+            return f"observed: {situation or 'nothing'}"
         case events.NobodyLooks(object=object):
-            return f"nobody can look at {object}: nothing is assumed about it"
+            return f"no service can observe {object}: nothing is assumed about it"
         case events.KnownOtherwise(object=object, problems=problems):
-            return f"something else is known of {object} by now: {join_reasons(problems)}"
+            return f"the map has newer facts about {object}: {join_reasons(problems)}"
         case events.FailuresUndone(reasons=reasons):
             return f"{join_reasons(reasons)}; undoing what failed"
         case events.UndoneByHandler(effect=effect):
-            return f"undoing it by what was laid down: {effect}"
+            return f"undoing it by its handler: {effect}"
         case events.UndoneByService(service=service, situation=situation):
             return f"{service} is to restore {situation}"
         case events.UndoneByOthers(situation=situation):
-            return f"others are to restore {situation}"
+            return f"other services are to restore {situation}"
         case events.Compensated(service=service, situation=situation):
             return f"{service} compensated: {situation}"
         case events.WorkUndone():
             return "is undone"
         case events.WorkStranded(taken=True):
-            return "is not undone: another task has what it left"
+            return "is not undone: another task has reserved the objects"
         case events.WorkStranded(reason=reason):
-            return f"could not be undone: {reason or 'nobody restores it'}"
+            return f"could not be undone: {reason or 'no service restores it'}"
     raise AssertionError(f"there is no sentence for {type(event).__name__}")

@@ -1,7 +1,7 @@
-"""What happens to a task: a closed union. Programs read these; `event_text.py` says them in sentences, for people.
+"""The events of a task: a closed union. Programs read these; `event_text.py` makes sentences of them, for people.
 
-Services are named as in the whole system (`Robot1.TransferObject`); formulas are Entish; prices are in the currency of the terms and
-durations in seconds.
+Services have their names in the whole system (`Robot1.TransferObject`). Formulas are Entish. Prices are in the currency of the terms;
+durations are in seconds.
 """
 
 from __future__ import annotations
@@ -14,39 +14,39 @@ from somrs.protocol.messages.frp import Outcome
 
 
 class EventKind(StrEnum):
-    """What an event is in the life of a task."""
+    """The kind of an event in the life of a task."""
 
     NEWS = "news"
-    """It goes on."""
+    """The task proceeds."""
     SETBACK = "setback"
     """Something went wrong."""
     HANDLER = "handler"
-    """A procedure that was laid down for a failure is begun."""
+    """A handler for a failure begins."""
     REPLACE = "replace"
-    """The ladder's first rung: another service takes the step."""
+    """Another service takes the step."""
     REPLAN = "replan"
-    """Its second rung: a new plan, from how things are now."""
+    """A new plan is made from the present situation."""
     WAIT = "wait"
-    """It waits for another task, or goes on."""
+    """The task waits for another task, or continues."""
     LOOK = "look"
-    """A cognitive service is to find out, or found out, what a failure left."""
+    """A cognitive service observes, or observed, what a failure left."""
     UNDO = "undo"
-    """Its third and its last rung: what was done, or left, is undone."""
+    """What was done, or what a failure left, is undone."""
     END = "end"
     """The task is over."""
 
 
 class GoalKind(StrEnum):
-    """What a formula is made true for."""
+    """Why a formula is to be made true."""
 
     TASK = "task"
-    """It is what the client wants."""
+    """It is the client's goal."""
     HANDLER = "handler"
-    """A procedure that was laid down for a failure."""
+    """It is the goal of a handler for a failure."""
     LOOK = "look"
-    """Nobody knows what a failure left; a cognitive service is to find out."""
+    """The outcome of a failure is unknown; a cognitive service observes it."""
     UNDO = "undo"
-    """What was done is undone by other services than the one that did it."""
+    """Services other than the original one undo what was done."""
 
 
 # From the goal to the plan
@@ -57,24 +57,24 @@ class TaskStated(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True
 
 
 class Planned(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
-    """There is a plan of so many steps; 0: it is so already."""
+    """There is a plan with this number of steps; 0: the goal already holds."""
 
     steps: int
 
 
 class WaitsForTasks(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
-    """Other tasks have the objects that its plan needs. `tasks`: what each wants, by its id."""
+    """Other tasks have reserved objects that the plan needs. `tasks`: the goals of these tasks, by their ids."""
 
     tasks: dict[str, str]
     objects: tuple[str, ...]
 
 
 class GoesOn(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
-    """What it waited for is free."""
+    """The objects for which the task waited are free."""
 
 
 class Replanned(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
-    """A new plan is made, from how things are now."""
+    """A new plan is made from the present situation."""
 
     reasons: tuple[str, ...]
 
@@ -89,7 +89,7 @@ class TriedOnceMore(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=T
 
 
 class ServicesAsked(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
-    """They were asked for their terms for the step."""
+    """The services received a request for terms for the step."""
 
     services: tuple[str, ...]
 
@@ -107,7 +107,7 @@ class ServiceRefused(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=
 
 
 class ServiceChosen(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
-    """Its terms were accepted."""
+    """The terms of the service were accepted."""
 
     service: str
     price: float
@@ -119,7 +119,7 @@ class ServiceChosen(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=T
 
 
 class WaitsForDevice(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
-    """The device does something else first."""
+    """The device performs other work first."""
 
     device: str
 
@@ -129,7 +129,7 @@ class StepStarted(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=Tru
 
 
 class ProgressNoted(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
-    """A word of the service about its work."""
+    """A note of the service on its work, for people."""
 
     service: str
     note: str
@@ -145,7 +145,7 @@ class StepStopped(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=Tru
 
 
 class FoundSo(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
-    """What a failed step was to bring about is so."""
+    """The effect of a failed step holds."""
 
 
 # Failures
@@ -157,7 +157,7 @@ class NotBegun(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
 
 
 class StepFailed(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
-    """The service failed, with what it left, if it knows."""
+    """The service failed. `situation`: what it left, if it knows."""
 
     service: str
     description: str
@@ -165,7 +165,7 @@ class StepFailed(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True
 
 
 class ServiceFaulted(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
-    """It answered that it cannot take part any more."""
+    """The service answered that it can no longer take part."""
 
     service: str
     text: str
@@ -176,21 +176,23 @@ class ContractForgotten(Struct, frozen=True, kw_only=True, omit_defaults=True, t
 
 
 class ServiceSilent(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
-    """No sign of life came; it is asked for its state."""
+    """No heartbeat came; the Task Manager requests the state of the service."""
 
     service: str
 
 
 class ServiceOverdue(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
-    """It takes far longer than it said. `undoing`: what it takes so long for."""
+    """The service takes far longer than its terms say. `undoing`: to undo its work."""
 
     service: str
     undoing: bool = False
 
 
 class ServiceLost(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
-    """Nothing is known of what it left. `silent`: it fell silent; otherwise it did not come to an end, or (`stopping`) did not say that it
-    stopped."""
+    """It is unknown what the service left.
+
+    `silent`: it fell silent; otherwise it did not finish, or (`stopping`) did not report that it stopped.
+    """
 
     service: str
     silent: bool = False
@@ -198,7 +200,7 @@ class ServiceLost(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=Tru
 
 
 class ReportRejected(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
-    """The Repository rejects what the service reports."""
+    """The Repository rejects the situation that the service reports."""
 
     service: str
     problems: tuple[str, ...]
@@ -212,47 +214,47 @@ class ServiceReplaced(Struct, frozen=True, kw_only=True, omit_defaults=True, tag
 
 
 class MayTryAgain(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
-    """Nobody else can do the step: those that failed are asked again."""
+    """No other service can do the step; the services that failed are requested again."""
 
     services: tuple[str, ...]
 
 
 class HandlerBegun(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
-    """The step failed, and this was laid down for that."""
+    """The step failed; a handler with this effect begins."""
 
     effect: str
 
 
 class GoalFailed(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
-    """What was pursued beside the task's own goal cannot be had."""
+    """A goal besides the task's own cannot be achieved."""
 
     goal: GoalKind
     step: str
-    """For which it was pursued."""
+    """The step for which the goal was set."""
     reasons: tuple[str, ...]
 
 
 class LookBegun(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
-    """Somebody is to look at the object, by a service of this type."""
+    """A service of this type is to observe the object."""
 
     service_type: str
     object: str
 
 
 class LookFound(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
-    """Whoever looked saw this; None: nothing was said."""
+    """The result of an observation; None: the service reported no situation."""
 
     situation: str | None = None
 
 
 class NobodyLooks(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
-    """Nobody can look at the object: nothing is assumed about it."""
+    """No service can observe the object; nothing is assumed about it."""
 
     object: str
 
 
 class KnownOtherwise(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
-    """The map says something else of the object by now."""
+    """The map has newer facts about the object."""
 
     object: str
     problems: tuple[str, ...]
@@ -265,7 +267,7 @@ class FailuresUndone(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=
 
 
 class UndoneByHandler(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
-    """Work is being undone by what was laid down for that."""
+    """A handler with this effect undoes the work."""
 
     effect: str
 
@@ -303,7 +305,7 @@ class WorkUndone(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True
 
 
 class WorkStranded(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
-    """The work is not undone. `taken`: another task has what it left; otherwise `reason` says why, if anybody did."""
+    """The work is not undone. `taken`: another task has reserved what it left; otherwise `reason` says why, if it is known."""
 
     taken: bool = False
     reason: str = ""
@@ -313,7 +315,7 @@ class WorkStranded(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=Tr
 
 
 class Stopping(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
-    """The client does not want it any more."""
+    """The client cancelled the task."""
 
     reason: str
 
@@ -337,7 +339,7 @@ ServiceFailure = (
     NotBegun | StepFailed | ServiceFaulted | ContractForgotten | ServiceSilent | ServiceOverdue | ServiceLost | ReportRejected
     | CompensationFailed
 )  # fmt: skip
-"""What goes wrong with a service."""
+"""What can go wrong with a service."""
 
 KINDS: dict[type[Event], EventKind] = {
     **dict.fromkeys((WaitsForTasks, GoesOn, WaitsForDevice), EventKind.WAIT),
@@ -355,7 +357,7 @@ KINDS: dict[type[Event], EventKind] = {
     **dict.fromkeys((FailuresUndone, UndoneByHandler, UndoneByService, UndoneByOthers, Compensated, WorkUndone), EventKind.UNDO),
     TaskEnded: EventKind.END,
 }  # fmt: skip
-"""What events are; all others are news."""
+"""The kinds of events; all other events are news."""
 
 
 def kind_of(event: Event) -> EventKind:

@@ -1,8 +1,9 @@
 """The bodies of the Failure Recovery Protocol, between a Task Manager (coordinator) and a service (participant).
 
-Formulas are Entish text. Times are seconds: `duration` and `reply_by` etc. on the clock of the coordinator's node.
+Formulas are Entish text. Times are in seconds on the clock of the coordinator's node.
 
-`begin_by`: an order that comes later than that is not obeyed, as its step may be another's by then. None: whenever it comes.
+`begin_by`: the participant does not carry out an order that comes later than this, because another service may have the step by then. None:
+no limit.
 """
 
 from __future__ import annotations
@@ -14,15 +15,15 @@ from somrs.protocol.messages.body import MessageBody
 
 
 class State(StrEnum):
-    """The states of a participant; the coordinator's view of it has `UNREACHABLE` besides."""
+    """The states of a participant. The coordinator's view of it also has `UNREACHABLE`."""
 
     NEW = "New"
-    """Nothing is known of it yet."""
+    """No message has come yet."""
     ARRANGING = "Arranging"
-    """Working out terms."""
+    """The participant works out its terms."""
     OFFERED = "Offered"
     COMMITTED = "Committed"
-    """Its terms were accepted."""
+    """The terms were accepted."""
     EXECUTING = "Executing"
     COMPLETED = "Completed"
     FAILED = "Failed"
@@ -31,10 +32,10 @@ class State(StrEnum):
     COMPENSATING = "Compensating"
     COMPENSATED = "Compensated"
     STRANDED = "Stranded"
-    """It could not be undone."""
+    """The work could not be undone."""
     ENDED = "Ended"
     UNREACHABLE = "Unreachable"
-    """The coordinator's view only: silent past every deadline."""
+    """In the coordinator's view only: the participant was silent past every deadline."""
 
 
 class Outcome(StrEnum):
@@ -46,7 +47,7 @@ class Outcome(StrEnum):
 
 
 class Arrange(MessageBody, frozen=True, kw_only=True, tag=True):
-    """The intention: can you, and on what terms? `inputs` are Entish terms by the service type's input names."""
+    """Request terms for a step. `inputs` are Entish terms, by the names of the service type's inputs."""
 
     service_type: str
     inputs: dict[str, str]
@@ -58,7 +59,7 @@ class Arrange(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class Terms(MessageBody, frozen=True, kw_only=True, tag=True):
-    """The commitment the service would enter. `price` in `currency`, `duration` in seconds."""
+    """The terms of a service. `price` is in `currency`, `duration` in seconds."""
 
     effect: str
     price: float
@@ -71,25 +72,25 @@ class Terms(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class Refuse(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Cannot, or will not."""
+    """The service cannot, or will not, do the step."""
 
     reason: str
 
 
 class Accept(MessageBody, frozen=True, kw_only=True, tag=True):
-    """The commitment holds. `terms` is the message id of the Terms."""
+    """Accept the terms: there is a contract. `terms` is the message id of the Terms."""
 
     terms: str
 
 
 class Cancel(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Leave before execution: a losing bid, or a plan that changed."""
+    """Leave before execution: another bid won, or the plan changed."""
 
     reason: str
 
 
 class Execute(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Start. `precondition` is the situation as it is now."""
+    """Start. `precondition` is the present situation."""
 
     inputs: dict[str, str]
     precondition: str | None = None
@@ -97,7 +98,7 @@ class Execute(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class Progress(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Monitoring and liveness: the fraction done (0 to 1), the situation if it changed, and a word for people."""
+    """Heartbeat and monitoring: the fraction done (0 to 1), the situation if it changed, and a note for people."""
 
     fraction: float
     situation: str | None = None
@@ -105,14 +106,14 @@ class Progress(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class Completed(MessageBody, frozen=True, kw_only=True, tag=True):
-    """The effect holds; this is the situation now."""
+    """The effect holds; `situation` is the present one."""
 
     situation: str
     outputs: dict[str, Value] = {}
 
 
 class Failed(MessageBody, frozen=True, kw_only=True, tag=True):
-    """The effect does not hold; here is what does, as far as it is known. `tried` FALSE: nothing was begun, and things are as they were."""
+    """The effect does not hold; `situation` holds instead, as far as it is known. `tried` FALSE: nothing was begun or changed."""
 
     description: str
     situation: str | None = None
@@ -126,26 +127,26 @@ class Stop(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class Stopped(MessageBody, frozen=True, kw_only=True, tag=True):
-    """It stopped, safely."""
+    """The service stopped in a safe state."""
 
     situation: str | None = None
 
 
 class Compensate(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Undo: the situation to restore, or an equivalent from which the task can go on."""
+    """Undo the work: restore the situation, or an equivalent from which the task can continue."""
 
     situation: str
     begin_by: float | None = None
 
 
 class Compensated(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Undone."""
+    """The work is undone."""
 
     situation: str
 
 
 class Stranded(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Could not be undone; a person or another service must. `tried` FALSE: nothing was done about it, and things are as they were."""
+    """The work could not be undone; a person or another service must. `tried` FALSE: nothing was attempted or changed."""
 
     description: str
     situation: str | None = None
@@ -153,24 +154,24 @@ class Stranded(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class Query(MessageBody, frozen=True, kw_only=True, tag=True):
-    """What state are you in?"""
+    """Request the state of the participant."""
 
 
 class Status(MessageBody, frozen=True, kw_only=True, tag=True):
-    """The state, and the id of the last message sent."""
+    """The state of the participant, and the id of the last message that it sent."""
 
     state: State
     last_message: str | None = None
 
 
 class End(MessageBody, frozen=True, kw_only=True, tag=True):
-    """The transaction is over for you."""
+    """The transaction is over for this participant."""
 
     outcome: Outcome
 
 
 class Fault(MessageBody, frozen=True, kw_only=True, tag=True):
-    """The message could not be processed (malformed, unknown version, not allowed). `code` is a SOAP fault (sub)code."""
+    """The message could not be processed (malformed, unknown version, not allowed). `code` is a SOAP fault code or subcode."""
 
     code: str
     text: str

@@ -1,7 +1,7 @@
-"""The bodies of the Repository's protocol: reading, asking and changing what is known of the environment.
+"""The bodies of the Repository's protocol: reads, queries and changes of the ontology and the map.
 
-Every change of the map or of the ontology has a version, counted from 1. Long answers come in pages: `after` is the last name
-of the page before, `more` says whether another follows.
+Every change of the map or of the ontology has a version, counted from 1. Long answers come in pages: `after` is the last name of the page
+before; `more` says whether another page follows.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from somrs.protocol.messages.body import MessageBody
 
 
 class Definitions(Struct, frozen=True, kw_only=True):
-    """Part of an ontology, by kind."""
+    """A part of an ontology, by kind."""
 
     attributes: tuple[AttributeType, ...] = ()
     relations: tuple[RelationType, ...] = ()
@@ -35,7 +35,7 @@ class Definitions(Struct, frozen=True, kw_only=True):
 
 
 def by_kind(definitions: Iterable[Definition]) -> Definitions:
-    """The definitions, sorted by what they define."""
+    """Group the definitions by kind."""
     definition_list = list(definitions)
     return Definitions(
         attributes=tuple(d for d in definition_list if isinstance(d, AttributeType)),
@@ -47,14 +47,14 @@ def by_kind(definitions: Iterable[Definition]) -> Definitions:
 
 
 class ReadOntology(MessageBody, frozen=True, kw_only=True, tag=True):
-    """A page of definitions, starting behind the first `after`; as they are now, or as they were `at_version`."""
+    """Read a page of definitions, without the first `after`, as they are now or as they were `at_version`."""
 
     after: int = 0
     at_version: int | None = None
 
 
 class OntologyPage(MessageBody, frozen=True, kw_only=True, tag=True):
-    """`changed_at` is the version in which the ontology changed last: pages with others in it do not belong together."""
+    """A page of definitions. `changed_at` is the version of the last change of the ontology; pages with different values do not match."""
 
     definitions: Definitions
     version: int
@@ -64,11 +64,11 @@ class OntologyPage(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class Define(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Change the ontology. First, some definitions are `removed`; then, others are `renamed`, everywhere where they are spoken of, on the
-    map too; then `definitions` are added, or replace those of the same names: they use the new names.
+    """Change the ontology: remove definitions (`removed`), then rename others (`renamed`), then add or replace `definitions`.
 
-    All or nothing: the ontology must make sense, and the map must conform. `expected_version`: only if none of the definitions of which
-    it says something changed after that version.
+    Renaming covers all references, also on the map; `definitions` use the new names. The change is made completely or not at all: the
+    ontology must be consistent, and the map must conform to it. `expected_version`: make the change only if none of its definitions changed
+    after that version.
     """
 
     definitions: Definitions = Definitions()
@@ -79,14 +79,16 @@ class Define(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class Defined(MessageBody, frozen=True, kw_only=True, tag=True):
-    """On disk. `version` is the version with the change in it."""
+    """The change is on disk. `version` is the version with the change."""
 
     version: int
 
 
 class ReadMap(MessageBody, frozen=True, kw_only=True, tag=True):
-    """A page of objects in the order of their names, with the facts whose first argument is on the page; as it is now, or as it
-    was `at_version`."""
+    """Read a page of objects in the order of their names, with the facts whose first argument is on the page.
+
+    `at_version`: as they were in that version; None: as they are now.
+    """
 
     after: str = ""
     at_version: int | None = None
@@ -100,20 +102,20 @@ class MapPage(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class QueryMap(MessageBody, frozen=True, kw_only=True, tag=True):
-    """For which objects does the formula hold?"""
+    """Find the objects for which the formula holds."""
 
     formula: str
     limit: int = 100
 
 
 class Row(Struct, frozen=True, kw_only=True):
-    """One way in which a formula holds: an object or value, as Entish, for each variable."""
+    """One solution of a formula: an object or value, as Entish, for each variable."""
 
     bindings: dict[str, str]
 
 
 class Rows(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Every way in which the formula holds, up to the limit; a formula without variables has one or none."""
+    """All solutions of the formula, up to the limit. A formula without variables has one or none."""
 
     rows: tuple[Row, ...]
     version: int
@@ -121,8 +123,11 @@ class Rows(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class UpdateMap(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Change the map: single changes, and a situation (a formula that holds now). All or nothing, checked against the types.
-    `expected_version`: only if no object of which it says something changed after that version; of a fact, that is the first."""
+    """Change the map: by single changes, and by a situation (a formula that holds now).
+
+    The update is checked against the types, and made completely or not at all. `expected_version`: make it only if none of its objects
+    changed after that version; the object of a fact is its first argument.
+    """
 
     changes: tuple[Change, ...] = ()
     situation: str | None = None
@@ -131,14 +136,16 @@ class UpdateMap(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class Updated(MessageBody, frozen=True, kw_only=True, tag=True):
-    """On disk. `version` is the map's version with the update in it."""
+    """The update is on disk. `version` is the map's version with the update."""
 
     version: int
 
 
 class RenameObject(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Give an object of the map another name, everywhere where it is spoken of: in facts, and in the ontology. All or nothing.
-    `expected_version`: only if it did not change after that version."""
+    """Rename an object of the map and all references to it, in facts and in the ontology, completely or not at all.
+
+    `expected_version`: rename it only if it did not change after that version.
+    """
 
     name: str
     to: str
@@ -147,7 +154,7 @@ class RenameObject(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class Undo(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Bring back what a version changed, if nothing changed it since. That is a change like any other, and can be undone itself."""
+    """Revert the changes of a version, if nothing has changed them since. This is a change like any other, and can be undone itself."""
 
     version: int
     author: str = ""
@@ -158,8 +165,10 @@ Alteration = Define | UpdateMap | RenameObject | Undo
 
 
 class BrokenRule(Struct, frozen=True, kw_only=True):
-    """What is wrong, and where. `subject` is what `section` names: a definition, an object, or a fact; `path` is the attribute or key in
-    it that is at fault."""
+    """A broken rule, and where it is broken.
+
+    `subject` is a definition, an object or a fact, as `section` says; `path` is the attribute or key in it.
+    """
 
     subject: str
     rule: str
@@ -169,7 +178,7 @@ class BrokenRule(Struct, frozen=True, kw_only=True):
 
 
 class Rejected(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Nothing was changed, and why: for people, and each by what it concerns. `version`: that of the map on which that was found out."""
+    """The change was rejected, with the problems as sentences for people, and as data. `version` is that of the map that was checked."""
 
     problems: tuple[str, ...]
     version: int | None = None
@@ -177,22 +186,26 @@ class Rejected(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class Consider(MessageBody, frozen=True, kw_only=True, tag=True):
-    """What would come of a change, if it were made now? Nothing is changed."""
+    """Report what a change would do, if it were made now. Nothing is changed."""
 
     change: Alteration
 
 
 class Revision(Struct, frozen=True, kw_only=True):
-    """What a change does to an ontology: the definitions that it changes, as they are before it and after it. What is in one of the
-    two only is removed or added, or has another name in the other."""
+    """The effect of a change on an ontology: the definitions that it changes, before and after it.
+
+    A definition in only one of the two is added, removed or renamed.
+    """
 
     before: Definitions = Definitions()
     after: Definitions = Definitions()
 
 
 class Considered(MessageBody, frozen=True, kw_only=True, tag=True):
-    """What would come of the change: the rules that would be `broken`, so that it would be rejected; what it would change in the
-    ontology; and how it would change the map. Of what is too long for a message, the first is told, and how many there are."""
+    """What the change would do: the rules that it would break (and be rejected for), and how it would change the ontology and the map.
+
+    Of a list that is too long for a message, the answer has the beginning, and the number of all entries.
+    """
 
     version: int
     broken: tuple[BrokenRule, ...] = ()
@@ -203,18 +216,19 @@ class Considered(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class ReadHistory(MessageBody, frozen=True, kw_only=True, tag=True):
-    """What happened to an object, newest first."""
+    """Read the events of an object, newest first."""
 
     object: str
     limit: int = 100
 
 
 class Event(Struct, frozen=True, kw_only=True):
-    """One change of the map or the ontology: who, when (seconds since 1970), which changes of the map, and which `revision` of the
-    ontology. `renamed`: what has another name since; `undoes`: the version that it undid.
+    """One change of the map or the ontology: its author, time (seconds since 1970), changes of the map, and `revision` of the ontology.
 
-    Whoever asks what happened hears more: `before` are the changes that lead back, in order; and of what is too long for a message, the
-    first `changes` are told (and `before`, and the `revision`, left out), and how many there are in `all_changes`.
+    `renamed`: what the change renamed; `undoes`: the version that it reverts.
+
+    In answers, `before` are the changes that revert the event, in order. Of an event that is too long for a message, the answer has the
+    first `changes` and their number in `all_changes`, without `before` and `revision`.
     """
 
     version: int
@@ -234,8 +248,10 @@ class History(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class ReadEvents(MessageBody, frozen=True, kw_only=True, tag=True):
-    """What happened to the map and the ontology, newest first, from the version before `before`; or, with `after`, oldest first, from
-    the version behind it. `ontology`: only what changed that; `brief`: without the changes, but how many they were."""
+    """Read the events of the map and the ontology: newest first, from before `before`, or oldest first, from after `after`.
+
+    `ontology`: only changes of the ontology. `brief`: the number of changes instead of the changes.
+    """
 
     before: int | None = None
     after: int | None = None
@@ -245,7 +261,7 @@ class ReadEvents(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class Events(MessageBody, frozen=True, kw_only=True, tag=True):
-    """A page of events, and whether there are more behind it. `since`: the first version at which the map is still known."""
+    """A page of events. `more`: another page follows. `since`: the first version at which the map is still known."""
 
     events: tuple[Event, ...]
     more: bool
@@ -264,14 +280,17 @@ class MapSubscribed(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class MapChanged(MessageBody, frozen=True, kw_only=True, tag=True):
-    """To subscribers. A gap between versions means that a message was lost: read the map again."""
+    """To subscribers: the map changed. A gap between versions means that a message was lost: read the map again."""
 
     event: Event
 
 
 class OntologyChanged(MessageBody, frozen=True, kw_only=True, tag=True):
-    """To subscribers: the definitions that were removed (or have another name now), then those that were added or replaced; how the map
-    changed with them; and what of both has another name. A gap between versions means that a message was lost."""
+    """To subscribers: the ontology changed.
+
+    `removed` are the definitions that were removed or renamed, `definitions` those that were added or replaced, `changes` those of the map,
+    and `renamed` the new names in both. A gap between versions means that a message was lost.
+    """
 
     definitions: Definitions
     version: int

@@ -1,4 +1,4 @@
-"""How long a lease lasts: what its holder asked for, within limits."""
+"""The duration of a lease: what the holder requests, within limits."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import math
 from somrs.errors import UsageError
 
 SHORTEST = 1.0
-"""Seconds; a shorter lease would be lost to one lost message."""
+"""In seconds. With a shorter lease, one lost message would lose the lease."""
 
 LONGEST = 3600.0
-"""Seconds; a longer one would keep the silent on the books all day."""
+"""In seconds. With a longer lease, a silent provider would stay registered for too long."""
 
 
 def grant_lease(requested: float) -> float:
-    """The lease in seconds. Raises UsageError for what is no duration."""
+    """Return the granted lease in seconds. Raises UsageError when `requested` is not a positive number."""
     if not math.isfinite(requested) or requested <= 0:
-        raise UsageError(f"a lease of {requested} s is not one: ask for {SHORTEST:.0f} to {LONGEST:.0f} seconds")
+        raise UsageError(f"a lease of {requested} s is not valid: request {SHORTEST:.0f} to {LONGEST:.0f} seconds")
     return min(max(requested, SHORTEST), LONGEST)

@@ -1,4 +1,4 @@
-"""What the Scheduler is asked and answers: templates of tasks, standing orders, and what came of each time at which one was due."""
+"""The bodies of the Scheduler's protocol: templates of tasks, standing orders, and their runs."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from somrs.protocol.messages.frp import Outcome
 BLANK = re.compile(r"{([^{}]*)}")
 """A blank in a formula of a template: its name in braces."""
 
-# When something is due
+# Schedules
 
 
 class Once(Struct, frozen=True, kw_only=True, tag=True):
-    """At this moment: seconds since 1970."""
+    """At this time, in seconds since 1970."""
 
     at: float
 
 
 class Every(Struct, frozen=True, kw_only=True, tag=True):
-    """Every so many minutes, counted from `since` (seconds since 1970), or from when the order was given."""
+    """Every `minutes` minutes from `since` (seconds since 1970), or from the time at which the order was saved."""
 
     minutes: float
     since: float | None = None
 
 
 class Daily(Struct, frozen=True, kw_only=True, tag=True):
-    """At `hh:mm` by local time, on these days of the week: 0 is Monday, 6 is Sunday; all, if none is said."""
+    """At `hh:mm` in local time, on these days of the week (0 is Monday, 6 is Sunday); without `days`, on all."""
 
     at: str
     days: tuple[int, ...] = ()
@@ -44,8 +44,10 @@ Schedule = Once | Every | Daily
 
 
 class Blank(Struct, frozen=True, kw_only=True):
-    """What is filled in: `{Thing}` in the formulas of the task. `type` is a type of the ontology, or `number`, `text` or `truth`;
-    `default` is taken when nothing is said."""
+    """A blank to fill in: `{Thing}` in the formulas of the task.
+
+    `type` is a type of the ontology, or `number`, `text` or `truth`; `default` is used when no value is given.
+    """
 
     name: str
     type: str = "Object"
@@ -54,7 +56,7 @@ class Blank(Struct, frozen=True, kw_only=True):
 
 
 class Template(Struct, frozen=True, kw_only=True):
-    """A task to be stated again and again. `version` counts its changes."""
+    """A task to be submitted repeatedly. `version` counts its changes."""
 
     name: str
     task: Submit
@@ -66,15 +68,18 @@ class Template(Struct, frozen=True, kw_only=True):
 
 
 class TemplatesPage(MessageBody, frozen=True, kw_only=True, tag=True):
-    """By name. `more`: there are others behind the last."""
+    """A page of templates, by name. `more`: another page follows."""
 
     templates: tuple[Template, ...]
     more: bool = False
 
 
 class TemplateSaved(Struct, frozen=True, kw_only=True):
-    """What is to be kept under a name. `expected_version`: the version that one saw (0: there was none of this name); if it is another by
-    now, somebody else changed it, and nothing is saved. None: whatever there is."""
+    """A template to save under a name.
+
+    `expected_version` is the version that the client read (0: there was none of this name). If the template has another version, another
+    client changed it, and it is not saved. None: save it in any case.
+    """
 
     task: Submit
     blanks: tuple[Blank, ...] = ()
@@ -84,14 +89,14 @@ class TemplateSaved(Struct, frozen=True, kw_only=True):
 
 
 class Filled(Struct, frozen=True, kw_only=True):
-    """What is written in the blanks, by their names. `by`: who states the task."""
+    """The values of the blanks, by their names. `by`: the client that submits the task."""
 
     values: dict[str, str] = {}
     by: str | None = None
 
 
 def fill_blanks(task: Submit, values: Mapping[str, str]) -> Submit:
-    """The task with these texts in place of its blanks."""
+    """Return the task with these texts in place of its blanks."""
 
     def write(formula: str | None) -> str | None:
         return fill_formula(formula, values) if formula is not None else None
@@ -107,7 +112,7 @@ def fill_blanks(task: Submit, values: Mapping[str, str]) -> Submit:
 
 
 def blanks_to_variables(template: Template) -> Submit:
-    """The task with a variable in the place of each blank: as far as its formulas are known before it is filled in."""
+    """Return the task with a variable in place of each blank: its formulas as far as they are known before it is filled in."""
     return fill_blanks(template.task, {blank.name: f"?{blank.name}" for blank in template.blanks})
 
 
@@ -122,19 +127,19 @@ class RunState(StrEnum):
     """What became of one time at which an order was due."""
 
     SUBMITTING = "submitting"
-    """Its task is being stated; the Task Manager may not be there."""
+    """The Scheduler is submitting the task; the Task Manager may not be available."""
     SUBMITTED = "submitted"
-    """Its task runs, or is over: then there is an outcome."""
+    """The task runs, or it is over and has an outcome."""
     SKIPPED = "skipped"
-    """The task before still ran."""
+    """The task of the run before was still running."""
     MISSED = "missed"
-    """Nobody was there to state it; it is not made up for."""
+    """The Scheduler was not running; the run is not made up for."""
     REFUSED = "refused"
-    """It could not be stated; `note` says why."""
+    """The task could not be submitted; `note` says why."""
 
 
 class Run(Struct, frozen=True, kw_only=True):
-    """One time at which an order was due. `times`: of those that were missed, so many are told of here together, and this was the last."""
+    """One time at which an order was due. `times`: the number of missed runs that this entry stands for; `due` is of the last."""
 
     due: float
     state: RunState
@@ -147,13 +152,15 @@ class Run(Struct, frozen=True, kw_only=True):
 
     @property
     def open(self) -> bool:
-        """Whether its task may be under way."""
+        """Whether its task may be running."""
         return self.state in (RunState.SUBMITTING, RunState.SUBMITTED) and self.ended_at is None
 
 
 class StandingOrder(Struct, frozen=True, kw_only=True):
-    """A task that is stated whenever it is due: its own, or a template's, with the blanks filled in. `next`: when it is due next (None:
-    never again, or it is paused). `version` counts its changes, not its runs."""
+    """A task that is submitted whenever it is due: its own task, or a template with its blanks filled in.
+
+    `next`: when it is due next; None: never again, or it is paused. `version` counts its changes, not its runs.
+    """
 
     id: str
     name: str
@@ -163,24 +170,24 @@ class StandingOrder(Struct, frozen=True, kw_only=True):
     values: dict[str, str] = {}
     enabled: bool = True
     skip: bool = True
-    """If the task before still runs, this time is skipped; otherwise both run."""
+    """If the task of the run before is still running, skip this run; otherwise both run."""
     next: float | None = None
     last: Run | None = None
     version: int = 0
     changed_at: float = 0.0
-    """Times that were before this do not count."""
+    """Due times before this do not count."""
     changed_by: str = ""
 
 
 class OrdersPage(MessageBody, frozen=True, kw_only=True, tag=True):
-    """By id. `more`: there are others behind the last."""
+    """A page of standing orders, by id. `more`: another page follows."""
 
     orders: tuple[StandingOrder, ...]
     more: bool = False
 
 
 class OrderSaved(Struct, frozen=True, kw_only=True):
-    """A standing order as it is to be: with a `task`, or a `template` and its `values`. `expected_version`: see templates."""
+    """A standing order to save: with a `task`, or with a `template` and its `values`. `expected_version`: as in `TemplateSaved`."""
 
     name: str
     when: Schedule
@@ -194,17 +201,17 @@ class OrderSaved(Struct, frozen=True, kw_only=True):
 
 
 class RunsPage(MessageBody, frozen=True, kw_only=True, tag=True):
-    """The times at which an order was due, the latest first. `more`: there are others before the last."""
+    """A page of the runs of an order, the latest first. `more`: there are earlier ones."""
 
     runs: tuple[Run, ...]
     more: bool = False
 
 
-# What is asked
+# Requests
 
 
 class ReadTemplates(MessageBody, frozen=True, kw_only=True, tag=True):
-    """All templates behind the name `after`, or the one of this name."""
+    """Read the templates after the name `after`, or the template with this name."""
 
     after: str = ""
     name: str | None = None
@@ -216,7 +223,7 @@ class SaveTemplate(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class RenameTemplate(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Give a template another name; the orders that use it know it by the new one."""
+    """Rename a template. The orders that use it follow."""
 
     name: str
     to: str
@@ -236,7 +243,7 @@ class TemplateKept(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class FillTemplate(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Which task is a template, with its blanks filled in? Nothing is stated."""
+    """Return the task of a template with its blanks filled in. Nothing is submitted."""
 
     name: str
     values: dict[str, str] = {}
@@ -247,21 +254,21 @@ class TemplateFilled(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class ReadOrders(MessageBody, frozen=True, kw_only=True, tag=True):
-    """All standing orders behind the id `after`, or the one of this id."""
+    """Read the standing orders after the id `after`, or the order with this id."""
 
     after: str = ""
     id: str | None = None
 
 
 class SaveOrder(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Give a standing order, or change the one of this id."""
+    """Save a new standing order, or change the one with this id."""
 
     saved: OrderSaved
     id: str | None = None
 
 
 class TurnOrder(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Let an order rest, or go on."""
+    """Pause an order, or resume it."""
 
     id: str
     enabled: bool
@@ -269,7 +276,7 @@ class TurnOrder(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class RemoveOrder(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Take an order back. Its task, if one runs, goes on."""
+    """Remove an order. Its task, if one is running, continues."""
 
     id: str
     expected_version: int | None = None
@@ -284,7 +291,7 @@ class NoLongerKept(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class ReadRuns(MessageBody, frozen=True, kw_only=True, tag=True):
-    """When an order was due, earlier than `before`."""
+    """Read the runs of an order that were due before `before`."""
 
     id: str
     limit: int = 50
@@ -292,7 +299,10 @@ class ReadRuns(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class OrdersRejected(MessageBody, frozen=True, kw_only=True, tag=True):
-    """It was not done, and why, for people; `error` names the sort for programs. `position`: where in the formula, which is `text`."""
+    """The request was rejected, with the problem as a sentence for people; `error` is its kind, for programs.
+
+    `position` is the place in the formula `text`.
+    """
 
     problem: str
     error: str = ""
@@ -305,20 +315,20 @@ class OrdersRejected(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class SubscribeOrders(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Tell me when templates or orders change, for so many seconds."""
+    """Report to the sender, for `lease` seconds, that templates or orders change."""
 
     lease: float
 
 
 class OrdersSubscribed(MessageBody, frozen=True, kw_only=True, tag=True):
-    """`begun`: when this Scheduler was started; what was before, a subscriber may have missed."""
+    """The subscription. `begun` is when this Scheduler started; the subscriber may have missed earlier changes."""
 
     until: float
     begun: float
 
 
 class OrdersChanged(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Templates, or orders and their runs, are others than before: read them again."""
+    """To subscribers: templates, or orders and their runs, changed. Read them again."""
 
     templates: bool = False
     orders: bool = False

@@ -1,7 +1,7 @@
-"""Cutting long answers into pages that a node accepts.
+"""Split long answers into pages that a node accepts.
 
-A node refuses documents of more than 256 kB. What is counted here is JSON, of which the XML on the wire is up to about five
-times as long, because each small value gets an element with a name of its own.
+A node refuses documents of more than 256 KiB. The limit here counts JSON. The XML on the wire is up to about five times as long, because
+each small value has an element of its own.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import TypeVar
 import msgspec
 
 PAGE_BYTES = 40_000
-"""As JSON. One thing that is larger than this still gets a page, to itself."""
+"""The size of a page as JSON. A single larger item has a page to itself."""
 
 PAGE_ITEMS = 200
 
@@ -21,12 +21,12 @@ T = TypeVar("T")
 
 
 def size(value: object) -> int:
-    """The bytes of the value as JSON."""
+    """Return the size of the value as JSON, in bytes."""
     return len(msgspec.json.encode(value))
 
 
 def fit_page(items: Iterable[T], limit: int = PAGE_ITEMS, max_bytes: int = PAGE_BYTES) -> Iterator[T]:
-    """As many of the first items as go on one page; the first one in any case."""
+    """Yield the first items, as many as fit on one page; at least one."""
     used_bytes = 0
     for number, item in enumerate(islice(items, limit)):
         used_bytes += size(item)

@@ -1,20 +1,20 @@
-"""Who asks, and who changed something: as it is recorded, and as people know them."""
+"""The names of clients and authors: as recorded, and as people know them."""
 
 from __future__ import annotations
 
 from urllib.parse import quote, unquote
 
 CLIENT = "urn:so-mrs:client:"
-"""Before the name of one who asks, and has no address: answers come on the connection."""
+"""The prefix of a client without an address; answers go back on the connection."""
 
 
 def client_address(name: str) -> str:
-    """As whom somebody of that name asks."""
+    """Return the sender's address for a client of this name."""
     return CLIENT + quote(name, safe="@")
 
 
 def person_name(recorded: str) -> str:
-    """Who it was, as people know them: without what addresses have around a name."""
+    """Return the name as people know it, without the parts of an address around it."""
     name = recorded
     while name.startswith(CLIENT):
         name = unquote(name.removeprefix(CLIENT))

@@ -1,4 +1,4 @@
-"""The records of tasks that are over, which clients read, and the Task Manager's archive keeps."""
+"""The records of tasks that are over. Clients read them; the Task Manager's archive keeps them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from somrs.protocol.messages.frp import Outcome
 
 
 class TaskRecord(Struct, frozen=True, kw_only=True, tag=True):
-    """All that is kept of a task that is over: who wanted it, what came of it and when, with which terms and messages."""
+    """The record of a task that is over: the client, the goal, the outcome, the times, the terms and the messages."""
 
     task: str
     client: str
@@ -21,7 +21,7 @@ class TaskRecord(Struct, frozen=True, kw_only=True, tag=True):
     outcome: Outcome
     explanation: str = ""
     reasons: tuple[str, ...] = ()
-    """The explanation, each reason by itself."""
+    """The reasons of which the explanation consists."""
     precondition: str | None = None
     policy: Policy = Policy.PRICE
     deadline: float | None = None
@@ -40,11 +40,13 @@ PARTS = ("steps", "work", "contracts", "events", "messages")
 
 
 class ReadRecords(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Tasks that are over, the latest first, up to `limit`: those that ended at `since` or later, with this `outcome`, whose id is
-    `task` or begins so (without `urn:uuid:`, if one likes), with this `text` in what was wished for, whatever its case, and in which
-    this `service`, or a service of this device, did something. `behind`: those behind this one in that order. `brief`: without
-    contracts, events and messages; `without`: without these of a record's parts. `after`: of its steps, work, contracts, events and
-    messages, in this order, those behind the first so many."""
+    """Read tasks that are over, the latest first, up to `limit`.
+
+    `since`: ended at this time or later. `task`: the id, or its beginning, with or without `urn:uuid:`. `text`: contained in the goal, in
+    either case. `service`: this service, or a service of this device, took part. `behind`: only those after this task in that order.
+    `brief`: without contracts, events and messages; `without`: without these parts. `after`: omit this many of a record's steps, work,
+    contracts, events and messages, counted in this order.
+    """
 
     since: float | None = None
     outcome: Outcome | None = None
@@ -59,9 +61,11 @@ class ReadRecords(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class Records(MessageBody, frozen=True, kw_only=True, tag=True):
-    """`more`: there is more. A page ends early when it becomes too long for a message. `rest`: the last record is too long for one
-    by itself; ask for that task again, `after` so many of its parts. `total`: how many there are in all; not said of those
-    `behind` another."""
+    """A page of records. `more`: there are further ones. A page ends early when it becomes too long for a message.
+
+    `rest`: the last record is too long for one message; request the same task with `after` set to this number. `total`: the number of all
+    matching records; None in requests with `behind`.
+    """
 
     records: tuple[TaskRecord, ...]
     more: bool = False
