@@ -1,1 +1,1 @@
-"""Messages as SOAP 1.2 envelopes and back, with their XML Schema and WSDL."""
+"""Encode messages as SOAP 1.2 envelopes and decode them; their XML Schema and WSDL."""

@@ -1,4 +1,4 @@
-"""XML documents from anybody: within limits, and without what a parser could be made to open or to swell."""
+"""Parse untrusted XML documents: with limits on size and depth, without DTDs, external entities and network access."""
 
 from __future__ import annotations
 
@@ -13,31 +13,34 @@ MOST_BYTES = 256 * 1024
 """The largest document that is read or written."""
 
 MOST_DEPTH = 32
-"""The deepest nesting that is read; our own documents need ten."""
+"""The deepest nesting that is read; SO-MRS itself needs ten levels."""
 
 SENDER = "env:Sender"
-"""The code of a fault that is whoever wrote the document's."""
+"""The fault code for an error of the document's author."""
 
-# In libxml2 all the way: to look at each element from Python takes as long as to parse it.
+# libxml2 checks the depth: visiting each element from Python takes as long as parsing the document.
 _too_deep = etree.XPath(f"boolean({'/*' * (MOST_DEPTH + 1)})")
 
 
 def parse(document: bytes) -> Element:
-    """The root element of a document that obeys the limits. Raises WireError.
+    """Return the root element of a document within the limits.
 
-    The parser opens what a document type declaration names, whatever its options, so it never sees one. To look for it, the
-    encoding must be known: it is UTF-8, or UTF-16 with a byte order mark, and the one that is declared does not count.
+    The parser opens what a document type declaration names, whatever its options, so documents with one are refused before parsing. To find
+    a declaration, the encoding must be known: UTF-8, or UTF-16 with a byte order mark; a declared encoding is ignored.
+
+    Raises:
+        WireError: the document exceeds a limit, has a document type declaration, or is not well-formed.
     """
     if len(document) > MOST_BYTES:
-        raise WireError(SENDER, f"the document has {len(document)} bytes, and {MOST_BYTES} are the most")
+        raise WireError(SENDER, f"the document has {len(document)} bytes; the limit is {MOST_BYTES}")
     try:
         if document[:2] in (codecs.BOM_UTF16_BE, codecs.BOM_UTF16_LE):
             document = document.decode("utf-16").encode()
         if b"<!DOCTYPE" in document:
-            raise WireError(SENDER, "a document type declaration is not taken; send the document without one")
+            raise WireError(SENDER, "a document type declaration is not allowed; send the document without one")
         root = etree.fromstring(document, _parser())
     except (etree.XMLSyntaxError, ValueError, LookupError) as error:
-        raise WireError(SENDER, f"this is no XML in UTF-8: {str(error)[:200]}") from None
+        raise WireError(SENDER, f"this is not well-formed XML in UTF-8: {str(error)[:200]}") from None
     if _too_deep(root):
         raise WireError(SENDER, f"the document is nested more than {MOST_DEPTH} deep")
     return root

@@ -1,8 +1,8 @@
-"""Messages as SOAP 1.2 envelopes with WS-Addressing 1.0 headers, and back; hardened against whatever comes.
+"""Encode messages as SOAP 1.2 envelopes with WS-Addressing 1.0 headers, and decode them from untrusted bytes.
 
-What WS-Addressing has a place for is in the SOAP header. The transaction, the participant and the version of the protocol are
-the first elements of a body of the Failure Recovery Protocol, where stacks that were generated from the WSDL can set them.
-An answer that refuses is a SOAP Fault with the answer in its Detail, as stacks expect of what a WSDL declares as a fault.
+Values for which WS-Addressing has a header are in the SOAP header. The transaction, the participant and the version of the protocol are the
+first elements of a body of the Failure Recovery Protocol, where stacks generated from the WSDL can set them. A refusal is a SOAP Fault with
+the answer in its Detail, as stacks expect of a fault that a WSDL declares.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ ORDERS = "urn:so-mrs:orders:1.0"
 XML = "http://www.w3.org/XML/1998/namespace"
 
 MOST_REASON = 4000
-"""The most characters of a Fault's reason."""
+"""The maximal length of a Fault's reason, in characters."""
 
 MOST_MISSED, MOST_NAME = 20, 500
-"""The most header blocks that a Fault names as not understood, and the most characters of such a name."""
+"""The maximal number of header blocks that a Fault names as not understood, and the maximal length of such a name."""
 
 MEDIA_TYPE = "application/soap+xml"
 RECEIVER = "env:Receiver"
@@ -51,20 +51,20 @@ NAMESPACES: dict[str, tuple[type[Struct], ...]] = {
     CLIENTS: union_of(ClientBody),
     ORDERS: union_of(OrderBody),
 }
-"""The namespace of each protocol, with its bodies. A Fault is SOAP's own."""
+"""The bodies of each protocol, by its namespace. A Fault is SOAP's own."""
 
 SESSION = ("Transaction", "Participant", "Version")
 """The elements before the fields of a body of the Failure Recovery Protocol."""
 
 REFUSALS = frozenset(kind for answers in REQUESTS.values() for kind in answers[1:])
-"""The answers that refuse what a request asks for."""
+"""The answers that refuse a request."""
 
 FAULT_ACTION = f"{WSA}/fault"
 _NOT_XML = re.compile("[^\\t\\n\\r\\x20-\\ud7ff\\ue000-\\ufffd\\U00010000-\\U0010ffff]")
 _OWN_ROLES = (None, "", f"{ENV}/role/next", f"{ENV}/role/ultimateReceiver")
 _PREFIXES = {"env": ENV, "wsa": WSA, "frp": FRP}
 _SOAP_CODES = ("Sender", "Receiver", "VersionMismatch", "MustUnderstand", "DataEncodingUnknown")
-# WS-Addressing 1.0 SOAP Binding, 6.4.1: these say more precisely what is invalid in a header.
+# WS-Addressing 1.0 SOAP Binding, 6.4.1: the subcodes of InvalidAddressingHeader.
 _BENEATH_INVALID_HEADER = (CARDINALITY, ACTION_MISMATCH, NO_ADDRESS, "wsa:InvalidAddress", "wsa:InvalidEPR", "wsa:DuplicateMessageID")
 _ADDRESSING = ("To", "From", "ReplyTo", "FaultTo", "Action", "MessageID", "RelatesTo")
 _ADDRESSING_TAGS = {f"{{{WSA}}}{name}": name for name in _ADDRESSING}
@@ -75,7 +75,7 @@ _ROLE, _MUST_UNDERSTAND = f"{{{ENV}}}role", f"{{{ENV}}}mustUnderstand"
 
 
 class BodyType(NamedTuple):
-    """Where a body is at home: its namespace and its class."""
+    """The namespace and the class of a body."""
 
     namespace: str
     kind: type[Struct]
@@ -86,12 +86,12 @@ _NAMESPACE_OF = {kind: namespace for namespace, kinds in NAMESPACES.items() for 
 
 
 def namespace_of(kind: type[Struct]) -> str:
-    """The namespace of a body that is no Fault."""
+    """Return the namespace of a body other than a Fault."""
     return _NAMESPACE_OF[kind]
 
 
 def action(kind: type[Struct]) -> str:
-    """The WS-Addressing action of a type of message."""
+    """Return the WS-Addressing action of a type of message."""
     return FAULT_ACTION if kind is frp.Fault else f"{_NAMESPACE_OF[kind]}:{kind.__name__}"
 
 
@@ -99,7 +99,7 @@ def action(kind: type[Struct]) -> str:
 
 
 def encode(message: Message) -> bytes:
-    """The message as a SOAP envelope. Raises WireError for what cannot be carried."""
+    """Return the message as a SOAP envelope. Raises WireError when it is too large or has a character that XML cannot carry."""
     header, body = message.header, message.body
     kind = type(body)
     namespace = _NAMESPACE_OF.get(kind)
@@ -139,7 +139,7 @@ def _bytes(document: list[str]) -> bytes:
     document.append(_BODY_END)
     written = "".join(document).encode()
     if len(written) > MOST_BYTES:
-        raise WireError(SENDER, f"the message has {len(written)} bytes, and {MOST_BYTES} are the most")
+        raise WireError(SENDER, f"the message has {len(written)} bytes; the limit is {MOST_BYTES}")
     return written
 
 
@@ -168,7 +168,7 @@ def _write_session(document: list[str], prefix: str, header: Header) -> None:
 
 
 def _reason(body: Struct) -> str:
-    """What a refusal says, for stacks that show no more than the Reason."""
+    """Return the text of a refusal, for stacks that show the Reason only."""
     match body:
         case knowledge.Rejected(problems=problems):
             return "\n".join(problems)
@@ -179,7 +179,10 @@ def _reason(body: Struct) -> str:
 
 
 def _write_fault(document: list[str], fault: frp.Fault, detail: list[str]) -> None:
-    """SOAP 1.2 part 1, 5.4. A code of another namespace is a subcode of env:Sender, or of what WS-Addressing has it beneath."""
+    """Write a Fault (SOAP 1.2 part 1, 5.4).
+
+    A code of another namespace becomes a subcode of env:Sender, or of the code above it in WS-Addressing.
+    """
     prefix, name = _code(fault.code)
     codes = [f"env:{name}"] if prefix == "env" else [SENDER, f"{prefix}:{name}"]
     if codes[-1] in _BENEATH_INVALID_HEADER:
@@ -187,7 +190,7 @@ def _write_fault(document: list[str], fault: frp.Fault, detail: list[str]) -> No
     document.append(f'<env:Fault xmlns:frp="{FRP}"><env:Code>')
     document.append("<env:Subcode>".join(f"<env:Value>{code}</env:Value>" for code in codes))
     document.append("</env:Subcode>" * (len(codes) - 1))
-    # A reason may quote the bytes that were wrong; what XML cannot carry of them is replaced.
+    # A reason may quote wrong bytes; characters that XML cannot carry are replaced.
     text = escaped(_NOT_XML.sub("?", fault.text)[:MOST_REASON])
     document.append(f'</env:Code><env:Reason><env:Text xml:lang="en">{text}</env:Text></env:Reason>')
     if detail:
@@ -196,7 +199,7 @@ def _write_fault(document: list[str], fault: frp.Fault, detail: list[str]) -> No
 
 
 def _code(code: str) -> tuple[str, str]:
-    """The prefix and the name of a fault code. A name alone is one of SOAP's, or else one of WS-Addressing's."""
+    """Return the prefix and the name of a fault code. A name without a prefix belongs to SOAP, or else to WS-Addressing."""
     prefix, separator, name = code.rpartition(":")
     if not separator:
         prefix = "env" if name in _SOAP_CODES else "wsa"
@@ -206,7 +209,7 @@ def _code(code: str) -> tuple[str, str]:
 
 
 def fault(error: WireError, relates_to: str | None = None) -> bytes:
-    """The SOAP Fault that tells a sender what was wrong with its message. For its headers see SOAP 1.2 part 1, 5.4.7 and 5.4.8."""
+    """Return the SOAP Fault that reports the error to the sender, with the headers of SOAP 1.2 part 1, 5.4.7 and 5.4.8."""
     document = [_start(), _element("wsa:Action", FAULT_ACTION)]
     if relates_to is not None:
         document.append(_element("wsa:RelatesTo", relates_to))
@@ -227,7 +230,7 @@ def fault(error: WireError, relates_to: str | None = None) -> bytes:
 
 
 def decode(document: bytes) -> Message:
-    """The message in a SOAP envelope. Raises WireError, and nothing else, whatever the bytes are."""
+    """Return the message in a SOAP envelope. Raises WireError, and nothing else, for any invalid bytes."""
     root = parse(document)
     header, body = _parts(root)
     headers = _headers(header)
@@ -240,21 +243,21 @@ def decode(document: bytes) -> Message:
     body_type = _body_type(element, headers)
     session = _session(element) if body_type.namespace == FRP else {}
     if session.get("Version", VERSION) != VERSION:
-        raise WireError("frp:UnknownVersion", f"version {session['Version'][:20]} of the protocol is unknown; {VERSION} is spoken here")
+        raise WireError("frp:UnknownVersion", f"version {session['Version'][:20]} of the protocol is unknown; supported: {VERSION}")
     if body_type.namespace == FRP and not (session.get("Transaction") and session.get("Participant")):
-        raise WireError(SENDER, f"{body_type.kind.__name__}: Transaction and Participant must be in it, and not empty")
+        raise WireError(SENDER, f"{body_type.kind.__name__}: Transaction and Participant must be present, and not empty")
     value = struct_reader(body_type.kind, body_type.namespace, _SESSION if body_type.namespace == FRP else frozenset())(element)
     return Message(header=_header(headers, session), body=value)
 
 
 def _body_type(element: Element, headers: dict[str, str]) -> BodyType:
-    """Which message it is, when its headers fit it."""
+    """Return the type of the body, after checking that the headers match it."""
     body_type = _BY_TAG.get(str(element.tag))
     if body_type is None:
         namespace = etree.QName(element).namespace or ""
         if namespace.startswith("urn:so-mrs:frp:") and namespace != FRP:
-            raise WireError("frp:UnknownVersion", f"{_short(namespace)} is an unknown version of the protocol; {FRP} is spoken here")
-        raise WireError(ACTION_NOT_SUPPORTED, f"{_short(element.tag)} is no message that is known here")
+            raise WireError("frp:UnknownVersion", f"{_short(namespace)} is an unknown version of the protocol; supported: {FRP}")
+        raise WireError(ACTION_NOT_SUPPORTED, f"{_short(element.tag)} is not a known message")
     if "Action" not in headers:
         raise WireError(HEADER_REQUIRED, "the header wsa:Action is missing")
     if headers["Action"] != action(body_type.kind):
@@ -275,7 +278,7 @@ def _parts(root: Element) -> tuple[Element | None, Element]:
     if root.tag != _ENVELOPE:
         name = etree.QName(root)
         if name.localname == "Envelope":
-            raise WireError("env:VersionMismatch", f"SOAP 1.2 is spoken here, and this is an envelope of {_short(name.namespace)}")
+            raise WireError("env:VersionMismatch", f"only SOAP 1.2 is supported, and this is an envelope of {_short(name.namespace)}")
         raise WireError(SENDER, f"a SOAP Envelope was expected, and this is {_short(root.tag)}")
     children = list(root)
     header = children[0] if children and children[0].tag == f"{{{ENV}}}Header" else None
@@ -286,7 +289,7 @@ def _parts(root: Element) -> tuple[Element | None, Element]:
 
 
 def _headers(header: Element | None) -> dict[str, str]:
-    """The WS-Addressing headers by name; addresses of endpoint references as such."""
+    """Return the WS-Addressing headers by name; of an endpoint reference, its address."""
     headers: dict[str, str] = {}
     missed: list[str] = []
     for block in header if header is not None else ():
@@ -317,7 +320,7 @@ def _headers(header: Element | None) -> dict[str, str]:
 
 
 def _address_of(reference: Element) -> str:
-    """The address in an endpoint reference: there is exactly one."""
+    """Return the address in an endpoint reference. Raises WireError unless there is exactly one."""
     addresses = [child for child in reference if child.tag == f"{{{WSA}}}Address"]
     if len(addresses) > 1 or (not addresses and len(reference)):
         code = CARDINALITY if addresses else NO_ADDRESS
@@ -363,13 +366,13 @@ def _read_fault(element: Element, headers: dict[str, str]) -> Message:
         if body_type is not None and body_type.kind in REFUSALS:
             return Message(header=_header(headers, {}), body=struct_reader(body_type.kind, body_type.namespace)(child))
     session = _session(detail) if detail is not None else {}
-    # The innermost says most; what is beneath a code that is known may be another protocol's.
+    # The innermost known subcode says most; subcodes below it may belong to another protocol.
     code = next((subcode for subcode in reversed(subcodes) if subcode), None) or _known_code(value) or SENDER
     return Message(header=_header(headers, session), body=frp.Fault(code=code, text=text if text is not None else "no reason was given"))
 
 
 def _known_code(element: Element | None) -> str | None:
-    """A fault code with our prefix for its namespace, if that is one we know."""
+    """Return a fault code with this module's prefix for its namespace; None for an unknown namespace."""
     if element is None:
         return None
     prefix, _, name = (element.text or "").strip().rpartition(":")

@@ -1,7 +1,7 @@
 """The WSDL 1.1 description of each kind of component: SOAP 1.2 over HTTP, document/literal, with WS-Addressing.
 
-A component has one port type with all that it understands. The first answer of a request is its output, the others are its
-faults; everything else is a one-way operation, answered, if at all, by a message of its own to the sender's ReplyTo.
+A component has one port type with all messages that it accepts. The first answer of a request is its output; the other answers are its
+faults. All other messages are one-way operations; a reply to them is a message of its own to the sender's ReplyTo.
 """
 
 from __future__ import annotations
@@ -49,17 +49,17 @@ COMPONENTS: dict[str, tuple[str, Kinds]] = {
     "devices": ("ServiceManager", _without_fault(CoordinatorBody)),
     "simulator": ("Simulator", _FOLLOWS_MAP),
 }
-"""By the first part of its path: what a component is called, and the messages that it understands."""
+"""The name of a component and the messages that it accepts, by the first part of its path."""
 
 
 def schema(name: str) -> bytes | None:
-    """The schema of a protocol, by its short name; None when there is none of that name."""
+    """Return the schema of a protocol by its short name; None for an unknown name."""
     namespace = _SCHEMAS.get(name)
     return schema_of(namespace) if namespace is not None else None
 
 
 def description(path: str, address: str) -> bytes | None:
-    """The WSDL of the component at a path, for clients that reach it at an address; None for what is no kind of component."""
+    """Return the WSDL of the component at a path, for clients that reach it at `address`; None when the path belongs to no component."""
     component = COMPONENTS.get(path.strip("/").partition("/")[0])
     if component is None:
         return None
@@ -84,7 +84,7 @@ def description(path: str, address: str) -> bytes | None:
 
 
 def _message_types(kinds: Kinds) -> Kinds:
-    """The messages that operations take and give."""
+    """Return the messages that the operations accept and return."""
     return tuple(dict.fromkeys(message for kind in kinds for message in (kind, *_ANSWERS.get(kind, ()))))
 
 

@@ -1,7 +1,7 @@
-"""From msgspec Structs to XML, and from its elements back, driven by the Structs' annotations alone.
+"""Convert msgspec Structs to XML and back, according to the Structs' annotations.
 
-A field is an element in UpperCamelCase; None, and what equals its default, is left out. A tuple is the element repeated, a mapping
-holds `Entry` elements with a `name`, a union holds one element named by the Struct that it is. `xsd.py` writes the same as a schema.
+A field is an element with a name in UpperCamelCase. None, and a value equal to the field's default, is left out. A tuple is a repeated
+element. A mapping holds `Entry` elements with a `name`. A union holds one element, named after the Struct. `xsd.py` writes the schemas.
 """
 
 from __future__ import annotations
@@ -24,45 +24,45 @@ from somrs.ontology.types import Value
 
 Element = etree._Element
 Write = Callable[[list[str], str, str, Any], None]
-"""Adds the text of an element to a document: with this name, these attributes, and a value of the type."""
+"""Writes a value as an element to a document: with this name and these attributes."""
 
 WriteFields = Callable[[list[str], Any], None]
-"""Adds the elements of a Struct's fields to a document."""
+"""Writes the fields of a Struct as elements to a document."""
 
 Read = Callable[[Element], Any]
 SENDER = "env:Sender"
 
 MOST_WHOLE = 10**18 - 1
-"""The largest whole number: so many digits every stack can read."""
+"""The largest whole number: every stack can read this many digits."""
 
 
 class Field(NamedTuple):
-    """One field of a Struct: its names in Python and in XML, the type of one element of it, and how it is left out."""
+    """A field of a Struct: its names in Python and in XML, the type of one element, and its default."""
 
     name: str
     tag: str
     type: Any
     is_repeated: bool
-    """Whether it is a tuple, which is the element repeated."""
+    """Whether the field is a tuple, which is written as a repeated element."""
     default: Any
     required: bool
 
 
 def camel(name: str) -> str:
-    """`terms_id` as `TermsId`."""
+    """Return a name in UpperCamelCase: `TermsId` for `terms_id`."""
     return "".join(part[:1].upper() + part[1:] for part in name.split("_"))
 
 
 @cache
 def fields(kind: type[Struct]) -> tuple[Field, ...]:
-    """The fields of a Struct, in order."""
+    """Return the fields of a Struct, in order."""
     hints = typing.get_type_hints(kind)
     field_list = []
     for info in structs.fields(kind):
         declared_default = info.default_factory() if info.default_factory is not NODEFAULT else info.default
         hint = strip_none(hints[info.name])
         is_repeated = typing.get_origin(hint) is tuple
-        # None is written by leaving the element out, so a field that may be None is not required, whatever Python says.
+        # None is written by leaving the element out, so a field that may be None is not required, even if it has no default.
         default = None if declared_default is NODEFAULT and type(None) in union_of(hints[info.name]) else declared_default
         element = strip_none(typing.get_args(hint)[0]) if is_repeated else hint
         field_list.append(
@@ -72,7 +72,7 @@ def fields(kind: type[Struct]) -> tuple[Field, ...]:
 
 
 def union_of(hint: Any) -> tuple[Any, ...]:
-    """The members of a union; of anything else, itself."""
+    """Return the members of a union; of any other type, the type itself."""
     return typing.get_args(hint) if typing.get_origin(hint) in (Union, types.UnionType) else (hint,)
 
 
@@ -82,12 +82,12 @@ def strip_none(hint: Any) -> Any:
 
 
 def is_value(hint: Any) -> bool:
-    """Whether it is a number, a text or a truth, told apart by an attribute `kind`."""
+    """Whether the type is a number, text or truth value, distinguished by an attribute `kind`."""
     return set(union_of(hint)) == set(union_of(Value))
 
 
 def text_of(value: float | str | bool) -> str:
-    """A simple value as XML Schema writes it."""
+    """Return a simple value in the notation of XML Schema."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, float | int):
@@ -97,29 +97,28 @@ def text_of(value: float | str | bool) -> str:
     return value
 
 
-# Writing. What writes a value of a type is made once for each type. The text is made here: a tree of elements that is made first, and
-# is made text by lxml, takes four times as long.
+# Writing. The writer of a type is created once. It writes text: building a tree and serialising it with lxml takes four times as long.
 
 PREFIX = "m:"
-"""All elements of a body are in its protocol's namespace, for which the document has this prefix."""
+"""The prefix of the protocol's namespace, to which all elements of a body belong."""
 
 _SPECIAL = re.compile("[^\\t\\n\\x20-\\ud7ff\\ue000-\\ufffd\\U00010000-\\U0010ffff]|[&<>]")
-"""What is not as it is in a text, or cannot be in one at all. A carriage return would come back as a line feed."""
+"""Characters that are escaped, or not allowed in XML. A carriage return is escaped because parsers turn it into a line feed."""
 
 _ESCAPES = {"&": "&amp;", "<": "&lt;", ">": "&gt;", "\r": "&#13;"}
 _ATTRIBUTE_ESCAPES = {'"': "&quot;", "\n": "&#10;", "\t": "&#9;"}
 
 
 def escaped(text: str) -> str:
-    """The text as it is between two tags. Raises ValueError for what XML cannot carry."""
-    # Whatever can be printed can be in a document; to ask that first is three times as fast.
+    """Return the text, escaped for use between two tags. Raises ValueError for characters that XML cannot carry."""
+    # XML can carry every printable character; this check first makes the function three times as fast.
     if text.isprintable() and "&" not in text and "<" not in text and ">" not in text:
         return text
     return _SPECIAL.sub(_escape, text)
 
 
 def escaped_attribute(text: str) -> str:
-    """The text as it is between quotes. Raises ValueError for what XML cannot carry."""
+    """Return the text, escaped for use between quotes. Raises ValueError for characters that XML cannot carry."""
     text = escaped(text)
     for special, written in _ATTRIBUTE_ESCAPES.items():
         text = text.replace(special, written)
@@ -164,7 +163,7 @@ _WRITE_SIMPLE: dict[Any, Write] = {str: _write_text, float: _write_simple, int: 
 
 @cache
 def writer(hint: Any) -> Write:
-    """What writes an element with a value of the type. Raises WireError for what XML cannot carry."""
+    """Return the function that writes a value of the type. The function raises WireError for values that XML cannot carry."""
     if is_value(hint):
         return _write_value
     members = union_of(hint)
@@ -216,7 +215,7 @@ def _struct_writer(inner: WriteFields) -> Write:
 
 @cache
 def fields_writer(kind: type[Struct]) -> WriteFields:
-    """What writes the elements of a Struct's fields."""
+    """Return the function that writes the fields of a Struct."""
     plan = [(field, f"{PREFIX}{field.tag}", writer(field.type)) for field in fields(kind)]
 
     def write(document: list[str], value: Struct) -> None:
@@ -233,7 +232,7 @@ def fields_writer(kind: type[Struct]) -> WriteFields:
     return write
 
 
-# Reading, likewise
+# Reading. The reader of a type is created once.
 
 
 def _wrong(element: Element, problem: str) -> WireError:
@@ -288,7 +287,7 @@ _READ_SIMPLE: dict[Any, Read] = {str: _text, float: _number, int: _whole, bool: 
 
 @cache
 def reader(hint: Any, namespace: str) -> Read:
-    """What makes a value of the type from an element. Raises WireError."""
+    """Return the function that reads a value of the type. The function raises WireError."""
     if is_value(hint):
         return _value
     members = union_of(hint)
@@ -349,7 +348,7 @@ def _elements(element: Element) -> list[Element]:
 
 @cache
 def struct_reader(kind: type[Struct], namespace: str, skip: frozenset[str] = frozenset()) -> Read:
-    """What makes a Struct from the elements of its fields, in any order; those in `skip` are somebody else's."""
+    """Return the function that reads a Struct from the elements of its fields, in any order. It ignores the elements in `skip`."""
     slots = {f"{{{namespace}}}{field.tag}": (field, reader(field.type, namespace)) for field in fields(kind)}
     all_fields = fields(kind)
 

@@ -1,7 +1,7 @@
-"""The XML Schemas of the bodies, one for each protocol's namespace, written from the same annotations as `xml.py` works by.
+"""The XML Schemas of the bodies, one for each protocol's namespace, made from the annotations that `xml.py` uses.
 
-Foreign stacks are generated from them, and the tests hold the encoder to them. They are stricter than the reader in one thing:
-the order of a body's elements, which is that of the fields. XSD 1.0 could not say otherwise for elements that are repeated.
+Other SOAP stacks generate code from the schemas; tests validate the encoder's output against them. The schemas are stricter than the reader
+in one point: they fix the order of a body's elements, because XSD 1.0 allows no free order for repeated elements.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ _SIMPLE = {str: "xs:string", float: "xs:double", int: "xs:long", bool: "xs:boole
 
 
 def schema_of(namespace: str) -> bytes:
-    """The schema of a protocol's namespace."""
+    """Return the schema of a protocol's namespace."""
     return _Writer(namespace).document()
 
 
 class _Writer:
-    """One schema. Types are added when something first refers to them."""
+    """A schema. Types are added when they are first referenced."""
 
     def __init__(self, namespace: str) -> None:
         self.namespace = namespace
@@ -44,7 +44,7 @@ class _Writer:
         return document
 
     def type_of(self, hint: Any) -> str:
-        """The name of the type that stands for an annotation."""
+        """Return the name of the schema type for an annotation."""
         if hint in _SIMPLE:
             return _SIMPLE[hint]
         if is_value(hint):
@@ -64,7 +64,7 @@ class _Writer:
         return f"m:{name}"
 
     def _value(self, name: str, hint: Any) -> None:
-        """A number, a text or a truth; which, says `kind`."""
+        """Declare a number, text or truth value, distinguished by `kind`."""
         extension = self._text_with_attributes(name, "xs:string")
         attribute = _add(extension, "attribute", name="kind", default="text")
         simple = _add(_add(attribute, "simpleType"), "restriction", base="xs:string")
