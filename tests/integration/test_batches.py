@@ -313,7 +313,7 @@ def test_each_message_of_a_batch_has_its_own_answer() -> None:
         ):
             outcomes = batches.outcomes_of(await answer.read())
         assert [status for status, _ in outcomes] == [202, 400, 404]
-        assert b"this is no XML" in outcomes[1][1]
+        assert b"this is not well-formed XML" in outcomes[1][1]
         assert network.first_receiver.received_texts == ["good"]
 
     run_scenario(scenario)

@@ -107,7 +107,7 @@ def test_undoing_because_the_task_ends_is_no_rung_of_a_failure() -> None:
     (failure,) = failures(chapters)
     assert failure.result == "Nothing helped: rung 4, the task was given up."
     (undoing,) = [chapter for chapter in chapters if chapter.title == "Undoing what was done"]
-    assert undoing.lines[0].text == "step1: others are to restore Jar002 isOn Cupboard001"
+    assert undoing.lines[0].text == "step1: other services are to restore Jar002 isOn Cupboard001"
     assert undoing.tone == "bad"
     assert chapters[-1].title == "Failed"
     assert any("could not be undone, and it left Jar002 isHeldBy Robot1" in line.text for line in chapters[-1].lines)

@@ -206,7 +206,7 @@ def test_types_that_are_not_there_are_told_when_all_pages_are_read() -> None:
     expected_text = (
         "Washer1 cannot join: the common ontology has no service type Dry.\n"
         "the common ontology has no service type Wash. did you mean Wahs?\n"
-        "name one that it has, or give @service a ServiceType"
+        "use one of its names, or pass a ServiceType to @service"
     )
     assert joiner.answer(ontology(services=())) == [SetTimer(JoiningDue(), None), Ask(ReportWanted(), Report(expected_text, joined=False))]
     assert joiner.run_effects(joiner.joining.start(ME, NOW + 1))[1:] == [SetTimer(JoiningDue(), NOW + 6.0)]

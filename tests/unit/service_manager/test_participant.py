@@ -341,7 +341,7 @@ def test_who_is_never_told_to_start_is_free_again_when_it_is_too_late() -> None:
     harness.world.run(130.0)
     assert harness.session("s1").state is State.COMMITTED
     harness.run_until("s1", State.FAILED, time_limit=20.0)
-    assert harness.last_word("s1") == frp.Failed(description="it was not told to start in time", tried=False)
+    assert harness.last_word("s1") == frp.Failed(description="no order to start came in time", tried=False)
     assert harness.world.now == pytest.approx(finish - 60, abs=1), "from then on its minute is not enough"
     assert harness.manager.calendar(harness.world.now) == []
 
@@ -516,7 +516,7 @@ def test_a_device_that_nobody_can_reach_stops_by_itself() -> None:
     harness.world.add(CLIENT, harness.coordinator)
     harness.run_until("s1", State.FAILED)
     assert harness.report() == frp.Failed(
-        description="nobody could be told how the work goes, so it was stopped", situation="Jar1 isOn Table1"
+        description="no heartbeat reached the coordinator, so the work was stopped", situation="Jar1 isOn Table1"
     )
 
 
@@ -634,7 +634,7 @@ def test_what_the_repository_does_not_take_is_told_to_a_person() -> None:
     harness.world.run(30.0)
     assert harness.manager.state.reports.pending == []
     assert harness.reports[-1].joined is None
-    assert "does not take Jar1 isOn Nowhere from Washer1" in harness.reports[-1].text
+    assert "rejects Jar1 isOn Nowhere from Washer1" in harness.reports[-1].text
     assert Fact("isOn", ("Jar1", "Table2")) in harness.repository.contents.map.facts()
 
 

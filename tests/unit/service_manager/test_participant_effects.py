@@ -219,7 +219,7 @@ def test_it_starts_neither_before_now_nor_before_the_earliest_start_nor_too_late
     answer = ServiceManagerHarness().offered(**order)
     assert (answer.start_from if isinstance(answer, frp.Terms) else None) == start
     if isinstance(answer, frp.Refuse):
-        assert answer.reason == "Washer1 could be done 1 s after the latest finish at the earliest"
+        assert answer.reason == "Washer1 would finish at least 1 s after the latest finish"
 
 
 @pytest.mark.parametrize(
@@ -312,7 +312,7 @@ def test_an_execute_is_too_late_after_the_time_that_it_names(late: float, state:
     if late:
         assert bodies(effects) == [
             frp.Failed(
-                description="Execute came 0.5 s too late to begin, and nothing was moved: "
+                description="Execute came 0.5 s too late to begin; nothing was done: "
                 "a slow network, or the clocks of the two hosts do not agree",
                 tried=False,
             )
@@ -364,7 +364,7 @@ def test_a_timer_that_rang_is_not_taken_away_once_more() -> None:
     harness.committed(latest_finish=900.0)
     harness.now = 840.0
     effects = harness.ring(timers(StartDue))
-    assert bodies(effects) == [frp.Failed(description="it was not told to start in time", tried=False)]
+    assert bodies(effects) == [frp.Failed(description="no order to start came in time", tried=False)]
     assert rest(effects) == []
 
 
@@ -409,7 +409,7 @@ def test_what_fails_and_then_cannot_be_undone_says_both() -> None:
             "Washer1.WashObject#s1",
             "WashObject",
             NOW - 2,
-            "Compensate came 2.0 s too late to begin, and nothing was moved: a slow network, or the clocks of the two hosts do not agree",
+            "Compensate came 2.0 s too late to begin; nothing was done: a slow network, or the clocks of the two hosts do not agree",
         ),
     ],
 )
@@ -432,7 +432,7 @@ def test_who_is_equipped_without_what_it_did_cannot_undo_it() -> None:
     joining = harness.manager.state.joining
     assert (joining.profile.capabilities, joining.repository, joining.registry) == (PROFILE.capabilities[2:], "r", "s")
     reports = bodies(harness.ask(frp.Compensate(situation="Jar1 isOn Table1")))
-    assert reports == [frp.Stranded(description="Washer1 cannot undo what it does not know", tried=False)]
+    assert reports == [frp.Stranded(description="Washer1 cannot undo an unknown service", tried=False)]
 
 
 def test_only_a_sign_of_life_that_does_not_arrive_stops_the_work() -> None:
@@ -588,7 +588,7 @@ def test_what_the_repository_does_not_take_is_told_to_a_person(answer: Rejected 
     [first] = [effect for effect in harness.manager.handle(Notified(Observed("A isOn B")), NOW) if isinstance(effect, Send)]
     assert harness.manager.handle(Received(reply(first.message, answer, REPOSITORY)), NOW) == [
         SetTimer(ReportDue(), None),
-        Ask(ReportWanted(), Report(f"the Repository does not take A isOn B from Washer1: {reason}")),
+        Ask(ReportWanted(), Report(f"the Repository rejects A isOn B from Washer1: {reason}")),
     ]
 
 

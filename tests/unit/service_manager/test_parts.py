@@ -209,8 +209,8 @@ def test_reports_are_made_one_after_the_other_once_the_device_is_there() -> None
 @pytest.mark.parametrize(
     ("body", "problem_text"),
     [
-        (Rejected(problems=("no", "never")), "the Repository does not take A from Washer1.Wash: no; never"),
-        (Fault(code="Sender", text="no"), "the Repository does not take A from Washer1.Wash: no"),
+        (Rejected(problems=("no", "never")), "the Repository rejects A from Washer1.Wash: no; never"),
+        (Fault(code="Sender", text="no"), "the Repository rejects A from Washer1.Wash: no"),
     ],
 )
 def test_what_is_wrong_with_a_report_is_said(body: Body, problem_text: str) -> None:

@@ -303,16 +303,16 @@ def bare(**members: object) -> Device:
 @pytest.mark.parametrize(
     ("device", "text"),
     [
-        (bare(), "Made does not say what it is on the map: give it a class attribute `type`, such as 'MobileRobot'"),
-        (bare(type=5), "Made does not say what it is on the map: give it a class attribute `type`, such as 'MobileRobot'"),
+        (bare(), "Made has no object type: set the class attribute `type`, such as 'MobileRobot'"),
+        (bare(type=5), "Made has no object type: set the class attribute `type`, such as 'MobileRobot'"),
         (bare(type="Washer"), "Made has no services: decorate an `async def` method with @service(...), and keep its name"),
         (
             bare(type="Washer", open=Washer.wash),
-            "Made.open is a service, but every device has a open of its own: call the service something else",
+            "Made.open is a service, but every device has an attribute open: rename the service",
         ),
         (
             bare(type="Washer", types=(AttributeType(name="A", kind="wrong"),), wash=Washer.wash),  # type: ignore[arg-type]  # the mistake
-            "Made brings AttributeType A, which is not well made: Invalid enum value 'wrong' - at `$.kind`",
+            "Made brings AttributeType A, which is not valid: Invalid enum value 'wrong' - at `$.kind`",
         ),
     ],
 )

@@ -1,1 +1,1 @@
-"""The Service Manager as a component: a participant of transactions, joined to the Registry, with one device to run."""
+"""The Service Manager as a component: it joins one device to the system and takes part in transactions for the device's services."""

@@ -1,4 +1,4 @@
-"""When a device is free, given what it is committed to."""
+"""The times at which a device is free, given its commitments."""
 
 from __future__ import annotations
 
@@ -6,12 +6,14 @@ from collections.abc import Iterable, Iterator
 from heapq import heappop, heappush
 
 Commitment = tuple[float, float]
-"""From when until when, in seconds."""
+"""Start and end, in seconds."""
 
 
 def resolve_overlaps(commitments: Iterable[Commitment], capacity: int) -> list[Commitment]:
-    """When they can really be kept: terms that were given at the same time may promise the same time, and a device does so many things at
-    once, whatever it promised; the earliest first."""
+    """Return the times at which the commitments can be kept, the earliest first.
+
+    Terms that were given at the same time may promise the same time; a device performs at most `capacity` services at once.
+    """
     free_times = [float("-inf")] * capacity
     schedule: list[Commitment] = []
     for start, end in sorted(commitments):
@@ -22,7 +24,7 @@ def resolve_overlaps(commitments: Iterable[Commitment], capacity: int) -> list[C
 
 
 def first_free_time(commitments: Iterable[Commitment], earliest: float, duration: float, capacity: int) -> float:
-    """The first time, not before `earliest`, from which the device has room for something that lasts `duration`."""
+    """Return the first time, not before `earliest`, from which the device has free capacity for `duration` seconds."""
     start = earliest
     for begins, ends in _busy_periods(commitments, capacity):
         if begins < start + duration and ends > start:
@@ -31,7 +33,7 @@ def first_free_time(commitments: Iterable[Commitment], earliest: float, duration
 
 
 def _busy_periods(commitments: Iterable[Commitment], capacity: int) -> Iterator[Commitment]:
-    """From when until when there is no room at all, in order."""
+    """Yield the periods without free capacity, in order."""
     changes = sorted(change for begins, ends in commitments if ends > begins for change in ((begins, 1), (ends, -1)))
     busy, start = 0, 0.0
     for time, change in changes:

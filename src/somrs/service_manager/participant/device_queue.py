@@ -1,6 +1,6 @@
-"""What a device does for its participants, each in its turn: what it is asked to do, interrupted in, and what that came to.
+"""The queue of a device: the work that waits for it, the work under way, its interruption and its result.
 
-Whether somebody is to begin, or to stop, is `participant.py`'s to decide.
+`participant.py` decides which participants begin and stop.
 """
 
 from __future__ import annotations
@@ -21,28 +21,28 @@ from somrs.service_manager.sdk.orders import Advance, Answer, Failure, Halt, Per
 
 
 class DeviceWork:
-    """The work of one device, as many at a time as its profile says."""
+    """The work of one device: as many services at a time as the profile's capacity."""
 
     def __init__(self, state: ServiceManagerState) -> None:
         self._state, self._jobs, self._queue = state, state.jobs, state.queue
 
     @property
     def idle(self) -> bool:
-        """Whether the device does nothing for anybody."""
+        """Whether the device has no work."""
         return not self._queue.waiting and not self._queue.at_work
 
     def enqueue(self, job: Job, now: float) -> Effects:
-        """It is to be done, or undone, as soon as there is room."""
+        """Queue a job to be done, or undone, as soon as the device has free capacity."""
         job.waiting = True
         self._queue.waiting.append(job.key)
         yield from self._begin(now)
 
     def _begin(self, now: float) -> Effects:
-        """Let those that wait begin, as far as the device has room, in the order in which they were told to."""
+        """Begin waiting jobs in the order of their orders, as far as the device has free capacity."""
         queue = self._queue
         while queue.waiting and len(queue.at_work) < self._state.profile.capacity:
             job = self._jobs.find_job(*queue.waiting.pop(0))
-            assert job is not None, "whoever waits is known"
+            assert job is not None, "every waiting job is stored"
             job.waiting, job.started_at = False, now
             assert job.order is not None, "only what was arranged is executed"
             compensate_message = job.session.received_messages.get("Compensate")
@@ -57,9 +57,9 @@ class DeviceWork:
         yield Ask(job.question_for(activity), work)
 
     def interrupt(self, job: Job, verdict: Verdict | None, now: float) -> Effects:
-        """Have the device stop what it does for the job, and report the verdict then (None: there is nobody to report to)."""
+        """Stop the work for the job, and report the verdict when the device is in a safe state (None: without a report)."""
         if job.verdict is not None and job.activity is not None:
-            return  # it is being stopped for another reason
+            return  # the job is being stopped for another reason
         job.verdict = verdict
         if job.waiting:
             job.waiting = False
@@ -71,7 +71,7 @@ class DeviceWork:
             yield from self._conclude(job, now)
 
     def restarted(self, now: float) -> Effects:
-        """The process was started again. What waits does not begin: its time may be over, and its step another's by now."""
+        """Interrupt the waiting jobs after a restart: their time may be over, and other services may have their steps."""
         for job in self._state.waiting():
             if job.session.state in WORKING:
                 yield from self.interrupt(job, self._restart_verdict(job), now)
@@ -80,7 +80,7 @@ class DeviceWork:
         return interruption(job.session.state, f"the Service Manager of {self._state.profile.name} was restarted while it worked")
 
     def answered(self, question: WorkWanted, value: Answer, now: float) -> Effects:
-        """The device got further with what it was asked to do, or came to an end of it."""
+        """Handle a partial or final answer of the device."""
         job = self._jobs.find_job(question.transaction, question.participant)
         if job is None or job.activity is not question.activity or job.key not in self._queue.at_work:
             return
@@ -101,7 +101,7 @@ class DeviceWork:
         yield from self._begin(now)
 
     def _report_to_map(self, job: Job, situation: str, now: float) -> Effects:
-        """Nobody waits to hear of it any more."""
+        """Report the situation to the Repository, because no coordinator waits for it."""
         yield from self._state.reports.add(service_of(job.session.participant), situation, now, LEFTOVER_REPORT_TIME)
 
     def _advance(self, job: Job, value: Advance, now: float) -> Effects:
@@ -112,7 +112,7 @@ class DeviceWork:
             yield from send_message(job, progress, self._jobs, now)
 
     def _finish_activity(self, job: Job, activity: Activity, value: Answer, now: float) -> Effects:
-        """The service, or its undoing, came to an end: it is done, it failed, it was interrupted, or its code is broken."""
+        """Handle the end of a service or of its undoing: it is done, it failed, it was interrupted, or its code raised an error."""
         if isinstance(value, WorkDone):
             job.fraction, job.situation = 1.0, value.situation or job.situation
             if job.session.state in WORKING:
@@ -131,7 +131,7 @@ class DeviceWork:
         yield from self._start_activity(job, Activity.HALT, Halt(job.order))
 
     def _conclude(self, job: Job, now: float) -> Effects:
-        """Report the verdict, with what is known by now."""
+        """Report the verdict with the situation known at this time."""
         if job.verdict is not None and job.session.state in WORKING:
             yield from send_message(job, structs.replace(job.verdict, situation=job.situation), self._jobs, now)
         job.verdict = None
@@ -141,5 +141,5 @@ def _completion_report(job: Job, activity: Activity, value: WorkDone) -> frp.Com
     if activity is Activity.PERFORM:
         return frp.Completed(situation=job.situation or "", outputs=value.outputs)
     compensate = job.session.received_messages["Compensate"].body
-    assert isinstance(compensate, frp.Compensate), "only what was told to is undone"
+    assert isinstance(compensate, frp.Compensate), "undoing follows a Compensate"
     return frp.Compensated(situation=job.situation or compensate.situation)

@@ -1,4 +1,4 @@
-"""One participant as its Service Manager sees it: its part in the protocol, and what the device does for it."""
+"""One participant as its Service Manager sees it: its session of the protocol, and the work of the device for it."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ Key = tuple[str, str]
 Verdict = frp.Failed | frp.Stopped | frp.Stranded
 
 REMEMBERED = 1000
-"""So many participants that are over are remembered, to know their late messages."""
+"""The number of ended participants that are remembered, to answer their late messages."""
 
 
 class Job(Struct, kw_only=True):
-    """`waiting`: it is to begin, or to be undone, as soon as the device is free. `situation`: the latest that is known to hold."""
+    """A participant and its work. `waiting`: it is to begin, or to be undone, when the device is free. `situation`: the last known."""
 
     session: ParticipantSession
     order: Order | None = None
@@ -34,9 +34,9 @@ class Job(Struct, kw_only=True):
     fraction: float = 0.0
     situation: str | None = None
     timers: set[ParticipantTimer] = field(default_factory=set)
-    """Those that were set and have not rung."""
+    """The timers that are set."""
     verdict: Verdict | None = None
-    """What to report once the device is in a safe state, unless the work turns out to be done."""
+    """The report to send when the device is in a safe state, unless the work turns out to be done."""
 
     @property
     def key(self) -> Key:
@@ -46,7 +46,7 @@ class Job(Struct, kw_only=True):
         return WorkWanted(*self.key, activity)
 
     def set_timer(self, kind: type[ParticipantTimer], fire_time: float | None) -> Effects:
-        """Set a timer of that kind, or take it away."""
+        """Set a timer of this kind; None removes it."""
         if fire_time is None and not self.timers:
             return
         timer = kind(*self.key)
@@ -60,8 +60,7 @@ class Job(Struct, kw_only=True):
 
 
 class Jobs(Struct):
-    """Jobs by their ids. Iterating gives those under way; of those that are over, the latest are known still, for their late
-    messages."""
+    """Jobs by their ids. Iteration yields those under way; the latest ended jobs are kept to answer late messages."""
 
     live: dict[Key, Job] = field(default_factory=dict)
     ended: dict[Key, Job] = field(default_factory=dict, name="over")
@@ -70,7 +69,7 @@ class Jobs(Struct):
         return iter([*self.live.values()])
 
     def all_jobs(self) -> Iterator[Job]:
-        """Those that are over, too."""
+        """Iterate over all jobs, including ended ones."""
         return iter([*self.ended.values(), *self.live.values()])
 
     def find_job(self, transaction: str | None, participant: str | None) -> Job | None:
@@ -78,7 +77,7 @@ class Jobs(Struct):
         return self.live.get(key) or self.ended.get(key)
 
     def store_job(self, job: Job) -> None:
-        """Know the job as it is now."""
+        """Store the present state of the job."""
         key = job.key
         if job.session.state is not State.ENDED or job.activity is not None:
             self.live[key] = job
@@ -96,7 +95,7 @@ def failure(activity: Activity, description: str, situation: str | None) -> frp.
 
 
 def interruption(state: State, reason: str) -> Verdict:
-    """What is reported of work that was brought to a stop in this state, for this reason."""
+    """Return the report on work that was stopped in this state, for this reason."""
     kind = RESUMES[state]
     if kind is frp.Stopped:
         return frp.Stopped()

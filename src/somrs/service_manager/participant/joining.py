@@ -1,5 +1,7 @@
-"""How a device joins the system and stays in it: its definitions and its object go to the Repository, its offers to the
-Service Registry, under a lease that is renewed. Steps that get no answer are taken again.
+"""How a device joins the system and stays in it.
+
+It adds its definitions and its object to the Repository, publishes its offers in the Service Registry, and renews their lease. A request
+without an answer is repeated.
 """
 
 from __future__ import annotations
@@ -32,11 +34,11 @@ from somrs.service_manager.sdk.device import predecessor_name
 from somrs.service_manager.sdk.orders import Capability, Profile, Report
 
 PATIENCE = 5.0
-"""Seconds after which a request without an answer is made anew."""
+"""Seconds after which a request without an answer is repeated."""
 
 
 class JoinStep(StrEnum):
-    """What comes next; in this order."""
+    """The next step of joining, in this order."""
 
     DEFINE = "bring new definitions"
     READ = "find the service types that are known by name only"
@@ -48,8 +50,11 @@ class JoinStep(StrEnum):
 
 
 class Joining(Struct, kw_only=True):
-    """The device, in its system, and how far it is with joining. Owned by a ServiceManager, which hands it the answers of Repository and
-    Registry, and its timer. `pending_request` is the last request's id."""
+    """The device, the system it joins, and the progress of joining.
+
+    A ServiceManager owns it, and passes it the answers of Repository and Registry, and its timer. `pending_request` is the id of the last
+    request.
+    """
 
     profile: Profile
     repository: str
@@ -66,7 +71,7 @@ class Joining(Struct, kw_only=True):
     joined: bool = False
 
     def start(self, address: str, now: float) -> Effects:
-        """Begin, whatever was done before."""
+        """Begin from the first step."""
         profile = self.profile
         self.address, self.incarnation, self.joined, self.ontology_offset = address, now, False, 0
         self.types = {
@@ -81,14 +86,14 @@ class Joining(Struct, kw_only=True):
         yield self._ask(self.registry, Retract(provider=self.profile.name), now)
 
     def timer_fired(self, now: float) -> Effects:
-        """No answer came, or the lease is to be renewed. A device without an answer to its renewal offers everything anew."""
+        """Repeat a request without an answer, or renew the lease. A device whose renewal has no answer publishes its offers again."""
         if self.step is JoinStep.RENEW:
             yield from self._take_step(JoinStep.RENEW if not self.pending_request else JoinStep.PUBLISH, now)
         else:
             yield from self._take_step(JoinStep.LOOK if self.step is JoinStep.ADD else self.step, now)
 
     def receive(self, message: Message, now: float) -> Effects:
-        """An answer; one to an earlier request than the last is out of date."""
+        """Handle an answer. An answer to an earlier request is out of date and ignored."""
         if message.header.relates_to != self.pending_request or self.step is JoinStep.DEPARTED:
             return
         self.pending_request = ""
@@ -131,12 +136,12 @@ class Joining(Struct, kw_only=True):
         self.ontology_offset = 0
         if missing := sorted(needed_types - set(self.types)):
             hints = [f"the common ontology has no service type {name}. {nearest(name, self.seen_names)}".rstrip() for name in missing]
-            yield from self._report_problem("\n".join([*hints, "name one that it has, or give @service a ServiceType"]))
+            yield from self._report_problem("\n".join([*hints, "use one of its names, or pass a ServiceType to @service"]))
         else:
             yield from self._take_step(JoinStep.LOOK, now)
 
     def _take_step(self, step: JoinStep, now: float) -> Effects:
-        """Take a step: make its request, and look after it when no answer comes."""
+        """Take a step: send its request, and set a timer to repeat it."""
         profile = self.profile
         if step is JoinStep.READ and all(capability.type_name in self.types for capability in profile.capabilities):
             step = JoinStep.LOOK

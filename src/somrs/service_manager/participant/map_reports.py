@@ -1,7 +1,6 @@
-"""What a device has the Repository know outside of its contracts: what it noticed, and what its work left when nobody waited to hear of it.
+"""Reports to the Repository outside of contracts: observations of the device, and what work left when no coordinator waits for it.
 
-One report is on its way at a time, under its own id, again and again until the Repository answers; so they come in the order in which
-they were made.
+One report is under way at a time. It is repeated with the same id until the Repository answers, so reports arrive in their order.
 """
 
 from __future__ import annotations
@@ -18,14 +17,14 @@ PATIENCE = 10.0
 """Seconds after which a report without an answer is sent again."""
 
 LEFTOVER_REPORT_TIME = 60.0
-"""Seconds for which the Repository is told what a service left; later than that, others may know better."""
+"""Seconds for which a report on what a service left is sent; after that, others may have changed it."""
 
 OBSERVATION_REPORT_TIME = 86_400.0
-"""Seconds for which it is told what a device noticed: nobody else may know."""
+"""Seconds for which an observation is sent; the device may be the only one that knows it."""
 
 
 class MapReport(Struct, frozen=True, kw_only=True):
-    """`author` is a device or a service; given up after `expires_at`."""
+    """A report. `author` is a device or a service; after `expires_at` the report is given up."""
 
     id: str
     author: str
@@ -34,7 +33,7 @@ class MapReport(Struct, frozen=True, kw_only=True):
 
 
 class MapReports(Struct, kw_only=True):
-    """`ready`: the device is on the map, so that reports make sense. The first of `pending` is on its way then."""
+    """The queue of reports. `ready`: the device is on the map; the first of `pending` is under way."""
 
     address: str = ""
     repository: str = ""
@@ -43,7 +42,7 @@ class MapReports(Struct, kw_only=True):
     pending: list[MapReport] = []
 
     def add(self, author: str, situation: str, now: float, seconds: float) -> Effects:
-        """Have it on the map that the situation holds."""
+        """Queue a report that the situation holds."""
         self.count += 1
         id = message_id(self.address, author, "report", self.count, now)
         self.pending.append(MapReport(id=id, author=author, situation=situation, expires_at=now + seconds))
@@ -51,29 +50,29 @@ class MapReports(Struct, kw_only=True):
             yield from self._send(now)
 
     def start(self, now: float) -> Effects:
-        """The device is on the map."""
+        """Begin to send: the device is on the map."""
         if not self.ready:
             self.ready = True
             yield from self._send(now)
 
     def is_pending(self, id: str | None) -> bool:
-        """Whether it is the report on its way."""
+        """Whether this is the id of the report under way."""
         return self.ready and bool(self.pending) and self.pending[0].id == id
 
     def answered(self, answer: Message, now: float) -> EffectsReturning[str]:
-        """The Repository answered the report on its way. What is wrong with it, in words."""
+        """Handle the answer to the report under way. Return why the Repository rejected it; empty when it did not."""
         report = self.pending.pop(0)
         yield SetTimer(ReportDue(), None)
         yield from self._send(now)
         match answer.body:
             case Rejected(problems=problems):
-                return f"the Repository does not take {report.situation} from {report.author}: {'; '.join(problems)}"
+                return f"the Repository rejects {report.situation} from {report.author}: {'; '.join(problems)}"
             case Fault(text=text):
-                return f"the Repository does not take {report.situation} from {report.author}: {text}"
+                return f"the Repository rejects {report.situation} from {report.author}: {text}"
         return ""
 
     def resend(self, now: float) -> Effects:
-        """No answer came, or nobody could be reached."""
+        """Send the report again, because no answer came or it was not delivered."""
         yield from self._send(now)
 
     def _send(self, now: float) -> Effects:

@@ -1,4 +1,4 @@
-"""What a Service Manager says as a participant."""
+"""Send the messages of a participant."""
 
 from __future__ import annotations
 
@@ -11,15 +11,18 @@ from somrs.service_manager.participant.job import Job, Jobs
 from somrs.service_manager.participant.timers import HeartbeatDue, StartDue
 
 CUT_OFF = 15.0
-"""Seconds for which a sign of life is sent again. When none gets through, nobody can call the device back, and its step may
-soon be given to another: it stops by itself. A coordinator waits for longer than this, and for a stop, before it does that."""
+"""Seconds for which a heartbeat is sent again.
+
+When none gets through, the coordinator cannot stop the device and may soon give its step to another service, so the device stops by itself.
+The coordinator waits for longer than this time plus the time of a stop.
+"""
 
 REPORT_TIME = 86_400.0
-"""Seconds for which a report is sent again; a Task Manager that is down has this long to come back."""
+"""Seconds for which a report is sent again; a Task Manager that is down has this long to restart."""
 
 
 def send_message(job: Job, body: ParticipantBody, jobs: Jobs, now: float) -> Effects:
-    """Send a message of the job's own accord."""
+    """Send a message that answers no other."""
     message = job.session.send(body)
     if isinstance(body, frp.Progress):
         yield Send(message, now + CUT_OFF)

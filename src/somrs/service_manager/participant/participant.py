@@ -1,7 +1,8 @@
-"""The Service Manager of one device: any number of participants of the Failure Recovery Protocol, on one calendar.
+"""The Service Manager of one device: participants of the Failure Recovery Protocol with a common calendar.
 
-It decides; `device_queue.py` has the device do it, and `service_runner.py` runs the author's coroutines. What it knows of each participant
-is in a `Job`; which messages it may send and what it makes of those that come is `protocol.frp.session`'s."""
+The Service Manager decides; `device_queue.py` gives the device its work, and `service_runner.py` runs the author's coroutines. A `Job`
+holds the state of a participant; `protocol.frp.session` determines which messages it may send and what received messages mean.
+"""
 
 from __future__ import annotations
 
@@ -61,14 +62,14 @@ _PROTOCOL = frozenset((*TO_PARTICIPANT, *TO_COORDINATOR))
 
 
 class ServiceManager:
-    """Owns its participants; `calendar` is what the device is committed to."""
+    """The component of a device. It owns the participants; `calendar` has the device's commitments."""
 
     def __init__(self, profile: Profile, *, repository: str, registry: str) -> None:
         self._adopt(ServiceManagerState.new(profile, repository, registry))
 
     @classmethod
     def restored(cls, state: ServiceManagerState) -> Self:
-        """The Service Manager that has this state."""
+        """Return the Service Manager with this state."""
         manager = cls.__new__(cls)
         manager._adopt(state)
         return manager
@@ -93,7 +94,7 @@ class ServiceManager:
 
     @property
     def idle(self) -> bool:
-        """Whether the device does nothing for anybody."""
+        """Whether the device has no work."""
         return self._work.idle
 
     def state_of(self, transaction: str, participant: str) -> State:
@@ -101,7 +102,7 @@ class ServiceManager:
         return job.session.state if job is not None else State.NEW
 
     def calendar(self, now: float) -> list[Commitment]:
-        """From when until when the device is committed, as far as can be told; what is overdue starts, or ends, now."""
+        """Return the commitments of the device. Overdue ones start, or end, at `now`."""
         busy: list[Commitment] = []
         for job in self._jobs:
             if job.session.state not in _COMMITTED or (terms := job.session.terms) is None:
@@ -111,7 +112,7 @@ class ServiceManager:
         return busy
 
     def handle(self, event: Input, now: float) -> list[Effect]:
-        """What to do about the input."""
+        """Return the effects of the input."""
         return [*self._effects(event, now)]
 
     def _effects(self, event: Input, now: float) -> Effects:
@@ -121,15 +122,15 @@ class ServiceManager:
             case Received(message):
                 yield from self._received(message, now)
             case TimerFired(timer):
-                yield from self._timer_fired(timer, now)  # type: ignore[arg-type]  # only its own timers ring
+                yield from self._timer_fired(timer, now)  # type: ignore[arg-type]  # the component has no other timers
             case Answered(WorkWanted() as question, value):
                 yield from self._answered(question, value, now)
             case DeliveryFailed(message):
                 yield from self._delivery_failed(message, now)
             case Notified(notice):
-                yield from self._notified(notice, now)  # type: ignore[arg-type]  # its program tells it nothing else
+                yield from self._notified(notice, now)  # type: ignore[arg-type]  # the program sends no other notices
 
-    # What comes
+    # Received messages
 
     def _received(self, message: Message, now: float) -> Effects:
         kind = type(message.body)
@@ -160,7 +161,7 @@ class ServiceManager:
                     precondition=message.body.precondition or job.order.precondition,
                 )
             if isinstance(message.body, frp.Compensate):
-                job.situation = None  # others may have gone on from what it left
+                job.situation = None  # other services may have changed what it left
             self._jobs.store_job(job)
         for answer in transition.answers:
             yield Send(answer, now + REPORT_TIME if answer.header.recipient != ANONYMOUS else None)
@@ -168,7 +169,7 @@ class ServiceManager:
             yield from self._state_changed(job, message, transition.state_before, now)
 
     def _directory_answered(self, message: Message, now: float) -> Effects:
-        """The Repository, or the Registry, answers."""
+        """Handle an answer of the Repository or the Registry."""
         if self._reports.is_pending(message.header.relates_to):
             trouble = yield from self._reports.answered(message, now)
             if trouble:
@@ -224,7 +225,7 @@ class ServiceManager:
         yield Ask(job.question_for(Activity.QUOTE), Quote(job.order))
 
     def _capability(self, job: Job, arrange: frp.Arrange) -> Capability | None:
-        """The service that the participant is one of, or else one of the type."""
+        """Return the service that the participant's id names, or else one of the requested type."""
         named, profile = service_of(job.session.participant), self.profile
         of_type = [candidate for candidate in profile.capabilities if candidate.type_name == arrange.service_type]
         return next(
@@ -236,18 +237,18 @@ class ServiceManager:
             (candidate for candidate in self.profile.capabilities if job.order and candidate.method == job.order.method), None
         )
         if late or capability is None or not capability.undoable:
-            text = late or f"{self.profile.name} cannot undo {capability.type_name if capability else 'what it does not know'}"
+            text = late or f"{self.profile.name} cannot undo {capability.type_name if capability else 'an unknown service'}"
             yield from self._send_message(job, frp.Stranded(description=text, tried=False), now)
             return
         yield from job.set_timer(HeartbeatDue, now + self.profile.heartbeat)
         yield from self._work.enqueue(job, now)
 
     def _answered(self, question: WorkWanted, value: object, now: float) -> Effects:
-        """The device did something, or got further with it."""
+        """Handle a partial or final answer of the device."""
         answer: Answer = answer_of(value) if isinstance(value, BaseException) else value  # type: ignore[assignment]  # as devices answer
         if question.activity is not Activity.QUOTE:
             yield from self._work.answered(question, answer, now)
-        elif not isinstance(answer, Advance):  # nothing is under way that could advance
+        elif not isinstance(answer, Advance):  # no work is under way that could advance
             yield from self._quoted(question, answer, now)
 
     def _quoted(self, question: WorkWanted, value: Answer, now: float) -> Effects:
@@ -268,7 +269,7 @@ class ServiceManager:
             yield from job.set_timer(TermsDue, answer.valid_until)
 
     def _terms(self, job: Job, quoted: Quoted, now: float) -> frp.Terms | frp.Refuse:
-        assert job.order is not None, "a quote is for an order"
+        assert job.order is not None, "a quote follows an order"
         order = job.order
         capacity = self.profile.capacity
         start = first_free_time(
@@ -276,9 +277,7 @@ class ServiceManager:
         )
         latest_start = None if order.latest_finish is None else order.latest_finish - quoted.duration
         if latest_start is not None and start > latest_start:
-            return frp.Refuse(
-                reason=f"{self.profile.name} could be done {start - latest_start:.0f} s after the latest finish at the earliest"
-            )
+            return frp.Refuse(reason=f"{self.profile.name} would finish at least {start - latest_start:.0f} s after the latest finish")
         return frp.Terms(
             effect=str(fill_in(order.effect, self.profile.name, order.inputs)),
             precondition=order.precondition,
@@ -293,7 +292,7 @@ class ServiceManager:
     def _send_message(self, job: Job, body: ParticipantBody, now: float) -> Effects:
         yield from send_message(job, body, self._jobs, now)
 
-    # What comes besides messages
+    # Other inputs
 
     def _timer_fired(self, timer: Timer, now: float) -> Effects:
         match timer:
@@ -316,16 +315,16 @@ class ServiceManager:
             case TermsDue() if state is State.OFFERED:
                 yield from self._send_message(job, frp.Refuse(reason="the terms expired"), now)
             case StartDue() if state is State.COMMITTED:
-                yield from self._send_message(job, frp.Failed(description="it was not told to start in time", tried=False), now)
+                yield from self._send_message(job, frp.Failed(description="no order to start came in time", tried=False), now)
 
     def _delivery_failed(self, message: Message, now: float) -> Effects:
-        """Signs of life do not get through: stop."""
+        """Stop the work when a heartbeat cannot be delivered."""
         if self._reports.is_pending(message.header.message_id):
             yield from self._reports.resend(now)
             return
         job = self._jobs.find_job(message.header.transaction, message.header.participant)
         if job is not None and isinstance(message.body, frp.Progress):
-            yield from self._cut_off(job, "nobody could be told how the work goes, so it was stopped", now)
+            yield from self._cut_off(job, "no heartbeat reached the coordinator, so the work was stopped", now)
 
     def _cut_off(self, job: Job, reason: str, now: float) -> Effects:
         if (state := job.session.state) in (State.EXECUTING, State.COMPENSATING):
@@ -341,21 +340,21 @@ class ServiceManager:
             case DepartureRequested():
                 yield from self._depart(now)
 
-    # Coming and going
+    # Joining and leaving
 
     def _start(self, address: str, now: float) -> Effects:
-        """Join. After a restart, go on with what was promised; the device does nothing for anybody any more."""
+        """Join the system. After a restart, keep the contracts; the device has no work."""
         moved, self.state.leaving = address != self.address, False
         self._reports.address, self._reports.repository, self._reports.ready = address, self._joining.repository, False
         yield from self._joining.start(address, now)
         yield from self._work.restarted(now)
         for job in self._jobs.all_jobs() if moved else ():
             job.session.me = address
-            for message in job.session.last_report():  # by which the others know where it is now
+            for message in job.session.last_report():  # the report has the new address
                 yield Send(message, now + REPORT_TIME)
 
     def _depart(self, now: float) -> Effects:
-        """Withdraw offers and commitments, and stop what runs."""
+        """Withdraw the offers and commitments, and stop the work."""
         self.state.leaving = True
         yield from self._joining.depart(now)
         reason = f"{self.profile.name} is leaving"
@@ -374,12 +373,12 @@ def _refusal(answer: Answer) -> str:
 
 
 def _lateness_reason(message: Message, now: float) -> str:
-    """Why an order must not be obeyed any more, in words; empty when it came in time."""
+    """Return why an order comes too late to be carried out; empty when it came in time."""
     body = message.body
     if not isinstance(body, frp.Execute | frp.Compensate) or body.begin_by is None or now <= body.begin_by:
         return ""
     return (
-        f"{type(body).__name__} came {now - body.begin_by:.1f} s too late to begin, and nothing was moved: "
+        f"{type(body).__name__} came {now - body.begin_by:.1f} s too late to begin; nothing was done: "
         "a slow network, or the clocks of the two hosts do not agree"
     )
 
@@ -394,9 +393,9 @@ SCHEMA = Schema(
     answers=Answer,
     notices=Notice,
     restore=ServiceManager.restored,
-    # An author's coroutine ends with its process. What it costs can be worked out anew, and a safe state has to be reached anyhow.
+    # An author's coroutine ends with its process. A quote can be made again, and the safe state must be reached in any case.
     volatile=(Perform, Undo, Report),
     error_to_answer=answer_of,
     relocatable=True,
 )
-"""What its journal is made of."""
+"""The data of its journal."""

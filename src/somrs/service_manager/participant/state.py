@@ -1,4 +1,4 @@
-"""All that a Service Manager knows, as one tree of data."""
+"""The state of a Service Manager, as one tree of data."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from somrs.service_manager.sdk.orders import Profile
 
 
 class DeviceQueue(Struct):
-    """The participants that wait for the device, in the order in which they were told to begin, and those that it does something for."""
+    """The participants that wait for the device, in the order of their orders, and those whose work is under way."""
 
     waiting: list[Key] = []
     at_work: list[Key] = []
@@ -33,5 +33,5 @@ class ServiceManagerState(Struct, kw_only=True):
         return self.joining.profile
 
     def waiting(self) -> list[Job]:
-        """The participants that wait for the device."""
+        """Return the participants that wait for the device."""
         return [job for key in self.queue.waiting if (job := self.jobs.find_job(*key)) is not None]

@@ -1,4 +1,4 @@
-"""What a Service Manager waits for, asks of its node, and hears from its device's program: as values."""
+"""The timers of a Service Manager, the questions that it asks its node, and the notices from the device's program."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ class TermsDue(Struct, frozen=True, tag=True):
 
 
 class StartDue(Struct, frozen=True, tag=True):
-    """The participant should have been told to start."""
+    """The time for the participant's order to start is over."""
 
     transaction: str
     participant: str
 
 
 class HeartbeatDue(Struct, frozen=True, tag=True):
-    """It is time for a sign of life from the participant at work."""
+    """The participant at work has to send a heartbeat."""
 
     transaction: str
     participant: str
 
 
 class JoiningDue(Struct, frozen=True, tag=True):
-    """A step of joining should have been answered, or the lease is to be renewed."""
+    """A step of joining has no answer, or the lease has to be renewed."""
 
 
 class ReportDue(Struct, frozen=True, tag=True):
-    """The Repository should have answered what the device reported to it."""
+    """A report to the Repository has no answer."""
 
 
 ParticipantTimer = TermsDue | StartDue | HeartbeatDue
@@ -43,7 +43,7 @@ Timer = ParticipantTimer | JoiningDue | ReportDue
 
 
 class Activity(StrEnum):
-    """What a device does for a participant."""
+    """The work that a device does for a participant."""
 
     QUOTE = "work out what it costs"
     PERFORM = "do it"
@@ -52,7 +52,7 @@ class Activity(StrEnum):
 
 
 class WorkWanted(Struct, frozen=True, tag=True):
-    """The device is to do that for the participant."""
+    """Work of the device for the participant."""
 
     transaction: str
     participant: str
@@ -60,7 +60,7 @@ class WorkWanted(Struct, frozen=True, tag=True):
 
 
 class ReportWanted(Struct, frozen=True, tag=True):
-    """The person who runs the device is to be told something."""
+    """A report to the person who runs the device."""
 
 
 Question = WorkWanted | ReportWanted
@@ -68,7 +68,7 @@ NodeTask = Quote | Perform | Halt | Undo | Report
 
 
 class Equipped(Struct, frozen=True, tag=True):
-    """The device is this one, in the system with this Repository and this Registry: told before every start."""
+    """The profile of the device, and the addresses of its Repository and Registry; sent before every start."""
 
     profile: Profile
     repository: str
@@ -76,13 +76,13 @@ class Equipped(Struct, frozen=True, tag=True):
 
 
 class Observed(Struct, frozen=True, tag=True):
-    """The device noticed, outside of any contract, that the situation holds."""
+    """The device observed a situation outside of any contract."""
 
     situation: str
 
 
 class DepartureRequested(Struct, frozen=True, tag="Leave"):
-    """The device is to take its leave."""
+    """The device is to leave the system."""
 
 
 Notice = Equipped | Observed | DepartureRequested

@@ -1,1 +1,1 @@
-"""What the author of a device writes with, and what services are given and return."""
+"""The classes with which an author writes a device, and the values that services take and return."""

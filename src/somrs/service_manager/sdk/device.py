@@ -1,4 +1,4 @@
-"""What a device author writes with: a class, a decorator, and what a service is given while it works.
+"""The interface for authors of devices: a base class, a decorator, and the task that a service works on.
 
     class Forklift(Device):
         type = "Forklift"
@@ -12,7 +12,7 @@
         @transfer.compensation
         async def bring_back(self, task: Task, situation: Formula) -> Situation: ...
 
-Everything else (terms, the protocol, the calendar, joining and leaving) is the Service Manager's, in `participant.py`.
+The Service Manager does the rest: terms, the protocol, the calendar, joining and leaving.
 """
 
 from __future__ import annotations
@@ -40,20 +40,20 @@ from somrs.service_manager.sdk.orders import Advance, Capability, Order, Profile
 from somrs.service_manager.sdk.values import fill_in, money, python_value, seconds
 
 Situation = str | Formula | None
-"""What holds now, in Entish. None, from a service that worked: the effect, as it was arranged."""
+"""The situation, in Entish. None, returned by a service: the effect that was arranged."""
 
 
 class Result(Struct, frozen=True, kw_only=True):
-    """What a service with outputs returns."""
+    """The result of a service with outputs."""
 
     outputs: dict[str, Value]
     situation: Situation = None
 
 
 Ask = Callable[[Body], Awaitable[Body]]
-"""Asks the Repository."""
+"""Sends a request to the Repository and returns the answer."""
 
-# What the decorated functions are called with besides the device itself, whose class differs from author to author.
+# The types of the decorated functions. Their first argument is the device, whose class differs from author to author.
 PerformFunction = Callable[[Any, "Task"], Awaitable["Situation | Result"]]
 StopFunction = Callable[[Any, "Task"], Awaitable[Situation]]
 UndoFunction = Callable[[Any, "Task", Formula], Awaitable[Situation]]
@@ -63,20 +63,20 @@ AbilityCheck = Callable[[Any, "Task"], Awaitable[None] | None]
 
 
 class MapReader:
-    """Reads the map of the environment in the Repository."""
+    """Reads the map in the Repository."""
 
     def __init__(self, ask: Ask) -> None:
         self._ask = ask
 
     async def object(self, name: str) -> Object | None:
-        """The object with the values that were given for it; None when there is no such object."""
+        """Return the object with its explicit values; None when the map has no such object."""
         page = await self._answer(ReadMap(after=predecessor_name(name)))
         if not isinstance(page, MapPage):
             raise RemoteError(f"the Repository answered ReadMap with {type(page).__name__}")
         return page.objects[0] if page.objects and page.objects[0].name == name else None
 
     async def query(self, formula: str | Formula, limit: int = 100) -> list[dict[str, Value]]:
-        """Every way in which the formula holds: a value, or the name of an object, for each of its variables."""
+        """Return all solutions of the formula, up to `limit`: a value, or the name of an object, for each variable."""
         rows = await self._answer(QueryMap(formula=str(formula), limit=limit))
         if not isinstance(rows, Rows):
             raise RemoteError(f"the Repository answered QueryMap with {type(rows).__name__}")
@@ -93,29 +93,29 @@ class MapReader:
 
 
 def predecessor_name(name: str) -> str:
-    """A text that comes just before the name in the order of names, so that the page behind it begins with the name."""
+    """Return a text just before the name in the order of names: the page after it begins with the name."""
     return f"{name[:-1]}{chr(ord(name[-1]) - 1)}\ufffd"
 
 
 class Task:
-    """What a service was asked to do, and the line back to whoever asked."""
+    """The order for a service: its inputs, effect and precondition, and a way to report progress."""
 
     def __init__(self, provider: str, order: Order, ask: Ask, report: Callable[[object], None]) -> None:
         self.order = order
         self.inputs: Mapping[str, Value] = {name: python_value(text) for name, text in order.inputs.items()}
-        """By name: numbers, texts and truths as Python has them, objects by their names on the map."""
+        """The inputs by name: numbers, texts and truth values as Python values, objects by their names on the map."""
         self.effect: Formula = fill_in(order.effect, provider, order.inputs)
         self.precondition: Formula | None = fill_in(order.precondition, provider, order.inputs) if order.precondition else None
         self.map = MapReader(ask)
         self._report = report
 
     async def progress(self, fraction: float, situation: Situation = None, note: str = "") -> None:
-        """Say how far it is (0 to 1), what holds now if that changed, and a word for people."""
+        """Report the fraction done (0 to 1), the situation if it changed, and a note for people."""
         self._report(Advance(fraction=min(max(fraction, 0.0), 1.0), situation=str(situation) if situation is not None else None, note=note))
 
 
 class Service:
-    """A service of a class of devices: what `@service` makes of a method."""
+    """A service of a class of devices; `@service` creates it from a method."""
 
     def __init__(
         self, performs: PerformFunction, type: ServiceType | str, price: Amounts, duration: Amounts, able: AbilityCheck | None
@@ -137,12 +137,12 @@ class Service:
         return self if device is None else self.performs.__get__(device, owner)
 
     def stopping(self, stops: StopFunction) -> StopFunction:
-        """Decorates what to do when the service is interrupted: reach a safe state, and say what holds then."""
+        """Decorate the method that brings an interrupted service to a safe state and returns the situation."""
         self.stops = stops
         return stops
 
     def compensation(self, undoes: UndoFunction) -> UndoFunction:
-        """Decorates what to do to undo the service: restore the situation given, or an equivalent one."""
+        """Decorate the method that undoes the service: it restores the given situation, or an equivalent one."""
         self.undoes = undoes
         return undoes
 
@@ -164,31 +164,31 @@ class Service:
 def service(
     type: ServiceType | str, *, price: Amounts = 0.0, duration: Amounts, able: AbilityCheck | None = None
 ) -> Callable[[PerformFunction], Service]:
-    """Makes a method a service of the type (or of the type of that name in the common ontology).
+    """Make a method a service of this type, or of the type with this name in the common ontology.
 
-    `price` and `duration` are amounts, or functions of the device and the task; `able` may raise Refusal.
+    `price` and `duration` are amounts, or functions of the device and the task. `able` may raise Refusal.
     """
     return lambda performs: Service(performs, type, price, duration, able)
 
 
 def _check_definition(definition: Definition, owner: type[object]) -> Definition:
-    """The definition with every value of the kind that it has to be: Structs do not check what they are made of."""
+    """Return the definition with all values checked against their types, which Structs do not check on creation."""
     try:
         return msgspec.convert(msgspec.to_builtins(definition), type=type(definition))
     except (msgspec.ValidationError, TypeError) as error:
         name = getattr(definition, "name", definition)
-        raise DeviceError(f"{owner.__name__} brings {type(definition).__name__} {name}, which is not well made: {error}") from None
+        raise DeviceError(f"{owner.__name__} brings {type(definition).__name__} {name}, which is not valid: {error}") from None
 
 
 def _ignore_observation(situation: str) -> None:
-    """Nobody runs the device."""
+    """Do nothing: no program runs the device."""
 
 
 class Device:
-    """A device with services. Authors derive a class, and say in class attributes what is not as usual.
+    """A device with services. Authors derive a class and set class attributes where the defaults do not fit.
 
-    `values` and `situation` say where it is, for a device that is not on the map yet; `types` are definitions that it brings
-    to the common ontology (its object type, service types, whatever they need).
+    `values` and `situation` describe a device that is not on the map yet. `types` are definitions that the device adds to the common
+    ontology: its object type, service types, and others that these use.
     """
 
     type: ClassVar[str | ObjectType]
@@ -196,55 +196,56 @@ class Device:
     values: Mapping[str, Value] = {}
     situation: str | None = None
     attributes: Mapping[str, Value] = {}
-    """Static features of its services, such as OperationRange, that clients can discover them by."""
+    """Static attributes of its services, such as OperationRange, by which clients can discover them."""
     map: MapReader
-    """Reads the Repository's map; there from `open` on."""
+    """Reads the Repository's map; available from `open` on."""
     data: Path = Path(".somrs")
-    """The data folder of the running system, for what a device keeps; it may not be there yet."""
+    """The data folder of the running system, where a device may store data; it may not exist yet."""
     capacity: int = 1
-    """How many services it can perform at the same time."""
+    """How many services the device can perform at the same time."""
     heartbeat: float = 5.0
-    """Seconds between two signs of life while it works."""
+    """Seconds between two heartbeats during work."""
     valid_for: float = 120.0
-    """Seconds for which its terms hold."""
+    """Seconds for which terms are valid."""
     lease: float = 30.0
-    """Seconds after which the Service Registry forgets a device that fell silent."""
+    """Seconds after which the Service Registry drops a device that does not renew its lease."""
 
     def __init__(self, name: str, simulator: str | None = None) -> None:
         self.name, self.simulator = name, simulator
 
     observer: Callable[[str], None] = staticmethod(_ignore_observation)
-    """Hears what the device observed: its program sees to that."""
+    """Receives the observations of the device; the program that runs the device sets it."""
 
     def observed(self, situation: str | Formula) -> None:
-        """Have it on the map that the situation holds, which the device noticed besides its work; what work came to, services return.
-        It comes there in the order in which it was noticed, once the device has joined, and again if the Repository is down."""
+        """Report a situation that the device observed outside of its services to the map.
+
+        Reports arrive in their order, after the device has joined; they are repeated while the Repository is not available. Services return
+        their results instead.
+        """
         self.observer(str(parse(str(situation))))
 
     async def open(self) -> None:
-        """Called once before the device joins: connect to the hardware."""
+        """Connect to the hardware. Called once before the device joins."""
 
     async def close(self) -> None:
-        """Called once when the device has left."""
+        """Release the hardware. Called once after the device has left."""
 
     def services(self) -> Mapping[str, Service]:
-        """The services by the names of their methods, inherited ones included."""
+        """Return the services, including inherited ones, by the names of their methods."""
         return _services(type(self))  # type: ignore[arg-type]  # classes are hashable; mypy takes the attribute `type` for the metaclass's
 
     def profile(self) -> Profile:
-        """What the Service Manager has to know. Raises DeviceError when the class cannot be run as it is."""
+        """Return the description of the device for the Service Manager. Raises DeviceError when the class is not complete."""
         cls = type(self)
         kind = getattr(cls, "type", None)
         if not isinstance(kind, str | ObjectType):
-            raise DeviceError(f"{cls.__name__} does not say what it is on the map: give it a class attribute `type`, such as 'MobileRobot'")
+            raise DeviceError(f"{cls.__name__} has no object type: set the class attribute `type`, such as 'MobileRobot'")
         services = self.services()
         if not services:
             raise DeviceError(f"{cls.__name__} has no services: decorate an `async def` method with @service(...), and keep its name")
         for name in services:
             if hasattr(Device, name):
-                raise DeviceError(
-                    f"{cls.__name__}.{name} is a service, but every device has a {name} of its own: call the service something else"
-                )
+                raise DeviceError(f"{cls.__name__}.{name} is a service, but every device has an attribute {name}: rename the service")
         definitions = [*cls.types, *([kind] if isinstance(kind, ObjectType) else [])]
         definitions += [s.type for s in services.values() if isinstance(s.type, ServiceType)]
         return Profile(

@@ -1,6 +1,4 @@
-"""What a Service Manager asks of its device, and what it hears back: the values between `participant.py`, which decides, and
-`service_runner.py`, which runs the author's coroutines.
-"""
+"""The values between `participant.py`, which decides, and `service_runner.py`, which runs the author's coroutines: orders and answers."""
 
 from __future__ import annotations
 
@@ -14,13 +12,13 @@ from somrs.protocol.messages.knowledge import Definitions
 
 
 class Capability(Struct, frozen=True, kw_only=True):
-    """One service of a device: its type, or the name of one in the common ontology, and the method that performs it."""
+    """A service of a device: its type, or the name of a type in the common ontology, and the method that performs it."""
 
     type: ServiceType | str
     method: str
     attributes: dict[str, Value] = {}
     stoppable: bool = False
-    """Whether the author says how to reach a safe state when it is interrupted."""
+    """Whether the author defines how the service reaches a safe state when it is interrupted."""
     undoable: bool = False
 
     @property
@@ -29,7 +27,7 @@ class Capability(Struct, frozen=True, kw_only=True):
 
 
 class Profile(Struct, frozen=True, kw_only=True):
-    """What a Service Manager has to know of its device. `values` and `situation` put it on the map, if it is not there."""
+    """The description of a device for its Service Manager. `values` and `situation` put it on the map, if it is not there."""
 
     name: str
     type: str
@@ -43,12 +41,12 @@ class Profile(Struct, frozen=True, kw_only=True):
     lease: float = 30.0
 
     def service(self, capability: Capability) -> str:
-        """The service's name in the whole system."""
+        """Return the service's name in the whole system."""
         return f"{self.name}.{capability.type_name}"
 
 
 class Order(Struct, frozen=True, kw_only=True):
-    """What was arranged with one participant. `inputs` are Entish terms; times are on the coordinator's clock."""
+    """The order that was arranged with a participant. `inputs` are Entish terms; times are on the coordinator's clock."""
 
     participant: str
     method: str
@@ -61,32 +59,32 @@ class Order(Struct, frozen=True, kw_only=True):
 
 
 class Quote(Struct, frozen=True, tag=True):
-    """Work out what it costs and how long it takes. Answered by `Quoted` or `Refused`."""
+    """Work out the price and the duration. The answer is `Quoted` or `Refused`."""
 
     order: Order
 
 
 class Perform(Struct, frozen=True, tag=True):
-    """Do it. Answered by any number of `Advance`, then by `WorkDone` or `Failure`."""
+    """Perform the service. The answers are any number of `Advance`, then `WorkDone` or `Failure`."""
 
     order: Order
 
 
 class Halt(Struct, frozen=True, tag=True):
-    """The work was interrupted: reach a safe state. Answered by `WorkDone` or `Failure`."""
+    """Reach a safe state after an interruption. The answer is `WorkDone` or `Failure`."""
 
     order: Order
 
 
 class Undo(Struct, frozen=True, tag=True):
-    """Restore the situation, or an equivalent. Answered like `Perform`."""
+    """Undo the work: restore the situation, or an equivalent. The answers are those of `Perform`."""
 
     order: Order
     situation: str
 
 
 class Report(Struct, frozen=True, tag=True):
-    """Tell the person who runs the device: it `joined`, or why it cannot; or something else (None)."""
+    """Inform the person who runs the device. `joined`: whether the device joined; None: other information."""
 
     text: str
     joined: bool | None = None
@@ -102,13 +100,13 @@ class Quoted(Struct, frozen=True, kw_only=True, tag=True):
 
 
 class Refused(Struct, frozen=True, tag=True):
-    """The device cannot, or will not."""
+    """The device cannot, or will not, do the work."""
 
     reason: str
 
 
 class Advance(PartialAnswer, frozen=True, kw_only=True, tag=True):
-    """How far the work is."""
+    """The progress of the work."""
 
     fraction: float
     situation: str | None = None
@@ -116,14 +114,14 @@ class Advance(PartialAnswer, frozen=True, kw_only=True, tag=True):
 
 
 class WorkDone(Struct, frozen=True, kw_only=True, tag="Done"):
-    """The work is done. `situation` None: what was to be brought about, or, of a Halt, nothing that is known."""
+    """The work is done. `situation` None: the arranged effect; after a Halt: nothing is known."""
 
     situation: str | None = None
     outputs: dict[str, Value] = {}
 
 
 class Failure(Struct, frozen=True, tag=True):
-    """The effect does not hold, why, and what holds instead as far as it is known."""
+    """The effect does not hold. `situation` holds instead, as far as it is known."""
 
     description: str
     situation: str | None = None
@@ -133,7 +131,7 @@ Answer = Quoted | Refused | Advance | WorkDone | Failure | ErrorAnswer | AnswerL
 
 
 class Refusal(SomrsError):
-    """Raised by an author's price, duration or `able` function: cannot, or will not."""
+    """Raised by an author's price, duration or `able` function: the device cannot, or will not, do the work."""
 
     def __init__(self, reason: str) -> None:
         self.reason = reason
@@ -141,7 +139,7 @@ class Refusal(SomrsError):
 
 
 class ServiceFailed(SomrsError):
-    """Raised by an author's service: the effect does not hold, why, and what holds instead as far as it is known."""
+    """Raised by an author's service: the effect does not hold. `situation` holds instead, as far as it is known."""
 
     def __init__(self, description: str, situation: str | None = None) -> None:
         self.description, self.situation = description, situation
@@ -152,7 +150,7 @@ class ServiceFailed(SomrsError):
 
 
 def answer_of(error: BaseException) -> Refused | Failure | ErrorAnswer:
-    """What an author's code raised, as an answer; with its class, unless it is an exception that is meant to be read."""
+    """Return the answer for an exception of an author's code. Only exceptions that are written for people omit the class name."""
     match error:
         case Refusal(reason=reason):
             return Refused(reason)

@@ -1,4 +1,4 @@
-"""Runs an author's coroutines: what a Service Manager asks of its device, and what that comes to."""
+"""Run an author's coroutines, and convert their results to answers."""
 
 from __future__ import annotations
 
@@ -17,7 +17,10 @@ log = logging.getLogger(__name__)
 
 
 async def carry_out(device: Device, work: Work, ask: Ask, report: Callable[[object], None]) -> object:
-    """Do it. What the author's code raises goes on to whoever asked; what is no answer of a service is logged besides."""
+    """Run the work and return its answer.
+
+    Exceptions of the author's code are passed on; those other than Refusal and ServiceFailed are also logged.
+    """
     service = device.services()[work.order.method]
     try:
         task = Task(device.name, work.order, ask, report)
@@ -34,7 +37,7 @@ async def carry_out(device: Device, work: Work, ask: Ask, report: Callable[[obje
                 return WorkDone(situation=_read(await service.undoes(device, task, parse(situation)), service) or situation)
     except (Refusal, ServiceFailed):
         raise
-    except Exception:  # an author's mistake may be anything; it is logged with its trace, and becomes the service's failure
+    except Exception:  # an author's mistake may be anything; it is logged with its trace, and fails the service
         log.exception("%s: %s of %s", device.name, type(work).__name__, service.name)
         raise
 
@@ -60,7 +63,7 @@ async def _check_ability(able: AbilityCheck, device: Device, task: Task) -> None
 
 
 def _work_done(device: Device, order: Order, returned: Situation | Result, service: Service) -> WorkDone:
-    """What the service returned; its effect, where it says nothing else."""
+    """Return the answer for a service's result. A result without a situation stands for the effect."""
     result = returned if isinstance(returned, Result) else Result(outputs={}, situation=returned)
     situation = _read(result.situation, service)
     if situation is None:
@@ -73,7 +76,7 @@ def _work_done(device: Device, order: Order, returned: Situation | Result, servi
 
 
 def _read(situation: Situation, service: Service) -> str | None:
-    """The situation, once it is known to be Entish."""
+    """Return the situation as text, after checking that it is Entish."""
     if situation is None or isinstance(situation, str):
         return str(parse(situation)) if situation is not None else None
     if hasattr(situation, "__struct_fields__"):

@@ -1,4 +1,4 @@
-"""Between Entish terms and Python values, and between what authors write for money and time and numbers."""
+"""Convert between Entish terms and Python values, and read the amounts of money and time that authors write."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ _SECONDS = {"": 1.0, "ms": 0.001, "s": 1.0, "min": 60.0, "h": 3600.0}
 
 @lru_cache(maxsize=4096)
 def term(text: str) -> Term:
-    """The term that the text says. Raises FormulaError."""
+    """Return the term in the text. Raises FormulaError."""
     compared = parse(f"It = {text}")
     return compared.right if isinstance(compared, Comparison) else Name(text)
 
 
 def python_value(text: str) -> Value:
-    """An Entish term as Python has it: numbers, texts and truths as such, objects by name, anything else as it is written."""
+    """Return the Python value of an Entish term: a number, text or truth value; an object by its name; any other term as text."""
     match term(text):
         case Number(value, None):
             return value
@@ -37,7 +37,7 @@ def python_value(text: str) -> Value:
 
 
 def as_term(value: Value) -> Term:
-    """The Entish term for a Python value. A text that could be a name is one."""
+    """Return the Entish term for a Python value. A text that has the form of a name becomes a name."""
     if isinstance(value, bool):
         return Truth(value)
     if isinstance(value, float | int):
@@ -46,7 +46,7 @@ def as_term(value: Value) -> Term:
 
 
 def fill_in(formula: str, provider: str, inputs: Mapping[str, str], outputs: Mapping[str, Value] | None = None) -> Formula:
-    """The formula with its inputs, its outputs and `?Provider` in their places."""
+    """Return the formula with its inputs, its outputs and `?Provider` substituted."""
     if outputs:
         return substitute(_fill_in(formula, provider, tuple(inputs.items())), {name: as_term(value) for name, value in outputs.items()})
     return _fill_in(formula, provider, tuple(inputs.items()))
@@ -54,18 +54,18 @@ def fill_in(formula: str, provider: str, inputs: Mapping[str, str], outputs: Map
 
 @lru_cache(maxsize=1024)
 def _fill_in(formula: str, provider: str, inputs: tuple[tuple[str, str], ...]) -> Formula:
-    """The same order is looked at several times: for a quote, for the terms, for the work."""
+    """Cached: a quote, the terms and the work each need the formulas of the same order."""
     return substitute(parse(formula), {name: term(text) for name, text in inputs} | {PROVIDER: Name(provider)})
 
 
 def money(amount: float | str) -> tuple[float, str]:
-    """`4 EUR` as 4 and EUR; a number alone is in EUR."""
+    """Return the amount and the currency: 4 and EUR for `4 EUR`. A number alone is in EUR."""
     number, unit = _read(amount, "a price", "4 EUR")
     return number, unit or "EUR"
 
 
 def seconds(amount: float | str) -> float:
-    """`30 s`, `2 min` or `1 h` in seconds; a number alone is in seconds."""
+    """Return the duration in seconds: of `30 s`, `2 min` or `1 h`. A number alone is in seconds."""
     number, unit = _read(amount, "a duration", "30 s, 2 min or 1 h")
     if unit not in _SECONDS:
         raise DeviceError(f"{amount!r} is not a duration: write it as {', '.join(u for u in _SECONDS if u)}")

@@ -302,7 +302,7 @@ def test_only_the_terms_that_were_offered_are_accepted(body: FrpBody, relates_to
     assert (session.state is State.OFFERED) is not moved
     if not moved:
         named = body.terms if isinstance(body, Accept) else relates_to
-        text = f"{type(body).__name__} names the terms {named}, and {terms} were offered"
+        text = f"{type(body).__name__} names the terms {named}, and the offered terms are {terms}"
         assert [answer.body for answer in result.answers] == [Fault(code=NOT_ALLOWED, text=text)]
 
 
@@ -343,12 +343,12 @@ def test_why_a_coordinator_ended(state: State, body: Cancel | End | Stop, reason
     ("state", "received", "reason", "answer"),
     [
         (State.NEW, Completed(situation=""), "ended", End(outcome=Outcome.CANCELLED)),
-        (State.NEW, TERMS, "ended", Cancel(reason="no such service is wanted here")),
+        (State.NEW, TERMS, "ended", Cancel(reason="this service takes no part in the transaction")),
         (
             State.UNREACHABLE,
             Progress(fraction=0.5),
             "",
-            Stop(reason="it had been silent for too long, and its step may be another's by now"),
+            Stop(reason="it was silent for too long, and another service may have its step"),
         ),
         (State.COMMITTED, Refuse(reason="no"), "no", None),
         (State.ENDED, Completed(situation=""), "", None),
@@ -463,13 +463,13 @@ def test_a_message_moves_once_and_signs_of_life_each_time() -> None:
 @pytest.mark.parametrize(
     ("session", "body", "text"),
     [
-        (coordinator(), EXECUTE, f"{IDENTITY} in t1 is New: Execute cannot be said now, but Arrange"),
-        (coordinator(), Query(), f"{IDENTITY} in t1 is New: Query cannot be said now, but Arrange"),
-        (coordinator(State.OFFERED), EXECUTE, f"{IDENTITY} in t1 is Offered: Execute cannot be said now, but Accept, Cancel"),
-        (coordinator(State.OFFERED), Accept(terms="urn:x"), f"{IDENTITY} offered the terms None, and urn:x would be accepted"),
-        (coordinator(State.ENDED), END, f"{IDENTITY} in t1 is Ended: End cannot be said now, but nothing"),
-        (participant(), TERMS, f"{IDENTITY} in t1 is New: Terms cannot be said now, but nothing"),
-        (participant(State.OFFERED), TERMS, f"{IDENTITY} in t1 is Offered: Terms cannot be said now, but Refuse"),
+        (coordinator(), EXECUTE, f"{IDENTITY} in t1 is New: Execute is not allowed; allowed: Arrange"),
+        (coordinator(), Query(), f"{IDENTITY} in t1 is New: Query is not allowed; allowed: Arrange"),
+        (coordinator(State.OFFERED), EXECUTE, f"{IDENTITY} in t1 is Offered: Execute is not allowed; allowed: Accept, Cancel"),
+        (coordinator(State.OFFERED), Accept(terms="urn:x"), f"{IDENTITY} offered the terms None; the Accept names urn:x"),
+        (coordinator(State.ENDED), END, f"{IDENTITY} in t1 is Ended: End is not allowed; allowed: nothing"),
+        (participant(), TERMS, f"{IDENTITY} in t1 is New: Terms is not allowed; allowed: nothing"),
+        (participant(State.OFFERED), TERMS, f"{IDENTITY} in t1 is Offered: Terms is not allowed; allowed: Refuse"),
     ],
 )
 def test_what_cannot_be_said_now_is_an_error_that_says_what_can(
@@ -486,7 +486,7 @@ def test_what_cannot_be_said_now_is_an_error_that_says_what_can(
 def test_nothing_can_be_accepted_where_nothing_was_offered(state: State, allowed: str) -> None:
     with pytest.raises(UsageError) as error:
         coordinator(state).accept()
-    assert str(error.value) == f"{IDENTITY} in t1 is {state.value}: Accept cannot be said now, but {allowed}"
+    assert str(error.value) == f"{IDENTITY} in t1 is {state.value}: Accept is not allowed; allowed: {allowed}"
 
 
 @pytest.mark.parametrize("header", [{"transaction": "t2"}, {"participant": "p2"}])

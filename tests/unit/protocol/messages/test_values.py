@@ -134,7 +134,7 @@ def test_a_lease_is_as_long_as_was_asked_within_limits(requested: float, lease: 
 
 @pytest.mark.parametrize("requested", [0.0, -1.0, math.inf, math.nan])
 def test_what_is_no_duration_is_no_lease(requested: float) -> None:
-    with pytest.raises(UsageError, match=r"^a lease of \S+ s is not one: ask for 1 to 3600 seconds$"):
+    with pytest.raises(UsageError, match=r"^a lease of \S+ s is not valid: request 1 to 3600 seconds$"):
         grant_lease(requested)
 
 

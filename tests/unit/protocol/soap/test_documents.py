@@ -153,7 +153,7 @@ def test_headers_of_others(change: tuple[str, str], header: dict[str, str]) -> N
 @pytest.mark.parametrize(
     ("change", "code", "text"),
     [
-        (("QueryMap>", "Quary>"), "wsa:ActionNotSupported", f"{{{soap.KNOWLEDGE}}}Quary is no message that is known here"),
+        (("QueryMap>", "Quary>"), "wsa:ActionNotSupported", f"{{{soap.KNOWLEDGE}}}Quary is not a known message"),
         (("<wsa:Action>", "<wsa:Actoin>"), SENDER, None),
         ((":QueryMap</wsa", ":ReadMap</wsa"), "wsa:ActionMismatch", None),
         (("<wsa:To>http://b</wsa:To>", "<wsa:To/>"), "wsa:InvalidAddressingHeader", "the header wsa:To is empty"),
@@ -198,7 +198,7 @@ def test_what_is_wrong_is_said_exactly(change: tuple[str, str], code: str, text:
 def test_long_names_are_cut() -> None:
     long = "x" * 200
     error = refused(encode(QUERY).decode().replace("m:QueryMap>", f"{long}>"))
-    assert error.text == f"{'x' * 120} is no message that is known here"
+    assert error.text == f"{'x' * 120} is not a known message"
 
 
 def test_headers_that_must_be_understood_are_named_up_to_a_length() -> None:
@@ -210,7 +210,7 @@ def test_headers_that_must_be_understood_are_named_up_to_a_length() -> None:
 
 def test_an_envelope_without_a_header_is_read_as_far_as_it_goes() -> None:
     document = f"{START}><env:Body><a/></env:Body></env:Envelope>"
-    assert refused(document).text == "a is no message that is known here"
+    assert refused(document).text == "a is not a known message"
     fault = fault_document("<env:Value>env:Receiver</env:Value>")
     bare = fault.partition("<env:Header>")[0] + fault.partition("</env:Header>")[2]
     message = decode(bare.encode())

@@ -201,12 +201,12 @@ wsaw:Action="urn:so-mrs:orders:1.0:TemplateKept"/>
 wsaw:Action="urn:so-mrs:orders:1.0:OrdersRejected"/>
     </wsdl:operation>
     <wsdl:operation name="Query">
-      <wsdl:documentation>What state are you in?</wsdl:documentation>
+      <wsdl:documentation>Request the state of the participant.</wsdl:documentation>
       <wsdl:input message="c:Query" wsam:Action="urn:so-mrs:frp:1.0:Query" wsaw:Action="urn:so-mrs:frp:1.0:Query"/>
       <wsdl:output message="c:Status" wsam:Action="urn:so-mrs:frp:1.0:Status" wsaw:Action="urn:so-mrs:frp:1.0:Status"/>
     </wsdl:operation>
     <wsdl:operation name="Execute">
-      <wsdl:documentation>Start. `precondition` is the situation as it is now.</wsdl:documentation>
+      <wsdl:documentation>Start. `precondition` is the present situation.</wsdl:documentation>
       <wsdl:input message="c:Execute" wsam:Action="urn:so-mrs:frp:1.0:Execute" wsaw:Action="urn:so-mrs:frp:1.0:Execute"/>
     </wsdl:operation>
   </wsdl:portType>
