@@ -254,7 +254,9 @@ def test_the_wire_brings_answers_refusals_and_faults() -> None:
         assert isinstance(unsendable, frp.Fault)
         assert unsendable.code == "env:Receiver", "it is not the sender's fault"
         assert await body(directory.Discover()) == frp.Fault(code="env:Sender", text="look again"), "who asked can mend it"
-        assert await body(knowledge.ReadMap()) == frp.Fault(code="env:Receiver", text="this message met a defect here; see the log")
+        assert await body(knowledge.ReadMap()) == frp.Fault(
+            code="env:Receiver", text="an internal error occurred; see the log of this program"
+        )
         await wire.close()
 
     run_scenario(scenario)
@@ -295,12 +297,12 @@ def test_what_cannot_be_reached_or_is_no_component() -> None:
         strange = await asyncio.start_server(babble, "127.0.0.1", 0)
         port = strange.sockets[0].getsockname()[1]
         for address, message_pattern in {
-            f"{server.url}/nothing": "HTTP 404: nothing is at /nothing",
+            f"{server.url}/nothing": "HTTP 404: there is no component at /nothing",
             "http://127.0.0.1:9/x": "cannot be reached",
             "http://[": "cannot be reached",
             "ftp://x": "cannot be reached",
             ANONYMOUS[:4]: "cannot be reached",
-            ANONYMOUS: "nobody waits for this QueryMap",
+            ANONYMOUS: "no connection waits for this QueryMap",
             f"http://127.0.0.1:{port}/": "HTTP 307",
         }.items():
             with pytest.raises(RemoteError, match=message_pattern):
@@ -331,7 +333,7 @@ def test_who_comes_while_a_process_starts_comes_again() -> None:
         server, wire = Server("127.0.0.1", 0), Wire()
         await server.start()
         try:
-            message_pattern = "HTTP 503: nothing is here yet; this process is starting"
+            message_pattern = "HTTP 503: no component is available yet; this process is starting"
             with pytest.raises(Unanswered, match=message_pattern):
                 await wire.post(query(f"{server.url}/repository"))
             with pytest.raises(Unanswered, match=message_pattern):
@@ -361,6 +363,6 @@ def test_pages_and_descriptions() -> None:
         assert (status, f'location="{server.url}/repository"' in wsdl) == (200, True)
         assert (await page("/repository?xsd=knowledge"))[0] == 200
         assert (await page("/repository?xsd=../x"))[0] == 404
-        assert (await page("/nothing?wsdl")) == (404, "nothing is at /nothing; here are /repository\n")
+        assert (await page("/nothing?wsdl")) == (404, "there is no component at /nothing; available: /repository\n")
 
     run_scenario(scenario)

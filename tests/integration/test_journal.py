@@ -362,7 +362,7 @@ def test_with_nothing_open_another_begins_anew(shelf: Shelf, change: str) -> Non
     ("change", "problem"),
     [
         ("setting", "was written for something else, and this is for "),
-        ("address", f"belongs to something else, where others expect its owner, and this is {ADDRESS}"),
+        ("address", f"belongs to something else, where other components expect its owner, and this is {ADDRESS}"),
     ],
 )
 def test_with_something_open_another_is_told_what_to_do(shelf: Shelf, change: str, problem: str) -> None:
@@ -371,7 +371,7 @@ def test_with_something_open_another_is_told_what_to_do(shelf: Shelf, change: st
     shelf.journal.close()
     alter_file(shelf.journal.disk.path, f"UPDATE life SET {change} = 'something else'")
     first = amount_message(0, 0).header.message_id
-    with pytest.raises(UsageError, match=f"ledger.sqlite: {problem}.*; 5 tasks are open \\({first}, .*\\): go on as it was"):
+    with pytest.raises(UsageError, match=f"ledger.sqlite: {problem}.*; 5 tasks are open \\({first}, .*\\): use the earlier program"):
         shelf.reopen()
 
 

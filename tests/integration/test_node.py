@@ -156,5 +156,5 @@ def test_a_disk_that_is_full_is_not_the_senders_fault(tmp_path: Path) -> None:
     assert isinstance(first, frp.Fault)
     assert isinstance(second, frp.Fault)
     assert first.code == second.code == "env:Receiver"
-    assert "could not keep what it had to" in first.text
+    assert "could not store one" in first.text
     assert "is full" in first.text

@@ -222,7 +222,7 @@ def test_a_full_disk_stops_its_component_and_senders_go_on_repeating(tmp_path: P
         journal.disk.write(lambda db: db.execute("INSERT INTO entries VALUES ('', -1, zeroblob(100000))"))
         message = amount_message(1, 5, node.address, CLIENT, "http://x")
         for _ in range(2):
-            with pytest.raises(RemoteError, match=r"HTTP 503.*takes nothing more, because it could not keep .* database or dis"):
+            with pytest.raises(RemoteError, match=r"HTTP 503.*accepts no more inputs, because it could not store .* database or dis"):
                 await wire.post(message)
         reply_message = await wire.post(amount_message(2, 6, node.address))
         assert reply_message is not None
@@ -263,7 +263,7 @@ def test_what_a_full_disk_did_not_take_is_repeated_within_the_process_too(tmp_pa
         await asyncio.sleep(0.1)
         assert not any(teller.undelivered for teller in tellers), "its time is not over"
         await wait_until(lambda: all(teller.undelivered for teller in tellers))
-        assert all("could not keep what it had to" in reason for teller in tellers for reason in teller.undelivered)
+        assert all("could not store one" in reason for teller in tellers for reason in teller.undelivered)
         await host.stop()
         journal.close()
 

@@ -1,1 +1,1 @@
-"""What components say to each other, the Failure Recovery Protocol's states, and SOAP. No I/O, no clock."""
+"""Messages between components, the states of the Failure Recovery Protocol, and SOAP. No I/O, no clock."""

@@ -1,7 +1,7 @@
-"""Several messages in one request, between nodes of SO-MRS that have told each other that they take that: an extension of ours.
+"""Several messages in one HTTP request: an extension of SO-MRS, used only between nodes that announce it.
 
-A batch is an array of msgpack with the messages, each a SOAP document as it would be alone; it is answered with an array that says
-of each, in this order, what the answer to it alone would have said. Other stacks are never sent one.
+A batch is a msgpack array of SOAP documents. The response is an array with the outcome of each document, in the same order: what the
+response to it alone would have been. Other stacks never receive a batch.
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ from somrs.protocol.soap.document import MOST_BYTES
 MEDIA_TYPE = "application/vnd.so-mrs.batch+msgpack"
 
 ACCEPTED = f"{soap.MEDIA_TYPE}, {MEDIA_TYPE}"
-"""What every answer of a server says in its header `Accept-Post` (Linked Data Platform 1.0, 7.1)."""
+"""The header `Accept-Post` of every response of a server (Linked Data Platform 1.0, 7.1)."""
 
 MAX_BATCH_SIZE = 64
-"""The most messages of a batch: the loop of whoever takes it does nothing else while it handles them."""
+"""The maximal number of messages in a batch: the recipient's event loop does nothing else while it handles them."""
 
 Outcome = tuple[int, bytes]
-"""What came of one message: the status of HTTP, and what was said with it."""
+"""The outcome of one message: the HTTP status and the body."""
 
 _OVERHEAD = 8
-"""Bytes that msgpack needs around a document at most."""
+"""The maximal overhead of msgpack for each document, in bytes."""
 
 _BATCH = msgspec.msgpack.Decoder(Annotated[list[bytes], msgspec.Meta(max_length=MAX_BATCH_SIZE)])
 _OUTCOMES = msgspec.msgpack.Decoder(list[Outcome])
 
 
 def fit_batch(documents: Iterable[bytes]) -> Iterator[bytes]:
-    """The first of the documents, as many as one batch holds: together they are as large at most as one alone may be."""
+    """Yield the first documents, as many as one batch holds: together at most as large as one document may be."""
     free_bytes = MOST_BYTES - _OVERHEAD
     for number, document in enumerate(documents):
         free_bytes -= len(document) + _OVERHEAD
@@ -47,7 +47,7 @@ def batch(documents: list[bytes]) -> bytes:
 
 
 def documents_of(batch: bytes) -> list[bytes]:
-    """The documents in a batch. Raises ValueError for what is none."""
+    """Return the documents in a batch. Raises ValueError for invalid data."""
     documents: list[bytes] = _BATCH.decode(batch)
     return documents
 
@@ -57,5 +57,5 @@ def answer(outcomes: list[Outcome]) -> bytes:
 
 
 def outcomes_of(answer: bytes) -> list[Outcome]:
-    """What came of each message of a batch. Raises ValueError for what does not say that."""
+    """Return the outcomes of the messages of a batch. Raises ValueError for invalid data."""
     return _OUTCOMES.decode(answer)

@@ -1,4 +1,4 @@
-"""The one clock of a process."""
+"""The clock of a process."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from zoneinfo import ZoneInfo
 
 
 class Clock:
-    """Seconds since 1970 that never go back while the process lives, nor before what a journal holds."""
+    """Seconds since 1970. The clock never goes back during the life of the process, nor behind the time in a journal."""
 
     def __init__(self) -> None:
         self._offset = time.time() - time.monotonic()
@@ -17,12 +17,12 @@ class Clock:
         return time.monotonic() + self._offset
 
     def advance_to(self, timestamp: float) -> None:
-        """Go on from there at least: the machine's clock was put back since."""
+        """Advance the clock to this time at least: the machine's clock may have been put back."""
         self._offset += max(0.0, timestamp - self.now())
 
 
 class TimeOfDay(Clock):
-    """The machine's time of day, also after it was put forward, or the machine slept; while it is put back, it stands still."""
+    """The machine's time of day. It follows a clock that is put forward, and stands still while a clock that was put back is behind."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -37,7 +37,7 @@ class TimeOfDay(Clock):
 
 
 def local_zone() -> str:
-    """The name of the machine's zone in the time zone database, such as `Europe/Berlin`; empty where that cannot be told."""
+    """Return the machine's zone in the time zone database, such as `Europe/Berlin`; empty if it is unknown."""
     named = os.environ.get("TZ")
     name = named.removeprefix(":") if named is not None else os.path.realpath("/etc/localtime").partition("/zoneinfo/")[2]
     try:

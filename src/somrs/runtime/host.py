@@ -1,4 +1,4 @@
-"""All components of one process, behind one port: how messages reach them from outside, and each other without leaving it."""
+"""The components of one process behind one port, and the delivery of messages to them from outside and from each other."""
 
 from __future__ import annotations
 
@@ -29,8 +29,7 @@ async def _refuse_work(task: object, report: Report) -> object:
 
 
 class Host:
-    """The components of one process behind one port. Binds the loopback address unless told otherwise. `clock`: what its
-    components go by."""
+    """The components of one process behind one port, by default at the loopback address. `clock` is the clock of all components."""
 
     def __init__(self, host: str = "127.0.0.1", port: int = 0, watch: Watch | None = None, clock: Clock | None = None) -> None:
         self.clock = clock if clock is not None else Clock()
@@ -49,7 +48,7 @@ class Host:
         await self._server.start()
 
     def add(self, path: str, factory: Callable[[str], Component], *, carry_out: CarryOut = _refuse_work) -> Node:
-        """Put a component that keeps nothing, made for its address, at a path such as `/repository`, and start it."""
+        """Add a component without a journal at a path such as `/repository`, and start it. `factory` creates it for its address."""
         address = f"{self.url}{path}"
         return self._start(path, self._node(address, factory(address), carry_out), is_resumed=False)
 
@@ -62,9 +61,12 @@ class Host:
         carry_out: CarryOut = _refuse_work,
         notices: Sequence[object] = (),
     ) -> Node:
-        """Put a component there whose inputs are kept: as its journal has it, or, if it has none, made for its address.
+        """Add a component with a journal: as the journal has it or, if the journal is new, as `factory` creates it for its address.
 
-        `notices`: what it hears of before it starts. Raises UsageError when the journal cannot be gone on with.
+        `notices` are passed to the component before its start.
+
+        Raises:
+            UsageError: the journal cannot be continued.
         """
         address = f"{self.url}{path}"
         journaled, is_resumed = journal.begin(address, factory)
@@ -100,12 +102,12 @@ class Host:
         return node
 
     async def remove(self, node: Node) -> None:
-        """Stop the component, and have nothing at its address any more."""
+        """Stop the component, and free its address."""
         await node.close()
         del self._nodes[node.address], self._server.parts[urlsplit(node.address).path]
 
     def send(self, outgoing: OutgoingMessage) -> None:
-        """Hand the message to whoever is at its recipient's address, in this process or another, behind those that wait already."""
+        """Deliver the message to its recipient, in this process or another, after the messages to it that wait already."""
         address = outgoing.message.header.recipient
         local = self._nodes.get(address)
         if local is None or self._outboxes.busy(address):
@@ -116,7 +118,7 @@ class Host:
             asyncio.get_running_loop().call_soon(self._hand_over)
 
     def _hand_over(self) -> None:
-        """Hand over what waits by now; what comes of it waits for the next time, so that sockets and timers have their turn."""
+        """Deliver the messages that wait now. New messages wait for the next turn, so that sockets and timers are served between."""
         for _ in range(len(self._local)):
             recipient, outgoing = self._local[0]
             try:
@@ -139,7 +141,7 @@ class Host:
             self._outboxes.enqueue_separately(outgoing)
 
     async def delivered(self, seconds: float) -> None:
-        """Return when no message is on its way any more, but no later than in so many seconds."""
+        """Return when no message is under way, or after `seconds`."""
         while self._local:
             await asyncio.sleep(0)
         await self._outboxes.flush(seconds)
@@ -152,7 +154,7 @@ class Host:
         return None
 
     async def request(self, message: Message, timeout: float = 30.0) -> Message:
-        """Ask and wait for the answer on the same connection. Raises RemoteError."""
+        """Send a request and return the answer from the same connection. Raises RemoteError."""
         if (local := self._nodes.get(message.header.recipient)) is not None:
             answer = await local.receive(message)
         else:

@@ -1,8 +1,7 @@
-"""SOAP over HTTP: a server for the components of a process.
+"""SOAP over HTTP: the server for the components of a process.
 
-A message is answered with 202 when the component has taken it and any answer goes elsewhere, with 200 and the answer when the
-sender waits for it (anonymous ReplyTo), and with a SOAP Fault otherwise (SOAP 1.2 part 2, 7.5.2.2). Messages in a batch are
-taken side by side, as if each had come alone.
+The response to a message is 202 when the component accepted it and any answer goes elsewhere, 200 with the answer when the sender waits for
+it (anonymous ReplyTo), and a SOAP Fault otherwise (SOAP 1.2 part 2, 7.5.2.2). Messages in a batch are handled as if each had come alone.
 """
 
 from __future__ import annotations
@@ -35,27 +34,27 @@ log = logging.getLogger(__name__)
 T = TypeVar("T")
 
 Handler = Callable[[Message], Awaitable[Message | None]]
-"""Takes a message; the answer, when it goes back on the same connection."""
+"""Handles a message; returns the answer, when it goes back on the same connection."""
 
 BODY_TIME = 10.0
-"""Seconds that a sender has for all of its message."""
+"""Seconds within which the whole message must arrive."""
 
 KEPT_TIME = 60
-"""Seconds for which a connection is kept for the next message; the server's are kept longer, so that it never hangs up first."""
+"""Seconds for which a client keeps an idle connection. The server keeps it longer, so that it never closes a connection first."""
 
 CONTENT_TYPE = f"{soap.MEDIA_TYPE}; charset=utf-8"
 HANG_UP = {"Connection": "close"}
 _ACCEPTED = Response(status_code=202)
 STOPPING = "this component is stopping"
-STARTING = "nothing is here yet; this process is starting"
+STARTING = "no component is available yet; this process is starting"
 
 
 class NotTaken(RemoteError):
-    """Nobody has taken the message: whoever sends it again is to go on doing so."""
+    """No component accepted the message: the sender has to send it again."""
 
 
 class Server:
-    """Serves `parts`, handlers by path, at one port. Runs in the event loop that is there already."""
+    """Serves `parts`, the handlers by path, at one port. Runs in the present event loop."""
 
     def __init__(self, host: str, port: int, parts: dict[str, Handler] | None = None, body_time: float = BODY_TIME) -> None:
         self.host, self.port, self.body_time = host, port, body_time
@@ -70,7 +69,7 @@ class Server:
         return f"http://{self.host}:{self.port}"
 
     async def start(self) -> None:
-        """Listen. Port 0 becomes a free one. Raises UsageError when the port cannot be had."""
+        """Listen. Port 0 becomes a free port. Raises UsageError when the port is not available."""
         server_socket = bound(self.host, self.port)
         self.port = server_socket.getsockname()[1]
         config = uvicorn.Config(
@@ -94,7 +93,7 @@ class Server:
             await asyncio.sleep(0.005)
 
     async def stop(self) -> None:
-        """Stop listening. Whoever still waits for an answer gets a Fault; whoever still writes is told to come again."""
+        """Stop listening. Requests that wait for an answer get a Fault; requests that are still being read get the status 503."""
         if self._server is not None and self._serving is not None:
             self._server.should_exit = True
             self._stopping = True
@@ -104,10 +103,10 @@ class Server:
                 await self._serving
 
     async def _serve(self, scope: Scope, receive: Receive, send: SendPart) -> None:
-        """One request, as ASGI has it. There is nothing to be routed but by the method, and every message comes this way."""
+        """Serve one ASGI request. The method is the only routing: every message comes this way, and needs no more."""
         match scope["method"]:
             case _ if not self.parts:
-                # A process listens before its parts are read from disk: whoever knows their address is to come again.
+                # A process listens before its components are read from disk; clients that know their addresses have to try again.
                 response = _response(_unavailable(RemoteError(STARTING)))
             case "POST":
                 response = await self._handle_post(scope, receive)
@@ -134,24 +133,24 @@ class Server:
         except ClientDisconnect:
             return Response(status_code=400)
         except TimeoutError:
-            return PlainTextResponse(f"the message was not here within {self.body_time:g} s\n", 408, headers=HANG_UP)
+            return PlainTextResponse(f"the message was not complete within {self.body_time:g} s\n", 408, headers=HANG_UP)
         except RemoteError as error:
             return _response(_unavailable(error))
         if document is None:
-            return PlainTextResponse(f"the message has more than {MOST_BYTES} bytes, which are the most\n", 413, headers=HANG_UP)
+            return PlainTextResponse(f"the message has more than {MOST_BYTES} bytes, which is the limit\n", 413, headers=HANG_UP)
         return await self._take_batch(document) if is_batch else _response(await self._outcome(document, handler))
 
     async def _take_batch(self, batch: bytes) -> Response:
-        """Take each message as if it had come alone to whom it is addressed. They are handled in order."""
+        """Handle the messages of a batch in order, each at the component to which it is addressed."""
         try:
             documents = batches.documents_of(batch)
         except ValueError as error:
-            return PlainTextResponse(f"this is no batch of messages: {error}\n", 400)
+            return PlainTextResponse(f"this is not a batch of messages: {error}\n", 400)
         outcomes = await asyncio.gather(*map(self._outcome, documents))
         return Response(batches.answer(outcomes), media_type=batches.MEDIA_TYPE)
 
     async def _outcome(self, document: bytes, handler: Handler | None = None) -> Outcome:
-        """What comes of a message; without a handler, at the one that it is addressed to."""
+        """Return the outcome of a message at the handler; without a handler, at the component to which it is addressed."""
         message: Message | None = None
         try:
             message = soap.decode(document)
@@ -172,13 +171,13 @@ class Server:
             return _fault(WireError(soap.RECEIVER, str(error)), message)
         except Exception:  # a defect here must not end the server, nor show the sender its stack trace
             log.exception("a %s could not be handled", type(message.body).__name__ if message else "message")
-            return _fault(WireError(soap.RECEIVER, "this message met a defect here; see the log"), message)
+            return _fault(WireError(soap.RECEIVER, "an internal error occurred; see the log of this program"), message)
 
     def _not_found_text(self, path: str) -> str:
-        return f"nothing is at {path}; here are {', '.join(self.parts)}\n"
+        return f"there is no component at {path}; available: {', '.join(self.parts)}\n"
 
     async def _unless_stopped(self, work: Awaitable[T]) -> T:
-        """What the work comes to. Raises RemoteError when the server stops before."""
+        """Return the result of the work. Raises RemoteError when the server stops first."""
         task = asyncio.current_task()
         assert task is not None, "requests are served in tasks"
         self._open.add(task)
@@ -198,7 +197,7 @@ class Server:
             return PlainTextResponse(self._not_found_text(path), 404)
         query = request.query_params
         if "wsdl" in query:
-            # The address by which the client came is one by which it can come again.
+            # The client can reach the component again at the address that it used now.
             return _xml(description(path, str(request.url.replace(query=""))))
         if (schema_name := query.get("xsd")) is not None:
             return _xml(schema(schema_name))
@@ -206,7 +205,7 @@ class Server:
 
 
 class QuietServer(uvicorn.Server):
-    """Signals are the program's business, not the server's."""
+    """A server that leaves signals to the program."""
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
@@ -223,12 +222,12 @@ def _response(outcome: Outcome) -> Response:
 
 
 def _unavailable(error: RemoteError) -> Outcome:
-    """No Fault: that would be an answer, and the sender is to send the message again."""
+    """Return the outcome for a message that was not accepted. A Fault would be an answer, but the sender has to send the message again."""
     return 503, f"{error}\n".encode()
 
 
 def _xml(document: bytes | None) -> Response:
-    return Response(document, media_type="text/xml") if document is not None else PlainTextResponse("there is none\n", 404)
+    return Response(document, media_type="text/xml") if document is not None else PlainTextResponse("there is no such document\n", 404)
 
 
 def _is_soap(content_type: str) -> bool:
@@ -242,7 +241,7 @@ def _is_plain(headers: dict[bytes, bytes]) -> bool:
 
 
 async def _body(headers: dict[bytes, bytes], receive: Receive) -> bytes | None:
-    """The request's body; None for one that is too large, which is not even read to its end, or not at all if it says so."""
+    """Return the request's body; None if it is too large. A body with a `Content-Length` above the limit is not read."""
     declared = headers.get(b"content-length", b"0")
     if not declared.isdigit() or int(declared[:20]) > MOST_BYTES:
         return None
@@ -272,7 +271,7 @@ def _status(answer: Message) -> int:
 
 
 def _fault_status(code: str) -> int:
-    """SOAP 1.2 part 2, table 20: 400 where the sender is to blame, 500 for all other Faults."""
+    """Return the HTTP status of a Fault (SOAP 1.2 part 2, table 20): 400 for an error of the sender, 500 for all others."""
     return 500 if code.removeprefix("env:") in ("Receiver", "MustUnderstand", "VersionMismatch", "DataEncodingUnknown") else 400
 
 

@@ -1,7 +1,7 @@
-"""The rim of one component: feeds it, one input at a time, and carries out its effects on sockets, timers, disks and devices.
+"""The runtime of one component: passes it one input at a time, and performs its effects on sockets, timers, disks and devices.
 
-Effects are carried out in order, each when all that it may depend on is on disk, and so is the sender of a message acknowledged.
-With nothing to wait for, nothing waits. All nodes of a process have one `Host`, with the sockets and the one clock.
+Effects are performed in order, each when everything it may depend on is on disk; the sender of a message is acknowledged under the same
+condition. All nodes of a process share one `Host`, which has the sockets and the clock.
 """
 
 from __future__ import annotations
@@ -43,30 +43,30 @@ from somrs.storage.journal import Journal
 log = logging.getLogger(__name__)
 
 ANSWER_TIME = 120.0
-"""Seconds for which an anonymous requester's connection is kept open for the answer."""
+"""Seconds for which a connection stays open for the answer to a request with anonymous ReplyTo."""
 
 QUIET = 0.05
 """Seconds without an input after which a snapshot that is due is taken."""
 
 DISK_TIME = 5.0
-"""Seconds that a disk has to write what is to be written, when its node stops."""
+"""Seconds within which the disk must finish writing when the node stops."""
 
 Report = Callable[[object], None]
 CarryOut = Callable[[object, Report], Awaitable[object]]
-"""Does what an `Ask` wants. Values reported on the way, and the result, come back as `Answered`."""
+"""Performs the task of an `Ask`. Reported values and the result come back as `Answered`."""
 
 Watch = Callable[[Message, float], None]
-"""Sees each message of the Failure Recovery Protocol that a component sends or receives, once."""
+"""Called once for each message of the Failure Recovery Protocol that a component sends or receives."""
 
 
 class Node:
-    """One component at its address: inputs in, effects out.
+    """A component at its address: inputs in, effects out.
 
-    `send` brings a message to its recipient, again and again until it is acknowledged; `delivered` waits, for so many seconds at most,
-    until none is on its way.
+    `send` delivers a message to its recipient, and repeats it until it is acknowledged; `delivered` waits until no message is under way,
+    for at most this number of seconds.
 
-    With `journaled`, each input is in its journal before anything that comes of it is seen outside; what only reads is not kept, but
-    waits for those before it. Without, nothing is kept, and nothing waits.
+    With `journaled`, each input is in the journal before any of its effects is visible outside. Read-only inputs are not stored, but wait
+    for those before them. Without `journaled`, nothing is stored, and nothing waits.
     """
 
     def __init__(
@@ -99,9 +99,10 @@ class Node:
     # Inputs
 
     def feed(self, event: Input) -> None:
-        """Have the component handle an input, after those that wait already.
+        """Let the component handle an input, after those that wait already.
 
-        A component that is ahead of its disk, because something could not be kept, takes no more inputs. Raises RemoteError then.
+        Raises:
+            RemoteError: the node is stopping, or could not store an earlier input: the component is then ahead of its disk.
         """
         if self._closed:
             raise NotTaken(f"{self.address} is stopping")
@@ -116,7 +117,7 @@ class Node:
                 self._handle(self._inputs.popleft())
         finally:
             self._handling = False
-            if self._inputs:  # behind one that met a defect
+            if self._inputs:  # inputs behind one that raised an error
                 asyncio.get_running_loop().call_soon(self._continue_inputs)
 
     def _continue_inputs(self) -> None:
@@ -147,7 +148,7 @@ class Node:
             self._snapshot = asyncio.get_running_loop().call_later(QUIET, self._take_snapshot)
 
     async def receive(self, message: Message) -> Message | None:
-        """A message from the wire; the answer, when the sender waits for it on the same connection."""
+        """Handle a message from the network. Return the answer, when the sender waits for it on the same connection."""
         self._show_watcher(message)
         if message.header.reply_to != ANONYMOUS:
             self.feed(Received(message))
@@ -165,13 +166,12 @@ class Node:
             except NotTaken as error:
                 if self._closed:
                     raise
-                raise RemoteError(str(error)) from None  # who waits for an answer is told at once
+                raise RemoteError(str(error)) from None  # a sender that waits for an answer gets the error at once
 
     # From start to stop
 
     def start(self, *, is_resumed: bool, notices: Sequence[object] = ()) -> None:
-        """Start the component, which hears of the `notices` first; `is_resumed`, after it took up what it had under way when its process
-        ended."""
+        """Start the component, after passing it the `notices`. `is_resumed`: first continue what was under way when the process ended."""
         if is_resumed and self._journaled is not None:
             self._resume(self._journaled)
         for notice in notices:
@@ -183,7 +183,7 @@ class Node:
         for number, sent_message in [*pending.messages.items()]:
             outgoing = OutgoingMessage(self, sent_message.message, sent_message.expiry_after_restart(now), number)
             if outgoing.deadline <= now:
-                loop.call_soon(self.handle_delivery_failure, outgoing, "its time was over while its sender was away")
+                loop.call_soon(self.handle_delivery_failure, outgoing, "it expired while its sender was not running")
             else:
                 self._send(outgoing)
         for timer, fire_time in pending.timers.items():
@@ -196,7 +196,7 @@ class Node:
                 self._ask(question, task)
 
     async def close(self) -> None:
-        """Stop everything under way. Nothing more is fed to the component."""
+        """Stop everything under way. The component gets no more inputs."""
         self._closed = True
         timers = [*self._timers.values(), *([self._snapshot] if self._snapshot is not None else [])]
         for timer in timers:
@@ -208,11 +208,11 @@ class Node:
         if self._journal is not None and self._journaled is not None and not self._broken:
             self._journal.snapshot(self._journaled)
             self.output.position = self._journal.disk.position
-        with contextlib.suppress(RemoteError, TimeoutError):  # whoever waits for it hears it, and there is nobody else to tell
+        with contextlib.suppress(RemoteError, TimeoutError):  # every waiting request gets the error; there is no other place to report it
             await asyncio.wait_for(self.output.on_disk(), DISK_TIME)
 
     async def flush(self, seconds: float) -> None:
-        """Wait until what was sent is delivered, but no longer than this."""
+        """Wait until the sent messages are delivered, for at most `seconds`."""
         with contextlib.suppress(RemoteError, TimeoutError):
             await asyncio.wait_for(self.output.on_disk(), seconds)
         await self._delivered(seconds)
@@ -230,17 +230,17 @@ class Node:
     # Effects
 
     def _dispatch(self, effect: Effect, number: int) -> None:
-        """Carry an effect out, now or when all that it may depend on is on disk."""
+        """Perform an effect, now or when everything it may depend on is on disk."""
         # Every effect comes this way, and class patterns take longer.
         if isinstance(effect, SetTimer):
-            self._set_timer(effect.timer, effect.at)  # seen by nobody; what its ringing comes to waits in its turn
-        elif not isinstance(effect, Record):  # those are the journal's
+            self._set_timer(effect.timer, effect.at)  # not visible outside; the effects of its firing wait in their turn
+        elif not isinstance(effect, Record):  # the journal stores records
             self.output.add_effect(effect, number)
 
     def _break(self, error: Exception) -> None:
-        """Something could not be kept. What is behind it never leaves, and whoever waits for it hears why."""
-        # It is this node that was given a bad disk, not the sender that is wrong.
-        refusal = NotTaken(f"{self.address} takes nothing more, because it could not keep what it had to: {error}")
+        """Stop after a failed write: discard the effects behind it, and fail every waiting request."""
+        # The sender is not at fault; it has to send the message again.
+        refusal = NotTaken(f"{self.address} accepts no more inputs, because it could not store one: {error}")
         if not self._broken:
             log.critical("%s", refusal)
         self._broken = str(refusal)
@@ -281,14 +281,14 @@ class Node:
         value: object
 
         def report(partial: object) -> None:
-            assert isinstance(partial, PartialAnswer), f"what is reported on the way is no answer, and {type(partial).__name__} may be one"
+            assert isinstance(partial, PartialAnswer), f"only a PartialAnswer is reported before the answer, not a {type(partial).__name__}"
             self.feed(Answered(question, partial))
 
         try:
             value = await self._carry_out(task, report)
         except asyncio.CancelledError as error:
             value = error
-        except Exception as error:  # whatever went wrong is the answer; the component says what it means
+        except Exception as error:  # any error is the answer; the component interprets it
             log.debug("%s: %s failed", self.address, question, exc_info=True)
             value = error
         if self._work_tasks.get(question) is asyncio.current_task():
@@ -299,7 +299,7 @@ class Node:
         self._feed_late(Answered(question, value))
 
     def _feed_late(self, event: Input) -> None:
-        """Feed what nobody waits for. A component that takes nothing more misses it; one with a journal gets it when it is back."""
+        """Pass an input for which no request waits. A stopped component misses it; one with a journal gets it after a restart."""
         try:
             self.feed(event)
         except RemoteError as error:
@@ -312,24 +312,24 @@ class Node:
             self._watch(message, self._clock.now())
 
     def handle_acknowledgement(self, outgoing: OutgoingMessage, answer: Message | None = None) -> None:
-        """The message was acknowledged, and perhaps answered on the same connection."""
+        """Handle the acknowledgement of a message, and the answer if one came on the same connection."""
         if self._closed:
-            return  # it is sent again when the component is back, if it comes back
+            return  # with a journal, the message is sent again after a restart
         if self._journaled is not None:
             self._journaled.mark_delivered(outgoing.number)
         if answer is not None:
             try:
                 self.feed(Received(in_session(answer, outgoing.message)))
-            except Exception:  # the message was taken, whatever its answer does here
+            except Exception:  # the recipient accepted the message, whatever its answer causes here
                 log.exception("%s: a %s could not be handled", self.address, type(answer.body).__name__)
 
     def handle_delivery_failure(self, outgoing: OutgoingMessage, reason: str) -> None:
-        """Nobody acknowledged the message in its time."""
+        """Handle the expiry of a message that was not acknowledged."""
         if self._closed:
             return
         if self._journaled is not None:
             self._journaled.mark_delivered(outgoing.number)
         try:
             self._feed_late(DeliveryFailed(outgoing.message, reason))
-        except Exception:  # the others' letters are not to wait for this component's defects
+        except Exception:  # a defect of this component must not hold back messages of others
             log.exception("%s: it could not be handled that a message was not delivered", self.address)

@@ -1,4 +1,4 @@
-"""What leaves a process: in order, again until it is acknowledged or its time is over, and together where the recipients take that."""
+"""Outgoing messages: sent in order, repeated until they are acknowledged or expire, and batched where the recipient accepts batches."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ log = logging.getLogger(__name__)
 
 
 class Sender(Protocol):
-    """Whose letters they are."""
+    """The sender of an outgoing message."""
 
     def handle_acknowledgement(self, outgoing: OutgoingMessage, answer: Message | None) -> None:
-        """The letter was acknowledged, and with which answer, if it was answered on the same connection."""
+        """Handle the acknowledgement of the message, with the answer if one came on the same connection."""
         ...
 
     def handle_delivery_failure(self, outgoing: OutgoingMessage, reason: str) -> None:
-        """The letter's time is over."""
+        """Handle the expiry of a message that was not acknowledged."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class OutgoingMessage:
-    """A message to be sent until then, and the number by which its sender knows it."""
+    """A message to be sent until `deadline`, and the number by which its sender knows it."""
 
     sender: Sender
     message: Message
@@ -42,13 +42,15 @@ class OutgoingMessage:
 
 
 Post = Callable[[Sequence[Message], float], Awaitable[Sequence[Message | RemoteError | None]]]
-"""Hands messages over within so many seconds: the first of them, as many as go together. What came back for each, or why it was not
-taken. Raises RemoteError when none was, for a reason that has nothing to do with one of them, or there is but one."""
+"""Posts the first messages, as many as go together, within this number of seconds.
+
+Returns for each the answer, or the error for which it was rejected. Raises RemoteError when none was accepted, for a reason that concerns
+all, or when there is only one.
+"""
 
 
 class Outbox:
-    """What is to be sent to one place. `apart` is given what was not taken although somebody answered: it is not to hold up those
-    that come behind it."""
+    """The messages to one destination. `on_rejected` takes over messages that the recipient rejected: they must not delay later ones."""
 
     def __init__(self, post: Post, now: Callable[[], float], on_rejected: Callable[[OutgoingMessage], None]) -> None:
         self._post, self._now, self._on_rejected = post, now, on_rejected
@@ -57,7 +59,7 @@ class Outbox:
 
     @property
     def task(self) -> asyncio.Task[None] | None:
-        """What sends that which waits, if anything does."""
+        """The task that sends the waiting messages, if there are any."""
         return self._task
 
     def enqueue(self, outgoing: OutgoingMessage) -> None:
@@ -66,7 +68,7 @@ class Outbox:
             self._task = asyncio.create_task(self._send())
 
     async def _send(self) -> None:
-        """Send what waits, in order. While nobody answers, whatever has run out of time is given up, wherever it stands."""
+        """Send the waiting messages in order. While the recipient does not answer, give up every message that expires."""
         pause = FIRST_PAUSE
         while self._waiting:
             first = self._waiting[0]
@@ -100,8 +102,10 @@ class Outbox:
 
 
 class Outboxes:
-    """One for each address; and one for all addresses of a process that takes several messages in one request, where everything is
-    put together that comes while a request is on its way. `alone` hands over a message that is sent by itself."""
+    """The outboxes of a process: one for each address, and one for each process that accepts batches.
+
+    The messages to such a process are collected while a request is under way. `post_alone` posts a single message.
+    """
 
     def __init__(self, wire: Wire, post_alone: Callable[[Message, float], Awaitable[Message | None]], now: Callable[[], float]) -> None:
         self._wire, self._post_alone, self._now = wire, post_alone, now
@@ -109,14 +113,14 @@ class Outboxes:
         self._by_origin: dict[str, Outbox] = {}
 
     def busy(self, address: str) -> bool:
-        """Whether something waits that has to be sent there by itself; what comes later goes behind it."""
+        """Whether messages to this address wait to be sent separately; later messages have to follow them."""
         box = self._by_address.get(address)
         return box is not None and box.task is not None
 
     def enqueue(self, outgoing: OutgoingMessage) -> None:
-        """Send the letter, behind those that wait already."""
+        """Send the message, after those that wait already."""
         header = outgoing.message.header
-        # Whoever waits for an answer on the connection is not to wait for those of others.
+        # A sender that waits for an answer on the connection must not wait for other messages.
         if self.busy(header.recipient) or header.reply_to == ANONYMOUS or not self._wire.takes_batches(header.recipient):
             self.enqueue_separately(outgoing)
             return
@@ -127,7 +131,7 @@ class Outboxes:
         box.enqueue(outgoing)
 
     def enqueue_separately(self, outgoing: OutgoingMessage) -> None:
-        """Send the letter by itself, behind those to the same address."""
+        """Send the message separately, after those to the same address."""
         recipient = outgoing.message.header.recipient
         box = self._by_address.get(recipient)
         if box is None:
@@ -138,12 +142,12 @@ class Outboxes:
         return [await self._post_alone(messages[0], seconds)]
 
     async def flush(self, seconds: float) -> None:
-        """Wait until all is delivered, but no longer than this."""
+        """Wait until all messages are delivered, for at most `seconds`."""
         if sending := self._sending():
             await asyncio.wait(sending, timeout=seconds)
 
     async def close(self) -> None:
-        """Send nothing more."""
+        """Stop sending."""
         sending = self._sending()
         for task in sending:
             task.cancel()

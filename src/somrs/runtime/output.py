@@ -1,4 +1,4 @@
-"""What comes of a component's inputs leaves in order, and not before all that it may depend on is on disk."""
+"""The output of a component: its effects, in order, each performed only when everything it may depend on is on disk."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from somrs.storage.disk import Disk
 log = logging.getLogger(__name__)
 
 Acknowledge = Callable[[RemoteError | None], None]
-"""Hears that what was handled is on disk, or why it is not."""
+"""Receives None when the input is on disk, or the error for which it is not."""
 
 
 class _HeldEffect(NamedTuple):
-    """What waits until `position` is on disk: an effect with its message's number, or somebody who waits for that."""
+    """An effect with its message's number, or a callback, that waits until `position` is on disk."""
 
     position: int
     effect: Effect | None
@@ -28,9 +28,9 @@ class _HeldEffect(NamedTuple):
 
 
 class Output:
-    """Has effects carried out by `do`. `position` is what those to come depend on, as far as the disk is concerned.
+    """Performs effects with `perform`. `position` is the write on which new effects depend.
 
-    Without a disk, or when it has everything, nothing waits.
+    Without a disk, or when everything is on disk, effects are performed at once.
     """
 
     def __init__(self, disk: Disk | None, perform: Callable[[Effect, int], None], failed: Callable[[Exception], None]) -> None:
@@ -42,25 +42,25 @@ class Output:
 
     @property
     def waits(self) -> bool:
-        """Whether something that was handled is not on disk yet."""
+        """Whether a handled input is not on disk yet."""
         return bool(self._held) or (self._disk is not None and self.position > self._disk.durable)
 
     def add_effect(self, effect: Effect, number: int = 0) -> None:
-        """Have an effect carried out, now or as soon as it may be."""
+        """Perform an effect, now or as soon as everything before it is on disk."""
         if self.waits:
             self._held.append(_HeldEffect(self.position, effect, number))
         else:
             self._perform(effect, number)
 
     def acknowledge(self, callback: Acknowledge) -> None:
-        """Have it told when all that was handled so far is on disk, and its effects were carried out."""
+        """Call back when everything handled so far is on disk and its effects are performed."""
         if self.waits:
             self._held.append(_HeldEffect(self.position, None, 0, callback))
         else:
             callback(None)
 
     async def on_disk(self) -> None:
-        """Return when all that was handled so far is on disk. Raises RemoteError when it cannot be."""
+        """Return when everything handled so far is on disk. Raises RemoteError when writing fails."""
         if not self.waits:
             return
         disk_write: asyncio.Future[None] = asyncio.get_running_loop().create_future()
@@ -77,15 +77,15 @@ class Output:
         await disk_write
 
     def drop(self, error: RemoteError) -> None:
-        """Nothing more comes to be on disk. What waits for it never leaves, and who waits for it hears why."""
+        """Discard the waiting effects, and pass the error to the waiting callbacks: the disk writes no more."""
         held, self._held = self._held, deque()
         for held_effect in held:
             if held_effect.callback is not None:
                 held_effect.callback(error)
 
     def _release(self) -> None:
-        """The disk has written more, or has failed."""
-        assert self._disk is not None, "a disk told of it"
+        """Perform what the disk has released, after a write or a failure."""
+        assert self._disk is not None, "only a disk calls this"
         while self._held and self._held[0].position <= self._disk.durable:
             held_effect = self._held.popleft()
             try:
@@ -93,7 +93,7 @@ class Output:
                     held_effect.callback(None)
                 elif held_effect.effect is not None:
                     self._perform(held_effect.effect, held_effect.number)
-            except Exception:  # a defect in carrying out one effect must not hold back those behind it
+            except Exception:  # a defect in one effect must not hold back those behind it
                 log.exception("a %s could not be carried out", type(held_effect.effect).__name__)
         if self._disk.failed is not None:
             self._failed(self._disk.failed)

@@ -1,4 +1,4 @@
-"""Who waits for an answer on the connection that a message came on, and what answers whom (WS-Addressing, anonymous ReplyTo)."""
+"""Requests whose senders wait for an answer on the same connection, and the matching of answers (WS-Addressing, anonymous ReplyTo)."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ log = logging.getLogger(__name__)
 
 
 class PendingReplies:
-    """Those who wait for an answer of one component."""
+    """The requests of a component that wait for an answer."""
 
     def __init__(self) -> None:
         self._waiting: dict[asyncio.Future[Message], Message] = {}
 
     @contextmanager
     def waiting(self, message: Message) -> Iterator[asyncio.Future[Message]]:
-        """Where the answer to the message comes, as long as it is waited for."""
+        """Yield the future of the answer to the message, for as long as the context is open."""
         reply: asyncio.Future[Message] = asyncio.get_running_loop().create_future()
         self._waiting[reply] = message
         try:
@@ -33,33 +33,37 @@ class PendingReplies:
         finally:
             del self._waiting[reply]
             if reply.done() and not reply.cancelled():
-                reply.exception()  # whoever waited has heard it, if only by something else that went wrong first
+                reply.exception()  # mark as retrieved: the waiting request may have ended by another error first
 
     def answer(self, message: Message) -> None:
-        """Give the answer to all whom it answers."""
+        """Pass the answer to all requests that it answers."""
         waiting = [reply for reply, request in self._waiting.items() if not reply.done() and _answers(message, request)]
         for reply in waiting:
             reply.set_result(message)
         if not waiting:
-            log.debug("nobody waits for this %s any more", type(message.body).__name__)
+            log.debug("no request waits for this %s any more", type(message.body).__name__)
 
     def fail_all(self, error: RemoteError) -> None:
-        """There will be no answers."""
+        """Fail all requests: there will be no answers."""
         for reply in self._waiting:
             if not reply.done():
                 reply.set_exception(error)
 
 
 def is_waited_for(message: Message) -> bool:
-    """Whether the connection of a message without ReplyTo is kept open: for the answer to a request, or a participant's report
-    to a coordinator that has no address."""
+    """Whether the connection of a message without ReplyTo stays open for an answer.
+
+    It does for a request, and for an order of a coordinator without an address, which waits for the participant's report.
+    """
     kind = type(message.body)
     return kind in REQUESTS or (kind in REPORTS and message.header.sender == ANONYMOUS)
 
 
 def _answers(answer: Message, request: Message) -> bool:
-    """Whether it is what the one who asked waits for. Signs of life are not; a report that is sent again relates to what was
-    told first, and answers those who told it since."""
+    """Whether the message is the answer to the request.
+
+    A heartbeat is not. A repeated report relates to the first order, and also answers the same order when it was sent again.
+    """
     if answer.header.relates_to == request.header.message_id:
         return not isinstance(answer.body, frp.Progress)
     session, request_session = ((header.transaction, header.participant) for header in (answer.header, request.header))
@@ -67,7 +71,7 @@ def _answers(answer: Message, request: Message) -> bool:
 
 
 def in_session(answer: Message, message: Message) -> Message:
-    """The answer, related to the message and in its session: the Fault of a node that could not read it does not know either."""
+    """Return the answer related to the message and in its session. The Fault of a node that could not read the message has neither."""
     request_header, answer_header = message.header, answer.header
     header = structs.replace(
         answer_header,

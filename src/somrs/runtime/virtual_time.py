@@ -1,7 +1,7 @@
-"""A whole system in one process on virtual time: the rim without sockets, disks or waiting. What takes an hour takes none.
+"""A whole system in one process on virtual time: a runtime without sockets, disks or waiting.
 
-The same components run here as in `node.py`; only who carries their effects out is another. Any of them may be killed at any
-point, and those that have a journal can be revived from it.
+The components are the same as in `node.py`; only their effects are performed differently. A component can be killed at any point and, if it
+has a journal, revived from it.
 """
 
 from __future__ import annotations
@@ -36,28 +36,33 @@ from somrs.protocol.messages.envelope import Message
 from somrs.runtime.virtual_journal import VirtualJournal
 
 LATENCY = 0.001
-"""Seconds that a message takes."""
+"""Seconds until a message arrives."""
 
 Work = Iterator[tuple[float, object]]
-"""What an `Ask` comes to: pairs of seconds and the value reported then; the last is the result. `QUIET`: nothing is reported then."""
+"""The steps of the work for an `Ask`: pairs of seconds and a value to report then; the last value is the result.
+
+`QUIET` stands for no value.
+"""
 
 QUIET = object()
 
 CarryOut = Callable[[object], Work]
 
 Medium = Callable[[Message], Sequence[float]]
-"""The seconds that a message takes: more than one for a message that comes again, none for one that is lost on the way. What is
-lost is sent again after a pause, as long as its time is not over."""
+"""Returns the seconds until each copy of a message arrives: several for a repeated message, none for a lost one.
+
+A lost message is sent again after a pause, until it expires.
+"""
 
 Watch = Callable[[str, Input], None]
-"""Sees each input, and whose it was, when its effects have been carried out."""
+"""Called with each input and the address of its component, after the effects have been performed."""
 
 Restored = Callable[[str, Component], None]
-"""Sees each component that comes back from its journal, as its journal has it: before it hears anything new."""
+"""Called with each component that was restored from its journal, before its next input."""
 
 
 class KillPoint(StrEnum):
-    """The point at which a component is killed. Its next input is not acknowledged then, so that a message comes again."""
+    """The point at which a component is killed. The input at that point is not acknowledged, so its message is sent again."""
 
     BETWEEN_INPUTS = "between two inputs"
     UNSEEN = "at its next input, of which nothing is on disk yet"
@@ -67,7 +72,7 @@ class KillPoint(StrEnum):
 
 @dataclass(slots=True, eq=False)
 class _Life:
-    """A component from one start to its end. `planned_kill`: when it ends, and after how many effects."""
+    """A component from one start to its end. `planned_kill`: the point of its end, and the number of effects before it."""
 
     address: str
     component: Component
@@ -77,7 +82,7 @@ class _Life:
 
 @dataclass(slots=True, eq=False)
 class _Transmission:
-    """A message on its way; `sender` is who sends it again until `deadline`, and knows it by its number. None: it is from outside."""
+    """A message under way. `sender` repeats it until `deadline`, and knows it by its number; None: it is from outside."""
 
     message: Message
     deadline: float
@@ -85,30 +90,30 @@ class _Transmission:
     number: int = 0
     pause: float = FIRST_PAUSE
     waiting: bool = False
-    """No copy is on its way: it waits for its recipient, or for being sent again."""
+    """No copy is under way: the message waits for its recipient, or to be sent again."""
     is_settled: bool = False
-    """It was acknowledged, or given up."""
+    """The message was acknowledged, or it expired."""
 
 
 def promptly(message: Message) -> Sequence[float]:
-    """Nothing is late, nothing comes twice, and nothing is lost."""
+    """A medium without delays, repetitions and losses."""
     return (LATENCY,)
 
 
 def immediate_work(answer: Callable[[object], object]) -> CarryOut:
-    """Work that takes no time; what it raises is its answer."""
+    """Return work that takes no time. An exception of `answer` is the answer."""
 
     def work(task: object) -> Work:
         try:
             yield 0.0, answer(task)
-        except Exception as error:  # noqa: BLE001  # the component says what it means, as in node.py
+        except Exception as error:  # noqa: BLE001  # the component interprets it, as in node.py
             yield 0.0, error
 
     return work
 
 
 def _refuse_work(task: object) -> object:
-    raise RemoteError(f"nobody here can do {type(task).__name__}")
+    raise RemoteError(f"this component cannot do {type(task).__name__}")
 
 
 class World:
@@ -124,10 +129,10 @@ class World:
     ) -> None:
         self.now = start
         self.messages: list[Message] = []
-        """Every message that was sent, in order; a delivery that is tried again counts once."""
+        """Every message that was sent, in order; repetitions are not counted."""
         self.components: dict[str, Component] = {}
         self.records: dict[str, list[object]] = {}
-        """What each component recorded, by its address."""
+        """The records of each component, by its address."""
         self._medium, self._watch, self._restored = medium, watch, restored
         self._lives: dict[str, _Life] = {}
         self._carry_out: dict[str, CarryOut] = {}
@@ -143,8 +148,7 @@ class World:
     # Components
 
     def add(self, address: str, component: Component, carry_out: CarryOut | None = None, *, journaled: Schema | None = None) -> None:
-        """Put a component at an address, where nothing is known of one before, and start it. `journaled`: its inputs are kept, as data of
-        this schema."""
+        """Add a component at a new address, and start it. `journaled`: store its inputs as data of this schema."""
         self.records[address] = []
         self._journals.pop(address, None)
         self._carry_out[address] = carry_out or immediate_work(_refuse_work)
@@ -153,7 +157,7 @@ class World:
         self._begin(address, component)
 
     def remove(self, address: str) -> None:
-        """It is gone, without a word, and whatever it had under way with it."""
+        """Remove the component and everything that it had under way, without a message."""
         self.components.pop(address, None)
         life = self._lives.pop(address, None)
         for entries in (self._timers, self._work):
@@ -163,9 +167,9 @@ class World:
             self._parked = [transmission for transmission in self._parked if transmission.sender is not life]
 
     def kill(self, address: str, moment: KillPoint = KillPoint.BETWEEN_INPUTS, effects: int = 0) -> None:
-        """Kill the component at that moment, `AMID` after so many effects; `alive` tells whether it came. Its disk stays."""
+        """Kill the component at this moment, for `AMID` after this number of effects; its disk stays. `alive` is False after that."""
         if address not in self._lives:
-            raise UsageError(f"{address} cannot be killed: nobody is there")
+            raise UsageError(f"{address} cannot be killed: there is no component")
         if moment is KillPoint.BETWEEN_INPUTS:
             self.remove(address)
         else:
@@ -175,7 +179,7 @@ class World:
         return address in self._lives
 
     def revive(self, address: str) -> None:
-        """Start the component again with its journal: it goes on where it stopped. It is killed before, if it has not been yet."""
+        """Start the component again from its journal, at the point where it stopped. Kill it first, if it is alive."""
         journal = self._journal(address)
         self.remove(address)
         records = self.records[address]
@@ -184,12 +188,12 @@ class World:
         self._begin(address, journal.journaled.component)
 
     def snapshot(self, address: str) -> None:
-        """What a node does from time to time: the journal of a component begins anew with its state."""
+        """Take a snapshot of the component, as a node does from time to time."""
         self._journal(address).snapshot()
 
     def _journal(self, address: str) -> VirtualJournal:
         if address not in self._journals:
-            raise UsageError(f"{address} keeps no journal")
+            raise UsageError(f"{address} has no journal")
         return self._journals[address]
 
     def _begin(self, address: str, component: Component) -> None:
@@ -202,7 +206,7 @@ class World:
         self._deliver_parked()
 
     def _resume(self, life: _Life, journaled: JournaledComponent) -> None:
-        """Take up what the component had under way when it was killed."""
+        """Continue what the component had under way when it was killed."""
         address, pending = life.address, journaled.pending
         for number, sent_message in pending.messages.items():
             transmission = _Transmission(sent_message.message, sent_message.expiry_after_restart(self.now), life, number)
@@ -220,15 +224,15 @@ class World:
                 self._ask(address, question, task)
 
     def fire_timer(self, address: str, timer: Hashable) -> None:
-        """Ring a timer that is rung from outside."""
+        """Fire a timer from outside."""
         self._feed(address, TimerFired(timer))
 
     def notify(self, address: str, notice: object) -> None:
-        """Tell the component what its program would."""
+        """Pass a notice to the component, as its program does."""
         self._feed(address, Notified(notice))
 
     def cut_off(self, address: str) -> None:
-        """It goes on, but nothing reaches it, and nothing that it sends arrives."""
+        """Disconnect the component: it keeps running, but no message reaches it or arrives from it."""
         self._cut_off.add(address)
 
     def reconnect(self, address: str) -> None:
@@ -236,7 +240,7 @@ class World:
         self._deliver_parked()
 
     def timers(self, address: str) -> set[Hashable]:
-        """The timers of a component that have yet to ring."""
+        """Return the timers of a component that are set."""
         return {timer for owner, timer in self._timers if owner == address}
 
     def send(self, message: Message) -> None:
@@ -246,7 +250,7 @@ class World:
     # Time
 
     def run(self, seconds: float = 3600.0, until: Callable[[], bool] = lambda: False) -> bool:
-        """Let time pass until the condition holds (True), or for so long, or until nothing is left to happen."""
+        """Let time pass until the condition holds, for `seconds`, or until no event is left. Return whether the condition holds."""
         end = self.now + seconds
         while not until():
             if not self._events or self._events[0][0] > end:
@@ -262,7 +266,7 @@ class World:
     # Inputs and effects
 
     def _feed(self, address: str, event: Input) -> bool:
-        """Have the component handle an input. Whether it is acknowledged: somebody is there, and was not killed meanwhile."""
+        """Let the component handle an input. Return whether it is acknowledged: the component is alive, before and after."""
         life = self._lives.get(address)
         if life is None:
             return False
@@ -280,7 +284,7 @@ class World:
         return True
 
     def _end(self, address: str, life: _Life, effects: list[tuple[Effect, int]], moment: KillPoint, count: int) -> None:
-        """Carry out what of the effects still comes to be, and no more."""
+        """Perform the effects that precede the kill, and remove the component."""
         recorded_effects = [(effect, number) for effect, number in effects if isinstance(effect, Record)]
         for effect, number in effects[:count] if moment is KillPoint.AMID else recorded_effects:
             self._perform(address, life, effect, number)
@@ -334,7 +338,7 @@ class World:
     # Messages
 
     def _count_once(self, message: Message) -> None:
-        """Of what is taken up after a kill, some was sent before, and some was not."""
+        """Count a message that is resumed after a kill, unless it was counted before the kill."""
         if message.header.message_id not in self._posted:
             self._posted.add(message.header.message_id)
             self.messages.append(message)
@@ -362,7 +366,7 @@ class World:
             )
 
     def _arrive(self, transmission: _Transmission) -> None:
-        """At its recipient; or its sender repeats it, until it gets through or its time is over."""
+        """Deliver the message to its recipient; otherwise its sender repeats it until it arrives or expires."""
         if self._reaches(transmission.message) and self._feed(transmission.message.header.recipient, Received(transmission.message)):
             if not transmission.is_settled:
                 self._settle(transmission)
@@ -376,7 +380,7 @@ class World:
         return recipient in self.components and not self._cut_off & {sender, recipient}
 
     def _abandoned(self, transmission: _Transmission) -> bool:
-        """Whether nobody sends it again, because its sender was killed. What is on its way may still arrive."""
+        """Whether the sender was killed, so that the message is not repeated. A copy under way may still arrive."""
         return transmission.sender is not None and self._lives.get(transmission.sender.address) is not transmission.sender
 
     def _settle(self, transmission: _Transmission) -> None:
@@ -401,5 +405,5 @@ class World:
         self._settle(transmission)
         self._feed(
             transmission.sender.address if transmission.sender is not None else transmission.message.header.sender,
-            DeliveryFailed(transmission.message, "nobody is there"),
+            DeliveryFailed(transmission.message, "there is no component at the address"),
         )

@@ -1,4 +1,4 @@
-"""The wire to the components of other processes: SOAP over HTTP, from the sender's side (`http.py` is the other)."""
+"""The client side of SOAP over HTTP: sends messages to the components of other processes. `http.py` is the server side."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from somrs.runtime.http import CONTENT_TYPE, KEPT_TIME
 T = TypeVar("T")
 
 NONE_ADDRESS = "http://www.w3.org/2005/08/addressing/none"
-"""WS-Addressing 1.0 Core, 2.1: what is sent there is thrown away."""
+"""WS-Addressing 1.0 Core, 2.1: messages to this address are discarded."""
 
 _OMITTED_HEADERS = ("Accept", "Accept-Encoding", "User-Agent")
-"""What aiohttp would say by itself: that anything may come back, even compressed, which is not read here."""
+"""Headers that aiohttp would add: they accept any answer, also a compressed one, which is not read here."""
 
 
 class Unanswered(RemoteError):
-    """Nobody was there, or went away before it answered. The same message, sent again, is taken once."""
+    """The recipient was not available, or ended before it answered. It is safe to send the same message again."""
 
 
 async def retry_unanswered(ask: Callable[[], Awaitable[T]], patience: float) -> T:
-    """What is answered; while nobody does, for so many seconds, it is asked again. Raises Unanswered then."""
+    """Call `ask` again while there is no answer, for `patience` seconds; return the answer. Raises Unanswered after that."""
     loop = asyncio.get_running_loop()
     deadline, pause = loop.time() + patience, FIRST_PAUSE
     while True:
@@ -44,12 +44,12 @@ async def retry_unanswered(ask: Callable[[], Awaitable[T]], patience: float) -> 
 
 
 def origin(address: str) -> str:
-    """Scheme, host and port of an address: all components behind them are in one process."""
+    """Return scheme, host and port of an address: all components behind them are in one process."""
     return "/".join(address.split("/", 3)[:3])
 
 
 class _Response(NamedTuple):
-    """What somebody answered to a request."""
+    """The response to a request."""
 
     status: int
     media_type: str
@@ -57,33 +57,38 @@ class _Response(NamedTuple):
 
 
 class Wire:
-    """Sends messages to components in other processes, over connections that are kept."""
+    """Sends messages to components in other processes, over persistent connections."""
 
     def __init__(self) -> None:
         self._session: aiohttp.ClientSession | None = None
         self._batching: set[str] = set()
 
     def takes_batches(self, address: str) -> bool:
-        """Whether the process at the address said, in its last answer, that it takes several messages in one request."""
+        """Whether the last response of the process at the address announced that it accepts batches."""
         return origin(address) in self._batching
 
     async def post(self, message: Message, timeout: float = 30.0) -> Message | None:
-        """Send the message; the answer that came back, or None when it was taken. Raises RemoteError, and Unanswered when it is
-        worth while to send it again.
+        """Send the message. Return the answer on the same connection, or None when the message was accepted without one.
 
         A Fault that answers a request is an answer; a Fault because the message could not be processed is an error.
+
+        Raises:
+            Unanswered: there was no answer; the message may be sent again.
+            RemoteError: the message was rejected.
         """
         if message.header.recipient == NONE_ADDRESS:
             return None
         return _read(await self._send_alone(message, _document(message), timeout), message)
 
     async def post_batch(self, messages: Sequence[Message], timeout: float) -> list[Message | RemoteError | None]:
-        """Send the first of the messages to the process where all of them are to go, as many as fit in one request; what came back
-        for each, or why it was not taken. Raises Unanswered when nobody was there."""
+        """Send the first messages to the process of their recipients, as many as fit in one request.
+
+        Return for each the answer, None, or the error for which it was rejected. Raises Unanswered when the process is not available.
+        """
         documents: list[bytes] = []
         try:
             for document in batches.fit_batch(map(_document, messages)):
-                documents.append(document)  # those before one that cannot be sent are sent
+                documents.append(document)  # the messages before one that cannot be sent are sent
         except RemoteError as error:
             if not documents:
                 return [error]
@@ -141,7 +146,7 @@ class Wire:
 
 def _document(message: Message) -> bytes:
     if message.header.recipient == ANONYMOUS:
-        raise RemoteError(f"nobody waits for this {type(message.body).__name__}: its recipient is anonymous")
+        raise RemoteError(f"no connection waits for this {type(message.body).__name__}: its recipient is anonymous")
     try:
         return soap.encode(message)
     except WireError as error:
@@ -160,7 +165,7 @@ def _result(response: _Response, message: Message) -> Message | RemoteError | No
 
 
 def _read(response: _Response, message: Message) -> Message | None:
-    """The answer to the message, or None when it was taken. Raises RemoteError when it was not."""
+    """Return the answer to the message, or None when it was accepted without one. Raises RemoteError when it was rejected."""
     if response.status == 202 and not response.document:
         return None
     if not response.document or response.media_type != soap.MEDIA_TYPE:
@@ -168,7 +173,7 @@ def _read(response: _Response, message: Message) -> Message | None:
     try:
         return soap.decode(response.document)
     except WireError as error:
-        raise RemoteError(f"{message.header.recipient} answered something that cannot be read: {error}") from None
+        raise RemoteError(f"{message.header.recipient} sent an answer that cannot be read: {error}") from None
 
 
 def _unexpected(response: _Response, message: Message) -> RemoteError:

@@ -1,1 +1,1 @@
-"""What is on disk: one writer a file, journals, and archives of what is over and of what happened."""
+"""Data on disk: files with one writer, journals, and archives of past tasks and events."""

@@ -1,6 +1,6 @@
-"""The archive of a journal: what is kept of tasks that are over, and how it is read by pages that fit a message.
+"""The archive in a Task Manager's journal: the records of tasks that are over, read in pages that fit a message.
 
-A record may be longer than a message. It comes in parts then, each with some of its steps, work, contracts, events and messages.
+A record may be longer than a message. It is then read in parts, each with some of its steps, work, contracts, events and messages.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from somrs.protocol.messages.records import ReadRecords, Records, TaskRecord
 from somrs.storage.disk import Disk
 
 FILE = "task-manager.sqlite"
-"""In the data folder: the Task Manager's journal, which has the archive in it."""
+"""The Task Manager's journal in the data folder, with the archive in it."""
 
 TABLES = """
     CREATE TABLE records (task TEXT PRIMARY KEY, submitted_at REAL NOT NULL, ended_at REAL NOT NULL, outcome TEXT NOT NULL,
@@ -29,27 +29,27 @@ TABLES = """
 """
 
 MOST_RECORDS = 200
-"""On one page."""
+"""The maximal number of records on a page."""
 
 LONG = ("contracts", "events", "messages")
-"""Those that are left out of a brief record."""
+"""The parts that a brief record omits."""
 
 WORKED = """instr(document, ?) > 0 AND EXISTS (SELECT 1 FROM json_each(document, '$.work') AS one
   WHERE json_extract(one.value, '$.service') = ? OR instr(json_extract(one.value, '$.service'), ?) = 1)"""
-"""Whether a service, or one of a device, did something. Documents in which its name does not even stand are not taken apart."""
+"""Whether a service, or a service of a device, took part. Documents that do not contain its name are not parsed."""
 
 _RECORD = msgspec.json.Decoder(TaskRecord)
 
 
 class TaskArchive:
-    """The archive of a Task Manager's journal, as `journal.Archive`. Whoever has no tasks keeps nothing in it."""
+    """The archive of a Task Manager's journal, as `journal.Archive`. The other components write no records to it."""
 
     def store_record(self, record: object, db: sqlite3.Connection) -> None:
         assert isinstance(record, TaskRecord), f"an archive is of tasks, not of {type(record).__name__}"
         store_record(record, db)
 
     def store_replayed(self, records: Sequence[object], state: object, db: sqlite3.Connection) -> None:
-        """A record that is another than before takes its place: nothing else follows from it."""
+        """Store the records. A record that differs from the stored one replaces it: nothing else depends on it."""
         for record in records:
             self.store_record(record, db)
 
@@ -59,14 +59,14 @@ class TaskArchive:
 
 
 def store_record(record: TaskRecord, db: sqlite3.Connection) -> None:
-    """Put a record in the archive; the same one twice is there once."""
+    """Store a record; storing it twice has no further effect."""
     document = msgspec.json.encode(record).decode()
     values = (record.task, record.submitted_at, record.ended_at, record.outcome.value, record.effect, document)
     db.execute("INSERT OR REPLACE INTO records VALUES (?, ?, ?, ?, ?, ?)", values)
 
 
 def find_records(query: ReadRecords, db: sqlite3.Connection) -> Records:
-    """The page that is asked for."""
+    """Return the page of records that the query selects."""
     condition, values = _condition(query)
     total: int | None = None
     if query.behind is None:
@@ -119,7 +119,7 @@ def _page(records: Iterable[TaskRecord], query: ReadRecords, limit: int, total: 
 
 
 def cut(record: TaskRecord, offset: int, free_bytes: int = PAGE_BYTES) -> tuple[TaskRecord, int | None]:
-    """The record with as many of its parts behind the first `offset` as fit; how many parts that makes, or None if these are the last."""
+    """Return the record with as many of its parts after the first `offset` as fit, and the next offset; None if these are the last."""
     parts = [(name, part) for name in LISTS for part in getattr(record, name)][max(offset, 0) :]
     bare = _drop_lists(record, LISTS)
     page = list(fit_page(parts, len(parts), free_bytes - size(bare)))
@@ -128,7 +128,7 @@ def cut(record: TaskRecord, offset: int, free_bytes: int = PAGE_BYTES) -> tuple[
 
 
 def joined(record: TaskRecord, rest: TaskRecord) -> TaskRecord:
-    """The record with further parts of it."""
+    """Return the record with the parts of both."""
     return structs.replace(record, **{name: (*getattr(record, name), *getattr(rest, name)) for name in LISTS})
 
 

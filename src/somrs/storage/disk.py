@@ -1,7 +1,7 @@
-"""A SQLite file with one writer: a thread of its own, which puts all that was asked for since its last commit on disk at once.
+"""A SQLite file with one writer thread, which commits all writes that were requested since the last commit at once.
 
-Write-ahead log with `synchronous=FULL`: what is `durable` survives a kill and a power cut. One process at a time has the file
-open. What is in the file is its owner's, such as a journal with its archive.
+The file uses a write-ahead log with `synchronous=FULL`: a write that is `durable` survives a kill and a power failure. One process at a
+time has the file open. The owner, such as a journal with its archive, defines the contents.
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ from somrs.errors import UsageError
 T = TypeVar("T")
 
 Job = Callable[[sqlite3.Connection], T]
-"""Something to be done in the file, by its thread."""
+"""A read or write of the file, executed by its thread."""
 
 Step = str | Callable[[sqlite3.Connection], None]
-"""What makes a file of one version one of the next: statements, or what has them executed. It is within a transaction."""
+"""Converts a file from one version to the next: statements, or a function that executes them. It runs within a transaction."""
 
 MOST_JOBS = 2000
-"""So many writes go in one transaction at most, so that the first of them does not wait for long."""
+"""The maximal number of writes in a transaction, so that the first does not wait for long."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Kind:
-    """A kind of file. `owner`: whose it is (`a Repository's`); `content`: what is in it; `rival`: who else may have it open.
+    """A kind of file. `owner`: whose it is (`a Repository's`); `content`: what it holds; `rival`: who else may have it open.
 
-    `application` is SQLite's application_id, by which the file is known; `version` is that of the `tables`. `migrations`: by the version
-    of an older file, the step to the next version; a file takes all of its steps, or none. `replaces`: by the application_id of files that
-    were used for the same before, the step that makes one of this kind of them. No text in these statements has a semicolon in it.
+    `application` is SQLite's application_id, which identifies the kind; `version` is that of the `tables`. `migrations`: by the version of
+    an older file, the step to the next version; a file takes all of its steps, or none. `replaces`: by the application_id of an earlier
+    kind of file for the same purpose, the step that converts it to this kind. No text in these statements contains a semicolon.
     """
 
     owner: str
@@ -53,14 +53,14 @@ class Kind:
 
 
 class Disk:
-    """An open file. Its methods raise UsageError for a file that is damaged, is somebody else's, or cannot be written.
+    """An open file. Its methods raise UsageError for a file that is damaged, of another kind, or not writable.
 
-    `position` counts the writes that were asked for, `durable` those that are on disk. When one fails, it and all behind it are
-    not done, and `failed` says why: the owner is ahead of its disk then, and must not go on.
+    `position` counts the requested writes, `durable` those that are on disk. When a write fails, it and all later ones are not done, and
+    `failed` has the reason: the owner is then ahead of its disk and must not continue.
     """
 
     def __init__(self, path: Path, kind: Kind) -> None:
-        """Open the file, or make it; its folder must be there."""
+        """Open the file, or create it; its folder must exist."""
         if not path.parent.is_dir():
             raise UsageError(f"{path}: there is no folder {path.parent}; make it first")
         self.path, self.kind = path, kind
@@ -74,14 +74,14 @@ class Disk:
         self._thread.start()
         opened.result()
 
-    # What others ask for
+    # Requests
 
     def write(self, job: Job[object]) -> int:
-        """Have something written, soon, together with what else is asked for. Its position."""
+        """Request a write, to be committed soon together with others. Return its position."""
         self.position += 1
         self._batch.append(_Write(job, self.position))
         if len(self._batch) == 1:
-            # What one turn of the event loop asks for goes to the thread at once: waking it is what costs.
+            # The writes of one turn of the event loop go to the thread together: waking the thread is expensive.
             try:
                 asyncio.get_running_loop().call_soon(self._hand_over)
             except RuntimeError:
@@ -94,19 +94,19 @@ class Disk:
             self._jobs.put(batch)
 
     def write_and_wait(self, job: Job[T]) -> T:
-        """Have something written at once, wholly or not at all, and wait for it: for starts and tools, not for an event loop."""
+        """Write at once, in a transaction of its own, and wait: for starts and tools, not for an event loop."""
         return self._enqueue(job, writes=True).result()
 
     def read(self, job: Job[T]) -> Future[T]:
-        """Have something read; all that was asked to be written before is in it."""
+        """Request a read; it includes all writes requested before."""
         return self._enqueue(job, writes=False)
 
     def listen(self, listener: Callable[[], None]) -> None:
-        """Have the function called in the running event loop whenever `durable` or `failed` changed."""
+        """Call the listener in the running event loop whenever `durable` or `failed` changes."""
         self._listeners.setdefault(asyncio.get_running_loop(), []).append(listener)
 
     def close(self) -> None:
-        """Write what is to be written, and close the file."""
+        """Complete the requested writes, and close the file."""
         self._hand_over()
         self._jobs.put(None)
         self._thread.join()
@@ -138,7 +138,7 @@ class Disk:
         db.close()
 
     def _collect(self) -> tuple[list[_Write], list[_ImmediateJob], bool]:
-        """All that is asked for by now; whether there will be more."""
+        """Return the requested writes and immediate jobs, and whether the thread is to continue."""
         writes: list[_Write] = []
         immediate_jobs: list[_ImmediateJob] = []
         job = self._jobs.get()
@@ -147,7 +147,7 @@ class Disk:
                 writes += job
             else:
                 immediate_jobs.append(job)
-            # A read sees what was written before it was asked for, and no harm is done when it sees more.
+            # A read has to include the writes requested before it, and may include later ones.
             if immediate_jobs or len(writes) >= MOST_JOBS:
                 return writes, immediate_jobs, True
             try:
@@ -165,12 +165,12 @@ class Disk:
                     write.job(db)
         except UsageError as error:
             self.failed = error
-        except BaseException as error:  # noqa: BLE001  # a defect of the owner: it must hear of it, and the thread goes on
+        except BaseException as error:  # noqa: BLE001  # a defect of the owner: the owner gets the error, and the thread continues
             self.failed = UsageError(f"{self.path}: {type(error).__name__}: {error}")
         else:
             self.durable = writes[-1].position
         for loop, listeners in [*self._listeners.items()]:
-            with contextlib.suppress(RuntimeError):  # the loop was closed: nobody waits there any more
+            with contextlib.suppress(RuntimeError):  # the loop was closed: no listener waits there any more
                 loop.call_soon_threadsafe(_notify, listeners)
 
     def _open(self) -> sqlite3.Connection:
@@ -179,7 +179,7 @@ class Disk:
         try:
             with self.explained():
                 self._prepare(db)
-        except BaseException:  # whatever it was, nobody else has the connection to close it
+        except BaseException:  # whatever the error is, only this function can close the connection
             db.close()
             raise
         return db
@@ -194,12 +194,12 @@ class Disk:
         elif application in kind.replaces:
             steps = [kind.replaces[application]]
         elif application != kind.application:
-            raise UsageError(f"{self.path}: is a database, but not {kind.owner}; give it a file of its own")
+            raise UsageError(f"{self.path}: is a database, but not {kind.owner}; use another file")
         elif version > kind.version or any(step not in kind.migrations for step in range(version, kind.version)):
-            raise UsageError(f"{self.path}: has format {version}, this program reads {kind.version}; run the SO-MRS that wrote it")
+            raise UsageError(f"{self.path}: has format {version}, this program reads {kind.version}; use the SO-MRS that wrote it")
         else:
             steps = [kind.migrations[step] for step in range(version, kind.version)]
-        # Exclusive: two that write the same file would both be wrong.
+        # Exclusive: two processes that write the same file would corrupt each other's state.
         for pragma in ("locking_mode=EXCLUSIVE", "journal_mode=WAL", "synchronous=FULL"):
             db.execute(f"PRAGMA {pragma}")
         with self.transaction(db):  # takes the lock now, not at the first write
@@ -222,23 +222,23 @@ class Disk:
 
     @contextlib.contextmanager
     def explained(self) -> Iterator[None]:
-        """What SQLite says, as something that a person can act on."""
+        """Convert errors of SQLite to errors on which a person can act."""
         try:
             yield
         except sqlite3.OperationalError as error:
             if error.sqlite_errorname in ("SQLITE_BUSY", "SQLITE_LOCKED"):
-                raise UsageError(f"{self.path}: is in use by {self.kind.rival}; stop that one, or take another file") from None
-            raise UsageError(f"{self.path}: cannot be used: {error}; see to the disk's space and the file's rights") from None
+                raise UsageError(f"{self.path}: is in use by {self.kind.rival}; stop it, or use another file") from None
+            raise UsageError(f"{self.path}: cannot be used: {error}; check the free disk space and the file's permissions") from None
         except sqlite3.DatabaseError as error:
             raise UsageError(
-                f"{self.path}: is not {self.kind.owner} file, or is damaged ({error}); take another file, or put a copy back"
+                f"{self.path}: is not {self.kind.owner} file, or is damaged ({error}); use another file, or restore a backup"
             ) from None
         except (msgspec.MsgspecError, KeyError) as error:
-            raise UsageError(f"{self.path}: holds something that is no {self.kind.content} ({error}); put a copy back") from None
+            raise UsageError(f"{self.path}: holds something that is no {self.kind.content} ({error}); restore a backup") from None
 
 
 def execute(db: sqlite3.Connection, step: Step) -> None:
-    """Execute the statements within the transaction that there is; `executescript` would end it first."""
+    """Execute the statements within the present transaction, which `executescript` would end."""
     if callable(step):
         step(db)
         return
@@ -259,7 +259,7 @@ class _Write:
 
 @dataclass(frozen=True, slots=True)
 class _ImmediateJob:
-    """Something that somebody waits for: a read, or a write in a transaction of its own."""
+    """A job for whose result a caller waits: a read, or a write in a transaction of its own."""
 
     job: Job[Any]
     future: Future[Any]

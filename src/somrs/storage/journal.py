@@ -1,7 +1,7 @@
-"""The journal of a component: its inputs since the last snapshot of its state, and the archive of what is over.
+"""The journal of a component: the last snapshot of its state, the inputs since then, and the archive of its records.
 
-A component that is started again takes its state from here and handles the inputs behind it once more (`kernel.pending`). Both are data
-of the versions that the component's schema names: a later program reads those of earlier ones, and writes its own from then on.
+A component that restarts takes its state from the journal and handles the later inputs again (`kernel.pending`). State and inputs have the
+versions that the component's schema names: a later program reads those of earlier versions, and then writes its own.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from somrs.version import __version__
 PROGRAM = f"SO-MRS {__version__}"
 
 SNAPSHOT_SHARE = 0.02
-"""Snapshots take this share of the event loop's time at most."""
+"""The maximal share of the event loop's time for snapshots."""
 
 TABLES = """
     CREATE TABLE life (component TEXT PRIMARY KEY, program TEXT NOT NULL, setting TEXT NOT NULL, address TEXT NOT NULL, open TEXT NOT NULL,
@@ -39,8 +39,11 @@ TABLES = """
       state BLOB NOT NULL);
     CREATE TABLE entries (component TEXT NOT NULL, last INTEGER NOT NULL, batch BLOB NOT NULL);
 """
-"""Entries have no index: they are added with every commit, which would have a page for each component to write, and are looked up only
-when a component starts and when a snapshot was taken."""
+"""Entries have no index.
+
+Every commit adds entries, and with an index would write a page for each component; entries are looked up only when a component starts and
+after a snapshot.
+"""
 
 WITHOUT_INDEX = """
     ALTER TABLE entries RENAME TO old_entries;
@@ -56,13 +59,13 @@ KIND = Kind(
     application=0x534F4D4A,  # `SOMJ` in ASCII
     version=4,
     tables=TABLES + archive.TABLES,
-    # The files of devices and Registries were of other kinds. What was promised before is not known then, and is said not to be.
+    # Devices and Registries had files of other kinds. Their earlier contracts are not known then, and are reported as unknown.
     replaces={
         0x534F4D44: "DROP TABLE kept;" + TABLES + archive.TABLES,
         0x534F4D53: "DROP TABLE listed;" + TABLES + archive.TABLES,
     },
     migrations={
-        # Files of the first format hold a state that only the program that wrote it can read: version 0. Their records stay.
+        # Only the program that wrote it can read the state in a file of the first format: version 0. The records stay.
         1: "ALTER TABLE life ADD COLUMN schema INTEGER NOT NULL DEFAULT 0;",
         # The second format had one component in each file.
         2: "ALTER TABLE life RENAME TO old_life; ALTER TABLE snapshot RENAME TO old_snapshot; ALTER TABLE entries RENAME TO old_entries;"
@@ -79,28 +82,31 @@ KIND = Kind(
 
 
 class Contradiction(UsageError):
-    """What is to be kept is not what was kept of the same before; the text says of what."""
+    """A record differs from the stored record of the same input; the text names it."""
 
 
 class Archive(Protocol):
-    """What is kept of a component's `Record`s, in the file of its journal, and how it is read."""
+    """Stores and reads a component's `Record`s, in the file of its journal."""
 
     def store_record(self, record: object, db: sqlite3.Connection) -> None:
-        """Keep a record; the same one twice is there once."""
+        """Store a record; storing it twice has no further effect."""
         ...
 
     def store_replayed(self, records: Sequence[object], state: Any, db: sqlite3.Connection) -> None:
-        """Keep the records that came once more of the inputs behind a snapshot, some of which may not have been on disk; they led to
-        this state. Raises Contradiction when they are not those that came of these inputs before."""
+        """Store the records of the replayed inputs, some of which may not have been on disk; the replay led to this state.
+
+        Raises:
+            Contradiction: a stored record of the same input differs.
+        """
         ...
 
     async def answer(self, task: object, disk: Disk) -> object:
-        """Carry out a task of the component that the archive can carry out, while the event loop goes on."""
+        """Perform a task of the component on the archive, without blocking the event loop."""
         ...
 
 
 class _StoredJournal(Struct):
-    """What is in a file: who wrote it, for which address, what was open then, its snapshot, and the entries behind it."""
+    """The contents of a file: who wrote it, for which address, what was open, the snapshot, and the entries after it."""
 
     program: str
     setting: str
@@ -116,13 +122,12 @@ _TASKS = TaskArchive()
 
 
 class Journal:
-    """An open journal of a component of this schema. `address` is where the component was reached, `open` what it had not finished;
-    nothing for a new file.
+    """An open journal of a component with this schema.
 
-    `setting` says what else the state depends on, such as the addresses of other parts; it has to be the same. Components of one process
-    can have their journals `for_component` each other, in one file: what they have to keep at the same time is on disk by one commit then.
-
-    `archive`: where the component's records go. One that needs tables of its own comes with the `disk` that has them.
+    `address` is where the component was reached, and `open` what it had not finished; both are empty for a new file. `setting` holds what
+    else the state depends on, such as the addresses of other components; it must not change. Components of one process can have journals in
+    one file (`for_component`), so that one commit stores the simultaneous inputs of all. `archive` stores the component's records; an
+    archive with tables of its own comes with the `disk` that has them.
     """
 
     def __init__(
@@ -150,15 +155,17 @@ class Journal:
         self.open: tuple[str, ...] = tuple(self._stored_journal.open) if self._stored_journal is not None else ()
 
     def for_component(self, component: str) -> Journal:
-        """The journal of another component of this process, in the same file. Whoever closes one of them closes all."""
+        """Return the journal of another component of this process, in the same file. Closing one of them closes all."""
         return Journal(self.disk.path, self._written.schema, self._setting, component=component, disk=self.disk, archive=self._archive)
 
     def begin(self, address: str, factory: Callable[[str], Stateful]) -> tuple[JournaledComponent, bool]:
-        """The component, as it was when the last input came, and whether there was one: if not, it is made for this address.
+        """Return the component as it was after the last input, and whether there was one; otherwise, `factory` creates it for this address.
 
-        What was written by another version is written anew at once, so that all behind a snapshot is of one program. Raises UsageError when
-        there is a state that cannot be gone on with and is not to be forgotten; or when what the inputs behind the snapshot come to now is
-        not what is in the archive.
+        Data of another version are converted at once, so that all data after a snapshot are of one program.
+
+        Raises:
+            UsageError: the state cannot be continued and must not be dropped, or the replayed inputs lead to records that differ from those
+                in the archive.
         """
         stored_journal, self._stored_journal, self.address = self._stored_journal, None, address
         if stored_journal is not None and (change := self._changed(stored_journal, address)) is not None:
@@ -173,7 +180,7 @@ class Journal:
             journaled = self._replayed(stored_journal)
         except UsageError:
             raise
-        except Exception as error:  # whatever data raise that do not fit
+        except Exception as error:  # data that do not fit may raise any exception
             raise UsageError(self._stuck(stored_journal, f"cannot be read ({type(error).__name__}: {error})")) from error
         if (stored_journal.schema, stored_journal.program) != (self._written.schema.version, PROGRAM):
             self.disk.write_and_wait(lambda db: self._anew(db, address, journaled))
@@ -181,24 +188,24 @@ class Journal:
         return journaled, True
 
     def _changed(self, stored_journal: _StoredJournal, address: str) -> str | None:
-        """Why the file cannot be gone on with, if it cannot."""
+        """Return why the journal cannot be continued; None if it can."""
         if not self._written.schema.can_read(stored_journal.schema):
             return f"was written by {stored_journal.program}, whose state {PROGRAM} cannot read"
         if stored_journal.setting != self._setting:
             return f"was written for {stored_journal.setting}, and this is for {self._setting}"
         if stored_journal.address != address and not self._written.schema.relocatable:
-            return f"belongs to {stored_journal.address}, where others expect its owner, and this is {address}"
+            return f"belongs to {stored_journal.address}, where other components expect its owner, and this is {address}"
         return None
 
     def _stuck(self, stored_journal: _StoredJournal, change: str) -> str:
         problem = f"{self.disk.path}: {change}"
         if self._written.schema.irreplaceable:
-            return f"{problem}; go on as it was, put a copy back, or move the file away, which forgets what is in it"
+            return f"{problem}; use the earlier program and settings, restore a backup, or move the file away, which loses its contents"
         if not stored_journal.open:
-            return f"{problem}; nothing was open in it: move the file away"
+            return f"{problem}; no task was open in it: move the file away"
         named = ", ".join(stored_journal.open[:3]) + (" ..." if len(stored_journal.open) > 3 else "")
         tasks = f"{len(stored_journal.open)} task{'s are' if len(stored_journal.open) > 1 else ' is'} open ({named})"
-        return f"{problem}; {tasks}: go on as it was until they are over, or move the file away, which forgets them"
+        return f"{problem}; {tasks}: use the earlier program and settings until they are over, or move the file away, which loses them"
 
     def _replayed(self, stored_journal: _StoredJournal) -> JournaledComponent:
         if zlib.crc32(stored_journal.state) != stored_journal.sum:
@@ -215,24 +222,24 @@ class Journal:
         try:
             self.disk.write_and_wait(lambda db: self._archive.store_replayed(archive_records, state, db))
         except Contradiction as error:
-            advice = f"it was written by {stored_journal.program}: start that once more and stop it in order, then go on with {PROGRAM}"
+            advice = f"it was written by {stored_journal.program}: start that once more and stop it normally, then continue with {PROGRAM}"
             raise UsageError(f"{self.disk.path}: {error}; {advice}") from None
         return journaled
 
     # Writing
 
     def append(self, entry: Entry) -> None:
-        """Have the entry on disk, soon."""
+        """Request that the entry is written to disk."""
         self._queued.append((entry.number, self._written.encode_entry(entry)))
         self._entry_count += 1
         self.disk.write(self._flush)
 
     def store_record(self, record: object) -> None:
-        """Have a record in the archive, soon."""
+        """Request that a record is stored in the archive."""
         self.disk.write(functools.partial(self._archive.store_record, record))
 
     def note(self, component: Stateful) -> None:
-        """Have on disk what the component has not finished, if that changed."""
+        """Request that the component's unfinished work is written to disk, if it changed."""
         now_open = tuple(component.open)
         if now_open != self.open:
             self.open = now_open
@@ -246,11 +253,11 @@ class Journal:
 
     @property
     def overdue(self) -> bool:
-        """Whether it should not be put off until nothing else is to be done."""
+        """Whether a snapshot must not wait for an idle moment."""
         return self.due and self._entry_count >= 4 * self._written.schema.snapshot_after
 
     def snapshot(self, journaled: JournaledComponent) -> None:
-        """Have the state on disk, soon, and then forget the entries that led to it. An interrupted one leaves the one before."""
+        """Request that the state is written to disk and the entries before it are deleted, both or neither."""
         start_time = time.monotonic()
         state = self._written.encode_snapshot(journaled)
         self._entry_count = 0
@@ -259,11 +266,11 @@ class Journal:
         self.disk.write(lambda db: _snapshot(db, self._component, number, timestamp, state))
 
     def close(self) -> None:
-        """Write what is to be written, and close the file."""
+        """Complete the requested writes, and close the file."""
         self.disk.close()
 
     def _flush(self, db: sqlite3.Connection) -> None:
-        """Write all that is queued; it may be more than was when this was asked for, and the next then finds nothing."""
+        """Write all queued entries, including those of later requests, which then find nothing to write."""
         entries: list[bytes] = []
         last_number = 0
         while self._queued:
@@ -276,14 +283,14 @@ class Journal:
         begin_with(db, journaled, self._written, self._component, self._setting, address)
 
     async def carry_out(self, task: object, report: object = None) -> object:
-        """Carry out what the component asks of its archive, while the event loop goes on. Nothing is reported on the way."""
+        """Perform a task of the component on its archive, without blocking the event loop. There are no partial answers."""
         return await self._archive.answer(task, self.disk)
 
 
 def begin_with(
     db: sqlite3.Connection, journaled: JournaledComponent, written: JournalCodec, component: str = "", setting: str = "", address: str = ""
 ) -> None:
-    """Have a journal begin with the component as it is, whatever was in it before."""
+    """Begin a journal with the present component, and delete its earlier contents."""
     db.execute("DELETE FROM entries WHERE component = ?", (component,))
     is_open = msgspec.json.encode(tuple(journaled.component.open)).decode()
     life = (component, PROGRAM, setting, address, is_open, written.schema.version)

@@ -1,7 +1,7 @@
-"""The Repository's files of before, and how each becomes one of the next format.
+"""Earlier formats of the Repository's file, and the migration of each to the next.
 
-Up to the third, the state was in tables of its own: definitions, objects, facts, answers and subscriptions. It becomes the first snapshot
-of a journal, and what happened stays as it is.
+Up to the third format, the state was in tables of its own: definitions, objects, facts, answers and subscriptions. The migration makes it
+the first snapshot of a journal; the events stay as they are.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _ANSWER: msgspec.json.Decoder[Answer] = msgspec.json.Decoder(Answer)
 
 
 def _journaled(db: sqlite3.Connection) -> None:
-    """The state in tables becomes a snapshot."""
+    """Convert the tables with the state to a snapshot."""
     contents = _contents(db)
     execute(
         db,
@@ -75,7 +75,7 @@ def _contents(db: sqlite3.Connection) -> Contents | None:
 
 
 MIGRATIONS: Mapping[int, Step] = {
-    # What was before an event is not known of those of the first format: `before` is NULL.
+    # Events of the first format do not have the state before them: `before` is NULL.
     1: """
     ALTER TABLE events ADD COLUMN before TEXT;
     ALTER TABLE events ADD COLUMN revision TEXT;
@@ -90,7 +90,7 @@ MIGRATIONS: Mapping[int, Step] = {
       FROM events, json_each(revision, '$.after') AS of, json_each(of.value) AS one WHERE revision IS NOT NULL GROUP BY 1, 2;
     CREATE TABLE renamed (name TEXT NOT NULL, version INTEGER NOT NULL, before TEXT NOT NULL, PRIMARY KEY (name, version)) WITHOUT ROWID;
     """,
-    # The drivers of devices are in packages of their own since.
+    # In later formats, the drivers of devices are in packages of their own.
     2: "".join(
         f"UPDATE definitions SET document = replace(document, '{old_module}:', '{new_module}:');"
         for old_module, new_module in (
@@ -101,4 +101,4 @@ MIGRATIONS: Mapping[int, Step] = {
     3: _journaled,
     4: journal.WITHOUT_INDEX,
 }
-"""By the format that a file has."""
+"""The migration to the next format, by the format of the file."""

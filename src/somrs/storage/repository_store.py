@@ -1,7 +1,7 @@
-"""The Repository's file: the journal of its inputs, and the archive of all that ever happened to the ontology and the map.
+"""The Repository's file: the journal of its inputs, and the archive of all events of the ontology and the map.
 
-Documents in the archive are JSON, for whoever looks with other tools. Events are read back in `store_events.py`; what the file was like
-before is in `repository_formats.py`.
+Documents in the archive are JSON, so that other tools can read them. `store_events.py` reads events; `repository_formats.py` has the
+earlier formats.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from somrs.storage.repository_formats import MIGRATIONS
 from somrs.storage.store_events import event_of, read_event, read_job, read_way_back, restore_past
 
 MAX_PAST_VERSIONS = 4
-"""So many versions of the past are kept, for the next pages of them."""
+"""The number of past versions that are kept in memory, for their next pages."""
 
 TABLES = """
     CREATE TABLE events (version INTEGER PRIMARY KEY, at REAL NOT NULL, author TEXT NOT NULL, changes TEXT NOT NULL, before TEXT,
@@ -49,32 +49,35 @@ KIND = Kind(
 
 
 def repository_journal(path: Path) -> Journal:
-    """Open a Repository's file, or make it; its folder must be there. Raises UsageError for a file that is damaged, is somebody else's,
-    or cannot be written."""
+    """Open a Repository's file, or create it; its folder must exist.
+
+    Raises:
+        UsageError: the file is damaged, of another kind, or not writable.
+    """
     return Journal(path, SCHEMA, disk=Disk(path, KIND), archive=MapHistory())
 
 
 class MapHistory:
-    """The archive of a Repository's journal, as `journal.Archive`: each `Event`, and what leads back from it."""
+    """The archive of a Repository's journal, as `journal.Archive`: each `Event`, with the changes that revert it."""
 
     def __init__(self) -> None:
         self._pasts: dict[int, tuple[PastState, MapPages]] = {}
 
     def store_record(self, record: object, db: sqlite3.Connection) -> None:
-        """Raises Contradiction for a version that is there and is another one."""
+        """Store an event. Raises Contradiction when a different event is stored for its version."""
         assert isinstance(record, Event), f"the history of a map is of events, not of {type(record).__name__}"
         row = read_event(record.version, db)
         if row is None:
             _insert(record, db)
         elif _comparable_event(event_of(row)) != _comparable_event(record):
-            raise Contradiction(f"version {record.version} of the map is not what comes of the same request now")
+            raise Contradiction(f"version {record.version} of the map differs from the result of the same request now")
 
     def store_replayed(self, records: Sequence[object], state: Contents, db: sqlite3.Connection) -> None:
         for record in records:
             self.store_record(record, db)
         (latest,) = db.execute("SELECT coalesce(max(version), 0) FROM events").fetchone()
         if latest > state.version:
-            raise Contradiction(f"version {latest} of the map is not what comes of the same requests now, which lead to {state.version}")
+            raise Contradiction(f"version {latest} of the map is not reached by the same requests now, which lead to {state.version}")
 
     async def answer(self, task: object, disk: Disk) -> ArchivedEvents | MapPage | OntologyPage:
         match task:
@@ -92,7 +95,7 @@ class MapHistory:
     async def _load_past(self, page_request: PageOf, disk: Disk) -> tuple[PastState, MapPages]:
         way, changed_at = await asyncio.wrap_future(disk.read(lambda db: read_way_back(page_request.version, page_request.at_version, db)))
         with disk.explained():
-            # Going back through ten thousand events takes a while: neither the event loop nor the disk waits for it.
+            # Reverting ten thousand events takes a while: neither the event loop nor the disk thread waits for it.
             past_state = await asyncio.to_thread(restore_past, page_request, way, changed_at)
         while len(self._pasts) >= MAX_PAST_VERSIONS:
             del self._pasts[next(iter(self._pasts))]
@@ -124,7 +127,7 @@ def _json(value: object) -> str:
 
 
 def _comparable_event(event: Event) -> object:
-    """What an event says, in whatever order it says it: the order of what happened at once may be another after a restart."""
+    """Return an event's contents in a canonical order: the order of simultaneous changes may differ after a restart."""
     revision = event.revision if event.revision is not None else Revision()
     groups = (event.changes, event.before, tuple(revision.before.all_definitions()), tuple(revision.after.all_definitions()))
     lists = [sorted(msgspec.json.encode(item, order="sorted") for item in group) for group in groups]

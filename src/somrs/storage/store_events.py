@@ -1,4 +1,4 @@
-"""The events in a Repository's file: what happened, read back, and the way back through them. The tables are `repository_store.py`'s."""
+"""Read the events in a Repository's file, and the changes that lead back to an earlier version. `repository_store.py` has the tables."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _BRIEF = "version, at, author, '[]', '[]', iif(revision IS NULL, NULL, '{}'), re
 
 
 class Row(NamedTuple):
-    """An event as it is in the file."""
+    """An event as a row of the file."""
 
     version: int
     at: float
@@ -54,7 +54,7 @@ def event_of(row: Row) -> Event:
 
 
 def read_job(task: HistoryOf | EventsOf) -> Job[list[Row]]:
-    """What reads the events that are asked for."""
+    """Return the job that reads the requested events."""
     match task:
         case HistoryOf(object=object, limit=limit):
             return functools.partial(history, object, limit)
@@ -63,7 +63,7 @@ def read_job(task: HistoryOf | EventsOf) -> Job[list[Row]]:
 
 
 def read_events(query: EventsOf, db: sqlite3.Connection) -> list[Row]:
-    """The events that are asked for."""
+    """Return the requested events."""
     condition, order = ("version > ?", "ASC") if query.after is not None else ("version < ?", "DESC")
     bound = query.after if query.after is not None else query.before if query.before is not None else 1 << 62
     if query.ontology:
@@ -74,17 +74,17 @@ def read_events(query: EventsOf, db: sqlite3.Connection) -> list[Row]:
 
 
 def read_event(version: int, db: sqlite3.Connection) -> Row | None:
-    """The event that led to the version, if it is known."""
+    """Return the event that led to the version, if it is stored."""
     row = db.execute(f"SELECT {_COLUMNS} FROM events WHERE version = ?", (version,)).fetchone()
     return Row(*row) if row is not None else None
 
 
 def history(object: str, limit: int, db: sqlite3.Connection) -> list[Row]:
-    """The latest events that changed the object, newest first, under whatever name it had."""
+    """Return the latest events that changed the object, newest first, under all names that it had."""
     found_rows: list[Row] = []
     name, last_version = object, 1 << 62
     while len(found_rows) < limit:
-        # The name was given to it in this version; what had the same name before was something else.
+        # The object got this name in this version; an earlier object of the same name was another one.
         renaming_row = db.execute(
             "SELECT version, before FROM renamed WHERE name = ? AND version <= ? ORDER BY version DESC", (name, last_version)
         ).fetchone()
@@ -102,15 +102,17 @@ def history(object: str, limit: int, db: sqlite3.Connection) -> list[Row]:
 
 
 class Way(NamedTuple):
-    """What leads back from one event."""
+    """The changes that revert one event."""
 
     before: str
     revision: str | None
 
 
 def read_way_back(version: int, earlier_version: int, db: sqlite3.Connection) -> tuple[list[Way], int]:
-    """What leads from a version back to an earlier one, the latest event first; and the version in which the ontology changed last
-    before that."""
+    """Return the changes that lead from a version back to an earlier one, the latest first.
+
+    Also return the version of the last change of the ontology up to the earlier version.
+    """
     rows = db.execute(
         "SELECT before, revision FROM events WHERE version > ? AND version <= ? ORDER BY version DESC", (earlier_version, version)
     )
@@ -122,7 +124,7 @@ def read_way_back(version: int, earlier_version: int, db: sqlite3.Connection) ->
 
 
 def restore_past(page_request: PageOf, way: Sequence[Way], changed_at: int) -> PastState:
-    """The map and the ontology at the other end of the way."""
+    """Return the map and the ontology of the earlier version."""
     ontology = page_request.ontology
     for step in way:
         if step.revision is not None:

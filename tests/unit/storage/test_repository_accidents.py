@@ -31,9 +31,9 @@ def run_statements(path: Path, *statements: str) -> list[tuple[object, ...]]:
 @pytest.mark.parametrize(
     ("tampered", "problem"),
     [
-        ("UPDATE events SET author = 'Anna' WHERE version = 2", "version 2 of the map is not what comes of the same request now"),
-        ("UPDATE events SET changes = '[]' WHERE version = 1", "version 1 of the map is not what comes"),
-        ("INSERT INTO events (version, at, author, changes) VALUES (3, 9, 'Anna', '[]')", "version 3 of the map is not what comes"),
+        ("UPDATE events SET author = 'Anna' WHERE version = 2", "version 2 of the map differs from the result of the same request now"),
+        ("UPDATE events SET changes = '[]' WHERE version = 1", "version 1 of the map differs from"),
+        ("INSERT INTO events (version, at, author, changes) VALUES (3, 9, 'Anna', '[]')", "version 3 of the map is not reached"),
     ],
 )
 def test_a_program_that_would_decide_otherwise_does_not_contradict_the_history(path: Path, tampered: str, problem: str) -> None:
@@ -45,7 +45,7 @@ def test_a_program_that_would_decide_otherwise_does_not_contradict_the_history(p
     with pytest.raises(UsageError, match=problem) as refused:
         Keeper(path)
     assert str(path) in str(refused.value)
-    assert "SO-MRS 0.9: start that once more and stop it in order" in str(refused.value)
+    assert "SO-MRS 0.9: start that once more and stop it normally" in str(refused.value)
     assert run_statements(path, "SELECT program FROM life") == [("SO-MRS 0.9",)], "the file is as it was"
 
 
@@ -74,7 +74,7 @@ def test_what_another_program_left_is_written_anew_before_anything_is_behind_it(
 def test_a_map_that_cannot_be_read_is_not_forgotten(path: Path) -> None:
     Keeper(path).close()
     run_statements(path, "UPDATE life SET program = 'SO-MRS 9', schema = 9")
-    with pytest.raises(UsageError, match=r"written by SO-MRS 9, whose state SO-MRS .* cannot read; .* forgets what is in it"):
+    with pytest.raises(UsageError, match=r"written by SO-MRS 9, whose state SO-MRS .* cannot read; .* loses its contents"):
         Keeper(path)
 
 
@@ -120,7 +120,7 @@ def test_a_damaged_file_is_said_to_be_damaged(path: Path) -> None:
 def test_a_state_that_is_none_is_said_to_be_damaged(path: Path) -> None:
     Keeper(path).close()
     run_statements(path, "UPDATE snapshot SET state = x'80'")
-    with pytest.raises(UsageError, match=r"damaged.*put a copy back"):
+    with pytest.raises(UsageError, match=r"damaged.*restore a backup"):
         Keeper(path)
 
 
@@ -131,7 +131,7 @@ def test_a_document_that_is_none_is_no_answer(path: Path) -> None:
     keeper.close()
     run_statements(path, "UPDATE events SET changes = '{\"name\": 1}'")
     keeper = Keeper(path)
-    with pytest.raises(UsageError, match="put a copy back"):
+    with pytest.raises(UsageError, match="restore a backup"):
         keeper.ask(ReadHistory(object="Jar1"), Fault)
     keeper.close()
 

@@ -143,7 +143,7 @@ def test_a_file_that_cannot_be_brought_up_to_date_stays_as_it_was(path: Path, sc
     broken = "UPDATE objects SET document = '{\"name\": 1}' WHERE name = 'Jar2';"
     create_file(path, *scripts, broken)
     dump_before = dump(path)
-    with pytest.raises(UsageError, match="put a copy back"):
+    with pytest.raises(UsageError, match="restore a backup"):
         Keeper(path)
     assert dump(path) == dump_before
 
