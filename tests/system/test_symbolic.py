@@ -212,7 +212,7 @@ def test_all_devices_share_the_world_of_one_program(parcels: ImportedProblem, wo
 def test_a_system_has_bodies_or_none() -> None:
     assert symbolic([("van1", "somrs.devices.symbolic.device:SymbolicDevice"), ("Anna", "somrs.devices.person.device:Person")])
     assert not symbolic([("Robot1", "somrs.devices.simulator.drivers.manipulator:Manipulator")])
-    with pytest.raises(UsageError, match="van1 is a device of a symbolic world, and Robot1 one of the simulator"):
+    with pytest.raises(UsageError, match="van1 is a device of a symbolic world, and Robot1 is a device of the simulator"):
         symbolic(
             [
                 ("van1", "somrs.devices.symbolic.device:SymbolicDevice"),

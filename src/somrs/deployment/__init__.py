@@ -1,1 +1,1 @@
-"""Which processes make a system, how they start, stop and are kept running."""
+"""The processes of a system: how they are started, supervised and stopped."""

@@ -1,6 +1,6 @@
-"""Runs a device: its Service Manager at an address, the author's coroutines on the event loop, its journal on disk.
+"""Runs a device: serves its Service Manager at an address, runs the author's coroutines on the event loop, keeps its journal on disk.
 
-An author's program ends with `run(Forklift)` and is called as `python forklift.py --name Forklift1 --data .somrs`.
+A device program ends with `run(Forklift)` and is started with `python forklift.py --name Forklift1 --data .somrs`.
 """
 
 from __future__ import annotations
@@ -36,27 +36,27 @@ from somrs.storage.journal import Journal
 log = logging.getLogger(__name__)
 
 JOIN_TIME = 60.0
-"""Seconds after which a device that could not join says so; it goes on trying."""
+"""Seconds after which `DeviceRunner.start` raises when the device has not joined."""
 
 MAP_TIME = 60.0
-"""Seconds for which a device waits for a Repository that does not answer."""
+"""Seconds for which a device repeats a request that the Repository does not answer."""
 
 LEAVE_TIME = 5.0
-"""Seconds that a device has to come to rest when its program is to end."""
+"""Seconds that a device has to become idle when its program stops."""
 
 
 def device_journal(data: Path, name: str) -> Journal:
-    """The journal of a device, or of several in one process, which are `beside` each other then."""
+    """The journal of a device, or the journal that several devices of one process share."""
     folder = data / "devices"
     folder.mkdir(parents=True, exist_ok=True)
     return Journal(folder / f"{name}.sqlite", SCHEMA)
 
 
 class DeviceRunner:
-    """A device at work: join with `start`, take leave with `stop`. `data` is where its journal is.
+    """Runs one device in this process: `start` joins the system, `stop` leaves it. `data` is the folder of its journal.
 
-    Devices of one process can share a journal and a host: one port then, and what goes the same way goes together. Whoever made
-    them for it starts and stops the host, and closes the journal.
+    Devices of one process can share a journal and a host: they then have one port, and messages to the same destination are sent
+    together. The caller starts and stops a shared host, and closes a shared journal.
     """
 
     def __init__(
@@ -77,12 +77,15 @@ class DeviceRunner:
         self._runtime: Host | None = None
         self._node: Node | None = None
         self._early: list[str] = []
-        """What the device observed while it was opened."""
+        """Situations that the device observed before it joined."""
         self._joined: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 
     async def start(self) -> str:
-        """Connect to the hardware, and join. Returns the address. Raises DeviceError when the device cannot join."""
-        self.device.profile()  # a class that cannot be run is told of before anything is connected
+        """Connect to the hardware, join the system, and return the device's address.
+
+        Raises: DeviceError when the device is rejected, RemoteError when the Repository or the Registry does not answer.
+        """
+        self.device.profile()  # reports an invalid class before anything is connected
         self._runtime = runtime = await self._listen()
         self.device.map = MapReader(self._ask)
         self.device.observer = self._observed
@@ -108,12 +111,12 @@ class DeviceRunner:
 
     @property
     def manager(self) -> ServiceManager:
-        assert self._node is not None, "it was started"
-        assert isinstance(self._node.component, ServiceManager), "that is what was put there"
+        assert self._node is not None, "start was called"
+        assert isinstance(self._node.component, ServiceManager), "start adds a ServiceManager"
         return self._node.component
 
     async def stop(self) -> None:
-        """Take leave: withdraw the offers, bring what runs to a stop, and say so to whom it concerns."""
+        """Leave the system: withdraw the offers, stop running services, and notify their coordinators."""
         if self._node is not None:
             self._node.feed(Notified(DepartureRequested()))
             end = asyncio.get_running_loop().time() + LEAVE_TIME
@@ -135,7 +138,7 @@ class DeviceRunner:
             self._node.feed(Notified(Observed(situation)))
 
     async def _listen(self) -> Host:
-        """Where the device was reached before, if that can be: those who have a contract with it know that address."""
+        """Listen at the port of the last run if it is free: coordinators that have a contract know the device by that address."""
         if isinstance(self._host, Host):
             return self._host
         port = urlsplit(self._journal.address).port or 0
@@ -146,7 +149,7 @@ class DeviceRunner:
             except (OSError, SystemExit, RemoteError, InputError):
                 if candidate == 0:
                     raise
-                log.warning("%s: port %d is taken, so those who waited for it have to find it anew", self.device.name, candidate)
+                log.warning("%s: port %d is taken, so clients have to look up its new address", self.device.name, candidate)
             else:
                 return runtime
         raise AssertionError("port 0 is always tried")
@@ -167,15 +170,15 @@ class DeviceRunner:
                 raise RemoteError(f"a device cannot do {type(task).__name__}")
 
     async def _ask(self, body: Body) -> Body:
-        """Ask the Repository. One that is started again meanwhile is waited for: that is no reason to refuse, or to fail."""
+        """Send a request to the Repository, and repeat it for `MAP_TIME`: a service does not fail because the Repository restarts."""
         header = Header(sender=ANONYMOUS, recipient=self._addresses.repository, message_id=uuid.uuid4().urn)
         runtime, question = self._runtime, Message(header=header, body=body)
-        assert runtime is not None, "devices ask once they listen"
+        assert runtime is not None, "devices send requests after they listen"
         return (await retry_unanswered(lambda: runtime.request(question), MAP_TIME)).body
 
 
 async def serve(kind: type[Device], name: str, data: Path, host: str = "127.0.0.1") -> None:
-    """Run a device until its process is told to end."""
+    """Run a device until its process receives SIGTERM or SIGINT."""
     addresses = Addresses.read(data)
     runner = DeviceRunner(kind(name, addresses.simulator or addresses.world), addresses, data, host)
     try:
@@ -185,12 +188,12 @@ async def serve(kind: type[Device], name: str, data: Path, host: str = "127.0.0.
 
 
 def run_driver(driver: str, name: str, data: Path, host: str = "127.0.0.1") -> None:
-    """Run a device of the class that `driver` names, until the process is told to end."""
+    """Run a device of the class that `driver` names until the process receives SIGTERM or SIGINT."""
     run_program(serve(load(driver), name, data, host))
 
 
 def run(kind: type[Device]) -> None:
-    """What a device author's program ends with."""
+    """Run a device class as a program: parse the command line and serve the device. The last call of a device program."""
     parser = argparse.ArgumentParser(description=(kind.__doc__ or f"A {kind.__name__}").strip().splitlines()[0])
     parser.add_argument("--name", required=True, help="the device's object on the map")
     parser.add_argument("--data", "--system", type=Path, default=Path(".somrs"), help="the data folder of the running system")
@@ -207,10 +210,10 @@ def run(kind: type[Device]) -> None:
 
 
 def load(driver: str) -> type[Device]:
-    """The class that `module:Class` or `file.py:Class` names. Raises DeviceError."""
+    """Import the device class that `module:Class` or `file.py:Class` names. Raises DeviceError."""
     module_name, separator, name = driver.rpartition(":")
     if not separator or not module_name or not name:
-        raise DeviceError(f"{driver!r} does not name a device's class: write module:Class or file.py:Class")
+        raise DeviceError(f"{driver!r} does not name a device class: write module:Class or file.py:Class")
     try:
         module = _module_in(Path(module_name)) if module_name.endswith(".py") else importlib.import_module(module_name)
     except (ImportError, OSError, SyntaxError) as error:
@@ -218,15 +221,15 @@ def load(driver: str) -> type[Device]:
     kind = getattr(module, name, None)
     if not (isinstance(kind, type) and issubclass(kind, Device)):
         devices = [n for n, v in vars(module).items() if isinstance(v, type) and issubclass(v, Device) and v is not Device]
-        raise DeviceError(f"{driver}: {module_name} has no class {name} that is a Device; it has {', '.join(devices) or 'none at all'}")
+        raise DeviceError(f"{driver}: {module_name} has no class {name} that is a Device; it has {', '.join(devices) or 'none'}")
     return kind
 
 
 def _module_in(file: Path) -> ModuleType:
     spec = importlib.util.spec_from_file_location(file.stem, file)
     if spec is None or spec.loader is None:
-        raise ImportError(f"{file} is no Python file")
+        raise ImportError(f"{file} is not a Python file")
     module = importlib.util.module_from_spec(spec)
-    sys.modules[file.stem] = module  # dataclasses and msgspec look their module up
+    sys.modules[file.stem] = module  # dataclasses and msgspec look up the module of a class here
     spec.loader.exec_module(module)
     return module

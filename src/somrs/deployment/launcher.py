@@ -1,11 +1,10 @@
-"""Starts the programs of a system, each a process of its own, out of one that has imported what they have in common.
+"""Starts the programs of a system by forking a launcher process that has imported the modules that they share.
 
-That saves each program most of the CPU of its start and, as a forked process shares memory with the one that it came from, most of the
-memory for code. The launcher has neither threads nor an event loop, so that it can be forked. It ends, and with it all programs, when
-whoever started it is gone.
+A fork saves each program most of the CPU time of its start, and most of the memory for code, which it shares with the launcher. The
+launcher has neither threads nor an event loop, so that it can fork. When the process that uses it ends, the launcher and all programs end.
 
-Requests come through a Unix socket, with the file descriptors for a program's output. Back go which processes it has started, and how
-they have ended.
+The launcher receives requests through a Unix socket, with the file descriptors for a program's output. It reports which processes
+it has started, and how each has ended.
 """
 
 from __future__ import annotations
@@ -41,36 +40,36 @@ COMMON = (
     "uvicorn.protocols.http.auto",
     "uvloop",
 )
-"""What several programs import."""
+"""Modules that several programs import."""
 
 SHARED_OBJECTS = ("somrs.cli.main:command", "somrs.ontology.files.loading:upper")
-"""What several programs make, and never change: the command line, and the upper ontology with the grammar of its formulas."""
+"""Cached functions whose results several programs use and never change: the command line, and the upper ontology with its grammar."""
 
 CHUNK = 1 << 16
 
 
 class Start(msgspec.Struct, frozen=True, kw_only=True):
-    """Run `somrs` with these arguments and in this environment. Two file descriptors come with it: for its output, and for errors."""
+    """Request to run `somrs` with these arguments and environment. Two file descriptors come with it: for output and for errors."""
 
     arguments: tuple[str, ...]
     environment: dict[str, str]
 
 
 class Started(msgspec.Struct, frozen=True, kw_only=True, tag=True):
-    """The process is there."""
+    """The process has started."""
 
     pid: int
 
 
 class Ended(msgspec.Struct, frozen=True, kw_only=True, tag=True):
-    """The process has ended, with an exit code, or minus the number of the signal that ended it."""
+    """The process has ended. `code` is its exit code, or minus the number of the signal that ended it."""
 
     pid: int
     code: int
 
 
 class Process:
-    """A process that a launcher has started, to be used like one of asyncio.subprocess."""
+    """A process that a launcher has started, with the interface of `asyncio.subprocess.Process`."""
 
     def __init__(self, pid: int, stdout: asyncio.StreamReader) -> None:
         self.pid, self.stdout = pid, stdout
@@ -78,19 +77,19 @@ class Process:
         self._end_event = asyncio.Event()
 
     async def wait(self) -> int:
-        """Its exit code, or minus the number of the signal that ended it."""
+        """Wait for the end, and return the exit code, or minus the number of the signal that ended the process."""
         await self._end_event.wait()
-        assert self.returncode is not None, "known when it is over"
+        assert self.returncode is not None, "set before the event"
         return self.returncode
 
     def send_signal(self, signal_number: int) -> None:
-        """Raises ProcessLookupError when the process has ended."""
+        """Send a signal. Raises ProcessLookupError when the process has ended."""
         if self.returncode is not None:
             raise ProcessLookupError(f"process {self.pid} has ended")
         os.kill(self.pid, signal_number)
 
     def kill(self) -> None:
-        """End it at once, unless it has ended."""
+        """Kill the process, unless it has ended."""
         with contextlib.suppress(ProcessLookupError):
             self.send_signal(signal.SIGKILL)
 
@@ -101,16 +100,16 @@ class Process:
 
 @dataclass(slots=True)
 class LauncherProcess:
-    """A launcher that runs."""
+    """A running launcher."""
 
     channel: socket.socket
     pid: int
     reap: Callable[[], object]
-    """To be called when its end of the channel is closed: it is at its end, and somebody has to ask how it ended."""
+    """Waits for the process. Call it when the launcher has closed its end of the channel, so that no zombie remains."""
 
 
 def spawn_launcher() -> LauncherProcess:
-    """A launcher that is a Python of its own."""
+    """Start a launcher in a new Python interpreter."""
     own_end, other_end = socket.socketpair()
     with other_end:
         line = [sys.executable, "-m", "somrs.deployment.launcher"]
@@ -119,8 +118,10 @@ def spawn_launcher() -> LauncherProcess:
 
 
 def fork_launcher() -> LauncherProcess:
-    """A launcher that comes out of this process, which has no event loop yet; where it has threads, one that is spawned. It saves to start
-    another Python, and what both import."""
+    """Fork a launcher from this process, which must not have an event loop yet; spawn it if this process has threads.
+
+    A fork saves the start of another interpreter and the imports that both need.
+    """
     if _threads() > 1:
         return spawn_launcher()
     import_common()
@@ -128,7 +129,7 @@ def fork_launcher() -> LauncherProcess:
     pid = os.fork()
     if pid == 0:
         own_end.close()
-        os.setsid()  # Ctrl-C is for who started it
+        os.setsid()  # Ctrl-C goes to the parent only
         null_file = os.open(os.devnull, os.O_RDWR)
         for standard in (0, 1):
             os.dup2(null_file, standard)
@@ -138,16 +139,16 @@ def fork_launcher() -> LauncherProcess:
 
 
 class Launcher:
-    """The launcher as whoever uses it has it: started when it is needed, and again when somebody has killed it.
+    """The client of a launcher: starts the launcher when it is needed, and again after it was killed.
 
-    `begun`: one that runs already.
+    `launcher_process`: a launcher that runs already.
     """
 
     def __init__(self, launcher_process: LauncherProcess | None = None) -> None:
         self._lock = asyncio.Lock()
         self._launcher_process = launcher_process
         self._end_event: asyncio.Event | None = None
-        """Set when the launcher that is listened to has ended."""
+        """Set when the launcher has ended; None while its channel is not read."""
         self._buffer = b""
         self._stdout: asyncio.StreamReader | None = None
         self._started: asyncio.Queue[Process | None] = asyncio.Queue()
@@ -155,18 +156,18 @@ class Launcher:
 
     @property
     def pid(self) -> int | None:
-        """The process of the launcher; None while there is none."""
+        """The process id of the launcher; None while none runs."""
         return self._launcher_process.pid if self._launcher_process is not None else None
 
     async def start(self, arguments: Sequence[str], log: Path, environment: Mapping[str, str]) -> Process:
-        """Start `somrs` with the arguments; errors go to the log. Raises RemoteError when the launcher is killed meanwhile."""
+        """Start `somrs` with the arguments; errors go to the log. Raises RemoteError when the launcher is killed before it answers."""
         request = msgspec.json.encode(Start(arguments=tuple(arguments), environment=dict(environment))) + b"\n"
         async with self._lock:
             channel = self._ensure_listening().channel
             self._stdout = stdout = asyncio.StreamReader()
             read, write = os.pipe()
             await asyncio.get_running_loop().connect_read_pipe(lambda: asyncio.StreamReaderProtocol(stdout), os.fdopen(read, "rb"))
-            with os.fdopen(write, "wb") as output, log.open("ab") as errors, contextlib.suppress(ConnectionError):  # the queue tells
+            with os.fdopen(write, "wb") as output, log.open("ab") as errors, contextlib.suppress(ConnectionError):  # the queue gets None
                 sent_count = socket.send_fds(channel, [request], [output.fileno(), errors.fileno()])
                 channel.sendall(request[sent_count:])
             process = await self._started.get()
@@ -175,16 +176,16 @@ class Launcher:
         return process
 
     async def stop(self) -> None:
-        """End the launcher, and all that it has started and that has not ended."""
+        """End the launcher and all processes that it has started."""
         if self._launcher_process is not None:
             launcher_process, end_event = self._ensure_listening(), self._end_event
             with contextlib.suppress(OSError):  # it has ended
                 launcher_process.channel.shutdown(socket.SHUT_WR)
-            assert end_event is not None, "made when it is listened to"
+            assert end_event is not None, "made by _ensure_listening"
             await end_event.wait()
 
     def _ensure_listening(self) -> LauncherProcess:
-        """A launcher that is there, and is listened to."""
+        """The launcher, started if necessary, with a reader on its channel."""
         if self._launcher_process is None:
             self._launcher_process = spawn_launcher()
         if self._end_event is None:
@@ -203,7 +204,7 @@ class Launcher:
         for line in lines:
             match _ANSWERS.decode(line):
                 case Started(pid=pid):
-                    assert self._stdout is not None, "made before it is asked for"
+                    assert self._stdout is not None, "made before the request is sent"
                     process = self._running[pid] = Process(pid, self._stdout)
                     self._started.put_nowait(process)
                 case Ended(pid=pid, code=code):
@@ -228,7 +229,7 @@ _ANSWERS = msgspec.json.Decoder(Started | Ended)
 
 
 def _threads() -> int:
-    """Those of this process, also those that Python does not know."""
+    """The number of threads of this process, including those not started by Python."""
     tasks = Path("/proc/self/task")
     return len(os.listdir(tasks)) if tasks.is_dir() else threading.active_count()
 
@@ -237,7 +238,7 @@ def _threads() -> int:
 
 
 def import_common() -> None:
-    """Have what programs have in common, as it is to be shared by all that come out of this process."""
+    """Import the common modules and make the shared objects, so that forked processes share their memory."""
     for name in COMMON:
         with contextlib.suppress(ImportError):  # of an extra that is not installed
             importlib.import_module(name)
@@ -245,21 +246,21 @@ def import_common() -> None:
         module, _, function = reference.partition(":")
         getattr(importlib.import_module(module), function)()
     gc.collect()
-    gc.freeze()  # what is there is not looked at again, and stays shared
+    gc.freeze()  # the collector would write to these objects, and so unshare their memory pages
 
 
 def launch(channel: socket.socket) -> NoReturn:
-    """Be a launcher, until nobody is there any more who wants it."""
+    """Run as the launcher until the channel is closed. In each forked process, run the requested program instead."""
     setproctitle.setproctitle("somrs launcher")
     request_with_files = serve(channel)
     if request_with_files is not None:
         run_request(*request_with_files)
         sys.exit()
-    os._exit(0)  # there is nothing to be put in order
+    os._exit(0)  # there is nothing to clean up
 
 
 def serve(channel: socket.socket) -> tuple[Start, list[int]] | None:
-    """Start a process for each request. Returns in each of them, with the request; and None when nobody is there any more."""
+    """Fork a process for each request. Return the request and its files in the forked process, and None when the channel is closed."""
     wakes, woken = socket.socketpair()
     wakes.setblocking(False)
     with channel, wakes, woken, selectors.DefaultSelector() as selector:
@@ -285,7 +286,7 @@ def serve(channel: socket.socket) -> tuple[Start, list[int]] | None:
 
 
 def run_request(request: Start, files: list[int]) -> None:
-    """Be the program."""
+    """Run the requested program in this process."""
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     os.setsid()
     for number, file in enumerate([os.open(os.devnull, os.O_RDONLY), *files]):
@@ -299,13 +300,13 @@ def run_request(request: Start, files: list[int]) -> None:
 
 
 def _request(channel: socket.socket) -> tuple[bytes, list[int]]:
-    """A line, and the file descriptors that came with it. Nothing when the other end is closed."""
+    """Read a line, and the file descriptors that came with it. The line is empty when the other end is closed."""
     try:
         text, files, _, _ = socket.recv_fds(channel, CHUNK, 2)
         while text and not text.endswith(b"\n"):
             chunk = channel.recv(CHUNK)
             text = text + chunk if chunk else b""
-    except ConnectionError:  # it was killed before it had read all
+    except ConnectionError:  # the other end was killed before it had read everything
         return b"", []
     return text, files
 
@@ -317,7 +318,7 @@ def _report_ended(channel: socket.socket) -> None:
 
 
 def _send_event(channel: socket.socket, event: Started | Ended) -> None:
-    with contextlib.suppress(ConnectionError):  # whoever is to hear it is gone
+    with contextlib.suppress(ConnectionError):  # the receiver has ended
         channel.sendall(msgspec.json.encode(event) + b"\n")
 
 

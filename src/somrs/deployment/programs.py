@@ -1,7 +1,6 @@
-"""The programs that a system is made of, one process each: Repository, Registry, Task Manager, simulator or symbolic
-world, devices.
+"""The programs of a system, each a process: Repository, Registry, Task Manager, and simulator or symbolic world.
 
-Each prints one line of JSON when it is ready, ends at SIGTERM or SIGINT, and ends when the process that started it is gone.
+Each program prints one line of JSON when it is ready. It ends at SIGTERM or SIGINT, and when its parent process has ended.
 """
 
 from __future__ import annotations
@@ -32,28 +31,30 @@ if TYPE_CHECKING:
     from somrs.storage.journal import Journal
 
 MAP_TIME = 60.0
-"""Seconds that the simulator waits for the map at its start."""
+"""Seconds for which the simulator waits for the map when it starts."""
 
 PARENT_CHECK = 1.0
-"""Seconds between two looks whether the parent process is still there."""
+"""Seconds between two checks that the parent process is still alive."""
 
 YOUNG_OBJECTS = 20_000
-"""So many objects are made before Python looks for cycles among them; almost all are values without any."""
+"""Threshold of the garbage collector's youngest generation. It is high because almost all objects are values without cycles."""
 
 SWITCH_TIME = 0.0005
-"""Seconds after which a thread that waits for the interpreter gets it."""
+"""The interpreter's thread switch interval, in seconds."""
 
 
 class Ready(msgspec.Struct, frozen=True, kw_only=True):
-    """What a program says when it is up."""
+    """The line that a program prints when it is ready."""
 
     ready: str
     address: str = msgspec.field(name="at")
 
 
 async def until_stopped(name: str = "", address: str = "") -> None:
-    """Return when somebody wants this process to end, or when its parent is gone. A program that has a name says that it is ready,
-    and where: from then on it ends in good order when it is told to."""
+    """Wait until SIGTERM, SIGINT, or the end of the parent process.
+
+    With `name`, print the ready line once the signal handlers are set: from then on the program ends in order.
+    """
     loop = asyncio.get_running_loop()
     stopped = asyncio.Event()
     for signal_number in (signal.SIGTERM, signal.SIGINT):
@@ -71,7 +72,7 @@ def say_ready(name: str, address: str) -> None:
 
 
 def load_site(site: Sequence[Path]) -> LoadedModel:
-    """What is in the files of a site. Raises ModelError or UsageError; there is a map in what is returned."""
+    """Load the files of a site. The result has a map. Raises ModelError, or UsageError when the files contain no map."""
     from somrs.ontology.files.loading import load
 
     loaded = load(site)
@@ -81,14 +82,14 @@ def load_site(site: Sequence[Path]) -> LoadedModel:
 
 
 async def run_repository(data: Path, site: Sequence[Path], host: str, port: int) -> None:
-    """The Repository. A file that is there is gone on with; otherwise the site's files are the beginning."""
+    """Run the Repository. It continues from its journal, or starts with the site's files when there is none."""
     from somrs.repository.component import Repository
     from somrs.repository.state import Contents
     from somrs.storage.repository_store import repository_journal
 
     def create_repository(address: str) -> Repository:
         loaded = load_site(site)
-        assert loaded.map is not None, "load_site sees to that"
+        assert loaded.map is not None, "load_site returns a map"
         return Repository(address, Contents(ontology=loaded.ontology, map=loaded.map))
 
     data.mkdir(parents=True, exist_ok=True)
@@ -104,7 +105,7 @@ async def run_repository(data: Path, site: Sequence[Path], host: str, port: int)
 
 
 async def run_registry(data: Path, addresses: Addresses, host: str, port: int) -> None:
-    """The Service Registry. What was listed when its process ended is listed until its leases are over."""
+    """Run the Service Registry. Offers that were listed when its process ended remain listed until their leases expire."""
     from somrs.ontology.files.loading import upper
     from somrs.registry.component import SCHEMA, Registry
     from somrs.storage.journal import Journal
@@ -122,8 +123,10 @@ async def run_registry(data: Path, addresses: Addresses, host: str, port: int) -
 
 
 async def run_task_manager(data: Path, addresses: Addresses, host: str, port: int) -> None:
-    """The Task Manager, with the planner in a process beside it, so that planning holds nothing up. What it had under way when
-    its process ended, it goes on with, at the address that it had."""
+    """Run the Task Manager, with the planner in a separate process so that planning does not delay messages.
+
+    It continues the tasks that were open when its process ended, at the same address.
+    """
     from somrs.planner.model.problem import Problem
     from somrs.planner_service.process import PlannerProcess
     from somrs.planner_service.service import Planner
@@ -143,7 +146,7 @@ async def run_task_manager(data: Path, addresses: Addresses, host: str, port: in
             async def carry_out(task: object, report: Report) -> object:
                 if isinstance(task, ReadRecords):
                     return await journal.carry_out(task, report)
-                assert isinstance(task, Problem), "a Task Manager asks for nothing else"
+                assert isinstance(task, Problem), "a Task Manager requests nothing else"
                 return await planner.plan(task)
 
             trace.coordinator = f"{runtime.url}/task-manager"
@@ -161,7 +164,7 @@ async def run_task_manager(data: Path, addresses: Addresses, host: str, port: in
 
 
 async def _start_runtime(journal: Journal, host: str, port: int, watch: Watch) -> Host:
-    """Listen at the port, or where the journal's owner was reached before: participants know that address only."""
+    """Listen at `port`, or at the port of the last run: participants know only that address."""
     last_port = urlsplit(journal.address).port or 0
     runtime = Host(host, port or last_port, watch)
     try:
@@ -170,15 +173,15 @@ async def _start_runtime(journal: Journal, host: str, port: int, watch: Watch) -
         if port or not last_port:
             raise
         if journal.open:
-            explanation = f"whoever works for one of the {len(journal.open)} open tasks knows the Task Manager at {journal.address} only"
-            raise UsageError(f"{error}; but {explanation}: stop what listens there") from None
+            explanation = f"the participants of {len(journal.open)} open tasks know the Task Manager only as {journal.address}"
+            raise UsageError(f"{error}; {explanation}: stop the program that listens there") from None
         runtime = Host(host, 0, watch)
         await runtime.start()
     return runtime
 
 
 def speed_of(text: str) -> float | None:
-    """Simulated seconds per second; None, as fast as the processor allows, for `max`."""
+    """Simulated seconds per second; None for `max`, which is as fast as the processor allows. Raises UsageError."""
     if text == "max":
         return None
     try:
@@ -186,12 +189,12 @@ def speed_of(text: str) -> float | None:
     except ValueError:
         speed = 0.0
     if not 0 < speed < 1000:
-        raise UsageError(f"a speed is `max` or a number such as 1 (real time) or 4, and not {text!r}")
+        raise UsageError(f"a speed is `max` or a number such as 1 (real time) or 4, not {text!r}")
     return speed
 
 
 async def run_simulator(addresses: Addresses, host: str, port: int, speed: float | None) -> None:
-    """The simulator. Its world is made of the map that the Repository has, and follows what is added to it."""
+    """Run the simulator. Its world is built from the Repository's map, and objects that are added to the map are added to it."""
     from somrs.devices.simulator.server.follower import Follower
 
     runtime = Host(host)
@@ -200,7 +203,7 @@ async def run_simulator(addresses: Addresses, host: str, port: int, speed: float
     runtime.add("/simulator", lambda address: world)
     try:
         await asyncio.wait_for(world.read.wait(), MAP_TIME)
-        assert world.simulation is not None, "it is there once the map was read"
+        assert world.simulation is not None, "made when the map has been read"
         await _serve_robots(world.simulation, host, port, speed)
     except TimeoutError:
         raise RemoteError(f"no map came from {addresses.repository} within {MAP_TIME:.0f} s; is the Repository running?") from None
@@ -209,16 +212,16 @@ async def run_simulator(addresses: Addresses, host: str, port: int, speed: float
 
 
 async def run_simulator_of_files(site: Sequence[Path], host: str, port: int, speed: float | None) -> None:
-    """The simulator alone, for whoever writes drivers: its world is made of the files' map."""
+    """Run the simulator alone, for developers of drivers: its world is built from the map in the files."""
     from somrs.devices.simulator.server.simulation import Simulation
 
     loaded = load_site(site)
-    assert loaded.map is not None, "load_site sees to that"
+    assert loaded.map is not None, "load_site returns a map"
     await _serve_robots(Simulation(loaded.map, loaded.ontology), host, port, speed)
 
 
 async def run_world(addresses: Addresses, host: str, port: int, speed: float | None) -> None:
-    """The symbolic world: its truth begins with the map that the Repository has."""
+    """Run the symbolic world. Its initial state is the Repository's map."""
     from somrs.client.client import Client
     from somrs.devices.symbolic.server import WorldServer
     from somrs.devices.symbolic.world import SymbolicWorld
@@ -232,12 +235,12 @@ async def run_world(addresses: Addresses, host: str, port: int, speed: float | N
 
 
 def has_windows() -> bool:
-    """Whether the libraries are installed that the windows are made with."""
+    """Whether the libraries of the windows are installed."""
     return find_spec("nicegui") is not None
 
 
 async def _serve_robots(simulation: Simulation, host: str, port: int, speed: float | None) -> None:
-    """Serve the world's robots until this process is to end, or the physics makes no sense any more."""
+    """Serve the simulated robots until this process is stopped, or the physics diverges."""
     from somrs.devices.simulator.server.server import Server
 
     server = Server(simulation, host=host, port=port, speed=speed)
@@ -251,9 +254,9 @@ async def _serve_robots(simulation: Simulation, host: str, port: int, speed: flo
 
 
 def run_program(main: Coroutine[Any, Any, None]) -> None:
-    """Run a program's coroutine, on the fast event loop where it is to be had."""
-    # The thread that writes to disk needs the interpreter for moments only, but often; by default a busy loop makes it wait 5 ms
-    # for each, and a commit takes several.
+    """Run a program's coroutine, on uvloop if it is installed."""
+    # The thread that writes to disk needs the interpreter often, each time briefly. With the default interval it waits 5 ms each
+    # time for a busy event loop, several times in a commit.
     sys.setswitchinterval(SWITCH_TIME)
     gc.set_threshold(YOUNG_OBJECTS)
     try:

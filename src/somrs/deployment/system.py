@@ -1,4 +1,4 @@
-"""A whole system on one machine: several processes, started together, stopped together (`somrs up`)."""
+"""A whole system on one machine: several processes that are started and stopped together (`somrs up`)."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ from somrs.ports import Reservation
 log = logging.getLogger(__name__)
 
 PATIENCE = 90.0
-"""Seconds after which it is said that a program is not ready yet; a cold first start on a slow machine takes long."""
+"""Seconds after which a warning says that a program is not ready yet. A cold first start on a slow machine takes long."""
 
 SITE_FILE = "site.json"
-"""In the data folder: the files that its map began with."""
+"""File in the data folder: the site files from which its map was made."""
 
 LAST_FILE = "last.json"
-"""In the data folder: where its parts listened in the last run. Those who owe each other something know each other there, so they
-listen there again, if they can."""
+"""File in the data folder: the addresses of the last run. Programs listen there again if they can, because parties to open
+contracts know each other by these addresses."""
 
 MOST_PAUSE = 10.0
-"""Seconds before a program that ends again and again is started once more."""
+"""Longest pause, in seconds, before a program that ends repeatedly is started again."""
 
 STOP_TIME = 5.0
-"""Seconds that a program has to end by itself."""
+"""Seconds that a program has to end after SIGTERM before it is killed."""
 
 
 @dataclass(slots=True)
@@ -57,8 +57,8 @@ class Program:
 class System:
     """The processes of one system, its data folder, and its addresses. An asynchronous context manager.
 
-    `world_address`: where a simulator, or a symbolic world, runs already, as host:port; None: the system has its own.
-    `launcher`: what starts the programs; None: the system has its own, and ends it.
+    `world_address`: host:port of a simulator or a symbolic world that runs already; None: the system starts its own.
+    `launcher`: starts the programs; None: the system makes its own. `stop` ends it in either case.
     """
 
     def __init__(
@@ -82,19 +82,19 @@ class System:
         self._launcher = launcher or Launcher()
 
     def _check_site(self) -> None:
-        """A map that is kept from an earlier run is gone on with, but only if it began with the same files."""
+        """Check that the map of an earlier run was made from the same site files. Raises UsageError."""
         site_file = self.data / SITE_FILE
         if not site_file.exists() or not (self.data / "repository.sqlite").exists():
             return
         earlier_site = msgspec.json.decode(site_file.read_bytes(), type=list[str])
         if earlier_site != [str(path) for path in self.site]:
             kept_map = f"{self.data} holds the map of {', '.join(earlier_site)}"
-            raise UsageError(f"{kept_map}; `--fresh` forgets it and begins with the new site, `--data` takes another folder")
+            raise UsageError(f"{kept_map}; `--fresh` deletes it and starts with the new site, `--data` selects another folder")
 
     async def __aenter__(self) -> System:
         try:
             await self.start()
-        except BaseException:  # cancelled by Ctrl-C, too: no process is to be left
+        except BaseException:  # also when Ctrl-C cancels it: no process may remain
             await self.stop()
             raise
         return self
@@ -103,7 +103,7 @@ class System:
         await self.stop()
 
     async def start(self) -> None:
-        """Start every program, and return when all devices offer their services."""
+        """Start all programs. Return when all devices offer their services."""
         if self.fresh and self.data.exists():
             shutil.rmtree(self.data)
         self.data.mkdir(parents=True, exist_ok=True)
@@ -126,7 +126,7 @@ class System:
         bodiless = symbolic(driven)
         world_address = self.world_address or f"{self.host}:{ports[3]}"
         self.addresses = replace(self.addresses, world=world_address) if bodiless else replace(self.addresses, simulator=world_address)
-        # Only now: while another system has the store, its addresses are to stay.
+        # Not earlier: while another system uses this data folder, its addresses must stay in the file.
         self.addresses.write(self.data)
         self._listed = True
         (self.data / SITE_FILE).write_bytes(msgspec.json.encode([str(path) for path in self.site]))
@@ -139,11 +139,11 @@ class System:
         if self.addresses.gui is not None:
             last_starts.append(self._start("gui", "--port", str(ports[4])))
         await asyncio.gather(*last_starts)
-        # Not before: where a start came to nothing because an address was taken, the next one is to try that address again.
+        # Not earlier: when a start fails because an address is taken, the next start tries the same address again.
         self.addresses.write(self.data, LAST_FILE)
 
     def _ports_before(self) -> list[int]:
-        """Where the parts listened in the last run; nothing when there was none."""
+        """The ports of the last run; empty if there was none."""
         try:
             addresses = Addresses.read(self.data, LAST_FILE)
         except UsageError:
@@ -161,7 +161,7 @@ class System:
         return [urlsplit(place).port or 0 for place in places]
 
     async def _start(self, command: str, *arguments: str, label: str = "") -> Program:
-        """Start a program, and wait until it says that it is ready."""
+        """Start a program, and wait until it is ready."""
         name = label or command
         output = self.data / "logs" / f"{name}.log"
         output.parent.mkdir(exist_ok=True)
@@ -172,11 +172,11 @@ class System:
         return program
 
     async def _process(self, arguments: list[str], output: Path) -> Process:
-        assert self._reservation is not None, "made before any program is started"
+        assert self._reservation is not None, "made before the first program is started"
         return await self._launcher.start(arguments, output, self._reservation.environment)
 
     async def keep_running(self, report: Callable[[str], None]) -> None:
-        """Start again whatever ends without having been told to, until cancelled. What it had kept on disk, it still has."""
+        """Start programs again when they end, until cancelled; they continue from their journals. `report` receives texts for people."""
         while True:
             ends = [asyncio.create_task(program.process.wait()) for program in self.programs.values()]
             try:
@@ -184,7 +184,7 @@ class System:
             finally:
                 for waiting in ends:
                     waiting.cancel()
-            # As they were started: devices want the Repository, and several may have ended at the same time.
+            # In the order of their first start: several may have ended at once, and devices need the Repository.
             for program in [program for program in self.programs.values() if program.process.returncode is not None]:
                 report(f"{program.name} ended ({_describe_exit(program.process.returncode)}; see {program.log}); starting it again")
                 await asyncio.sleep(min(0.2 * 2**program.restarts, MOST_PAUSE))
@@ -196,8 +196,7 @@ class System:
                     report(f"{program.name} is back")
 
     async def restart(self, name: str) -> None:
-        """Start a program again that has ended, and wait until it is ready. Raises UsageError or RemoteError when it does not get so
-        far."""
+        """Start a program again after its end, and wait until it is ready. Raises UsageError or RemoteError when that fails."""
         program = self.programs[name]
         await program.process.wait()
         program.restarts += 1
@@ -205,12 +204,12 @@ class System:
         await _ready(program)
 
     async def stop(self) -> None:
-        """End all programs, devices first, so that they can take their leave."""
+        """Stop all programs: devices first, so that they can leave in order."""
         running = [program for program in reversed(self.programs.values()) if program.process.returncode is None]
         core = {"repository", "registry", "task-manager", "simulator", "world", "scheduler", "api", "gui"}
         for group in ([p for p in running if p.name not in core], [p for p in running if p.name in core]):
             for program in group:
-                with contextlib.suppress(ProcessLookupError):  # it has ended, and nobody noticed yet
+                with contextlib.suppress(ProcessLookupError):  # it has just ended
                     program.process.send_signal(signal.SIGTERM)
             await asyncio.gather(*(_end(program) for program in group))
         await self._launcher.stop()
@@ -221,12 +220,12 @@ class System:
 
 
 async def _ready(program: Program) -> None:
-    """Wait until a program says that it is ready, or ends: one that takes long is not wrong."""
+    """Wait until a program is ready. A slow start is not an error. Raises UsageError when the program ends first."""
     log_size = program.log.stat().st_size
     reading = asyncio.ensure_future(program.process.stdout.readline())
     try:
         while not (await asyncio.wait([reading], timeout=PATIENCE))[0]:
-            log.warning("%s is not ready yet; what it says is in %s", program.name, program.log)
+            log.warning("%s is not ready yet; its log is %s", program.name, program.log)
     finally:
         reading.cancel()
     if not (ready_line := reading.result()):
@@ -239,7 +238,7 @@ async def _ready(program: Program) -> None:
 
 
 def _describe_exit(code: int | None) -> str:
-    """How a process ended."""
+    """Describe how a process ended, for people."""
     return f"signal {signal.Signals(-code).name}" if code is not None and code < 0 else f"exit code {code}"
 
 
@@ -252,16 +251,16 @@ async def _end(program: Program) -> None:
 
 
 def devices(map: Map, ontology: Ontology) -> list[tuple[str, str]]:
-    """The devices on the map that a program serves, with that program: the types say which."""
+    """The devices of the map that have a driver, as pairs of name and driver. The object types name the drivers."""
     drivers = ((name, ontology.driver(object.type)) for name, object in sorted(map.objects.items()))
     return [(name, driver) for name, driver in drivers if driver is not None]
 
 
 def symbolic(driven: Sequence[tuple[str, str]]) -> bool:
-    """Whether the devices live in a symbolic world instead of the simulator. Raises UsageError if some do, and some do not."""
+    """Whether the devices belong to a symbolic world and not to the simulator. Raises UsageError if the map mixes them."""
     bodiless = [name for name, driver in driven if driver.startswith("somrs.devices.symbolic.")]
     simulated = [name for name, driver in driven if driver.startswith("somrs.devices.simulator.")]
     if bodiless and simulated:
-        conflict = f"{bodiless[0]} is a device of a symbolic world, and {simulated[0]} one of the simulator"
-        raise UsageError(f"{conflict}; a system has one of the two, so take one of them from the map")
+        conflict = f"{bodiless[0]} is a device of a symbolic world, and {simulated[0]} is a device of the simulator"
+        raise UsageError(f"{conflict}; a system has only one of the two, so remove one of the devices from the map")
     return bool(bodiless)

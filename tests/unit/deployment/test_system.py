@@ -33,7 +33,7 @@ def test_a_program_that_takes_long_is_waited_for_and_that_is_said(
 
     monkeypatch.setattr(system, "PATIENCE", 0.001)
     asyncio.run(run())
-    assert {*caplog.messages} == {f"repository is not ready yet; what it says is in {tmp_path / 'repository.log'}"}
+    assert {*caplog.messages} == {f"repository is not ready yet; its log is {tmp_path / 'repository.log'}"}
 
 
 @pytest.mark.parametrize(("output", "expected_text"), [("no disk\n", "no disk"), ("", "repository ended at once; see {log}")])
