@@ -67,7 +67,7 @@ def test_a_transaction_survives_dead_robots_a_dead_task_manager_and_a_client_tha
     code = asyncio.run(play("2", tmp_path / "out", None, console, launcher=warm.launcher()))
     assert code == 0, (tmp_path / "said.txt").read_text()
     output = (tmp_path / "said.txt").read_text()
-    assert "NO" not in output.split("Seen to be so")[1]
+    assert "NO" not in output.split("Checks")[1]
     assert "<svg" in (tmp_path / "out" / "timeline.svg").read_text()
 
 

@@ -1,1 +1,1 @@
-"""The paper's scenarios, played by a whole system."""
+"""Demonstrations: the paper's scenarios, run by a whole system in the simulator."""

@@ -1,4 +1,4 @@
-"""The pictures of a scenario on one sheet, with their letters and what they show (the paper's Figure "Moving a jar" scenario)."""
+"""Puts the pictures of a scenario on one sheet, with letters and captions (the paper's Figure "Moving a jar" scenario)."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 WIDTH, CAPTION, GAP, COLUMNS = 600, 40, 8, 3
-"""Pixels of a picture and its caption and between two, and pictures in a row."""
+"""Width of a picture, height of its caption and gap between pictures, in pixels; and pictures per row."""
 
 INK, PAPER = "#1c2733", "#ffffff"
 
 
 def sheet(pictures: Sequence[Path], captions: Mapping[str, str], target: Path) -> None:
-    """Write the sheet; the pictures' names without ending are their letters. Needs the `simulator` extra."""
+    """Write the sheet to `target`. The stem of a picture's file name is its letter. Needs the `simulator` extra."""
     from PIL import Image, ImageDraw, ImageFont
 
     images = [Image.open(picture).convert("RGB") for picture in pictures]

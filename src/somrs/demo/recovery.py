@@ -1,6 +1,8 @@
-"""Scenario 2: what a transaction survives. Three things are wanted on a platform; one robot's computer dies on the way, the Task
-Manager is killed and comes back, a robot that patrols looks what became of the thing that nobody knows of, another robot takes it over,
-and then the client changes its mind: what was done is undone.
+"""Scenario 2: what a transaction survives.
+
+The goal is to have three things on a platform. The computer of one robot crashes on the way. The Task Manager is killed and restarted.
+A patrol robot finds the thing whose position is unknown, and another robot carries it on. Then the client cancels the task, and the
+completed steps are compensated.
 """
 
 from __future__ import annotations
@@ -33,19 +35,19 @@ DESTINATION = "Platform001"
 THINGS = ("Jar002", "Jar003", "Carton001")
 REQUEST = Submit(effect=" AND ".join(f"{thing} isOn {DESTINATION}" for thing in THINGS), policy=Policy.TIME)
 SPEED = "5"
-"""Simulated seconds in a second. Limits such as how long one may be silent are in seconds of the clock on the wall."""
+"""Simulated seconds per second. Timeouts, such as that of heartbeats, are in seconds of real time."""
 FAILING_ROBOT, SUBSTITUTE_ROBOT, PATROL_ROBOT = "Robot1", "Robot2", "Patrol1"
 DOWNTIME = 1.0
-"""Seconds for which the Task Manager is dead."""
+"""Seconds between the kill and the restart of the Task Manager."""
 UNDER_WAY = 0.4
-"""The fraction of the last step at which the client changes its mind: the thing is gripped."""
+"""The fraction of the last step at which the client cancels the task: the thing has been gripped."""
 MOST_TIME = 300.0
-"""Seconds that everything may take."""
+"""Longest duration of the scenario, in seconds."""
 
 
 @dataclass(slots=True)
 class ScenarioRecord:
-    """What was done to the system so far, and what was seen."""
+    """The actions on the system so far, and the messages and events that were observed."""
 
     marks: list[Mark] = field(default_factory=list)
     lines: list[Line] = field(default_factory=list)
@@ -62,7 +64,7 @@ class ScenarioRecord:
 
 
 class ScenarioPlayer:
-    """Plays the story in a running system."""
+    """Plays the scenario in a running system."""
 
     def __init__(self, system: System, client: Client, console: Console) -> None:
         self.record = ScenarioRecord()
@@ -82,27 +84,27 @@ class ScenarioPlayer:
             await watcher
         finally:
             watcher.cancel()
-        await asyncio.sleep(0.5)  # the last End is on its way to those it concerns
+        await asyncio.sleep(0.5)  # the last End messages are in transit
         self._print()
         return self.record
 
     async def _take_next_action(self, task: str) -> None:
-        """Do the next thing of the story, if its moment has come."""
+        """Take the next action of the scenario if its trigger has occurred."""
         record = self.record
         if not record.dead and record.find_messages("Execute", FAILING_ROBOT):
             record.dead = True
             self._system.programs[FAILING_ROBOT].process.kill()
-            self._mark(FAILING_ROBOT, "its computer dies, without a word")
+            self._mark(FAILING_ROBOT, "its computer crashes")
         elif record.dead and not record.killed and record.find_messages("Completed", SUBSTITUTE_ROBOT):
             record.killed = True
             self._system.programs["task-manager"].process.kill()
             self._mark("Task Manager", "is killed")
             await asyncio.sleep(DOWNTIME)
             await self._system.restart("task-manager")
-            self._mark("Task Manager", "is back, from its journal")
+            self._mark("Task Manager", "restarts from its journal")
         elif record.killed and not record.cancelled and self._last_step_is_under_way():
             record.cancelled = True
-            self._mark("client", "changes its mind")
+            self._mark("client", "cancels the task")
             await self._client.cancel(task, "the client changed its mind")
 
     def _last_step_is_under_way(self) -> bool:
@@ -118,7 +120,7 @@ class ScenarioPlayer:
         return bool(progress) and float(progress[-1].body.get("fraction", 0)) >= UNDER_WAY
 
     async def _watch(self, task: str) -> None:
-        """Hear what happens to the task, whether or not the Task Manager is there, until it is over."""
+        """Follow the events of the task until it ends, also while the Task Manager is down."""
         async for news in self._client.news(task):
             self.record.view = news.view
             for event in news.events:
@@ -137,7 +139,7 @@ class ScenarioPlayer:
 
 
 async def perform(system: System, folder: Path, console: Console) -> int:
-    """Play it, and leave everything in `folder`. 0 when all went as it has to."""
+    """Play the scenario, and write its results to `folder`. Return the exit code: 0 if all checks pass."""
     assert system.addresses.simulator is not None
     host, _, port = system.addresses.simulator.rpartition(":")
     started = time.monotonic()
@@ -161,35 +163,35 @@ async def perform(system: System, folder: Path, console: Console) -> int:
     console.print(_execution_table(record.view))
     console.print(terminal.outcome(record.view))
     checks = verdict(record, map_before, map, actual_places)
-    console.print(terminal.table("Seen to be so", ("", ""), ((check, "yes" if passed else "NO") for check, passed in checks.items())))
-    console.print(f"It took {time.monotonic() - started:.0f} s. Everything is in {folder}/")
+    console.print(terminal.table("Checks", ("", ""), ((check, "yes" if passed else "NO") for check, passed in checks.items())))
+    console.print(f"It took {time.monotonic() - started:.0f} s. All files are in {folder}/")
     return 0 if all(checks.values()) else 1
 
 
 def _execution_table(view: TaskView) -> Table:
     rows = ((work.step, work.service, work.inputs.get("Object", ""), work.state.value, work.before or "-") for work in view.work)
-    return terminal.table("What was done, and what became of it", ("step", "service", "thing", "in the end", "to restore"), rows)
+    return terminal.table("Work and its final state", ("step", "service", "object", "final state", "to restore"), rows)
 
 
 def verdict(record: ScenarioRecord, map_before: Map, map_after: Map, actual_places: dict[str, str | None]) -> dict[str, bool]:
-    """What has to be so at the end."""
+    """The checks of the scenario's result, each with whether it passed."""
     assert record.view is not None, "an accepted task has news"
     initial_places, final_places = _places(map_before), _places(map_after)
     executed = [line.message_id for line in record.lines if line.type == "Execute"]
     homes = {line.participant for line in record.lines if line.type in ("End", "Cancel")}
     accepted = {line.participant for line in record.lines if line.type == "Accept"}
     return {
-        "a robot fell silent, and it was looked at what it left": bool(
+        "a robot fell silent, and the patrol robot observed what it left": bool(
             record.find_messages("Query", FAILING_ROBOT) and record.find_messages("Completed", PATROL_ROBOT)
         ),
-        "the Task Manager was killed, and the same task went on": record.killed and record.view.outcome is not None,
-        "the task was cancelled, as the client wanted": record.view.outcome is Outcome.CANCELLED,
-        "each step that was done is undone": bool(record.view.work)
+        "the Task Manager was killed, and the same task continued": record.killed and record.view.outcome is not None,
+        "the task was cancelled, as the client requested": record.view.outcome is Outcome.CANCELLED,
+        "each completed step was compensated": bool(record.view.work)
         and all(work.state in (State.COMPENSATED, State.UNREACHABLE) for work in record.view.work if work.before is not None),
-        "everything stands where it stood, says the Repository": all(final_places[thing] == initial_places[thing] for thing in THINGS),
-        "everything stands where the Repository says, in the physics": all(actual_places[thing] == final_places[thing] for thing in THINGS),
-        "everyone who had a contract was sent home": accepted <= homes,
-        "nothing was told twice": len(set(executed)) == len({line.participant for line in record.lines if line.type == "Execute"}),
+        "in the Repository, each thing is where it was at the start": all(final_places[thing] == initial_places[thing] for thing in THINGS),
+        "in the simulator, each thing is where the Repository says": all(actual_places[thing] == final_places[thing] for thing in THINGS),
+        "each participant with a contract was released": accepted <= homes,
+        "no service was executed twice": len(set(executed)) == len({line.participant for line in record.lines if line.type == "Execute"}),
     }
 
 

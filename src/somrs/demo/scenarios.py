@@ -1,8 +1,8 @@
-"""The paper's scenarios, played in the simulator by a whole system of separate processes (paper, "Experiments").
+"""Plays the paper's scenarios in the simulator with a whole system of separate processes (paper, "Experiments").
 
-Scenario 1: of two robots the cheaper one moves a jar from a cupboard to a platform. Scenario 1b: its drive breaks on the
-way, it puts the jar down and says where, and the other robot goes on from there. Scenario 2, which is not the paper's, is in
-`recovery.py`.
+Scenario 1: the cheaper of two robots moves a jar from a cupboard to a platform. Scenario 1b: its drive breaks on the way; the robot
+puts the jar down and reports its position, and the other robot continues from there. Scenario 2 is not in the paper; `recovery.py`
+plays it.
 """
 
 from __future__ import annotations
@@ -53,18 +53,18 @@ STEPS = {
     "E": "robot 2 transports the jar",
     "F": "the jar is on the target platform",
 }
-"""Of the paper's Figure "Moving a jar" scenario. Without a failure A, B and F are left."""
+"""The pictures of the paper's Figure "Moving a jar" scenario, by letter. Without a failure, only A, B and F occur."""
 
 SPEED = "15"
-"""Simulated seconds in a second: slow enough for pictures to be taken at their moments, also on a busy machine."""
+"""Simulated seconds per second: slow enough to take each picture in time, also on a busy machine."""
 
 UNDER_WAY = 1.2
-"""Metres from where the jar was gripped at which transport is under way well enough for a picture."""
+"""Distance in metres from where the jar was gripped at which the picture of its transport is taken."""
 
 
 @dataclass(slots=True)
 class ScenarioResult:
-    """What came of playing a scenario."""
+    """The result of a scenario. Times are in seconds."""
 
     view: TaskView
     lines: list[Line]
@@ -79,7 +79,10 @@ class ScenarioResult:
 
 
 async def play(scenario: str, folder: Path, seed: int | None, console: Console | None = None, *, launcher: Launcher | None = None) -> int:
-    """Play a scenario, tell what happens, and leave everything in `folder`. 0 when all went as the paper says."""
+    """Play a scenario, print its messages, and write its results to `folder`. Return the exit code: 0 if all checks pass.
+
+    `seed`: vary the positions and the time of the failure; None: as in the paper. Raises UsageError for an unknown scenario.
+    """
     if scenario not in SCENARIOS:
         raise UsageError(f"there is no scenario {scenario}; there are {' and '.join(SCENARIOS)}")
     console = console or terminal.console()
@@ -101,7 +104,7 @@ async def play(scenario: str, folder: Path, seed: int | None, console: Console |
 
 
 def prepare(scenario: str, folder: Path, seed: int | None) -> tuple[Path, float]:
-    """The scenario's site as a file, and after how many metres with the jar the drive breaks; varied when there is a seed."""
+    """Write the scenario's site, varied if there is a seed. Return its file, and how many metres the jar is carried before the failure."""
     source = resources.files("somrs.demo") / "data" / f"scenario-{scenario[0]}.yaml"
     with resources.as_file(source) as file:
         loaded = load([file])
@@ -115,7 +118,7 @@ def prepare(scenario: str, folder: Path, seed: int | None) -> tuple[Path, float]
 
 
 def vary_scenario(map: Map, ontology: Ontology, rng: random.Random) -> tuple[Map, float]:
-    """Robots and jar at other places, and another moment of failure."""
+    """Return a map with random positions of robots and jar, and a random distance in metres before the failure."""
     navigator = Navigator(map, ontology)
     changes: list[Change] = []
     placed: list[tuple[float, float]] = []
@@ -136,7 +139,7 @@ def vary_scenario(map: Map, ontology: Ontology, rng: random.Random) -> tuple[Map
 
 
 async def perform(scenario: str, system: System, folder: Path, distance: float, console: Console) -> ScenarioResult:
-    """Give the task, and see it through with camera and notebook."""
+    """Submit the task, and record its messages and pictures until it ends."""
     assert system.addresses.simulator is not None
     host, _, port = system.addresses.simulator.rpartition(":")
     trace = Follower(system.data / "messages.jsonl")
@@ -154,7 +157,7 @@ async def perform(scenario: str, system: System, folder: Path, distance: float, 
             _print(trace, lines, console)
         elapsed = time.monotonic() - started
         await operator.idle()
-        await asyncio.sleep(0.3)  # the last End is on its way to those it concerns
+        await asyncio.sleep(0.3)  # the last End messages are in transit
         _print(trace, lines, console)
         assert view is not None, "an accepted task has news"
         simulated = (await operator.clock()).time - start_time
@@ -171,15 +174,15 @@ async def perform(scenario: str, system: System, folder: Path, distance: float, 
         (folder / "messages.svg").write_text(chart(lines, f"Scenario {scenario}: {REQUEST.effect}"), encoding="utf-8")
         checks = {
             "the task was accomplished": view.outcome is Outcome.ACCOMPLISHED,
-            "the wish holds in the Repository": formula_holds(parse(REQUEST.effect), map, ontology),
-            "the wish holds in the physics": jar_state.support == DESTINATION,
-            "the messages are the paper's": differences_from_paper(scenario, lines) == [],
+            "the goal holds in the Repository": formula_holds(parse(REQUEST.effect), map, ontology),
+            "the goal holds in the simulator": jar_state.support == DESTINATION,
+            "the messages are those of the paper": differences_from_paper(scenario, lines) == [],
         }
     return ScenarioResult(view, lines, checks, pictures, simulated, elapsed)
 
 
 def differences_from_paper(scenario: str, lines: list[Line]) -> list[str]:
-    """In what the messages differ from those that the paper tells of; Progress, which it leaves out, may come at any time."""
+    """List the differences between the messages and those of the paper. Progress, which the paper omits, may come at any time."""
     messages = [(line.sender, line.type, line.recipient) for line in lines if line.type != "Progress"]
     manager, first, second = "TaskManager", f"{CHEAP_ROBOT}.TransferObject", f"{EXPENSIVE_ROBOT}.TransferObject"
     expected: list[set[tuple[str, str, str]]] = [
@@ -204,9 +207,9 @@ def differences_from_paper(scenario: str, lines: list[Line]) -> list[str]:
     for expected_messages in expected:
         actual_messages, messages = set(messages[: len(expected_messages)]), messages[len(expected_messages) :]
         if actual_messages != expected_messages:
-            wrong.append(f"expected {sorted(expected_messages)}, and there came {sorted(actual_messages)}")
+            wrong.append(f"expected {sorted(expected_messages)}, received {sorted(actual_messages)}")
     if messages:
-        wrong.append(f"and then {messages}")
+        wrong.append(f"unexpected at the end: {messages}")
     if scenario == "1b":
         reported_position = next((_position(line.body.get("situation")) for line in lines if line.type == "Failed"), {})
         arranged_position = [_position(line.body.get("precondition")) for line in lines if line.type == "Arrange"][-1]
@@ -216,7 +219,7 @@ def differences_from_paper(scenario: str, lines: list[Line]) -> list[str]:
 
 
 def _position(situation: object) -> dict[str, str]:
-    """What a situation says of the jar's position."""
+    """The jar's coordinates in a situation, by attribute."""
     parts = conjuncts(parse(str(situation))) if situation else ()
     return {
         part.left.path: str(part.right)
@@ -235,7 +238,7 @@ def _print(trace: Follower, lines: list[Line], console: Console) -> None:
 
 
 class Photographer:
-    """Takes the pictures of the paper's steps when their moments come."""
+    """Takes a picture of each step of the paper's figure when the step occurs."""
 
     def __init__(self, operator: OperatorLink, folder: Path, console: Console) -> None:
         self._operator, self._folder, self._console = operator, folder, console
@@ -243,7 +246,7 @@ class Photographer:
         self._taken_letters: set[str] = set()
 
     async def watch(self) -> None:
-        """Look at the robots until cancelled. Without OpenGL: say so, once."""
+        """Observe the robots and take pictures until cancelled. Without OpenGL, print a notice and return."""
         try:
             while True:
                 for robot, state in (await self._operator.robots()).items():
@@ -256,7 +259,7 @@ class Photographer:
             self._console.print(f"[yellow]no pictures: {error}[/]")
 
     def _moment(self, robot: str, state: RobotState) -> str | None:
-        """The step of the paper's figure that the robot is in right now, if it has no picture yet."""
+        """The letter of the step that the robot is in now, if that step has no picture yet."""
         first = robot == CHEAP_ROBOT
         if first and Fault.DRIVE in state.faults and state.holding is None and "C" not in self._taken_letters:
             return "C"
@@ -277,14 +280,14 @@ class Photographer:
 
 def _close(played: ScenarioResult, scenario: str, folder: Path, console: Console) -> None:
     console.print()
-    console.print(terminal.steps("What was done", played.view.steps))
+    console.print(terminal.steps("Steps", played.view.steps))
     console.print(terminal.outcome(played.view))
     console.print(
-        terminal.table("Seen to be so", ("", ""), ((check, "yes" if passed else "NO") for check, passed in played.checks.items()))
+        terminal.table("Checks", ("", ""), ((check, "yes" if passed else "NO") for check, passed in played.checks.items()))
     )
     if played.pictures:
         letters = [picture.stem for picture in played.pictures]
-        console.print(terminal.table("Pictures", ("file", "what it shows"), ((f"{letter}.png", STEPS[letter]) for letter in letters)))
+        console.print(terminal.table("Pictures", ("file", "content"), ((f"{letter}.png", STEPS[letter]) for letter in letters)))
     if wrong := differences_from_paper(scenario, played.lines):
-        console.print("\n".join(f"[yellow]unlike the paper: {text}[/]" for text in wrong))
-    console.print(f"{played.simulated:.0f} s of simulated time took {played.elapsed:.1f} s. Everything is in {folder}/")
+        console.print("\n".join(f"[yellow]differs from the paper: {text}[/]" for text in wrong))
+    console.print(f"{played.simulated:.0f} s of simulated time took {played.elapsed:.1f} s. All files are in {folder}/")
