@@ -178,7 +178,7 @@ def test_a_camera_says_where_a_thing_is_that_it_sees_and_refuses_what_it_does_no
             assert map.has_fact("isOn", ("Jar1", "Platform1"))
             assert map.objects["Jar1"].values["PositionX"] == pytest.approx(10.4, abs=0.01)
             await harness.operator.move("Jar1", 1.1, 4, 0.7)
-            with pytest.raises(ServiceFailed, match="not see Jar1 any more"):
+            with pytest.raises(ServiceFailed, match="no longer sees Jar1"):
                 await harness.run_task(camera, Perform(look_order("Jar1")))
             await harness.operator.fault("Camera1", Fault.SILENT)
             with pytest.raises(Refusal, match="does not answer"):

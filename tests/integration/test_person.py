@@ -87,7 +87,7 @@ def test_an_answer_is_taken_once_it_says_what_is_so(tmp_path: Path) -> None:
             assert isinstance(result, WorkDone)
             assert result.situation == "Jar1 isOn Table2 AND Jar1.PositionX = 8 AND Jar1.Unknown = FALSE"
             assert harness.questions.open() == []
-            with pytest.raises(UsageError, match="it is over: taken"):
+            with pytest.raises(UsageError, match="it is closed: taken"):
                 harness.questions.answer(question.number, "Jar1 isOn Table1")
 
     run(test())
@@ -98,10 +98,10 @@ def test_an_answer_is_taken_once_it_says_what_is_so(tmp_path: Path) -> None:
     [
         ("Jar1 isOn", "expected", 9),
         ("Jar1 isOn Tabel2", "Tabel2", 10),
-        ("Jar1 isOn ?Where", "?Where is open", 10),
+        ("Jar1 isOn ?Where", "?Where is unbound", 10),
         ("Jar1 isOn Table1 OR Jar1 isOn Table2", "OR does not say", 0),
-        ("Jar1.PositionX > 3", "does not say how it is", 15),
-        ("Jar2 isOn Table1", "nothing of Jar1", 0),
+        ("Jar1.PositionX > 3", "does not state a value", 15),
+        ("Jar2 isOn Table1", "not mention Jar1", 0),
         ("Jar1.Colour = Red", "no attribute Colour", 5),
         ("Jar1.Unknown = TRUE", "--cannot-tell", 13),
     ],
@@ -150,7 +150,7 @@ def test_a_question_that_nobody_needs_answered_any_more_is_taken_back(tmp_path: 
             first = await harness.next_question()
             waiting.cancel()
             await asyncio.gather(waiting, return_exceptions=True)
-            with pytest.raises(UsageError, match="nobody needs the answer"):
+            with pytest.raises(UsageError, match="the answer is no longer needed"):
                 harness.questions.answer(first.number, "Jar1 isOn Table1")
             earlier_number = harness.questions.ask("Anna", "Jar1", "Where?", 60)
             await harness.person.open()
@@ -180,7 +180,7 @@ def test_the_commands_list_and_answer(tmp_path: Path) -> None:
             assert await harness.command("answer", number, "Jar1 isOn Table2") == (0, "thank you\n")
             assert isinstance(await waiting, WorkDone)
             code, output = await harness.command("answer", number, "Jar1 isOn Table2")
-            assert (code, "it is over" in output) == (2, True)
+            assert (code, "it is closed" in output) == (2, True)
 
     run(test())
 

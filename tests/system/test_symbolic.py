@@ -58,7 +58,7 @@ def world(parcels: ImportedProblem) -> SymbolicWorld:
         ("load", {"x": "letter", "p": "mill"}, "van3", "there is no van3 in this world"),
         ("load", {"x": "letter", "p": "mill"}, "crate", "crate is a parcel, and a van is needed"),
         ("load", {"x": "mill", "p": "letter"}, "van1", "mill is a place, and a parcel is needed"),
-        ("load", {"x": "letter"}, "van1", "load was not told its p"),
+        ("load", {"x": "letter"}, "van1", "the input p of load is missing"),
         ("fly", {}, "van1", "there is no service type fly in this world"),
     ],
 )
@@ -202,7 +202,7 @@ def test_all_devices_share_the_world_of_one_program(parcels: ImportedProblem, wo
             await ask(address, Begin(device="van1", service="fly", inputs={}), Result)
         reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
         writer.write(b"what?\n")
-        assert b"is no line of a symbolic world" in await reader.readline()
+        assert b"is not a line of the symbolic world's protocol" in await reader.readline()
         writer.close()
         await server.stop()
 

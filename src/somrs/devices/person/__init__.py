@@ -1,1 +1,1 @@
-"""Somebody at a screen who can be asked, as a device."""
+"""A person as a device: a cognitive service that asks the person a question."""

@@ -1,5 +1,5 @@
-"""Questions to people, and their answers: a small SQLite file in the data folder, through which the program that asks and
-the command with which somebody answers find each other (docs/decisions/0010).
+"""Questions to people, and their answers, in an SQLite file in the data folder. The driver of the person writes the questions; the
+command line and the windows write the answers (docs/decisions/0010).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from msgspec import Struct
 from somrs.errors import UsageError
 
 FILE = "questions.sqlite"
-"""In the data folder of the system."""
+"""Name of the file in the data folder of the system."""
 COLUMNS = "number, person, about, text, asked, until, answer, problem, ended"
 
 
@@ -28,15 +28,15 @@ class Question(Struct, frozen=True, kw_only=True):
     asked: float
     until: float
     answer: str | None = None
-    """What was answered and is not judged yet; empty when the person cannot tell."""
+    """An answer that has not been checked yet; empty when the person cannot tell."""
     problem: str = ""
-    """What was wrong with the answer before."""
+    """The error in the previous answer."""
     ended: str | None = None
-    """How it came to an end: `taken`, or why nobody needs an answer any more."""
+    """Why the question is closed: `taken` for an accepted answer, or another reason, for people."""
 
 
 class Questions:
-    """The questions of one data folder. Numbers are never used twice, so that nobody answers another question than meant."""
+    """The questions of one data folder. Numbers are never reused, so that no answer goes to another question."""
 
     def __init__(self, folder: Path) -> None:
         path = folder / FILE
@@ -55,14 +55,14 @@ class Questions:
         self._db.close()
 
     def ask(self, person: str, object_name: str, text: str, seconds: float) -> int:
-        """Put a question, open for so many seconds. Returns its number."""
+        """Add a question that stays open for `seconds`. Return its number."""
         now = time.time()
         row = (person, object_name, text, now, now + seconds)
         cursor = self._db.execute("INSERT INTO questions (person, about, text, asked, until) VALUES (?, ?, ?, ?, ?) RETURNING number", row)
         return int(cursor.fetchone()[0])
 
     def open(self) -> list[Question]:
-        """The questions that wait for an answer, the oldest first."""
+        """The open questions, oldest first."""
         return self._read("ended IS NULL AND until > ? ORDER BY number", (time.time(),))
 
     def read(self, number: int) -> Question | None:
@@ -73,20 +73,20 @@ class Questions:
         return [Question(**dict(zip(COLUMNS.split(", "), row, strict=True))) for row in rows]
 
     def answer(self, number: int, answer: str) -> None:
-        """Answer a question; what comes of it, `read` tells. Raises UsageError for one that is not open."""
+        """Answer a question. `read` returns the result of the check. Raises UsageError if the question is not open."""
         updated = self._db.execute("UPDATE questions SET answer = ?, problem = '' WHERE number = ? AND ended IS NULL", (answer, number))
         if not updated.rowcount:
             question = self.read(number)
-            reason = "there is no such question" if question is None else f"it is over: {question.ended}"
+            reason = "there is no such question" if question is None else f"it is closed: {question.ended}"
             raise UsageError(f"question {number} cannot be answered: {reason}; `somrs questions` lists those that are open")
 
     def reject(self, number: int, problem: str) -> None:
-        """Ask again: the answer will not do."""
+        """Reject the answer and keep the question open."""
         self._db.execute("UPDATE questions SET answer = NULL, problem = ? WHERE number = ?", (problem, number))
 
     def end(self, number: int, reason: str) -> None:
         self._db.execute("UPDATE questions SET ended = ? WHERE number = ? AND ended IS NULL", (reason, number))
 
     def end_all(self, person: str, reason: str) -> None:
-        """End what an earlier run left open."""
+        """Close all open questions to a person."""
         self._db.execute("UPDATE questions SET ended = ? WHERE person = ? AND ended IS NULL", (reason, person))

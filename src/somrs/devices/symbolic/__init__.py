@@ -1,5 +1,4 @@
-"""Devices without a body: a world that is nothing but facts, and devices that change it by their services' effects.
+"""Symbolic devices: a simulated world that consists of facts, and devices that change it by the effects of their services.
 
-What runs here is what a formula says: a problem of planning (`somrs import domain.pddl problem.pddl`), or a site whose machines
-are not built yet.
+It executes planning problems (`somrs import domain.pddl problem.pddl`), and sites whose machines do not exist yet.
 """

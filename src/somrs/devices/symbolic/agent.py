@@ -1,4 +1,4 @@
-"""A device of a symbolic world on virtual time: what its Service Manager asks of it, and what it says when."""
+"""A device of a symbolic world on virtual time: takes the orders of its Service Manager, and returns timed replies."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ from somrs.service_manager.sdk.orders import (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mishap:
-    """How a service goes wrong: which of its changes come about all the same; and `goes_offline`: nobody hears of the device again."""
+    """A fault of a service. `select_changes`: the changes that occur nevertheless; `goes_offline`: the device sends nothing more."""
 
     select_changes: Callable[[Sequence[Change]], Sequence[Change]] = lambda changes: ()
     goes_offline: bool = False
 
 
 Faults = Callable[[Order], Mishap | None]
-"""What goes wrong when a device is told to do this; None: nothing."""
+"""Returns the fault that occurs when a device carries out an order, or None."""
 
 
 @dataclass(slots=True, kw_only=True)
 class SymbolicAgent:
-    """One device. Each service takes `seconds`, or as many as it costs (one, if it costs nothing).
+    """One device. Each service takes `seconds`; with None, as many seconds as it costs (one, if it costs nothing).
 
-    What it does holds in the world when its time is over, not before. Who left answers nothing any more: `is_offline` says so, and
-    whoever runs the system ends its Service Manager then.
+    The effect of a service holds in the world when its time is over, not before. A device that `is_offline` does not reply; the code
+    that runs the system then ends its Service Manager.
     """
 
     name: str
@@ -50,16 +50,16 @@ class SymbolicAgent:
     seconds: float | None = None
     is_offline: bool = False
     orders: list[Order] = field(default_factory=list)
-    """What it was told to do."""
+    """The orders to perform that it has received."""
 
     def profile(self, *, lease: float = 3600.0, valid_for: float = 3600.0) -> Profile:
-        """What its Service Manager has to know. Every service is a method of the same name."""
+        """The profile for its Service Manager. Each service has a method of the same name."""
         capabilities = tuple(Capability(type=service.name, method=service.name, stoppable=True) for service in self.services)
         kind = self.world.map.objects[self.name].type
         return Profile(name=self.name, type=kind, capabilities=capabilities, lease=lease, valid_for=valid_for)
 
     def carry_out(self, task: object) -> Iterator[tuple[float, object]]:
-        """Pairs of seconds and what is said then."""
+        """Carry out an order. Yield pairs of a delay in seconds and the reply after it."""
         if self.is_offline:
             return
         match task:
@@ -72,7 +72,7 @@ class SymbolicAgent:
             case Halt(order):
                 yield 0.0, WorkDone(situation=self.world.describe(order.effect, self.name, order.inputs))
             case Undo():
-                yield 0.0, ServiceFailed(f"{self.name} can only go on, not back")
+                yield 0.0, ServiceFailed(f"{self.name} cannot compensate: symbolic devices undo nothing")
             case _:
                 yield 0.0, None
 
@@ -81,10 +81,10 @@ class SymbolicAgent:
         mishap = self.faults(order)
         seconds = self._duration(self.world.cost(service, inputs, self.name))
         if (refusal := self.world.refusal(service, inputs, self.name)) is not None:
-            self.world.perform(service, inputs, self.name)  # which the world notes
+            self.world.perform(service, inputs, self.name)  # the world records the rejection
             yield 0.0, self._failed(order, refusal)
             return
-        # An answer that is none yet, so that what is worked out below is so when the time is over, and only if nobody said stop.
+        # Progress only: the effect below is applied when the time is over, and only if the service was not stopped.
         yield seconds, Advance(fraction=1.0)
         if mishap is not None:
             situation = self.world.partly(service, inputs, self.name, mishap.select_changes)

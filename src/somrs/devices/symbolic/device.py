@@ -1,4 +1,4 @@
-"""The driver of a device of a symbolic world: it offers what its type can do there, and the world says what comes of it."""
+"""The driver of a device in a symbolic world: it offers the services of the device's type; the world computes their results."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from somrs.service_manager.sdk.orders import Profile, ServiceFailed
 
 
 class SymbolicDevice(Device):
-    """Any device of a symbolic world. Its services are those of the world's ontology that a device of its type can do."""
+    """Any device of a symbolic world. Its services are those of the world's ontology that its type can provide."""
 
     type = "Device"
 
@@ -27,13 +27,13 @@ class SymbolicDevice(Device):
         self._kind = welcome.type
         self._services = {name: _service(name) for name in welcome.services}
         if not self._services:
-            raise DeviceError(f"no service type speaks of a {welcome.type} as its provider, so {self.name} has nothing to offer")
+            raise DeviceError(f"no service type has a {welcome.type} as its provider, so {self.name} offers no services")
 
     def services(self) -> Mapping[str, Service]:
         return self._services
 
     def profile(self) -> Profile:
-        """Before `open`, nothing is known but the name."""
+        """The profile. Before `open`, only the name is known."""
         capabilities = tuple(service.capability({}) for service in self._services.values())
         return Profile(name=self.name, type=self._kind or "Device", capabilities=capabilities)
 
@@ -44,7 +44,7 @@ class SymbolicDevice(Device):
         return (await self._estimated(task)).seconds
 
     async def perform(self, task: Task) -> Situation:
-        """What it does holds in the world when its time is over, not before."""
+        """Perform the service. Its effect holds in the world when its time is over, not before."""
         service, inputs = task.order.method, task.order.inputs
         estimated = await self._estimated(task)
         self._require_success(await ask(self.simulator, Begin(device=self.name, service=service, inputs=inputs), Result))
@@ -65,6 +65,6 @@ class SymbolicDevice(Device):
 
 def _service(name: str) -> Service:
     service = Service(SymbolicDevice.perform, name, SymbolicDevice.cost, SymbolicDevice.seconds, None)
-    service.name = name  # the order then says which of the services is meant
+    service.name = name  # the order's method then identifies the service
     service.stops = SymbolicDevice.halt
     return service

@@ -1,4 +1,4 @@
-"""What the programs of devices and the program of a symbolic world say to each other: one JSON line, and one line back."""
+"""The protocol between drivers of symbolic devices and the symbolic world: one JSON line as request, one as reply."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from msgspec import Struct
 from somrs.errors import WireError
 
 LONGEST = 1024 * 1024
-"""Bytes of the longest line that is read."""
+"""Longest line that is read, in bytes."""
 
 
 class Hello(Struct, frozen=True, kw_only=True, tag="hello", tag_field="ask"):
-    """What can this device do?"""
+    """Request the type and the services of a device."""
 
     device: str
 
 
 class Welcome(Struct, frozen=True, kw_only=True, tag="welcome", tag_field="say"):
-    """What the device is, and the names of the service types that it offers."""
+    """Reply to `Hello`: the type of the device, and the names of the service types that it offers."""
 
     type: str
     services: tuple[str, ...]
@@ -35,7 +35,7 @@ class _Service(Struct, frozen=True, kw_only=True, tag_field="ask"):
 
 
 class Estimate(_Service, frozen=True, kw_only=True, tag="estimate"):
-    """What would it cost?"""
+    """Request the cost and the duration of a service."""
 
 
 class Estimated(Struct, frozen=True, kw_only=True, tag="estimated", tag_field="say"):
@@ -44,26 +44,26 @@ class Estimated(Struct, frozen=True, kw_only=True, tag="estimated", tag_field="s
 
 
 class Begin(_Service, frozen=True, kw_only=True, tag="begin"):
-    """Could it be done now? Nothing changes by asking."""
+    """Check whether the service can be performed now. Changes nothing."""
 
 
 class Apply(_Service, frozen=True, kw_only=True, tag="do"):
-    """Do it."""
+    """Apply the effect of the service."""
 
 
 class Look(_Service, frozen=True, kw_only=True, tag="look"):
-    """What holds of what its effect speaks of?"""
+    """Request the current values of the facts and attributes in the service's effect."""
 
 
 class Result(Struct, frozen=True, kw_only=True, tag="came", tag_field="say"):
-    """How it is: `refusal` says why it cannot be done, or could not; `situation`, what holds now of what the effect speaks of."""
+    """Reply. `refusal`: why the service cannot be performed, or None; `situation`: the current state of what its effect mentions."""
 
     situation: str
     refusal: str | None = None
 
 
 class Refused(Struct, frozen=True, kw_only=True, tag="refused", tag_field="say"):
-    """The line could not be answered."""
+    """Reply to a line that could not be processed."""
 
     reason: str
 
@@ -80,12 +80,12 @@ def encode_line(line: Request | Answer) -> bytes:
 
 
 def read_request(line: bytes) -> Request:
-    """What a device asks. Raises WireError."""
-    return _read(_REQUESTS, line)  # type: ignore[no-any-return]  # the decoder says
+    """Decode a request of a device. Raises WireError."""
+    return _read(_REQUESTS, line)  # type: ignore[no-any-return]  # the decoder determines the type
 
 
 def read_answer(line: bytes) -> Answer:
-    """What the world says. Raises WireError."""
+    """Decode a reply of the world. Raises WireError."""
     return _read(_ANSWERS, line)  # type: ignore[no-any-return]  # as above
 
 
@@ -93,4 +93,4 @@ def _read(decoder: msgspec.json.Decoder[Any], line: bytes) -> Any:
     try:
         return decoder.decode(line)
     except msgspec.DecodeError as error:
-        raise WireError("line", f"{line[:80]!r} is no line of a symbolic world: {error}") from None
+        raise WireError("line", f"{line[:80]!r} is not a line of the symbolic world's protocol: {error}") from None

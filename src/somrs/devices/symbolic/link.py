@@ -1,4 +1,4 @@
-"""The devices' side of what is said to a symbolic world's program: a connection for each line, so that none has to be kept."""
+"""The devices' side of the symbolic world's protocol. Each request has its own connection, so that none has to be kept open."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from somrs.devices.symbolic.lines import LONGEST, Answer, Refused, Request, enco
 from somrs.errors import RemoteError, UsageError
 
 PATIENCE = 10.0
-"""Seconds for which the world is waited for: its program may be starting again."""
+"""Seconds to wait for the world, whose program may be restarting."""
 PAUSE = 0.2
-"""Seconds before it is tried once more."""
+"""Seconds between two attempts to connect."""
 
 AnswerType = TypeVar("AnswerType", bound=Answer)
 
 
 async def ask(address: str | None, request: Request, answer_type: type[AnswerType]) -> AnswerType:
-    """What the world at `host:port` answers. Raises RemoteError when it does not."""
+    """Send a request to the world at `host:port`, and return its reply. Raises RemoteError if there is none or it is a refusal."""
     if address is None:
-        raise UsageError(f"{request.device} is a device of a symbolic world, and this system has none; start one with `somrs up SITE`")
+        raise UsageError(f"{request.device} is a symbolic device, and this system has no symbolic world; start one with `somrs up SITE`")
     host, _, port = address.rpartition(":")
     try:
         async with asyncio.timeout(PATIENCE):
@@ -32,7 +32,7 @@ async def ask(address: str | None, request: Request, answer_type: type[AnswerTyp
 
 
 async def _line(host: str, port: int, payload: bytes) -> bytes:
-    """One line for one line. What could not be asked is asked again; what got no answer is not, for it may have been done."""
+    """Send a line, and return the reply. A failed connection is tried again; a request without a reply is not: it may have taken effect."""
     while True:
         try:
             reader, writer = await asyncio.open_connection(host, port, limit=LONGEST)

@@ -1,4 +1,4 @@
-"""Serves a symbolic world at a TCP port: the one truth for the programs of all its devices."""
+"""Serves a symbolic world at a TCP port: the common state for the programs of all its devices."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ log = logging.getLogger(__name__)
 
 
 class WorldServer:
-    """Answers lines about one world. `speed`: a service that costs 1 takes 1 second at speed 1; None: no time at all."""
+    """Answers requests about one world. `speed`: a service of cost 1 takes 1 second at speed 1; None: services take no time."""
 
     def __init__(self, world: SymbolicWorld, *, host: str = "127.0.0.1", port: int = 0, speed: float | None = 1.0) -> None:
         self.world, self.host, self.port, self.speed = world, host, port, speed
         self._writers: set[asyncio.StreamWriter] = set()
 
     async def start(self) -> None:
-        """Listen. `port` is then the real one."""
+        """Listen, and set `port` to the actual port."""
         self._listener = await asyncio.start_server(self._serve, sock=bound(self.host, self.port), limit=LONGEST)
         self.port = self._listener.sockets[0].getsockname()[1]
 
@@ -65,9 +65,9 @@ class WorldServer:
             return Refused(reason=error.text)
 
     def answer(self, message: Request) -> Answer:
-        """What is said to it."""
+        """Process a request, and return the reply."""
         if message.device not in self.world.map.objects:
-            return Refused(reason=f"there is no {message.device} in this world; it knows the objects that were on the map when it began")
+            return Refused(reason=f"there is no {message.device} in this world; it has the objects that were on the map when it started")
         match message:
             case Hello(device=device):
                 kind = self.world.map.objects[device].type

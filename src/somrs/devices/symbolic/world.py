@@ -1,4 +1,4 @@
-"""The truth of a site as facts. A service is done only if its precondition holds here, whatever the map in the Repository says."""
+"""The actual state of a site as facts. A service takes effect only if its precondition holds here, whatever the Repository's map says."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from somrs.ontology.values import measure
 from somrs.service_manager.sdk.values import term
 
 Inputs = Mapping[str, str]
-"""A service's inputs, as an order has them: Entish terms by name."""
+"""The inputs of a service, as in an order: Entish terms by name."""
 
 ChangeSelection = Callable[[Sequence[Change]], Iterable[Change]]
-"""Which of the changes that a service makes come about, when it fails on the way."""
+"""Selects the changes of a service that occur when it fails on the way."""
 
 
 class _Refused(Exception):
-    """The service cannot be done as the world is."""
+    """The service cannot be performed in the current state of the world."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Action:
-    """A service that was done, whole or in part, and what it changed."""
+    """A service that was performed, wholly or in part, and its changes."""
 
     service: str
     inputs: dict[str, str]
@@ -41,7 +41,7 @@ class Action:
 
 
 class SymbolicWorld:
-    """One world. `actions` is what was done in it, `rejected` what could not be, each with the reason, both in order."""
+    """One world. `actions` are the services performed; `rejected` are those that could not be, with reasons. Both are in order of time."""
 
     def __init__(self, ontology: Ontology, map: Map) -> None:
         self.ontology, self.map = ontology, map
@@ -54,7 +54,7 @@ class SymbolicWorld:
         self._past_facts: dict[Fact, None] = dict.fromkeys(fact for fact in map.facts() if fact.relation in self._changing)
 
     def perform(self, service: str, inputs: Inputs, provider: str) -> str | None:
-        """Do it: the effect holds then. Otherwise nothing happens; why it cannot be done is returned."""
+        """Apply the effect of a service. If that is impossible, change nothing, and return the reason."""
         try:
             self._apply(service, inputs, provider, self._changes(service, inputs, provider), whole=True)
         except (_Refused, FormulaError) as reason:
@@ -63,8 +63,10 @@ class SymbolicWorld:
         return None
 
     def partly(self, service: str, inputs: Inputs, provider: str, select_changes: ChangeSelection = lambda changes: changes[::2]) -> str:
-        """Begin it, and fail on the way: some of its changes come about, every other one if nothing else is said, and of a single
-        one none. Returns what holds then of what its effect speaks of."""
+        """Perform a service that fails on the way: apply the selected changes, by default every second one. A single change is not applied.
+
+        Returns the current state of what its effect mentions.
+        """
         try:
             whole = self._changes(service, inputs, provider)
         except (_Refused, FormulaError):
@@ -75,7 +77,7 @@ class SymbolicWorld:
         return self.describe(self.ontology.services[service].effect, provider, inputs)
 
     def refusal(self, service: str, inputs: Inputs, provider: str) -> str | None:
-        """Why it cannot be done now, if it cannot."""
+        """The reason why a service cannot be performed now, or None."""
         try:
             self._changes(service, inputs, provider)
         except (_Refused, FormulaError) as reason:
@@ -83,7 +85,7 @@ class SymbolicWorld:
         return None
 
     def describe(self, formula: str, provider: str, inputs: Inputs = {}) -> str:  # noqa: B006  # a mapping that nobody changes
-        """What holds now of what the formula speaks of: each of its facts as it is, each of its attributes with its value."""
+        """The current state of what a formula mentions: its facts, negated if they do not hold, and its attributes with their values."""
         bound = {PROVIDER: Name(provider), **{name: term(text) for name, text in inputs.items()}}
         atoms = dict.fromkeys(atom for atom in _atoms(substitute(parse(formula), bound)) if not variables(atom))
         parts = [self._evaluate_atom(atom) for atom in atoms]
@@ -91,7 +93,7 @@ class SymbolicWorld:
         return str(conjunction(*known_parts)) if known_parts else f"{provider}.Working = TRUE"
 
     def describe_failure(self, service: str, inputs: Inputs, provider: str) -> str:
-        """What whoever could not do it has found out: what holds of what the service needs and brings about, and how it is itself."""
+        """The situation that a device reports when a service fails: the state of its precondition and effect, and of the device."""
         service_type = self.ontology.services.get(service)
         spoken = [text for text in (service_type.precondition, service_type.effect) if text is not None] if service_type is not None else []
         own_facts = [str(fact) for fact in self.map.facts_about(provider) if fact.relation in self._changing]
@@ -102,14 +104,14 @@ class SymbolicWorld:
         )
 
     def describe_object(self, object: str) -> str:
-        """What somebody who looks at the object reports: the facts about it, and that what held once does not hold any more."""
+        """The situation that an observer of the object reports: its facts, and the negation of earlier facts that no longer hold."""
         past_facts = [fact for fact in self._past_facts if object in fact.arguments]
         facts = [self._evaluate_atom(Relation(fact.relation, tuple(map(Name, fact.arguments)))) for fact in past_facts]
         known_atom = Comparison(Attribute(Name(object), UNKNOWN), "=", Truth(False))
         return str(conjunction(*(fact for fact in facts if fact is not None), known_atom))
 
     def cost(self, service: str, inputs: Inputs, provider: str) -> float:
-        """What doing it costs, by its service type; 1 where that says nothing."""
+        """The cost of a service according to its service type; 1 if that specifies none."""
         cost = self.ontology.services[service].cost
         if cost is None:
             return 1.0
@@ -118,8 +120,10 @@ class SymbolicWorld:
         return measured.constant.value if measured is not None and isinstance(measured.constant, Number) else 1.0
 
     def offers(self, device: str) -> tuple[ServiceType, ...]:
-        """What the device can do: of the services that the site brings, those whose formulas speak of a provider of its type, or of
-        none. What every site has, such as TransferObject, is for devices with a body."""
+        """The service types that the device can provide: those of the site whose formulas name a provider of its type, or no provider.
+
+        Service types of the upper ontology, such as TransferObject, are for physical devices.
+        """
         kind, common = self.map.objects[device].type, upper().services
         return tuple(service for name, service in self.ontology.services.items() if name not in common and self._offers(kind, service))
 
@@ -133,7 +137,7 @@ class SymbolicWorld:
         self.actions.append(Action(service=service, inputs=dict(inputs), provider=provider, changes=tuple(applied_changes), whole=whole))
 
     def _changes(self, name: str, inputs: Inputs, provider: str) -> list[Change]:
-        """What it would change. Raises _Refused or FormulaError."""
+        """The changes that a service would make. Raises _Refused or FormulaError."""
         service = self.ontology.services.get(name)
         if service is None:
             raise _Refused(f"there is no service type {name} in this world")
@@ -154,7 +158,7 @@ class SymbolicWorld:
         for parameter in service.inputs:
             value = terms.get(parameter.name)
             if value is None:
-                raise _Refused(f"{service.name} was not told its {parameter.name}")
+                raise _Refused(f"the input {parameter.name} of {service.name} is missing")
             if parameter.type in self.ontology.types:
                 self._require(value.name if isinstance(value, Name) else str(value), parameter.type)
         provider_variable = _provider(service)
@@ -175,7 +179,7 @@ class SymbolicWorld:
         return f"{' and '.join(map(str, parts or [precondition]))} {'does' if len(parts) < 2 else 'do'} not hold"
 
     def _evaluate_atom(self, atom: Relation | Comparison) -> Formula | None:
-        """What is so of what the atom speaks of; None when nothing can be said, or need be, because nothing changes it."""
+        """The current state of what an atom mentions; None if it is unknown, or if no service changes it."""
         if isinstance(atom, Relation):
             if atom.relation not in self._changing:
                 return None
@@ -192,7 +196,7 @@ def _atoms(formula: Formula) -> list[Relation | Comparison]:
 
 
 def _provider(service: ServiceType) -> Variable | None:
-    """`?Provider` as the service's formulas have it, with its type if they say one."""
+    """The variable `?Provider` of the service's formulas, with its type if they state one."""
     spoken = [variables(parse(text)).get(PROVIDER) for text in (service.precondition, service.effect) if text is not None]
     provider_variables = [variable for variable in spoken if variable is not None]
     return next(

@@ -1,1 +1,1 @@
-"""The Service Managers of the simulated robots and cameras."""
+"""The drivers of the simulated robots and cameras."""

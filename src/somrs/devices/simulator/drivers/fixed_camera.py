@@ -1,4 +1,4 @@
-"""The Service Manager's side of a camera that hangs somewhere: says where the things are that it sees."""
+"""The driver of a simulated stationary camera, which reports the positions of the objects that it sees."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
 
 
 async def _able(device: FixedCamera, task: Task) -> None:
-    """Whether the camera is in order, and the object in view now."""
+    """Check that the camera works, and that the object is in view now. Raises Refusal."""
     await device.check_working()
     object = str(task.inputs["Object"])
     if object not in await device.view():
@@ -24,14 +24,14 @@ async def _price(device: FixedCamera, task: Task) -> float | str:
 
 
 class FixedCamera(SimulatedDevice):
-    """A camera in the simulator that stays where it is."""
+    """A stationary camera in the simulator."""
 
     type = "Camera"
     features = ("OperationRange", "FieldOfView", "Price")
     mobile = False
 
     async def view(self) -> dict[str, ObjectState]:
-        """What it sees now, by name."""
+        """The objects that it sees now, by name. Raises Refusal when the camera does not answer."""
         try:
             return {state.object: state for state in (await self.retry_when_link_lost(self._link.sense)).object_states}
         except RemoteError as error:
@@ -45,10 +45,10 @@ class FixedCamera(SimulatedDevice):
         except Refusal as silent:
             raise ServiceFailed(str(silent), self._out_of_order()) from None
         if object not in observations:
-            raise ServiceFailed(f"{self.name} does not see {object} any more")
+            raise ServiceFailed(f"{self.name} no longer sees {object}")
         return await describe_recognition(task, object, observations)
 
     @recognize.compensation
     async def compensate_recognition(self, task: Task, situation: Formula) -> Situation:
-        """Whoever only looked has nothing to undo."""
+        """An observation leaves nothing to undo."""
         return f"{self.name}.Working = TRUE"

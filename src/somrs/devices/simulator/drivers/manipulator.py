@@ -1,7 +1,7 @@
-"""The Service Manager's side of a simulated mobile robot with a gripper: carries things from one place to another.
+"""The driver of a simulated mobile robot with a gripper, which carries things from one place to another.
 
-All it knows of the robot comes over the robot link, all it knows of the world from the Repository. What it reports is measured,
-in metres and radians rounded to three digits.
+It gets the robot's state over the robot link, and its knowledge of the world from the Repository. It reports measured values, in metres
+and radians, rounded to three digits.
 """
 
 from __future__ import annotations
@@ -18,28 +18,28 @@ from somrs.service_manager.sdk.device import Situation, Task, service
 from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
 
 SUPPORTING = ("Support", "Floor", "Place", "StationaryDevice")
-"""The types of what things can be put on."""
+"""The types of objects on which things can be put."""
 HANDLING_TIME = 20.0
-"""To take a thing and to put it down, s."""
+"""Time to grip a thing and to put it down, s."""
 
 
 @dataclass(frozen=True, slots=True)
 class Spot:
-    """Where a thing is or is to be, as far as a formula says."""
+    """The position of a thing, or its destination, as far as a formula states it."""
 
     support: str | None = None
     position: tuple[float, float] | None = None
 
 
 async def _able(device: Manipulator, task: Task) -> None:
-    """Whether the robot is in order, and the thing not too heavy for it."""
+    """Check that the robot works, and that the thing is not too heavy for it. Raises Refusal."""
     state = await device.check_working()
     object = str(task.inputs["Object"])
     if state.holding not in (None, object, device.carrying):
         raise Refusal(f"{device.name} holds {state.holding}")
     if await task.map.holds(f"{object}.Weight > {device.name}.Payload"):
         (row, *_) = await task.map.query(f"{object}.Weight = ?Weight AND {device.name}.Payload = ?Payload")
-        raise Refusal(f"{object} is too heavy for {device.name}: {row['Weight']}, and it carries {row['Payload']}")
+        raise Refusal(f"{object} is too heavy for {device.name}: it weighs {row['Weight']}, the payload is {row['Payload']}")
 
 
 async def _price(device: Manipulator, task: Task) -> float | str:
@@ -58,18 +58,18 @@ class Manipulator(SimulatedDevice):
     async def open(self) -> None:
         self._last_observations: dict[str, ObjectState] = {}
         self.carrying: str | None = None
-        """What it is about to fetch or brings somewhere."""
+        """The thing that it fetches or carries."""
         await super().open()
 
     async def legs(self, task: Task) -> tuple[float, float]:
-        """How far it is to the thing, and from there to its destination, m. Raises Refusal when there is no way."""
+        """Driving distances to the thing, and from there to its destination, m. Raises Refusal when there is no path."""
         object, destination = str(task.inputs["Object"]), str(task.inputs["Destination"])
         spot = read_spot(object, task.precondition)
         first_stop: str | tuple[float, float] = object
         if spot.position is not None:
             first_stop = spot.position
         elif spot.support is not None and not await task.map.holds(f"{object} isOn {spot.support}"):
-            first_stop = spot.support  # it is going to be there
+            first_stop = spot.support  # an earlier step puts it there
         try:
             first, second = await self.retry_when_link_lost(lambda: self._link.ways(first_stop, destination))
         except RemoteError as error:
@@ -89,7 +89,7 @@ class Manipulator(SimulatedDevice):
 
     @transfer.stopping
     async def stop_and_put_down(self, task: Task) -> Situation:
-        """Stop, put down what is held, and say where everything is now."""
+        """Stop, put down what is held, and report the resulting situation."""
         object = str(task.inputs["Object"])
         try:
             result = await self.retry_when_link_lost(self._stop_and_lay_down)
@@ -105,7 +105,7 @@ class Manipulator(SimulatedDevice):
 
     @transfer.compensation
     async def compensate_transfer(self, task: Task, situation: Formula) -> Situation:
-        """Put the thing back where it was."""
+        """Put the thing back to where it was."""
         object = str(task.inputs["Object"])
         spot = read_spot(object, situation)
         if spot.support is None:
@@ -113,7 +113,7 @@ class Manipulator(SimulatedDevice):
         return await self._carry(task, object, spot)
 
     async def _carry(self, task: Task, object: str, target: Spot) -> Situation:
-        assert target.support is not None, "things are put on something"
+        assert target.support is not None, "the callers name a support"
         self._last_observations.pop(object, None)
         self.carrying = object
         try:
@@ -133,8 +133,8 @@ class Manipulator(SimulatedDevice):
         return situation
 
     async def _carry_out_transfer(self, task: Task, object: str, target: Spot) -> CommandDone:
-        """Take the thing, unless it is held already, and put it there."""
-        assert target.support is not None, "things are put on something"
+        """Grip the thing, unless the robot holds it already, and put it on the target."""
+        assert target.support is not None, "the callers name a support"
         state = (await self._link.status()).state
         if state.holding != object:
             await self._driving(task, self._run_and_record(self._link.approach(object)), 0.05, 0.35, f"on the way to {object}")
@@ -146,7 +146,7 @@ class Manipulator(SimulatedDevice):
         return await self._run_and_record(self._link.place(target.support, *(target.position or ())))
 
     async def _release_after_failure(self, failure: RobotGaveUp, object: str) -> str:
-        """What holds after a command was given up. What the robot still holds is put down first, for others to take."""
+        """The situation after a command was given up. First puts down what the robot still holds, so that others can take it."""
         state, object_states = failure.state, failure.object_states
         if state is not None and state.holding == object and Fault.GRIPPER not in state.faults and self._link.connected:
             try:
@@ -157,15 +157,15 @@ class Manipulator(SimulatedDevice):
         return self._situation(state, object, object_states)
 
     async def _run_and_record(self, command: Coroutine[object, object, CommandDone]) -> CommandDone:
-        """Carry out a command, and remember where things were seen."""
+        """Carry out a command, and record the observed positions."""
         result = await command
         self._last_observations.update({object_state.object: object_state for object_state in result.object_states})
         return result
 
     def _situation(self, state: RobotState | None, object: str, object_states: Iterable[ObjectState], *, on_first: bool = False) -> str:
-        """What is known to hold: of the thing, and of the robot. `on_first`: on what the thing is matters more than where.
+        """The situation: the known state of the thing and of the robot. `on_first`: the support of the thing comes before its position.
 
-        Of a silent robot it is not known what it went on doing, so nothing that was known before is told.
+        A silent robot may have continued its work, so earlier observations are left out.
         """
         if self._link.silent:
             return self._out_of_order()
@@ -188,7 +188,7 @@ class Manipulator(SimulatedDevice):
 
 
 def read_spot(object: str, formula: Formula | None) -> Spot:
-    """What a formula says about where a thing is."""
+    """The position of a thing that a formula states."""
     support_name: str | None = None
     values: dict[str, float] = {}
     for part in conjuncts(formula) if formula is not None else ():

@@ -1,7 +1,7 @@
-"""The Service Manager's side of a simulated robot that patrols: it finds objects of which nobody knows where they are.
+"""The driver of a simulated patrol robot, which finds objects whose position is unknown.
 
-It looks where the object was last known to be, then at the robots that may have taken it, then on the furniture round about, and at last
-all over the floors, nearest first; and takes the object for found wherever it happens to see it.
+It searches the object's last known position, then the robots that may have taken it, then the furniture nearby, and last the floors,
+nearest first. The search ends as soon as the robot sees the object, wherever that is.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
 from somrs.service_manager.sdk.values import term
 
 LOOKING_TIME = 15.0
-"""To look about at one place, s."""
+"""Time to look around at one place, s."""
 MOST_PLACES, MOST_FLOOR = 12, 16
-"""So many places, and then spots on floors, are looked at before an object counts as lost."""
+"""Numbers of places, and of spots on floors, that are searched before the object counts as not found."""
 SPACING = 2.5
-"""Between the spots at which floors are looked at, m."""
+"""Distance between the spots at which floors are searched, m."""
 LOOK_HEIGHT = 0.1
-"""What stands on something is looked for that much above its top, m."""
+"""Height above the top of a support at which the robot looks for objects on it, m."""
 SKIP_REASONS = ("blocked", "unreachable")
-"""Reasons to give up one place, and look at the next."""
+"""Reasons of failure for which the robot skips a place and goes to the next."""
 
 
 @dataclass(frozen=True, slots=True)
 class Spot:
-    """A place to look at, and what is there, for people."""
+    """A place to search, in metres on the map; `label` describes it for people."""
 
     label: str
     x: float
@@ -64,7 +64,7 @@ class PatrolRobot(SimulatedDevice):
     features = ("OperationRange", "FieldOfView", "Speed", "Price")
 
     async def way(self, task: Task) -> float:
-        """How far it is to the first place to look at, m."""
+        """Driving distance to the first place to search, m."""
         first = next(iter(await self._spots(task, str(task.inputs["Object"]))), None)
         if first is None:
             return 0.0
@@ -90,7 +90,7 @@ class PatrolRobot(SimulatedDevice):
         return " AND ".join([await describe_recognition(task, object, observations), *own_pose])
 
     async def _search(self, task: Task, object: str, observations: dict[str, ObjectState]) -> tuple[list[str], list[str]]:
-        """Look wherever it may be, until it is among what was seen; where that was, and where there was no way to."""
+        """Search until the object is among the observations. Return the labels of the searched places, and of those that were unreachable."""
         searched_places: list[str] = []
         missed_places: list[str] = []
         await self._run_and_record(self._link.look_around(object), observations)
@@ -120,11 +120,11 @@ class PatrolRobot(SimulatedDevice):
 
     @recognize.compensation
     async def compensate_recognition(self, task: Task, situation: Formula) -> Situation:
-        """Whoever only looked has nothing to undo; it says where it stands."""
+        """An observation leaves nothing to undo; report where the robot is."""
         return await self.stand_still(task)
 
     def _failure_situation(self, failure: RobotGaveUp) -> str:
-        """What holds once the robot itself cannot go on."""
+        """The situation when the robot itself cannot continue."""
         pose = self._own_pose(failure.state) if failure.state is not None and not self._link.silent else []
         out_of_order = self._link.silent or not self._link.connected or (failure.state is not None and failure.state.faults)
         return " AND ".join([*pose, *([self._out_of_order()] if out_of_order or not pose else [])])
@@ -134,10 +134,10 @@ class PatrolRobot(SimulatedDevice):
         observations.update({object_state.object: object_state for object_state in result.object_states})
         return result
 
-    # Where to look
+    # Places to search
 
     async def _spots(self, task: Task, object: str) -> list[Spot]:
-        """Places where the object may be, the likeliest first."""
+        """Places where the object may be, the most likely first."""
         last_spot = await self._find_last_spot(task, object)
         robots = [spot for spot in await self._places(task, "MobileManipulator", height=False) if spot.label not in (self.name, object)]
         supports = [] if await is_of_type(task, object, "MobileRobot") else await self._places(task, "Support", height=True)
@@ -158,10 +158,10 @@ class PatrolRobot(SimulatedDevice):
 
     async def _find_last_spot(self, task: Task, object: str) -> Spot | None:
         rows = await task.map.query(f"{object}.PositionX = ?X AND {object}.PositionY = ?Y AND {object}.PositionZ = ?Z", limit=1)
-        return _spot(f"where {object} was last seen", rows[0]) if rows else None
+        return _spot(f"the last known position of {object}", rows[0]) if rows else None
 
     async def _floor_spots(self, task: Task) -> list[Spot]:
-        """Spots all over the floors that are boxes along the axes, as most are."""
+        """Spots that cover the floors; assumes that floors are boxes parallel to the axes, as most are."""
         size = "?It.Shape.Width = ?Width AND ?It.Shape.Depth = ?Depth AND ?It.Shape.Height = ?Height"
         place = "?It.PositionX = ?X AND ?It.PositionY = ?Y AND ?It.PositionZ = ?Z"
         spots: list[Spot] = []
@@ -172,7 +172,7 @@ class PatrolRobot(SimulatedDevice):
         return spots
 
     async def _places(self, task: Task, kind: str, *, height: bool) -> list[Spot]:
-        """Where the objects of a type are; with `height`, what may stand on top of them is looked for."""
+        """The positions of the objects of a type; with `height`, the positions on top of them."""
         place = "?It.PositionX = ?X AND ?It.PositionY = ?Y AND ?It.PositionZ = ?Z"
         rows = await task.map.query(f"?It: {kind} = ?It AND {place}" + (" AND ?It.Shape.Height = ?Height" if height else ""))
         return [_spot(str(row["It"]), row) for row in rows]
@@ -184,20 +184,20 @@ def _spot(label: str, row: dict[str, Value]) -> Spot:
 
 
 def _spread(length: float) -> list[float]:
-    """Offsets from the middle at which something of that length is looked at."""
+    """Offsets from the middle at which a floor of this length is searched."""
     count = max(1, math.ceil(length / SPACING))
     return [(i + 0.5) * length / count - length / 2 for i in range(count)]
 
 
 def _metres(value: Value) -> float:
-    """What the map says of a length; the Repository gives it in the attribute's unit, and may name that."""
+    """A length from the map, in metres. The Repository returns it in the attribute's unit, with or without the unit's name."""
     quantity = term(str(value))
     assert isinstance(quantity, Number), "a length is a number"
     return quantity.value
 
 
 def _failure_text(robot: str, object: str, searched_places: list[str], missed_places: list[str]) -> str:
-    """For people: where an object was not found."""
-    searched_text = f"; it looked at {', '.join(dict.fromkeys(searched_places))}" if searched_places else ""
-    missed_text = f"; it found no way to {', '.join(dict.fromkeys(missed_places))}" if missed_places else ""
+    """Describe for people where an object was searched in vain."""
+    searched_text = f"; it searched {', '.join(dict.fromkeys(searched_places))}" if searched_places else ""
+    missed_text = f"; it found no path to {', '.join(dict.fromkeys(missed_places))}" if missed_places else ""
     return f"{robot} did not find {object}{searched_text}{missed_text}"

@@ -1,4 +1,4 @@
-"""What a cognitive service tells in Entish of what a camera saw."""
+"""Translates what a camera saw into a situation in Entish, for cognitive services."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from somrs.service_manager.sdk.device import Task
 
 
 async def describe_recognition(task: Task, object: str, observations: Mapping[str, ObjectState]) -> str:
-    """Where the object is and how it is turned; who holds it, and what it holds; that it is not unknown any more."""
+    """The situation of the object: its pose, its holder, what it holds, and that its position is known."""
     object_state = observations[object]
     parts: list[str] = []
     if object_state.held_by is not None:

@@ -1,6 +1,6 @@
-"""What the drivers of simulated devices have in common: the robot link, how the device is, what it is offered with, what it costs.
+"""The common part of the drivers of simulated devices: the robot link, the device's state, the attributes of its offers, and its prices.
 
-All that a driver knows of its device comes over the robot link, all it knows of the world from the Repository.
+A driver gets its device's state over the robot link, and its knowledge of the world from the Repository.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from somrs.service_manager.sdk.values import term
 
 DEFAULT_PRICE = "5 EUR"
 DEFAULT_SPEED = 0.5
-"""Of a robot whose map says nothing of it, m/s."""
+"""Speed of a robot for which the map states none, m/s."""
 DRIVING_FACTOR = 1.25
-"""How much longer a way takes than at full speed, for turning, starting and stopping."""
+"""Ratio of driving time to the time at full speed, for turning, starting and stopping."""
 DISABLING = {Fault.DRIVE: "its drive is dead", Fault.GRIPPER: "its gripper is stuck"}
 REPORTING = 2.0
-"""Seconds between two reports while it drives."""
+"""Seconds between two progress reports while the robot drives."""
 NOTICING = 1.0
-"""Seconds between two looks at where an idle device is; it has to be at the same place twice."""
+"""Seconds between two checks of the pose of an idle device. It is reported if it is the same twice."""
 STANDING = 0.005
-"""What is nearer than this, in m, or twice that in rad, is no other place."""
+"""Poses count as equal within this distance in m, and twice this value in rad."""
 MOST_LOSSES = 5
-"""How often the link may be lost in a piece of work."""
+"""How often the link may be lost during an operation."""
 
 T = TypeVar("T")
 Pose = tuple[float, float, float]
@@ -43,24 +43,24 @@ log = logging.getLogger(__name__)
 
 
 class SimulatedDevice(Device):
-    """A device at the other end of a robot link."""
+    """A device that is controlled over a robot link."""
 
     features: tuple[str, ...] = ("OperationRange", "Payload", "Speed", "Price")
-    """What the map says of the device that its services are offered with."""
+    """The attributes of the device on the map that its offers state."""
     price_per_metre: float = 0.0
-    """What it asks for each metre that it drives, besides its Price on the map."""
+    """Price per metre of driving, in addition to its Price on the map."""
     silence: float = 6.0
-    """Seconds of the simulator without any word of the device after which it is taken for silent."""
+    """Seconds, on the simulator's clock, without a message from the device after which it counts as silent."""
     reconnect_timeout: float = 6.0
-    """Seconds for which a link that was lost is waited for; it is tried again every other second."""
+    """Seconds to wait until a lost link is connected again; attempts are at most 2 s apart."""
 
     mobile: bool = True
-    """Whether it may be elsewhere than it was."""
+    """Whether the device can change its position."""
 
     async def open(self) -> None:
         host, _, port = (self.simulator or "").rpartition(":")
         if not host or not port.isdigit():
-            raise DeviceError(f"{self.name} needs a simulator, given as host:port, and not {self.simulator!r}")
+            raise DeviceError(f"{self.name} needs a simulator, given as host:port, not {self.simulator!r}")
         self._working = 0
         self._reported_pose: Pose | None = None
         self._known_broken = await self.map.holds(f"{self.name}.Working = FALSE")
@@ -76,17 +76,17 @@ class SimulatedDevice(Device):
         await self._link.close()
 
     def _notice_fault(self, state: RobotState) -> None:
-        """Say at once that it broke."""
+        """Report a disabling fault at once."""
         if not self._known_broken and DISABLING.keys() & set(state.faults):
             self.observed(self._out_of_order())
 
     def _out_of_order(self) -> str:
-        """That it does not work, as a part of a formula that will be told."""
+        """The formula that the device does not work; records that it has been reported."""
         self._known_broken = True
         return f"{self.name}.Working = FALSE"
 
     async def _notice(self) -> None:
-        """Say where the device is when that changed though it did not work: it made way for another, say; and that it works again."""
+        """Report a changed pose of the idle device, for instance after it made way for another robot, and that it works again."""
         last_pose: Pose | None = None
         while True:
             await asyncio.sleep(NOTICING)
@@ -97,7 +97,7 @@ class SimulatedDevice(Device):
                 try:
                     await self._notice_idle(state, pose)
                 except RemoteError as error:
-                    log.warning("%s cannot read on the map how it is: %s", self.name, error)
+                    log.warning("%s cannot read its state on the map: %s", self.name, error)
             last_pose = pose
 
     async def _notice_idle(self, state: RobotState, pose: Pose) -> None:
@@ -120,7 +120,7 @@ class SimulatedDevice(Device):
         return [number.value for number in terms if isinstance(number, Number)]  # in the attribute's own unit
 
     async def check_working(self) -> RobotState:
-        """Its state now. Raises Refusal when it cannot work."""
+        """Return the device's state. Raises Refusal when it cannot work."""
         if self._link.silent or not await self._link.wait_reconnected(self.reconnect_timeout):
             raise Refusal(f"{self.name} does not answer")
         try:
@@ -133,8 +133,10 @@ class SimulatedDevice(Device):
         return state
 
     async def retry_when_link_lost(self, work: Callable[[], Awaitable[T]]) -> T:
-        """Do it; when the link is lost meanwhile, and made again soon, do it again. Robots stop, and keep hold of what they hold, when
-        their links are lost; so the work has to begin with how things are. Raises RobotGaveUp."""
+        """Run `work`, and run it again if the link is lost and soon connected again. Raises RobotGaveUp.
+
+        When its link is lost, a robot stops and keeps what it holds, so `work` must start from the current state.
+        """
         self._working += 1
         try:
             for _ in range(MOST_LOSSES):
@@ -148,7 +150,7 @@ class SimulatedDevice(Device):
             self._working -= 1
 
     async def price(self, task: Task, way: float) -> float | str:
-        """Its Price on the map, and what it asks for a way of so many metres."""
+        """The device's Price on the map, plus the price of driving `way` metres."""
         rows = await task.map.query(f"{self.name}.Price = ?Price")
         price = rows[0]["Price"] if rows else DEFAULT_PRICE
         if not self.price_per_metre:
@@ -158,14 +160,14 @@ class SimulatedDevice(Device):
         return f"{amount.value + self.price_per_metre * way:.2f} {amount.unit or 'EUR'}"
 
     async def driving_time(self, task: Task, way: float) -> float:
-        """Seconds for a way of so many metres."""
+        """Seconds to drive `way` metres."""
         rows = await task.map.query(f"{self.name}.Speed = ?Speed")
         speed = term(str(rows[0]["Speed"])) if rows else None
         metres_per_second = speed.value if isinstance(speed, Number) and speed.value > 0 else DEFAULT_SPEED
         return DRIVING_FACTOR * way / metres_per_second
 
     async def _driving(self, task: Task, drive: Coroutine[object, object, CommandDone], begin: float, end: float, note: str) -> CommandDone:
-        """Drive, and report from time to time how far it is: by the time that such ways take."""
+        """Run a drive, and report progress at intervals. The fraction approaches `end` with time; it is not measured."""
         driving = asyncio.ensure_future(drive)
         fraction = begin
         try:
@@ -179,7 +181,7 @@ class SimulatedDevice(Device):
             driving.cancel()
 
     def _own_pose(self, state: RobotState) -> list[str]:
-        """Where the device is, in parts of a formula that will be told."""
+        """The device's pose as parts of a formula; records that it has been reported."""
         self._reported_pose = _pose(state)
         pose = {"PositionX": state.x, "PositionY": state.y, "RotationZ": state.yaw}
         return [f"{self.name}.{path} = {format_number(value)}" for path, value in pose.items()]
@@ -190,7 +192,7 @@ def _pose(state: RobotState) -> Pose:
 
 
 def _is_same_pose(first: Pose, second: Pose) -> bool:
-    """Whether nobody would call them different places."""
+    """Whether two poses are equal within `STANDING`."""
     if not all(map(math.isfinite, second)):
         return False
     return math.dist(first[:2], second[:2]) < STANDING and abs(math.remainder(first[2] - second[2], math.tau)) < 2 * STANDING
@@ -199,11 +201,11 @@ def _is_same_pose(first: Pose, second: Pose) -> bool:
 async def is_of_type(task: Task, object: str, kind: str) -> bool:
     try:
         return await task.map.holds(f"?It: {kind} = {object}")
-    except RemoteError:  # a Repository does not take a formula that its types rule out
+    except RemoteError:  # the Repository rejects a formula that contradicts its types
         return False
 
 
 def format_number(value: float) -> str:
-    """To the millimetre, or a thousandth of a radian, as Entish writes numbers."""
-    assert math.isfinite(value), "physics that made no sense would have ended"
+    """Format a number in Entish, rounded to three digits: a millimetre, or a thousandth of a radian."""
+    assert math.isfinite(value), "the simulation ends when its physics diverges"
     return str(Number(round(value, 3) + 0.0))
