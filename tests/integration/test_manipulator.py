@@ -173,7 +173,7 @@ def test_a_quote_counts_with_where_the_thing_is_going_to_be() -> None:
 @pytest.mark.parametrize(
     ("refused_order", "fault", "reason"),
     [
-        (order("Anvil1"), None, "too heavy for Robot1: 4 kg, and it carries 2 kg"),
+        (order("Anvil1"), None, "too heavy for Robot1: it weighs 4 kg, the payload is 2 kg"),
         (order(), Fault.DRIVE, "its drive is dead"),
         (order(), Fault.GRIPPER, "its gripper is stuck"),
         (order(), Fault.SILENT, "does not answer"),

@@ -36,7 +36,7 @@ def test_a_patrol_finds_a_jar_that_stands_where_it_was_and_measures_it() -> None
                 round(robot.y, 3),
             )
             assert math.dist((robot.x, robot.y), (8, 5)) > 1, "it had to drive, the wall is between them"
-            assert any("looks for Jar1 at where Jar1 was last seen" in advance.note for advance in harness.advances)
+            assert any("looks for Jar1 at the last known position of Jar1" in advance.note for advance in harness.advances)
 
     run(test())
 
@@ -92,7 +92,7 @@ def test_a_patrol_that_finds_nothing_says_where_it_looked() -> None:
             with pytest.raises(ServiceFailed) as failed:
                 await harness.run_task(patrol, Perform(look_order("Jar1")))
             description = failed.value.description
-            assert description.startswith("Patrol1 did not find Jar1; it looked at where Jar1 was last seen")
+            assert description.startswith("Patrol1 did not find Jar1; it searched the last known position of Jar1")
             assert all(name in description for name in ("Table1", "Shelf1", "Platform1", "Robot1"))
             robot = (await harness.operator.robots())["Patrol1"]
             map = map_after(failed.value.situation)

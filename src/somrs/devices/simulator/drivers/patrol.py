@@ -90,7 +90,7 @@ class PatrolRobot(SimulatedDevice):
         return " AND ".join([await describe_recognition(task, object, observations), *own_pose])
 
     async def _search(self, task: Task, object: str, observations: dict[str, ObjectState]) -> tuple[list[str], list[str]]:
-        """Search until the object is among the observations. Return the labels of the searched places, and of those that were unreachable."""
+        """Search until the object is among the observations. Return the labels of the searched and of the unreachable places."""
         searched_places: list[str] = []
         missed_places: list[str] = []
         await self._run_and_record(self._link.look_around(object), observations)
