@@ -192,7 +192,7 @@ def test_a_robot_that_fell_silent_is_said_to_have_failed_and_nothing_is_claimed_
         async with lab() as harness:
             robot = await harness.open("Robot1", silence=1.5)
             await harness.operator.schedule("Robot1", Fault.SILENT, carried=1.0)
-            with pytest.raises(ServiceFailed, match="has said nothing") as failed:
+            with pytest.raises(ServiceFailed, match="has sent nothing") as failed:
                 await harness.run_task(robot, Perform(carry_order("Jar1", "Platform1")))
             assert failed.value.situation == "Robot1.Working = FALSE"
 

@@ -393,7 +393,7 @@ def test_a_simulator_that_is_slow_is_no_silent_robot() -> None:
                 line_permits.release()
                 if isinstance(line, State):
                     await wait_until(lambda: robot.state is not None)
-            with pytest.raises(RobotGaveUp, match="has said nothing for 3 s"):
+            with pytest.raises(RobotGaveUp, match="has sent nothing for 3 s"):
                 await answer
             assert robot.silent
         ended.set()

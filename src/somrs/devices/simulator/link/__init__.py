@@ -1,1 +1,1 @@
-"""The robot link: commands and states as lines over TCP."""
+"""The robot link: commands to simulated robots, and their states, as JSON lines over TCP."""

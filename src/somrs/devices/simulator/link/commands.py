@@ -1,7 +1,7 @@
-"""What can be said to a simulated robot and by it: commands, states, and how commands end. Plain values; the wire form of
-them is `server.py`'s business, carrying them out `simulation.py`'s.
+"""Commands to a simulated robot, their results, and the states that it reports, as plain values.
 
-Positions are in metres on the map, angles in radians, times in seconds of simulated time.
+`lines.py` defines their wire form; `simulation.py` carries the commands out. Positions are in metres on the map, angles in radians, times
+in seconds of simulated time.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from msgspec import Struct, field
 
 
 class DriveTo(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
-    """Drive to a place, around whatever is in the way; then turn to `yaw`, if it is given."""
+    """Drive to a point around obstacles; then turn to `yaw`, if given."""
 
     x: float
     y: float
@@ -20,19 +20,19 @@ class DriveTo(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
 
 
 class Approach(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
-    """Drive to a free side of the object, so that the gripper can reach it, or can put something on it."""
+    """Drive to a place from which the gripper can reach the object, or put something on it."""
 
     object: str
 
 
 class Grip(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
-    """Take the object, which is within reach, and lift it to the transport position."""
+    """Grip the object, after driving within reach if necessary, and lift it to the transport position."""
 
     object: str
 
 
 class Place(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
-    """Put what is held on the object in reach (a support, or a floor), let go, and back off. `x`, `y`: just there."""
+    """Put the held object on a support or a floor, release it, and withdraw the arm. `x`, `y`: at this point; None: at a free spot."""
 
     support: str = field(name="on")
     x: float | None = None
@@ -40,20 +40,20 @@ class Place(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
 
 
 class PutDown(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
-    """Lower what is held to the floor right here, and open clear of it. Works with a dead drive, too."""
+    """Put the held object down within reach of the current position, and release it. Works without the drive."""
 
 
 class Sense(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
-    """Say what the camera sees from here, looking the way it looks: things, robots and furniture that nothing hides.
+    """Report what the camera sees in its current pose: things, robots and furniture that nothing hides.
 
-    `radius`: not farther than that; None: as far as the camera sees. Interrupts nothing.
+    `radius`: largest distance; None: as far as the camera sees. Does not interrupt the command in progress.
     """
 
     radius: float | None = None
 
 
 class LookAt(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
-    """Drive to where a point is in view, and turn to it. With `object`: end as soon as that is seen, on the way or there."""
+    """Drive to where a point is in view, and turn to it. With `object`: end as soon as the object is seen, also on the way."""
 
     x: float
     y: float
@@ -62,37 +62,37 @@ class LookAt(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
 
 
 class LookAround(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
-    """Turn once around, and say all that was seen meanwhile. With `object`: end as soon as that is seen."""
+    """Turn once around, and report everything that came into view. With `object`: end as soon as the object is seen."""
 
     object: str | None = None
 
 
 class Stop(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
-    """Stop at once; what is held stays held."""
+    """Stop at once, and keep what is held."""
 
 
 class Status(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
-    """Say the state now."""
+    """Report the current state."""
 
 
 Command = DriveTo | Approach | Grip | Place | PutDown | Sense | LookAt | LookAround | Stop | Status
 
 
 class Fault(StrEnum):
-    """What can be broken on command."""
+    """Faults that can be injected."""
 
     DRIVE = "drive"
-    """The drive is dead: wheels stop at once and stay. Control unit, gripper and link work."""
+    """The drive fails: the wheels stop at once. Control unit, gripper and link work."""
     GRIPPER = "gripper"
-    """The gripper is stuck as it is."""
+    """The gripper stays as it is."""
     SILENT = "silent"
-    """The robot stops, and says nothing any more, though its connection stands."""
+    """The robot stops, and sends nothing more; its connection stays open."""
     LINK = "link"
-    """The connection is cut, and refused until repaired; the robot stops."""
+    """The robot stops. Its connection is cut, and refused until the fault is repaired."""
 
 
 class RobotState(Struct, frozen=True, kw_only=True):
-    """What a robot reports of itself: pose, what it holds, what it is doing, its faults as far as it can say them."""
+    """The state that a robot reports: time, pose, held object, command in progress, and faults as far as it can report them."""
 
     time: float
     x: float
@@ -104,7 +104,7 @@ class RobotState(Struct, frozen=True, kw_only=True):
 
 
 class ObjectState(Struct, frozen=True, kw_only=True):
-    """An object as sensors see it: the middle of its underside, what it stands on (None: held, or cannot tell), who holds it."""
+    """An observed object: the middle of its underside, its yaw, its support (None if it is held or this is unknown), and its holder."""
 
     object: str
     x: float
@@ -116,17 +116,17 @@ class ObjectState(Struct, frozen=True, kw_only=True):
 
 
 class CommandDone(Struct, frozen=True, kw_only=True):
-    """A command was carried out. `object_states`: what it touched or looked at, as it is now."""
+    """A command was carried out. `object_states`: the objects that it touched or observed, as they are now."""
 
     state: RobotState
     object_states: tuple[ObjectState, ...] = ()
 
 
 class CommandGivenUp(Struct, frozen=True, kw_only=True):
-    """A command was given up: a word for programs, a sentence for people, and what is known now.
+    """A command was given up. `reason` is for programs, `description` for people.
 
-    Reasons: `drive-dead`, `gripper-stuck`, `blocked` (no way there now), `unreachable` (no way there at all),
-    `slipped` (it is not in the gripper), `unknown-object`, `not-holding`, `holding`, `no-space`, `stopped`, `not-possible`.
+    Reasons: `drive-dead`, `gripper-stuck`, `blocked` (no free path at present), `unreachable` (no path at all),
+    `slipped` (the object is not in the gripper), `unknown-object`, `not-holding`, `holding`, `no-space`, `stopped`, `not-possible`.
     """
 
     reason: str

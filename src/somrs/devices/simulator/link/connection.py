@@ -1,4 +1,4 @@
-"""A client's connection to the simulator: made again when it is lost, with what was said on it and has no answer yet."""
+"""A client's connection to the simulator, which reconnects when the connection is lost."""
 
 from __future__ import annotations
 
@@ -32,19 +32,19 @@ from somrs.errors import RemoteError, SimulationError, UsageError, WireError
 log = logging.getLogger(__name__)
 
 LONGEST = 64 * 1024 * 1024
-"""Bytes of the longest line that a client reads: a picture is one line."""
+"""Longest line that a client reads, in bytes: a picture is one line."""
 PATIENCE = 10.0
-"""Seconds for which a connection may take to be made, and for which commands wait for a lost one to come back."""
+"""Timeout in seconds for a connection to be made, and for commands that wait for a lost connection."""
 PAUSES = (0.1, 0.2, 0.5, 1.0, 2.0)
-"""Seconds before each attempt to connect again; the last one goes on."""
+"""Seconds before each attempt to reconnect; the last value repeats."""
 FINAL = {"version", "unknown-robot", "hello-first"}
-"""Reasons of a refusal that will not pass by themselves."""
+"""Reasons of a refusal after which the client does not reconnect."""
 
 
 class RobotGaveUp(RemoteError):
-    """A command was not carried out. `reason` is one of those of `CommandGivenUp`, or `link-lost`, `silent` or `refused`.
+    """A command was not carried out. `reason` is a reason of `CommandGivenUp`, or `link-lost`, `silent` or `refused`.
 
-    `state` and `object_states` are what the robot said last, or None and nothing.
+    `state` and `object_states` are the last that the robot reported, or None and empty.
     """
 
     def __init__(self, reason: str, description: str, state: RobotState | None = None, object_states: tuple[ObjectState, ...] = ()) -> None:
@@ -56,7 +56,7 @@ class RobotGaveUp(RemoteError):
 
 
 class Link:
-    """A connection that is made again when it is lost, and what was said on it that has no answer yet."""
+    """A connection that reconnects when it is lost. Requests without an answer then fail with RobotGaveUp."""
 
     def __init__(self, host: str, port: int, hello: Hello) -> None:
         self._address = f"{host}:{port}"
@@ -70,11 +70,11 @@ class Link:
         self._lost_at = -math.inf
 
     async def connect(self) -> None:
-        """Connect. Raises RemoteError when that is refused, or not possible for some time."""
+        """Connect. Raises RemoteError when the server refuses, or cannot be reached within `PATIENCE`."""
         self._connection_task = asyncio.create_task(self._keep_connected())
         try:
             await self._wait_connected()
-        except BaseException:  # cancelled, too: nobody would close the connection otherwise
+        except BaseException:  # also when cancelled: nothing else closes the connection
             await self.close()
             raise
 
@@ -92,7 +92,7 @@ class Link:
         await self.close()
 
     async def _wait_connected(self) -> None:
-        """Wait until there is a connection."""
+        """Wait until the link is connected. Raises UsageError before `connect`, and RobotGaveUp after a refusal or a timeout."""
         if self._connection_task is None:
             raise UsageError("the link is not connected; call connect() first, or use `async with`")
         ready = asyncio.ensure_future(self._ready.wait())
@@ -107,9 +107,9 @@ class Link:
         raise RobotGaveUp("link-lost", f"there is no connection to {self._address}; is the simulator running?")
 
     async def _exchange(self, make_line: Callable[[int], ClientLine]) -> ServerLine:
-        """Say something with an id, and wait for the answer."""
+        """Send a line with a new id, and wait for the answer to it."""
         await self._wait_connected()
-        assert self._writer is not None, "there is a connection"
+        assert self._writer is not None, "the link is connected"
         id = next(self._ids)
         answer: asyncio.Future[ServerLine] = asyncio.get_running_loop().create_future()
         self._unanswered[id] = answer
@@ -120,7 +120,10 @@ class Link:
             self._unanswered.pop(id, None)
 
     async def _ask(self, question: Question) -> Answer:
-        """Raises UsageError for what the simulator cannot do as asked, SimulationError for a picture where there is no OpenGL."""
+        """Send a question, and return the answer.
+
+        Raises: UsageError when the simulator refuses the request, SimulationError for a picture without OpenGL.
+        """
         match await self._exchange(lambda id: Ask(id=id, question=question)):
             case Answer() as answer:
                 return answer
@@ -135,7 +138,7 @@ class Link:
         return (await self._ask(Ways(robot=robot, stops=stops))).lengths or ()
 
     async def _keep_connected(self) -> None:
-        """Connect, listen, and begin again when the connection is lost."""
+        """Connect, process lines, and reconnect when the connection is lost."""
         pauses = iter(PAUSES)
         while True:
             try:
@@ -155,13 +158,13 @@ class Link:
                     self._writer.close()
                     self._writer = None
             if was_ready:
-                log.warning("the connection to %s was lost; it is being made again", self._address)
+                log.warning("the connection to %s was lost; reconnecting", self._address)
             if self._refusal is not None and self._refusal.reason in FINAL:
                 return
             await asyncio.sleep(next(pauses, PAUSES[-1]))
 
     async def _converse(self) -> bool:
-        """Listen until the connection ends. Whether it was accepted."""
+        """Connect and process lines until the connection ends. Return whether the server accepted it."""
         async with asyncio.timeout(PATIENCE):
             reader, self._writer = await asyncio.open_connection(self._host, self._port, limit=LONGEST)
             self._writer.write(encode_line(self._hello))
@@ -170,7 +173,7 @@ class Link:
             self._refusal = first
             return False
         if not isinstance(first, Welcome):
-            raise WireError("malformed", f"the first line has to be a welcome or an error, not {type(first).__name__}")
+            raise WireError("malformed", f"the first line must be a welcome or an error, not {type(first).__name__}")
         self._refusal = None
         self._ready.set()
         while True:

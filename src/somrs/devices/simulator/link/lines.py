@@ -1,5 +1,6 @@
-"""The lines of the robot link, version 1: JSON objects, one a line, told apart by `say`. Described for people in
-`docs/reference/robot-protocol.md`; who may say what when is `server.py`'s business.
+"""The lines of the robot link, version 1: JSON objects, one per line, distinguished by `say`.
+
+`docs/reference/robot-protocol.md` describes the protocol; `server.py` implements its rules.
 """
 
 from __future__ import annotations
@@ -15,41 +16,41 @@ from somrs.errors import WireError
 PROTOCOL = "SO-MRS robot link"
 VERSION = 1
 HEARTBEAT = 1.0
-"""Seconds after which the simulator says something of each robot, though nothing changed."""
+"""Longest time in seconds between two lines about a robot, even if nothing changed."""
 LONGEST = 64 * 1024
-"""Bytes of the longest line that a server reads."""
+"""Longest line that a server reads, in bytes."""
 
 Stops = tuple[str | tuple[float, float], ...]
-"""Objects and points that a way leads to, one after the other."""
+"""Objects and points that a path visits in this order."""
 
 
 class Hello(Struct, frozen=True, kw_only=True, tag="hello", tag_field="say"):
-    """The first line of a client: for which robot (or camera) it speaks, or None for an operator."""
+    """The first line of a client. `robot`: the robot or camera that it controls; None for an operator."""
 
     protocol: str = PROTOCOL
     version: int
     robot: str | None = None
     rate: Annotated[float, Meta(ge=0)] = 10.0
-    """How often it wants to hear the robot's state while that changes, per second of simulated time; 0: only about once a second."""
+    """State lines per second of simulated time while the state changes; 0: only about one per second."""
 
 
 class Opening(Struct, frozen=True, kw_only=True):
-    """What the first line of any client of any version has: enough to say that one speaks another version."""
+    """The fields that the first line of a client has in every version, to detect clients of other versions."""
 
     protocol: str = PROTOCOL
     version: int
 
 
 class Order(Struct, frozen=True, kw_only=True, tag="command", tag_field="say"):
-    """A command for the connection's robot. The id is the client's choice, and comes back with the answer."""
+    """A command for the connection's robot. The client chooses the id; the answer repeats it."""
 
     id: int
     command: Command
 
 
 class Break(Struct, frozen=True, kw_only=True, tag="break", tag_field="ask"):
-    """Let something fail: now; `delay` so many simulated seconds; when the robot has `carried` something so many metres; or when
-    it has `released` what it carried, and has drawn its arm in.
+    """Inject a fault: now; after `delay` simulated seconds; when the robot has `carried` something for so many metres; or when it has
+    `released` what it carried and has drawn its arm in.
     """
 
     robot: str
@@ -60,45 +61,45 @@ class Break(Struct, frozen=True, kw_only=True, tag="break", tag_field="ask"):
 
 
 class Repair(Struct, frozen=True, kw_only=True, tag="repair", tag_field="ask"):
-    """Mend it; what was scheduled and has not happened yet is called off."""
+    """Repair a fault, and cancel scheduled faults of this kind."""
 
     robot: str
     fault: Fault
 
 
 class Look(Struct, frozen=True, kw_only=True, tag="look", tag_field="ask"):
-    """Where an object is in the physics, whatever robots know of it."""
+    """Request the true pose of an object."""
 
     object: str
 
 
 class Robots(Struct, frozen=True, kw_only=True, tag="robots", tag_field="ask"):
-    """The states of all robots."""
+    """Request the states of all robots."""
 
 
 class Clock(Struct, frozen=True, kw_only=True, tag="clock", tag_field="ask"):
-    """The simulated time."""
+    """Request the simulated time and the speed."""
 
 
 class Picture(Struct, frozen=True, kw_only=True, tag="picture", tag_field="ask"):
-    """A picture of the world, or of what is around an object, as PNG."""
+    """Request a picture of the world, or of an object and its surroundings, as PNG."""
 
     subject: str | None = None
 
 
 class Ways(Struct, frozen=True, kw_only=True, tag="ways", tag_field="ask"):
-    """How far the robot would have to drive to come within reach of the first of these, from there to the next, and so on."""
+    """Request the driving distances to within reach of the first stop, from there to the next, and so on."""
 
     robot: str
     stops: Stops = field(name="through")
 
 
 class Idle(Struct, frozen=True, kw_only=True, tag="idle", tag_field="ask"):
-    """Answered when no robot does anything any more."""
+    """Request an answer when all robots are idle."""
 
 
 class Move(Struct, frozen=True, kw_only=True, tag="move", tag_field="ask"):
-    """Put an object elsewhere, by magic."""
+    """Move an object to another pose without a robot."""
 
     object: str
     x: float
@@ -108,7 +109,7 @@ class Move(Struct, frozen=True, kw_only=True, tag="move", tag_field="ask"):
 
 
 class Follow(Struct, frozen=True, kw_only=True, tag="poses", tag_field="ask"):
-    """From now on, where everything is that can move: `rate` lines a second on the clock on the wall at most; 0: no more."""
+    """Subscribe to the poses of everything that can move, at most `rate` lines per second of real time; 0 ends the subscription."""
 
     rate: Annotated[float, Meta(ge=0)] = 20.0
 
@@ -117,7 +118,7 @@ Question = Break | Repair | Look | Robots | Clock | Picture | Ways | Idle | Move
 
 
 class Ask(Struct, frozen=True, kw_only=True, tag="ask", tag_field="say"):
-    """An operator's question or intervention. A robot's connection may ask for `ways` of its robot."""
+    """An operator's question or intervention. A robot's connection may send only `ways` of its own robot."""
 
     id: int
     question: Question
@@ -127,7 +128,7 @@ ClientLine = Hello | Order | Ask
 
 
 class Welcome(Struct, frozen=True, kw_only=True, tag="welcome", tag_field="say"):
-    """The answer to a hello that is accepted."""
+    """The answer to a hello that the server accepts."""
 
     protocol: str = PROTOCOL
     version: int = VERSION
@@ -136,20 +137,20 @@ class Welcome(Struct, frozen=True, kw_only=True, tag="welcome", tag_field="say")
 
 
 class State(Struct, frozen=True, kw_only=True, tag="state", tag_field="say"):
-    """The robot's state, unasked."""
+    """The robot's state, as a notification."""
 
     state: RobotState
 
 
 class Unheard(Struct, frozen=True, kw_only=True, tag="unheard", tag_field="say"):
-    """The simulator goes on, and the robot says nothing: once for each `HEARTBEAT` without a word of it."""
+    """The simulator runs, and the robot is silent. Sent once per `HEARTBEAT` without a line from the robot."""
 
 
 class Mover(Struct, frozen=True, kw_only=True):
-    """Something that can move, and how many `numbers` say how it is.
+    """Something that can move, and how many `numbers` describe its pose.
 
-    4, a robot: x, y, z, yaw. 6, a thing: x, y, z, yaw, pitch, roll. 9, a robot with an arm: x, y, z, yaw; the angle of its turret; how
-    high its boom is above its floor, and how far its hand is out; the angle of its hand; how far each finger is from the middle.
+    4, a robot: x, y, z, yaw. 6, a thing: x, y, z, yaw, pitch, roll. 9, a robot with an arm: x, y, z, yaw; the angle of its turret; the
+    height of its boom above its floor; the reach of its hand; the angle of its hand; the distance of each finger from the middle.
     """
 
     name: str
@@ -157,7 +158,7 @@ class Mover(Struct, frozen=True, kw_only=True):
 
 
 class RobotStatus(Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """What a robot or a camera holds, does, and cannot do."""
+    """What a robot or a camera holds and does, and its faults."""
 
     holding: str | None = None
     activity: str | None = field(default=None, name="doing")
@@ -165,20 +166,20 @@ class RobotStatus(Struct, frozen=True, kw_only=True, omit_defaults=True):
 
 
 class Poses(Struct, frozen=True, kw_only=True, omit_defaults=True, tag="poses", tag_field="say"):
-    """What moved since the last one, to an operator who follows. Comes about once a second though nothing moved."""
+    """The changes since the previous line, for a subscribed operator. Sent about once a second if nothing moves."""
 
     time: float
-    """Simulated."""
+    """Simulated time, s."""
     clock: float
-    """Seconds on the simulator's clock on the wall, which began at any time."""
+    """The simulator's monotonic clock in real time, s, with an arbitrary origin."""
     movers: tuple[Mover, ...] | None = None
-    """All that can move, in the first line, and when the set is another one. Then everything is said anew."""
+    """Everything that can move: in the first line, and when the set changes. Such a line is complete."""
     moved: tuple[int, ...] = ()
-    """Those of them that moved, counted from 0."""
+    """Indices, from 0, of the movers that moved."""
     values: tuple[float, ...] = ()
-    """The numbers of those, one after the other."""
+    """The numbers of these movers, in the same order."""
     robots: dict[str, RobotStatus] = {}
-    """Of whom this is otherwise than before."""
+    """The robots and cameras whose status changed."""
 
 
 class OrderDone(Struct, frozen=True, kw_only=True, tag="done", tag_field="say"):
@@ -200,25 +201,25 @@ class OrderGivenUp(Struct, frozen=True, kw_only=True, tag="gave", tag_field="say
 
 
 class Answer(Struct, frozen=True, kw_only=True, tag="answer", tag_field="say"):
-    """The answer to a question. Of its parts only those are there that the question asks for."""
+    """The answer to a question. Only the fields that the question requests are set."""
 
     id: int
     object_state: ObjectState | None = field(default=None, name="seen")
     robots: dict[str, RobotState] | None = None
     time: float | None = None
     speed: float | None = None
-    """Simulated seconds per second; None: as many as the processor can do."""
+    """Simulated seconds per second; None: as fast as the processor allows."""
     png: bytes | None = None
     """In JSON: base64."""
     lengths: tuple[float | None, ...] | None = None
-    """Metres of each leg of the way; None from the first leg on for which there is no way."""
+    """Length of each leg in metres; None from the first leg without a path on."""
 
 
 class Refused(Struct, frozen=True, kw_only=True, tag="error", tag_field="say"):
-    """Something cannot be processed. `reason` is a word for programs:
+    """A line cannot be processed. `reason` is for programs, `description` for people.
 
-    `too-long`, `hello-first`, `version`, `unknown-robot`, `taken`, `link-cut`, `failed` (the simulation), after each of which
-    the connection is closed; `malformed`, `not-allowed`, `not-possible`, `no-graphics`, after which it goes on.
+    After the reasons `too-long`, `hello-first`, `version`, `unknown-robot`, `taken`, `link-cut` and `failed` (the simulation), the server
+    closes the connection. After `malformed`, `not-allowed`, `not-possible` and `no-graphics`, it stays open.
     """
 
     reason: str
@@ -234,20 +235,20 @@ _to_client: msgspec.json.Decoder[ServerLine] = msgspec.json.Decoder(ServerLine)
 
 
 def encode_line(line: ClientLine | ServerLine) -> bytes:
-    """The line with its newline."""
+    """Encode a line, with its newline."""
     return msgspec.json.encode(line) + b"\n"
 
 
 def read_opening(line: bytes) -> Opening:
-    """What protocol the first line of a client is of. Raises WireError."""
+    """Decode protocol and version from the first line of a client. Raises WireError."""
     try:
         return _opening.decode(line)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
-        raise WireError("hello-first", f"the first line has to be a hello with a version: {error}") from None
+        raise WireError("hello-first", f"the first line must be a hello with a version: {error}") from None
 
 
 def read_by_server(line: bytes) -> ClientLine:
-    """What a client said. Raises WireError."""
+    """Decode a line from a client. Raises WireError."""
     try:
         return _to_server.decode(line)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
@@ -255,7 +256,7 @@ def read_by_server(line: bytes) -> ClientLine:
 
 
 def read_by_client(line: bytes) -> ServerLine:
-    """What a server said. Raises WireError."""
+    """Decode a line from a server. Raises WireError."""
     try:
         return _to_client.decode(line)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:

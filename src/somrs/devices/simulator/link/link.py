@@ -1,5 +1,5 @@
-"""The client's side of the robot link: `RobotLink` for the program that controls a robot, `OperatorLink` for whoever runs the
-simulator. Both find the server again when the connection is lost.
+"""The client's side of the robot link: `RobotLink` for the program that controls a robot, `OperatorLink` for the operator of the simulator.
+Both reconnect when the connection is lost.
 """
 
 from __future__ import annotations
@@ -60,17 +60,17 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reading:
-    """What the simulated clock says, and how fast it goes: simulated seconds per second, None for as fast as it can."""
+    """The simulated time in seconds, and its speed in simulated seconds per second; None: as fast as the processor allows."""
 
     time: float
     speed: float | None
 
 
 class RobotLink(Link):
-    """Controls one robot, or speaks with a camera. Commands return `Done`, or raise RobotGaveUp; one that follows another ends that one.
+    """Controls one robot or camera. Commands return `CommandDone` or raise RobotGaveUp. A new command ends the one in progress.
 
-    `on_state` is called with every state. When the simulator has gone on for `silence` seconds without a word of the robot, what waits for
-    an answer fails. How long this program or the simulator was held up does not count.
+    `on_state` is called with every state. When the simulator has run for `silence` seconds without a line from the robot, pending commands
+    fail. Time in which this program or the simulator was suspended does not count.
     """
 
     def __init__(
@@ -88,9 +88,9 @@ class RobotLink(Link):
         self._silence = silence
         self._unheard = 0.0
         self.state: RobotState | None = None
-        """The latest that the robot said of itself."""
+        """The last state that the robot reported."""
         self.silent = False
-        """It has said nothing for too long."""
+        """Whether the robot has sent nothing for `silence` seconds."""
         self._on_state = on_state
 
     @property
@@ -98,7 +98,7 @@ class RobotLink(Link):
         return self._ready.is_set()
 
     async def wait_reconnected(self, timeout: float) -> bool:
-        """Whether it is connected. Until so many seconds after the connection was lost, it is waited for."""
+        """Wait for a reconnection until `timeout` seconds after the connection was lost. Return whether the link is connected."""
         remaining = self._lost_at + timeout - asyncio.get_running_loop().time()
         if not self.connected and remaining > 0:
             with contextlib.suppress(TimeoutError):
@@ -136,9 +136,9 @@ class RobotLink(Link):
         return await self.command(Status())
 
     async def command(self, command: Command) -> CommandDone:
-        """Have the robot carry out a command. One that has fallen silent is not waited for."""
+        """Send a command, and wait for its result. Raises RobotGaveUp, at once if the robot is silent."""
         if self.silent:
-            raise RobotGaveUp("silent", f"{self.robot} has said nothing for {self._silence:g} s", self.state)
+            raise RobotGaveUp("silent", f"{self.robot} has sent nothing for {self._silence:g} s", self.state)
         match await self._exchange(lambda id: Order(id=id, command=command)):
             case OrderDone(state=state, object_states=object_states):
                 return CommandDone(state=state, object_states=object_states)
@@ -150,7 +150,7 @@ class RobotLink(Link):
                 raise RobotGaveUp("refused", f"{self._address} answered a command with {type(reply).__name__}", self.state)
 
     async def ways(self, *stops: str | tuple[float, float]) -> tuple[float | None, ...]:
-        """Metres that the robot would have to drive to get to the first, from there to the next, and so on."""
+        """Driving distances in metres to the first stop, from there to the next, and so on; None where there is no path."""
         return await self._ways(self.robot, stops)
 
     def _hear(self, line: ServerLine) -> None:
@@ -167,7 +167,7 @@ class RobotLink(Link):
         super()._hear(line)
 
     def _fall_silent(self) -> None:
-        description = f"{self.robot} has said nothing for {self._silence:g} s"
+        description = f"{self.robot} has sent nothing for {self._silence:g} s"
         self.silent = True
         log.warning("%s", description)
         self._fail_all("silent", description)
@@ -177,25 +177,25 @@ class RobotLink(Link):
 
 
 class OperatorLink(Link):
-    """Looks into the simulator, and intervenes. Raises UsageError for what the simulator cannot do as asked."""
+    """Observes the simulated world, and intervenes in it. Methods raise UsageError when the simulator refuses a request."""
 
     def __init__(self, host: str, port: int) -> None:
         super().__init__(host, port, Hello(version=VERSION))
         self._pose_buffer: PoseBuffer | None = None
 
     async def fault(self, robot: str, fault: Fault) -> None:
-        """Break something now."""
+        """Inject a fault now."""
         await self._ask(Break(robot=robot, fault=fault))
 
     async def schedule(
         self, robot: str, fault: Fault, *, delay: float | None = None, carried: float | None = None, released: bool = False
     ) -> None:
-        """Break something after so many simulated seconds, when the robot has carried something so many metres, or when it has
-        released what it carried."""
+        """Schedule a fault: after `delay` simulated seconds, when the robot has `carried` something for so many metres, or when it has
+        `released` what it carried. Raises UsageError if none of these is given."""
         if delay is None and carried is None and not released:
             raise UsageError(
-                "say when the fault is to happen: after how many seconds, when the robot has carried something how far, "
-                "or when it has released something"
+                "give the time of the fault: `delay` in seconds, `carried` in metres that the robot carries something, "
+                "or `released` for when it has released something"
             )
         await self._ask(Break(robot=robot, fault=fault, delay=delay, carried=carried, released=released))
 
@@ -203,7 +203,7 @@ class OperatorLink(Link):
         await self._ask(Repair(robot=robot, fault=fault))
 
     async def observe(self, object: str) -> ObjectState:
-        """Where an object truly is."""
+        """The true pose of an object."""
         object_state = (await self._ask(Look(object=object))).object_state
         assert object_state is not None, "the answer to `look`"
         return object_state
@@ -217,26 +217,28 @@ class OperatorLink(Link):
         return Reading(time=answer.time, speed=answer.speed)
 
     async def picture(self, subject: str | None = None) -> bytes:
-        """A PNG of the world, or of an object and what is around it. Raises SimulationError when there is no OpenGL."""
+        """A PNG of the world, or of an object and its surroundings. Raises SimulationError when there is no OpenGL."""
         return (await self._ask(Picture(subject=subject))).png or b""
 
     async def ways(self, robot: str, *stops: str | tuple[float, float]) -> tuple[float | None, ...]:
-        """Metres that the robot would have to drive to get to the first, from there to the next, and so on."""
+        """Driving distances in metres to the first stop, from there to the next, and so on; None where there is no path."""
         return await self._ways(robot, stops)
 
     async def idle(self) -> None:
-        """Return when no robot does anything any more."""
+        """Wait until all robots are idle."""
         await self._ask(Idle())
 
     async def move(self, object: str, x: float, y: float, z: float, yaw: float = 0.0) -> None:
-        """Put an object elsewhere, by magic."""
+        """Move an object to another pose without a robot."""
         await self._ask(Move(object=object, x=x, y=y, z=z, yaw=yaw))
 
     async def poses(self, rate: float = 20.0) -> AsyncGenerator[Poses, None]:
-        """Where everything is that can move, and then what moves of it, as it moves: the first has the `movers`. One who is slow to take
-        them gets fewer. Raises RobotGaveUp when the connection is lost; what follows it then begins anew."""
+        """Yield the poses of everything that can move, then the changes. The first line has the `movers`. A slow caller gets merged lines.
+
+        Raises: RobotGaveUp when the connection is lost; call it again then. UsageError if another subscription is active on this link.
+        """
         if self._pose_buffer is not None:
-            raise UsageError("the poses are followed already on this link; connect another one")
+            raise UsageError("this link already has a subscription to poses; connect another link")
         await self._wait_connected()
         pose_buffer = self._pose_buffer = PoseBuffer()
         try:

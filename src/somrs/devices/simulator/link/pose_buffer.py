@@ -1,4 +1,4 @@
-"""What an operator who follows poses was told and has not taken yet. One who takes it late finds it as one news."""
+"""Buffers the lines of a subscription to poses. Lines that have not been read yet are merged."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from somrs.devices.simulator.link.lines import Mover, Poses
 
 
 class PoseBuffer:
-    """Poses between the connection and whoever follows them."""
+    """The poses that were received and not read yet."""
 
     def __init__(self) -> None:
         self._movers: tuple[Mover, ...] | None = None
@@ -21,18 +21,18 @@ class PoseBuffer:
         if line.movers is not None:
             self._movers, self._waiting = line.movers, line
         elif self._movers is None:
-            return  # of a telling that was ended
+            return  # it belongs to an earlier subscription
         else:
             self._waiting = line if self._waiting is None else _merge(self._waiting, line, self._movers)
         self._wake.set()
 
     def fail(self, error: Exception) -> None:
-        """No more comes."""
+        """End the subscription: `next_poses` raises the error when the buffer is empty."""
         self._end = error
         self._wake.set()
 
     async def next_poses(self) -> Poses:
-        """All that came since this was asked last. Raises what it was failed with."""
+        """Wait for poses, and return all since the last call, merged. Raises the error given to `fail`."""
         while self._waiting is None:
             if self._end is not None:
                 raise self._end
@@ -43,7 +43,7 @@ class PoseBuffer:
 
 
 def _merge(first: Poses, second: Poses, movers: tuple[Mover, ...]) -> Poses:
-    """Both as one: what the second says counts."""
+    """Merge two lines; the values of the second take precedence."""
     values = {**_by_mover(first, movers), **_by_mover(second, movers)}
     return Poses(
         time=second.time,
