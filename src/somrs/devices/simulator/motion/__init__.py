@@ -1,1 +1,1 @@
-"""How simulated robots move: finding the way, driving, gripping, giving way."""
+"""Motion of simulated robots: path planning, driving, giving way, gripping and placing."""

@@ -1,4 +1,4 @@
-"""The ground as a grid of cells, and how far each cell's centre is from what stands around."""
+"""The ground as a grid of cells, and the clearance of each cell: the distance of its centre from the nearest obstacle."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from somrs.devices.simulator.world.solids import Point, Solid
 CELL = 0.05
 """Width of a cell, m."""
 FAR = 1.0
-"""Distances are known up to here, m: robots are narrower."""
+"""Largest clearance that is computed, m: robots are narrower."""
 
 Field = NDArray[np.float32]
 """Clearance by row (y) and column (x), m."""
@@ -26,7 +26,7 @@ Cell = tuple[int, int]
 
 @dataclass(frozen=True, slots=True)
 class Disc:
-    """Something that is in the way for now: a robot, or a thing on the floor."""
+    """A temporary obstacle: a robot, or a thing on the floor."""
 
     x: float
     y: float
@@ -38,7 +38,7 @@ class Disc:
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """Cells from a lower left corner on."""
+    """A grid of square cells. `x`, `y` are its lower left corner on the map, in metres."""
 
     x: float
     y: float
@@ -48,14 +48,14 @@ class Grid:
 
     @staticmethod
     def enclosing(solids: Sequence[Solid], margin: float) -> Grid:
-        """A grid that holds all of them, and as much more around."""
+        """A grid that contains all solids, with a margin around them."""
         boxes = [(*solid.world(u, v),) for solid in solids for u, v in corners(solid)] or [(-5.0, -5.0), (5.0, 5.0)]
         min_x, min_y = (min(c[i] for c in boxes) - margin for i in (0, 1))
         max_x, max_y = (max(c[i] for c in boxes) + margin for i in (0, 1))
         return Grid(min_x, min_y, math.ceil((max_y - min_y) / CELL), math.ceil((max_x - min_x) / CELL))
 
     def clipped(self, point: Point) -> Cell:
-        """The cell of the point, or the nearest one."""
+        """The cell of the point, or the nearest cell."""
         row, column = int((point[1] - self.y) // self.size), int((point[0] - self.x) // self.size)
         return min(max(row, 0), self.rows - 1), min(max(column, 0), self.columns - 1)
 
@@ -67,18 +67,18 @@ class Grid:
         return self.x + (cell[1] + 0.5) * self.size, self.y + (cell[0] + 0.5) * self.size
 
     def centres(self, cells: NDArray[Any]) -> NDArray[np.float64]:
-        """The x and y of each row-column pair."""
+        """The centres (n, 2) of cells (n, 2), given as rows and columns."""
         return np.stack([self.x + (cells[:, 1] + 0.5) * self.size, self.y + (cells[:, 0] + 0.5) * self.size], axis=1)
 
     def sample(self, field: Field, points: ArrayLike) -> Field:
-        """The field at the points, linear between cell centres; -FAR outside of the grid."""
+        """The field at points (n, 2), interpolated linearly between cell centres; -FAR outside the grid."""
         positions = np.asarray(points, dtype=float).reshape(-1, 2)
         coordinates = [(positions[:, 1] - self.y) / self.size - 0.5, (positions[:, 0] - self.x) / self.size - 0.5]
         values: Field = ndimage.map_coordinates(field, coordinates, order=1, mode="constant", cval=-FAR)
         return values
 
     def window(self, min_x: float, min_y: float, max_x: float, max_y: float) -> tuple[tuple[slice, slice], Field, Field]:
-        """The cells whose centres are in a box: their slices, and the x and y of their centres to be broadcast."""
+        """The cells whose centres are in a box: their slices, and the x and y of their centres, as arrays that broadcast together."""
         c0, c1 = (max(0, min(self.columns, math.ceil((v - self.x) / self.size - 0.5))) for v in (min_x, max_x))
         r0, r1 = (max(0, min(self.rows, math.ceil((v - self.y) / self.size - 0.5))) for v in (min_y, max_y))
         xs = (self.x + (np.arange(c0, c1) + 0.5) * self.size).astype(np.float32)
@@ -86,7 +86,7 @@ class Grid:
         return (slice(r0, r1), slice(c0, c1)), xs[None, :], ys[:, None]
 
     def with_discs(self, field: Field, discs: Sequence[Disc]) -> Field:
-        """The field with the discs in it, as obstacles."""
+        """The field with the discs as additional obstacles."""
         if not discs:
             return field
         field = field.copy()
@@ -98,9 +98,9 @@ class Grid:
 
 
 def clearances(grid: Grid, obstacles: Sequence[Solid], floors: Sequence[Solid], passages: Sequence[Solid]) -> Field:
-    """From each cell's centre to the nearest obstacle or, where there are floors, to their edge; negative inside and beyond.
+    """The distance of each cell's centre from the nearest obstacle and, if there are floors, from their edge.
 
-    One can stand in a passage even where no floor is modelled under it.
+    It is negative inside obstacles and beyond the edge. Passages count as floor, even where the map models no floor under them.
     """
     field: Field = np.full((grid.rows, grid.columns), FAR, dtype=np.float32)
     if floors:
@@ -114,12 +114,12 @@ def clearances(grid: Grid, obstacles: Sequence[Solid], floors: Sequence[Solid], 
     for solid in obstacles:
         slices, distance = distances(grid, solid, FAR)
         field[slices] = np.minimum(field[slices], distance)
-    field[[0, -1], :] = field[:, [0, -1]] = -FAR  # a frame: no step leaves the grid
+    field[[0, -1], :] = field[:, [0, -1]] = -FAR  # a border of obstacles, so that no step of the search leaves the grid
     return np.clip(field, -FAR, FAR)
 
 
 def distances(grid: Grid, solid: Solid, margin: float) -> tuple[tuple[slice, slice], Field]:
-    """The signed distance to the solid's outline from the cells around it, up to the margin: the slices, and the values."""
+    """Slices of the cells within `margin` of a solid, and their signed distances from its outline."""
     on_map = [solid.world(u, v) for u, v in corners(solid)]
     xs, ys = [c[0] for c in on_map], [c[1] for c in on_map]
     slices, x, y = grid.window(min(xs) - margin, min(ys) - margin, max(xs) + margin, max(ys) + margin)
@@ -128,7 +128,7 @@ def distances(grid: Grid, solid: Solid, margin: float) -> tuple[tuple[slice, sli
 
 
 def corners(solid: Solid) -> Sequence[Point]:
-    """Corners, in the solid's own frame, of a convex outline around it."""
+    """The corners of an outline around a solid, in its own frame: its polygon, or a box."""
     if solid.form == "Polygon":
         return solid.outline
     w, d = (solid.width / 2, solid.depth / 2) if solid.form == "Box" else (solid.radius, solid.radius)

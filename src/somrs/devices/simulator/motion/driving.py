@@ -1,4 +1,4 @@
-"""How a robot gets somewhere: along a path around what stands still, giving way to what moves, never into anything."""
+"""Driving: a robot follows a path around static obstacles, gives way to moving robots, and never collides."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from somrs.devices.simulator.motion.traffic import GAP, Capsule, length, path_di
 from somrs.devices.simulator.world.solids import Point
 
 PATIENCE = 45.0
-"""How long a robot waits and tries without getting nearer, s."""
+"""Time after which a robot without progress gives up, s."""
 MARGIN = 0.03
-"""What a planned path keeps from obstacles beyond the robot's radius, m."""
+"""Distance of a planned path from obstacles, beyond the robot's radius, m."""
 NEAR_FLOOR = 0.3
-"""Things whose underside is lower than this stand in a robot's way, m."""
+"""Things whose underside is lower than this are obstacles, m."""
 
 
 def floor_things(robot: Robot, ignored: Collection[str] = ()) -> list[Disc]:
-    """Things that stand on the robot's floor."""
+    """Things that stand on the robot's floor, as discs."""
     discs = []
     for thing in robot.scene.things():
         x, y, z, _ = robot.scene.pose(thing)
@@ -34,7 +34,7 @@ def floor_things(robot: Robot, ignored: Collection[str] = ()) -> list[Disc]:
 
 
 def robot_discs(robots: Collection[Robot]) -> list[Disc]:
-    """The room of robots as it is now, as discs."""
+    """The current claims of the robots, as discs."""
     discs = []
     for robot in robots:
         for claim in robot.claims():
@@ -47,11 +47,11 @@ def robot_discs(robots: Collection[Robot]) -> list[Disc]:
 
 
 def route(robot: Robot, goal: Point, robots: Collection[Robot]) -> list[Point] | None:
-    """A path that keeps clear of everything static, of things on the floor, and of the given robots."""
+    """A path around static obstacles, things on the floor, and the given robots; None if there is none."""
     x, y, _ = robot.pose()
     discs = [*floor_things(robot, [robot.holding] if robot.holding else []), *robot_discs(robots)]
     near_discs = [disc for disc in discs if math.hypot(disc.x - x, disc.y - y) < disc.radius + robot.size.radius + MARGIN]
-    # A robot that is too near to something already must be able to leave: what it touches shrinks to what it leaves free.
+    # A robot that is already too near to a disc must be able to leave, so that disc shrinks until it does not touch the robot.
     for disc in near_discs:
         gap = math.hypot(disc.x - x, disc.y - y) - robot.size.radius - MARGIN - 0.005
         discs[discs.index(disc)] = Disc(disc.x, disc.y, max(0.01, gap))
@@ -59,10 +59,10 @@ def route(robot: Robot, goal: Point, robots: Collection[Robot]) -> list[Point] |
 
 
 def drive_to(robot: Robot, goal: Point, yaw: float | None = None, patience: float = PATIENCE) -> Routine:
-    """Get to the goal; give up when that is impossible, or when others leave no way for longer than the patience.
+    """Drive to the goal, then turn to `yaw`. Raises GivenUp when there is no path, or other robots block it for `patience` seconds.
 
-    Robots that are on their way are met rather than planned around: they are mostly gone when one gets there. One that is
-    met is planned around; if that is impossible, the one with less right of way steps aside.
+    The path ignores robots that are driving, since most have moved on when this robot gets there. After an encounter it avoids the
+    robot that was met; if that is impossible, the robot with less right of way makes way.
     """
     waited, best = 0.0, math.inf
     met_robot: Robot | None = None
@@ -93,7 +93,10 @@ def drive_to(robot: Robot, goal: Point, yaw: float | None = None, patience: floa
 
 
 def _culprit(robot: Robot, goal: Point, parked: list[Robot], met_robot: Robot | None) -> Robot | None:
-    """Which robot it is that leaves no way; None if it takes several. Sets out what the robot would do without them."""
+    """The robot that blocks the path; None if several block it together. Sets `robot.plan` to the path without other robots.
+
+    Raises GivenUp when there is no path even without them.
+    """
     free_path = route(robot, goal, ())
     if free_path is None:
         raise GivenUp("unreachable", f"{robot.name} finds no way to ({goal[0]:.2f}, {goal[1]:.2f})")
@@ -116,12 +119,12 @@ def turn_to(robot: Robot, yaw: float) -> Routine:
 
 
 def _turning(error: float) -> float:
-    """How fast to turn towards a heading that is that far off: so that it stops there without overshooting."""
+    """The turning speed for a heading error, rad/s: the base stops at the heading without overshooting."""
     return math.copysign(min(4.0 * abs(error), math.sqrt(2 * 3.0 * abs(error))), error)
 
 
 def _follow(robot: Robot, path: Sequence[Point]) -> Generator[None, None, Robot | None]:
-    """Go along the path. Returns the robot that kept it standing for a while, or None at the end of the path."""
+    """Follow the path. Returns None at its end, or the robot that has blocked it for a while."""
     corner, stall_count = 1 if len(path) > 1 else 0, 0
     while True:
         robot.need_drive()
@@ -137,7 +140,7 @@ def _follow(robot: Robot, path: Sequence[Point]) -> Generator[None, None, Robot 
         direction = (dx / distance, dy / distance)
         error = wrap(math.atan2(dy, dx) - yaw)
         if is_final and distance < 0.04:
-            error = 0.0  # too near for the direction to mean anything
+            error = 0.0  # so near to the goal, the direction is mostly noise
         allowed = robot.solid.speed * max(0.0, math.cos(error)) ** 4 if abs(error) < 1.0 else 0.0
         exit_speed = 0.02 if is_final else _corner_speed(robot, path[corner - 1], path[corner], path[corner + 1])
         allowed = min(allowed, math.sqrt(exit_speed * exit_speed + 2 * 0.6 * BRAKING * max(0.0, distance - 0.01)))
@@ -149,15 +152,17 @@ def _follow(robot: Robot, path: Sequence[Point]) -> Generator[None, None, Robot 
 
 
 def _corner_speed(robot: Robot, previous_point: Point, corner: Point, next_point: Point) -> float:
-    """How fast a robot may be where its path bends."""
+    """The largest speed at a corner of the path, m/s."""
     heading = math.atan2(corner[1] - previous_point[1], corner[0] - previous_point[0])
     bend = wrap(math.atan2(next_point[1] - corner[1], next_point[0] - corner[0]) - heading)
     return max(0.08, robot.solid.speed * max(0.0, math.cos(bend)) ** 6)
 
 
 def _yields_to(robot: Robot, other_robot: Robot) -> bool:
-    """Who makes way for whom: the one that has nowhere to go, else the one whose goal the other stands on, else the one with
-    the greater name."""
+    """Whether `robot` makes way for `other_robot`. An idle robot makes way for a driving one.
+
+    Of two driving robots, the one that stands on the other's goal makes way, otherwise the one with the greater name.
+    """
     if not robot.plan or not other_robot.plan:
         return bool(other_robot.plan)
     mine, theirs = _stands_on_goal(other_robot, robot), _stands_on_goal(robot, other_robot)
@@ -169,7 +174,7 @@ def _stands_on_goal(robot: Robot, other_robot: Robot) -> bool:
 
 
 def _wait_for(robot: Robot, other_robot: Robot) -> Generator[None, None, float]:
-    """Another one is in the way, where there was a path. Returns the seconds waited."""
+    """Wait for a robot that blocks the path, and retreat from it. Returns the seconds waited."""
     start = robot.scene.time
     yield from wait(1.6 if _yields_to(robot, other_robot) else 0.2)
     yield from _retreat(robot, other_robot)
@@ -177,7 +182,7 @@ def _wait_for(robot: Robot, other_robot: Robot) -> Generator[None, None, float]:
 
 
 def _retreat(robot: Robot, other_robot: Robot) -> Routine:
-    """Get so far away from another robot that there is a way around it, if there is room behind."""
+    """Move away from another robot until there is a path around it, as far as there is space behind."""
     for _ in range(100):
         robot.need_drive()
         x, y, _ = robot.pose()
@@ -195,7 +200,7 @@ def _retreat(robot: Robot, other_robot: Robot) -> Routine:
 
 
 def _unblock(robot: Robot, other_robot: Robot | None, patience: float) -> Generator[None, None, float]:
-    """No way because of another robot: step aside, or have it step aside, or wait. Returns what that costs of the patience."""
+    """Resolve a blocked path: make way, ask the other robot to make way, or wait. Returns the seconds that count as waiting."""
     if other_robot is not None and _yields_to(robot, other_robot) and other_robot.mobile:
         if (yield from make_way(robot, other_robot)):
             return patience / 8
@@ -206,7 +211,7 @@ def _unblock(robot: Robot, other_robot: Robot | None, patience: float) -> Genera
 
 
 def ask_aside(robot: Robot, place: Point) -> Routine:
-    """Have those that do nothing leave a place, and the way to it."""
+    """Ask idle robots to leave a place and the path to it."""
     robot.plan = route(robot, place, ()) or [robot.pose()[:2], place]
     for other_robot in robot.other_robots():
         room = robot.size.radius + other_robot.size.radius + 0.12
@@ -218,7 +223,7 @@ def ask_aside(robot: Robot, place: Point) -> Routine:
 
 
 def make_way(robot: Robot, other_robot: Robot) -> Generator[None, None, bool]:
-    """Leave the way of another robot, and wait until that has passed. Whether there was anywhere to go; not if it goes nowhere by now."""
+    """Leave the path of another robot, and wait until it has passed. Returns False if there is no refuge, or the other is not driving."""
     if not other_robot.plan:
         return False
     refuge, goal = _refuge(robot, other_robot), robot.plan[-1] if robot.plan else None
@@ -241,7 +246,7 @@ def make_way(robot: Robot, other_robot: Robot) -> Generator[None, None, bool]:
 
 
 def _beginning(path: Sequence[Point], way: float = 3.0) -> list[Point]:
-    """The first metres of a path."""
+    """The first `way` metres of a path."""
     points = [path[0]]
     for start, end in pairwise(path):
         step = math.dist(start, end)
@@ -254,7 +259,7 @@ def _beginning(path: Sequence[Point], way: float = 3.0) -> list[Point]:
 
 
 def _refuge(robot: Robot, other_robot: Robot) -> list[Point] | None:
-    """The way to the nearest place off the other's path."""
+    """A path to a near place that is off the other robot's path; None if there is none."""
     x, y, _ = robot.pose()
     room = robot.size.radius + other_robot.size.radius + 0.12
     discs = [*floor_things(robot), *robot_discs(robot.other_robots())]
@@ -277,7 +282,7 @@ def _refuge(robot: Robot, other_robot: Robot) -> list[Point] | None:
         path = route(robot, point, robot.other_robots())
         if path is None:
             continue
-        # Where the other one will be when this one has got there.
+        # The part of its path that the other robot drives until this robot has reached the refuge.
         ahead = _beginning(other_robot.plan, 0.5 + other_robot.solid.speed * length(path) / robot.solid.speed)
         if path_distance(path, ahead) > robot.size.radius + other_robot.size.radius + 0.1:
             return path

@@ -1,4 +1,4 @@
-"""How a robot takes things and puts them down: from above, with both fingers on the thing before it counts as held."""
+"""Gripping and placing: the hand takes things from above. A thing counts as held when both fingers touch it."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from somrs.devices.simulator.world.distances import Array, distances_from
 from somrs.devices.simulator.world.solids import Point, Role, Solid
 
 SLOWLY = 0.08
-"""How fast the hand goes down the last centimetres, m/s."""
+"""Speed at which the hand descends the last centimetres, m/s."""
 CLEAR = 0.03
-"""What passes above something keeps that much from it, m."""
+"""Vertical clearance when the hand or a held thing passes above an obstacle, m."""
 
 Spots = Callable[[], tuple[Array, Array]]
-"""The spots that would do now, with penalties; asked again whenever the robot has to look for another one."""
+"""Returns the suitable spots (n, 2) and their penalties (n). Called again whenever the robot needs another spot."""
 
 
 def withdraw(robot: Robot) -> Routine:
-    """Bring the arm to the transport position: up, in, and to the front. What is held comes with it."""
+    """Bring the arm, with what it holds, to the transport position: up, in, and to the front."""
     if not robot.size.gripper:
         return
     if robot.arm_out:
@@ -38,7 +38,7 @@ def withdraw(robot: Robot) -> Routine:
 
 
 def _open_loose_grip(robot: Robot) -> Routine:
-    """Open the fingers, if there is something between them that is not held: the robot was stopped while it took it or put it down."""
+    """Open the fingers if they touch a thing that is not held: the robot was stopped while it gripped or released it."""
     able = robot.holding is None and Fault.GRIPPER not in robot.faults
     if able and any(robot.scene.touching_fingers(robot.name, thing) for thing in robot.scene.things()):
         yield from _open_clear(robot)
@@ -50,12 +50,12 @@ def _open_clear(robot: Robot) -> Routine:
 
 
 def _transport(robot: Robot) -> float:
-    """The lift's height when driving: what is held passes just above the base."""
+    """The lift's height for driving, m: what is held passes just above the base."""
     return robot.size.clear + robot.size.hang + _drop(robot)
 
 
 def _drop(robot: Robot) -> float:
-    """How far what is held hangs below the finger tips."""
+    """How far what is held extends below the finger tips, m."""
     if robot.holding is None:
         return 0.0
     z = robot.scene.pose(robot.holding)[2]
@@ -63,7 +63,7 @@ def _drop(robot: Robot) -> float:
 
 
 def _lift_over(robot: Robot, spot: Point, at_least: float = 0.0) -> float:
-    """The lift's height at which the hand, with what it holds, passes over everything between the base and a spot."""
+    """The lift's height, m, at which the hand and what it holds pass above everything between the base and a spot."""
     x, y, _ = robot.pose()
     line = np.array([(x + s * (spot[0] - x), y + s * (spot[1] - y)) for s in np.linspace(0, 1.1, 12)])
     top = max(robot.solid.z, at_least)
@@ -79,7 +79,7 @@ def _lift_over(robot: Robot, spot: Point, at_least: float = 0.0) -> float:
 
 
 def get_within_reach(robot: Robot, target_name: str, spots: Spots, top: float, ignored: Collection[str] = ()):  # type: ignore[no-untyped-def]
-    """Drive, if need be, to where one of the spots can be reached. Returns the spot."""
+    """Drive, if necessary, to a place from which one of the spots is in reach. Returns the spot. Raises GivenUp."""
     waited = 0.0
     while True:
         candidates, penalties = order(*spots())
@@ -104,7 +104,7 @@ def get_within_reach(robot: Robot, target_name: str, spots: Spots, top: float, i
                     raise
                 problem = failure
         if not ranked:
-            problem = GivenUp("blocked", f"others stand where {robot.name} could reach {target_name}")
+            problem = GivenUp("blocked", f"other robots occupy the places from which {robot.name} could reach {target_name}")
             yield from ask_aside(robot, wished[0].base)
         waited += robot.scene.time - started
         if waited > PATIENCE or problem.reason == "unreachable":
@@ -112,25 +112,25 @@ def get_within_reach(robot: Robot, target_name: str, spots: Spots, top: float, i
 
 
 def stands_without_others(robot: Robot, spots: Array, top: float, penalties: Array, ignored: Collection[str]) -> list[Stand]:
-    """Where it could stand if no other robot were there."""
+    """The stands that the robot would have if there were no other robots."""
     lone_robot = Robot(robot.solid, robot.scene, robot.navigator, {})
     return stands(lone_robot, spots, top, penalties, ignored)
 
 
 def claim_arm(robot: Robot, spot: Point) -> Routine:
-    """Wait until no other robot is where the arm has to go, and keep them out from then on."""
+    """Wait until the space for the arm is free of other robots, then claim it. Raises GivenUp after `PATIENCE` seconds."""
     x, y, _ = robot.pose()
     arm_claim, waited = Capsule((x, y), spot, ARM), 0.0
     while any(arm_claim.gap(claim) < 0 for other_robot in robot.other_robots() for claim in other_robot.claims()):
         if waited > PATIENCE:
-            raise GivenUp("blocked", f"another robot stands where the arm of {robot.name} has to go")
+            raise GivenUp("blocked", f"another robot occupies the space that the arm of {robot.name} needs")
         yield
         waited += PERIOD
     robot.arm_claim = arm_claim
 
 
 def pick(robot: Robot, thing: str) -> Routine:
-    """Take a thing that is within reach."""
+    """Grip a thing that is within reach. Raises GivenUp."""
     scene, solid = robot.scene, robot.scene.world.solids[thing]
     robot.need_gripper()
     yield from claim_arm(robot, scene.pose(thing)[:2])
@@ -147,7 +147,7 @@ def pick(robot: Robot, thing: str) -> Routine:
     yaw = robot.pose()[2]
     yield from robot.arm(turret=turret, wrist=_nearest_half_turn(angle - yaw - turret))
     yield from robot.arm(reach=reach)
-    turret, reach = robot.aim(scene.pose(thing)[:2])  # once more: the base gave a little
+    turret, reach = robot.aim(scene.pose(thing)[:2])  # again, because the base has moved a little
     yield from robot.arm(turret=turret, reach=reach)
     yield from robot.arm(lift=tip + robot.size.hang + 0.03)
     yield from robot.arm(lift=tip + robot.size.hang)
@@ -156,17 +156,19 @@ def pick(robot: Robot, thing: str) -> Routine:
     yield from robot.arm(lift=_lift_over(robot, (x, y), z))
     yield from withdraw(robot)
     if robot.holding != thing:
-        raise GivenUp("slipped", f"{thing} is not in the gripper of {robot.name} any more")
+        raise GivenUp("slipped", f"{thing} is no longer in the gripper of {robot.name}")
 
 
 def _nearest_half_turn(angle: float) -> float:
-    """The same grasp, the fingers being alike, with the wrist turned as little as possible."""
+    """The equivalent wrist angle nearest to zero: the fingers are symmetric, so half turns make no difference."""
     return (angle + math.pi / 2) % math.pi - math.pi / 2
 
 
 def _grasp_angle(robot: Robot, thing: str) -> tuple[float, float]:
-    """Along which line, on the map, the fingers close on a thing, measured for the wrist (whose fingers move along its y), and
-    half the thing's width along it: where there is most room beside it."""
+    """The wrist angle on the map with most space for the fingers beside a thing, and half the thing's width along the closing axis.
+
+    The fingers move along the y axis of the wrist. Raises GivenUp if the thing is too wide, or if there is not enough space.
+    """
     scene, solid = robot.scene, robot.scene.world.solids[thing]
     x, y, z, yaw = scene.pose(thing)
     if solid.form == "Box":
@@ -192,12 +194,12 @@ def _grasp_angle(robot: Robot, thing: str) -> tuple[float, float]:
         raise GivenUp("not-possible", f"{thing} is too wide for the gripper of {robot.name}")
     blocked, angle, half = min(rated, key=lambda option: round(option[0], 3))
     if blocked > 0.012:
-        raise GivenUp("not-possible", f"there is no room beside {thing} for the fingers of {robot.name}")
+        raise GivenUp("not-possible", f"there is no space beside {thing} for the fingers of {robot.name}")
     return angle, half
 
 
 def close(robot: Robot, thing: str) -> Routine:
-    """Close each finger until it touches the thing; both have to."""
+    """Close each finger until it touches the thing. Raises GivenUp unless both do."""
     for _ in range(150):
         touching = robot.scene.touching_fingers(robot.name, thing)
         for finger in ("left", "right"):
@@ -213,14 +215,14 @@ def close(robot: Robot, thing: str) -> Routine:
 
 
 def place(robot: Robot, support: Solid, position: Point | None) -> Routine:
-    """Put what is held on an object, wherever there is room on it or just at a point."""
+    """Put what is held on an object, at `position` or at a free spot."""
     thing = robot.holding
     assert thing is not None
     radius, top = robot.scene.world.solids[thing].extent, top_of(support)
     while True:
         spot = yield from get_within_reach(robot, support.name, spots_on(robot, support, position), top)
         yield from claim_arm(robot, spot)
-        # Another robot may have put something there while this one came or waited.
+        # Meanwhile another robot may have put something there.
         if thing_distances(robot, np.array([spot]), top - 0.05, top + 0.4, [thing])[0] - radius > 0.005:
             break
         robot.arm_claim = None
@@ -228,7 +230,7 @@ def place(robot: Robot, support: Solid, position: Point | None) -> Routine:
 
 
 def put_on_spot(robot: Robot, spot: Point, top: float) -> Routine:
-    """Put what is held on a spot that the arm has claimed, let go, and leave it standing free."""
+    """Put what is held on a spot in the space that the arm has claimed, release it, and withdraw the arm."""
     thing = robot.holding
     assert thing is not None
     robot.need_gripper()
@@ -252,7 +254,7 @@ def put_on_spot(robot: Robot, spot: Point, top: float) -> Routine:
 
 
 def lower(robot: Robot, thing: str, lowest: float) -> Routine:
-    """Let the hand down slowly until something bears the thing."""
+    """Lower the hand slowly until something supports the thing. Raises GivenUp if nothing does."""
     target, held = robot.joints["lift"], 0
     for _ in range(200):
         if robot.scene.rests(thing):
@@ -267,7 +269,7 @@ def lower(robot: Robot, thing: str, lowest: float) -> Routine:
 
 
 def set_down(robot: Robot) -> Routine:
-    """Put what is held on the floor, or what there is, within reach of the base as it stands."""
+    """Put what is held on the floor, or on furniture, without driving."""
     thing = robot.holding
     if thing is None:
         yield from withdraw(robot)
@@ -286,14 +288,14 @@ def set_down(robot: Robot) -> Routine:
 
 
 def _draw_in(robot: Robot) -> Routine:
-    """If the arm is out, bring it above the base, whichever way it points."""
+    """If the arm is extended, bring the hand above the base without turning the turret."""
     if robot.arm_out:
         yield from robot.arm(lift=_lift_over(robot, robot.hand()))
         yield from robot.arm(reach=robot.size.drawn_in)
 
 
 def spots_on(robot: Robot, support: Solid, position: Point | None) -> Spots:
-    """Free spots on an object for what is held, or for a thing of common size."""
+    """Free spots on an object for what is held, or for a thing of a common size."""
 
     def spots() -> tuple[Array, Array]:
         held = robot.holding

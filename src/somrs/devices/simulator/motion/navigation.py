@@ -1,8 +1,8 @@
-"""Where a mobile robot can go: paths around what stands on the map, and the poses from which it reaches something.
+"""Path planning for mobile robots: paths around obstacles, and poses from which a robot reaches something.
 
-Knows nothing of physics. What stands still comes from the map; what moves (robots, things on the floor) the caller says as discs.
-The ground is a grid; each cell holds the exact distance from its centre to the nearest obstacle (`clearance.py`). A coarse grid
-gives the way in the large, A* on the fine one follows it, and lines of sight straighten what it found.
+It is independent of the physics. Static obstacles come from the map; the caller gives temporary ones (robots, things on the floor) as
+discs. The ground is a grid whose cells hold the distance of their centres from the nearest obstacle (`clearance.py`). Distances on a
+coarse grid guide A* on the fine grid, and lines of sight straighten its path (`wayfinding.py`).
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from somrs.ontology.types import Ontology
 
 STANDING = {Role.WALL, Role.SUPPORT, Role.STATIC}
 COMFORT = 0.25
-"""Robots keep this far from obstacles where there is room, m."""
+"""Distance that robots keep from obstacles where there is space, m."""
 ESCAPE = 0.8
-"""How far a robot may drive straight away from what it stands too close to, m."""
+"""Longest straight drive by which a robot may leave an obstacle that it is too close to, m."""
 ARM = 0.05
 """Half the width of an arm, m."""
 SLACK = 0.01
-"""Metres by which a clearance may be missed: what interpolation between cells loses."""
+"""Tolerance of clearances, for the error of interpolation between cells, m."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Where a robot's base stands, where it looks, and the point that it reaches from there."""
+    """The position and heading of a robot's base, and the point that the robot reaches from there."""
 
     x: float
     y: float
@@ -43,7 +43,7 @@ class Pose:
 
 
 class Navigator:
-    """Plans on one level of a map. `height` is that of the robots: what begins above it is in nobody's way."""
+    """Plans paths on one level of a map. `height`: the height of the robots; solids above it are not obstacles."""
 
     def __init__(self, map: Map, ontology: Ontology, *, level: float = 0.0, height: float = 1.85) -> None:
         solids = [solid for object in map.objects.values() if (solid := solid_of(object, ontology)) is not None]
@@ -54,7 +54,7 @@ class Navigator:
         self._clearance = clearances(self.grid, list(self.solids.values()), floors, passages if floors else [])
 
     def clearance(self, point: Point, discs: Sequence[Disc] = ()) -> float:
-        """From the point to the nearest obstacle, at most `FAR`; negative inside of one, or off the floor."""
+        """Distance from the point to the nearest obstacle, at most `FAR`; negative inside an obstacle or off the floor."""
         return min(float(self.grid.sample(self._clearance, [point])[0]), *(d.distance(point) for d in discs), FAR)
 
     def free(self, point: Point, radius: float, discs: Sequence[Disc] = ()) -> bool:
@@ -62,9 +62,9 @@ class Navigator:
         return self.clearance(point, discs) >= radius - SLACK
 
     def path(self, start: Point, goal: Point, radius: float, discs: Sequence[Disc] = ()) -> list[Point] | None:
-        """Way points from start to goal, both included; None when there is no way.
+        """Way points from start to goal, both included; None if there is no path.
 
-        A robot that stands too close to something may leave it; the goal has to be free.
+        The start may be too close to an obstacle; the goal must be free.
         """
         if not self.free(goal, radius, discs):
             return None
@@ -76,11 +76,11 @@ class Navigator:
         if start_cell is None or goal_cell is None or labels[start_cell] != labels[goal_cell]:
             return [start, goal] if math.dist(start, goal) < ESCAPE and self._clear_line(field, start, goal, radius) else None
         cells = search(field, radius, COMFORT, start_cell, goal_cell)
-        assert cells is not None, "cells of one component are joined by a path"
+        assert cells is not None, "cells of one component are connected by a path"
         return self._straightened(field, [start, *map(self.grid.centre, cells), goal], radius)
 
     def distance(self, start: Point, goal: Point, radius: float, discs: Sequence[Disc] = ()) -> float | None:
-        """Length of the path, m."""
+        """Length of the path, m; None if there is none."""
         path = self.path(start, goal, radius, discs)
         return None if path is None else length(path)
 
@@ -94,9 +94,9 @@ class Navigator:
         height: float = 0.0,
         limit: int = 8,
     ) -> list[Pose]:
-        """Poses, best first, from which a gripper in front of the base reaches the target at that height.
+        """Poses, best first, from which a gripper in front of the base reaches the target at `height`.
 
-        `reach` is the least and the greatest distance from the middle of the base to the target.
+        `reach`: the smallest and the largest distance of the target from the middle of the base.
         """
         return self._ranked(start, self._poses_around(target, radius, reach, discs, height), radius, discs, limit)
 
@@ -111,9 +111,9 @@ class Navigator:
         room: float = 0.06,
         limit: int = 8,
     ) -> list[Pose]:
-        """Poses, best first, from which something can be put on the support, each with a point on its top near the edge.
+        """Poses, best first, from which something can be put on the support. The target of each is a point on its top near the edge.
 
-        `occupied_spots` are the things on the top, `room` the radius of what is to stand there.
+        `occupied_spots`: the things on the top; `room`: the radius of the thing to be put there.
         """
         poses: list[Pose] = []
         for target, (nx, ny) in edge_targets(support, room + 0.04):
@@ -131,7 +131,7 @@ class Navigator:
         height: float,
         towards: float | None = None,
     ) -> list[Pose]:
-        """Free poses that look at the target; with `towards`, only those that look about that way."""
+        """Free poses that face the target; with `towards`, only those with a heading near it."""
         step = math.pi / 12
         yaws = [i * step for i in range(24)] if towards is None else [towards + i * step for i in (0, -1, 1, -2, 2)]
         bases = [
@@ -148,7 +148,7 @@ class Navigator:
         ]
 
     def _ranked(self, start: Point, poses: list[Pose], radius: float, discs: Sequence[Disc], limit: int) -> list[Pose]:
-        """Those that can be driven to, by the length of the way, how much room there is and how far the arm stretches."""
+        """The reachable poses, ranked by the length of the path, the clearance and the extension of the arm."""
         if not poses:
             return []
         field = self.grid.with_discs(self._clearance, discs)
@@ -169,7 +169,7 @@ class Navigator:
         return list(_varied([poses[i] for _, i in sorted(rated)], limit))
 
     def _joining(self, field: np.ndarray, labels: np.ndarray, point: Point, radius: float) -> tuple[int, int] | None:
-        """The nearest free cell that can be driven to straight from the point, without coming closer to anything on the way."""
+        """The nearest free cell to which a straight drive from the point does not come closer to an obstacle."""
         home = self.grid.cell(point)
         if home is not None and labels[home]:
             return home
@@ -191,7 +191,7 @@ class Navigator:
         return bool(self.grid.sample(field, np.asarray(start) * (1 - share) + np.asarray(end) * share).min() >= clearance - SLACK)
 
     def _straightened(self, field: np.ndarray, path: list[Point], radius: float) -> list[Point]:
-        """The path with as few corners as lines of sight allow that keep the clearance which the path has there."""
+        """The path with corners removed where the straight line keeps the clearance of the path."""
         room = np.minimum(self.grid.sample(field, path), radius + COMFORT)
 
         def is_visible(i: int, j: int) -> bool:
@@ -219,7 +219,7 @@ def length(path: Sequence[Point]) -> float:
 
 
 def edge_targets(solid: Solid, inset: float, spacing: float = 0.2) -> Iterator[tuple[Point, Point]]:
-    """Points on a solid's top, `inset` from its edge or in the middle of what is narrower, with the normals outwards."""
+    """Points on a solid's top, `inset` from its edge or less where it is narrow, each with the outward normal of the edge."""
     for (start_x, start_y), (end_x, end_y) in _edges(solid):
         long = math.hypot(end_x - start_x, end_y - start_y)
         if long == 0:
@@ -238,7 +238,7 @@ def edge_targets(solid: Solid, inset: float, spacing: float = 0.2) -> Iterator[t
 
 
 def _edges(solid: Solid) -> list[tuple[Point, Point]]:
-    """The outline in the solid's own frame, counter-clockwise: inside is on the left."""
+    """The edges of the outline in the solid's own frame, counter-clockwise: the inside is on the left."""
     if solid.form == "Polygon":
         corners = list(solid.outline)
         if (
@@ -258,7 +258,7 @@ def _edges(solid: Solid) -> list[tuple[Point, Point]]:
 
 
 def _arm_passes(base: Point, target: Point, tall: Sequence[Solid]) -> bool:
-    """Whether nothing higher than what the target stands on is between the base and the target."""
+    """Whether none of the solids that are higher than the target's support is between the base and the target."""
     count = max(2, math.ceil(math.dist(base, target) / ARM))
     line = [(base[0] + (target[0] - base[0]) * i / count, base[1] + (target[1] - base[1]) * i / count) for i in range(count + 1)]
     return not any(solid.distance(*point) < ARM for solid in tall for point in line)
@@ -269,7 +269,7 @@ def _stands(solid: Solid) -> bool:
 
 
 def _varied(poses: list[Pose], limit: int) -> Iterator[Pose]:
-    """The first poses that differ from each other by a hand's breadth at least."""
+    """The first poses that are at least 0.12 m apart, or have different targets."""
     selected: list[Pose] = []
     for pose in poses:
         if len(selected) == limit:

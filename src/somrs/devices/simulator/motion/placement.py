@@ -1,4 +1,4 @@
-"""Where things can be put down, and where a robot has to stand to reach a spot."""
+"""Free spots where things can be put down, and stands from which a robot reaches a spot."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from somrs.devices.simulator.world.distances import Array, distances_from
 from somrs.devices.simulator.world.solids import Point, Role, Solid
 
 EDGE = 0.02
-"""What a thing keeps from the edge of what it is put on, m."""
+"""Distance of a thing from the edge of its support, m."""
 FINGERS = 0.05
-"""Room that the open fingers and the palm take beside a thing, m."""
+"""Space that the open fingers and the palm need beside a thing, m."""
 ARM = 0.11
-"""Half the width of the room that the arm takes while it works, m."""
+"""Half the width of the space that the arm needs while it works, m."""
 DOORWAY = 0.6
-"""What things on a floor keep from a door, so that robots get through, m."""
+"""Distance of things on a floor from a door, so that robots can pass, m."""
 COMFORTABLE = 0.5
-"""A spot that far from the middle of the base is easiest to reach: neither stretched nor close, m."""
+"""Distance from the middle of the base at which a spot is easiest to reach, m."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stand:
-    """A place for the base, the spot that is reached from it, and how good the two are (less is better)."""
+    """A place for the base, the spot that is reached from it, and the cost of the two (less is better)."""
 
     base: Point
     spot: Point
@@ -37,7 +37,7 @@ class Stand:
 
 
 def stands(robot: Robot, spots: Array, top: float, penalties: Array, ignored: Collection[str] = ()) -> list[Stand]:
-    """Where the robot can stand to reach one of the spots, which are `top` high; best first. Paths there are not looked at."""
+    """The stands from which the robot reaches one of the spots at height `top`, best first. Paths to the stands are not checked."""
     size, level = robot.size, robot.solid.z
     reaches = np.linspace(size.nearest + 0.015, size.farthest - 0.015, 6)
     angles = np.arange(24) * (math.pi / 12)
@@ -69,7 +69,7 @@ def stands(robot: Robot, spots: Array, top: float, penalties: Array, ignored: Co
 
 
 def boom_clear(robot: Robot, bases: Array, spots: Array, top: float) -> npt.NDArray[np.bool_]:
-    """For each base and spot, whether the boom passes between them above everything static when the hand is at `top`."""
+    """For each pair of base and spot, whether the boom passes above all static solids between them when the hand is at `top`."""
     boom = top + robot.size.hang - 0.05
     clear = np.ones(len(bases), dtype=bool)
     for share in (0.4, 0.6, 0.8, 1.0, 1.08):
@@ -79,7 +79,7 @@ def boom_clear(robot: Robot, bases: Array, spots: Array, top: float) -> npt.NDAr
 
 
 def thing_distances(robot: Robot, spots: Array, low: float, high: float, ignored: Collection[str]) -> Array:
-    """From each spot to the nearest thing in a range of heights."""
+    """Distance from each spot to the nearest thing between two heights."""
     distances = np.full(len(spots), 9.0)
     for thing in robot.scene.things():
         x, y, z, _ = robot.scene.pose(thing)
@@ -90,8 +90,10 @@ def thing_distances(robot: Robot, spots: Array, low: float, high: float, ignored
 
 
 def free_spots(robot: Robot, support: Solid, radius: float, position: Point | None = None) -> tuple[Array, Array]:
-    """Spots on top of a support, on a floor or on a named place where a thing of that radius can be put, with penalties for
-    those close to other things or to the edge."""
+    """Spots on a support, a floor or a named place where a thing of this radius can be put.
+
+    The second array has penalties for spots close to other things, the edge or walls.
+    """
     spots = np.array([position]) if position is not None else _grid(support, robot.pose()[:2], robot.size.farthest)
     if not len(spots):
         return spots.reshape(0, 2), np.zeros(0)
@@ -104,7 +106,7 @@ def free_spots(robot: Robot, support: Solid, radius: float, position: Point | No
     for other_robot in robot.fleet.values():
         for claim in [other_robot.base_claim()] if other_robot is robot else other_robot.claims():
             bases = np.minimum(bases, _from_capsule(spots, claim) - radius)
-    if support.role is Role.FLOOR and position is None:  # named places are kept free
+    if support.role is Role.FLOOR and position is None:  # keep named places free
         edge = np.minimum(edge, off_marks(robot, spots) - radius)
         edge = np.minimum(edge, off_doorways(robot, spots) - DOORWAY)
     inset = EDGE if position is None else 0.0
@@ -119,13 +121,13 @@ def free_spots(robot: Robot, support: Solid, radius: float, position: Point | No
 
 
 def off_marks(robot: Robot, spots: Array) -> Array:
-    """From each spot to the nearest named place on the robot's floor; negative within."""
+    """Distance from each spot to the nearest named place on the robot's floor; negative inside it."""
     marks = [mark for mark in robot.scene.world.by_role(Role.MARK) if abs(mark.z - robot.solid.z) < 0.1]
     return np.min([distances_from(mark, spots) for mark in marks], axis=0) if marks else np.full(len(spots), 9.0)
 
 
 def off_doorways(robot: Robot, spots: Array) -> Array:
-    """From each spot to the nearest door on the robot's floor."""
+    """Distance from each spot to the nearest door on the robot's floor."""
     doors = [door for door in robot.scene.world.by_role(Role.DOOR) if abs(door.z - robot.solid.z) < 0.1]
     return np.min([distances_from(door, spots) for door in doors], axis=0) if doors else np.full(len(spots), 9.0)
 
@@ -137,7 +139,7 @@ def _from_capsule(points: Array, capsule: Capsule) -> Array:
 
 
 def _grid(support: Solid, robot_position: Point, reach: float) -> Array:
-    """Points on top of a solid; of a large one, those about the robot."""
+    """A grid of points on top of a solid; on a large solid in reach, only points around the robot."""
     extent = support.extent
     step = 0.06 if extent < 1.0 else 0.1
     if extent > 3.0 and support.distance(*robot_position) < reach:
@@ -151,15 +153,15 @@ def _grid(support: Solid, robot_position: Point, reach: float) -> Array:
 
 
 def spots_here(robot: Robot, radius: float) -> list[tuple[Point, float]]:
-    """Spots around the robot where a thing can be set down without driving, and their heights; best first.
+    """Spots around the robot where it can set a thing down without driving, with their heights; best first.
 
-    The floor is better than furniture; so is a spot that another robot can get to, and one in front.
+    It prefers the floor to furniture, spots that another robot can reach, and spots in front.
     """
     size, (x, y, yaw) = robot.size, robot.pose()
     reaches = [r for r in (0.56, 0.5, 0.44, 0.38) if size.nearest <= r <= size.farthest] or [size.farthest]
     angles = yaw + np.arange(-12, 12) * (math.pi / 12)
     spots = np.array([(x + r * math.cos(angle), y + r * math.sin(angle)) for r in reaches for angle in angles])
-    # In front rather than behind, and rather far from the base, so that there is room around it.
+    # Prefer spots in front, and far from the base, so that there is space around them.
     ahead = np.tile(np.abs(np.arange(-12, 12)) * 0.02, len(reaches)) + np.repeat(size.farthest - np.array(reaches), 24)
     level = robot.solid.z
     held = [robot.holding] if robot.holding else []
@@ -189,7 +191,7 @@ def spots_here(robot: Robot, radius: float) -> list[tuple[Point, float]]:
 
 
 def _others_can_reach(robot: Robot, spot: Point, radius: float) -> bool:
-    """Whether a robot like this one could stand somewhere to take what is put on the spot."""
+    """Whether another robot of this size finds a place from which it can take a thing from the spot."""
     size, (x, y, _) = robot.size, robot.pose()
     ring = [(spot[0] + 0.55 * math.cos(angle), spot[1] + 0.55 * math.sin(angle)) for angle in np.arange(16) * math.pi / 8]
     min_clearance = size.radius + MARGIN + 0.02
@@ -197,7 +199,7 @@ def _others_can_reach(robot: Robot, spot: Point, radius: float) -> bool:
 
 
 def outline_spots(solid: Solid) -> Array:
-    """Points just inside an object's outline: to reach one of them is to be at the object."""
+    """Points just inside an object's outline. A robot that reaches one of them is at the object."""
     ring = np.arange(48) * (math.pi / 24)
     far = [(solid.x + solid.extent * 1.5 * math.cos(angle), solid.y + solid.extent * 1.5 * math.sin(angle)) for angle in ring]
     points: list[Point] = []
@@ -211,7 +213,7 @@ def outline_spots(solid: Solid) -> Array:
 
 
 def reachable_now(robot: Robot, spots: Array, top: float) -> int | None:
-    """The first of the spots that the arm reaches from where the robot is."""
+    """The index of the first spot that the arm reaches from the robot's current position; None if there is none."""
     x, y, _ = robot.pose()
     base = np.tile(np.array([[x, y]]), (len(spots), 1))
     distance = np.hypot(spots[:, 0] - x, spots[:, 1] - y)
@@ -221,6 +223,6 @@ def reachable_now(robot: Robot, spots: Array, top: float) -> int | None:
 
 
 def order(spots: Array, penalties: Array) -> tuple[Array, Array]:
-    """Least penalty first."""
+    """Sort spots and penalties by penalty, smallest first."""
     best = np.argsort(penalties, kind="stable")
     return spots[best], penalties[best]

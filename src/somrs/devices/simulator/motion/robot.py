@@ -1,7 +1,7 @@
-"""One simulated robot: what it is doing, the motion of its base and arm from one control period to the next, the room it claims.
+"""One simulated robot: its activity, the control of its base and arm in each control period, and the space that it claims.
 
-How it drives somewhere is in `driving.py`, how it takes and puts things in `handling.py`: as routines, generators that yield once
-every control period.
+Routines are generators that yield once per control period: those for driving are in `driving.py`, those for gripping and placing in
+`handling.py`.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ from somrs.devices.simulator.world.scene import Scene
 from somrs.devices.simulator.world.solids import Point, Solid
 
 PERIOD = 0.02
-"""Of the controllers, s."""
+"""Control period, s."""
 ACCELERATION = 0.8
-"""Of the base, m/s²."""
+"""Acceleration of the base, m/s²."""
 BRAKING = 1.2
-"""The deceleration that claims of room count on, m/s²; the servos can do more."""
+"""Deceleration that claims assume, m/s²; the servos can brake harder."""
 TURNING, TURNING_UP = 1.6, 4.0
-"""Of the base, rad/s and rad/s²."""
+"""Turning speed and turning acceleration of the base, rad/s and rad/s²."""
 RATES = {"turret": 1.3, "lift": 0.4, "reach": 0.4, "wrist": 2.5, "left": 0.08, "right": 0.08}
-"""How fast the arm's joints are led to their targets, rad/s and m/s."""
+"""Speeds at which the set points of the arm's joints approach their targets, rad/s and m/s."""
 STANDING = 0.01
-"""A base slower than this stands, m/s and rad/s."""
+"""Speed below which the base counts as standing, m/s and rad/s."""
 TOLERANCES = {"turret": 0.01, "lift": 0.006, "reach": 0.004, "wrist": 0.05, "left": 0.006, "right": 0.006}
 
 Routine = Generator[None, None, None]
 
 
 class GivenUp(Exception):
-    """A routine cannot go on; the reason is one of those of `CommandGivenUp`. Never leaves the simulator."""
+    """A routine cannot continue. `reason` is a reason of `CommandGivenUp`. Not raised to callers of the simulation."""
 
     def __init__(self, reason: str, description: str) -> None:
         self.reason, self.description = reason, description
@@ -43,12 +43,12 @@ class GivenUp(Exception):
 
 
 def wrap(angle: float) -> float:
-    """The same angle in (-pi, pi]."""
+    """The equivalent angle in (-pi, pi]."""
     return math.atan2(math.sin(angle), math.cos(angle))
 
 
 class Robot:
-    """A robot in the scene. `fleet` are all robots by name, itself included."""
+    """A robot in the scene. `fleet`: all robots by name, including this robot."""
 
     def __init__(self, solid: Solid, scene: Scene, navigator: Navigator, fleet: Mapping[str, Robot]) -> None:
         self.solid, self.scene, self.navigator, self.fleet = solid, scene, navigator, fleet
@@ -57,10 +57,10 @@ class Robot:
         self.faults: set[Fault] = set()
         self.activity: str | None = None
         self.plan: list[Point] = []
-        """The way ahead while it drives."""
+        """The remaining path while it drives."""
         self.arm_claim: Capsule | None = None
         self.asking_robot: Robot | None = None
-        """A robot that wants this one out of its way."""
+        """A robot that has asked this robot to make way."""
         self.speed, self.turning, self.heading = 0.0, 0.0, (1.0, 0.0)
         self._moved = False
         self._targets: dict[str, float] = {joint: self.joints[joint] for joint in RATES} if self.size.gripper else {}
@@ -96,7 +96,7 @@ class Robot:
         self._moved = False
 
     def end_period(self) -> None:
-        """A base that nothing moves in this period stands."""
+        """Drive the base. Without a call of `move` in this period, it stops."""
         if not self._moved:
             self.speed = self.turning = 0.0
         self.joints.drive("x", self.speed * self.heading[0])
@@ -104,9 +104,9 @@ class Robot:
         self.joints.drive("yaw", self.turning)
 
     def move(self, direction: Point, speed: float, turning: float) -> Robot | None:
-        """Move the base in this period, as near to the wish as the drive and the other robots allow.
+        """Move the base in this period, as close to the requested motion as the drive and the claims of other robots allow.
 
-        Returns the robot in the way, if the wish was cut for one.
+        Returns the robot for which the speed was reduced, if any.
         """
         self._moved = True
         limit = TURNING_UP * PERIOD
@@ -126,22 +126,22 @@ class Robot:
         return obstacle
 
     def base_claim(self, direction: Point | None = None, speed: float | None = None) -> Capsule:
-        """The room in which the base can come to a stand from this motion."""
+        """The space that the base needs to stop from this motion; by default from the current motion."""
         x, y, _ = self.pose()
         direction, speed = direction or self.heading, self.speed if speed is None else speed
         way = speed * speed / (2 * BRAKING) + 2 * speed * PERIOD
         return Capsule((x, y), (x + way * direction[0], y + way * direction[1]), self.size.radius)
 
     def claims(self) -> list[Capsule]:
-        """The room that is this robot's."""
+        """The space that this robot claims: for its base, and for its arm while that is extended."""
         return [self.base_claim()] + ([self.arm_claim] if self.arm_claim is not None else [])
 
     def other_robots(self) -> list[Robot]:
-        """The robots that it could meet: those on the same floor."""
+        """The other robots on the same floor."""
         return [r for r in self.fleet.values() if r is not self and abs(r.solid.z - self.solid.z) < 1.5]
 
     def find_blocker(self, wanted_claim: Capsule) -> Robot | None:
-        """A robot whose room the wanted claim would take. To stand still, or to get away from it, is always allowed."""
+        """A robot whose claim overlaps the wanted claim, or None. Standing still and moving away are always allowed."""
         for other_robot in self.other_robots():
             for claim in other_robot.claims():
                 if wanted_claim.gap(claim) < GAP and not _leads_away(wanted_claim, claim):
@@ -151,18 +151,18 @@ class Robot:
     # The arm
 
     def hand(self) -> Point:
-        """Where the hand is on the map."""
+        """The position of the hand on the map."""
         x, y, yaw = self.pose()
         angle, reach = yaw + self.joints["turret"], self.joints["reach"]
         return x + reach * math.cos(angle), y + reach * math.sin(angle)
 
     def aim(self, spot: Point) -> tuple[float, float]:
-        """The turret's angle and the boom's reach that bring the hand over a spot."""
+        """The turret's angle and the boom's reach that bring the hand above a spot."""
         x, y, yaw = self.pose()
         return wrap(math.atan2(spot[1] - y, spot[0] - x) - yaw), math.dist((x, y), spot)
 
     def lead(self, joint: str, target: float) -> bool:
-        """Lead a joint of the arm towards its target for one period. Whether the target was given out in full."""
+        """Move the set point of a joint towards its target for one period. Returns whether it has reached the target."""
         step = RATES[joint] * PERIOD
         if joint in ("left", "right"):
             self.need_gripper()
@@ -172,12 +172,12 @@ class Robot:
         return abs(target - self._targets[joint]) < 1e-9
 
     def hold_joint(self, joint: str) -> None:
-        """Stop leading the joint: it stays where it is."""
+        """Hold a joint at its current position."""
         self._targets[joint] = self.joints[joint]
         self.joints.drive(joint, self._targets[joint])
 
     def arm(self, **targets: float) -> Routine:
-        """Bring joints of the arm to their targets, all at the same time."""
+        """Bring joints of the arm to their targets simultaneously."""
         if "turret" in targets:
             targets["turret"] = self._targets["turret"] + wrap(targets["turret"] - self._targets["turret"])
         settling = 0
@@ -204,7 +204,7 @@ class Robot:
 
 
 def _leads_away(wanted_claim: Capsule, claim: Capsule) -> bool:
-    """Whether the wanted claim begins too close to the other one and leads away from it; as both are convex, it never comes back."""
+    """Whether the wanted claim begins too close to the other claim and leads away from it. Both are convex, so it does not come back."""
     way = math.dist(wanted_claim.start, wanted_claim.end)
     if way == 0:
         return True
@@ -215,7 +215,7 @@ def _leads_away(wanted_claim: Capsule, claim: Capsule) -> bool:
 
 
 def stand(robot: Robot) -> Routine:
-    """Come to a stand: a base rolls on for some centimetres."""
+    """Wait until the base stands: it rolls on for some centimetres."""
     for _ in range(100):
         yield
         if robot.stands:

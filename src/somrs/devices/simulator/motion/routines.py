@@ -1,4 +1,4 @@
-"""What each command has a robot do: what has to be so for it, and the routine that carries it out."""
+"""The routine for each command: checks the command's preconditions, and carries it out."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from somrs.errors import UsageError
 
 
 def make_routine(command: Command, robot: Robot, scene: Scene, observations: dict[str, ObjectState]) -> Routine:
-    """The routine for a command. What is seen on the way, for commands that are to look, goes into `observations`."""
+    """Make the routine for a command. Commands that search add what they see to `observations`. Raises UsageError."""
     match command:
         case DriveTo(x=x, y=y, yaw=yaw):
             return _drive(robot, x, y, yaw)
@@ -39,7 +39,7 @@ def make_routine(command: Command, robot: Robot, scene: Scene, observations: dic
 
 
 def concerned_objects(command: Command, robot: Robot) -> tuple[str, ...]:
-    """The objects of which the robot says at the end of a command how they are."""
+    """The objects whose states the robot reports at the end of a command."""
     match command:
         case Approach(object=name) | Grip(object=name):
             return (name,)
@@ -62,7 +62,7 @@ def _approach(robot: Robot, scene: Scene, name: str) -> Routine:
         yield from get_within_reach(robot, name, spots_on(robot, solid, None), top_of(solid))
         return
     spots = outline_spots(solid)
-    # Only to be near it: the arm is not going to reach into it, so no height is in the way.
+    # The robot only has to be near: the arm does not reach into the object, so its height is no obstacle.
     yield from get_within_reach(robot, name, lambda: (spots, np.zeros(len(spots))), max(solid.top, 1.5), [name])
 
 

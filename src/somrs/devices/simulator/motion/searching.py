@@ -1,6 +1,6 @@
-"""How a robot looks for something: it drives to where it can see a place, turns about, and stops as soon as it sees it.
+"""Searching: a robot drives to where it can see a place, turns around, and stops as soon as it sees the object.
 
-These are routines, as in `driving.py`. What was seen on the way is noted in a dictionary that the caller gives.
+These are routines, as in `driving.py`. They add what they see to the `observations` of the caller.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from somrs.devices.simulator.world.solids import Point
 from somrs.devices.simulator.world.vision import Place, eye_of, looks_towards, view, visible
 
 DISTANCES = (0.9, 1.3, 1.8, 2.5, 3.3)
-"""From which a place is looked at, m."""
+"""Distances from which a place is observed, m."""
 CLOSE = 0.6
-"""A place is looked at from within that part of how far the camera sees."""
+"""Largest distance for observing a place, as a fraction of the camera's range."""
 ATTEMPTS = 4
-"""So many spots are tried from which a place could be seen."""
+"""Number of viewpoints that are tried for a place."""
 GLANCE = 5
-"""Control periods between two looks for the object on the way."""
+"""Control periods between two checks whether the object is in view."""
 BLOCKED = ("blocked", "unreachable")
 
 
 def look_at(robot: Robot, point: Place, object: str | None, observations: dict[str, ObjectState]) -> Routine:
-    """Get to where the point is in view, and look there; or to where the object comes in view."""
+    """Drive to where the point is in view, and face it; stop earlier when the object comes into view. Raises GivenUp."""
     yield from withdraw(robot)
     problem = GivenUp("unreachable", f"there is no place from which {robot.name} could see ({point[0]:.2f}, {point[1]:.2f})")
     for x, y in _varied(_viewpoints(robot, point)):
@@ -48,7 +48,7 @@ def look_at(robot: Robot, point: Place, object: str | None, observations: dict[s
 
 
 def look_around(robot: Robot, object: str | None, observations: dict[str, ObjectState]) -> Routine:
-    """Turn once around. Notes everything that was seen."""
+    """Turn once around, and record everything that comes into view; stop earlier when the object does."""
     yield from withdraw(robot)
     _note(robot, observations)
     view, start = robot.solid.view, robot.pose()[2]
@@ -65,7 +65,7 @@ def _note(robot: Robot, observations: dict[str, ObjectState]) -> None:
 
 
 def _move_until_seen(robot: Robot, moving: Routine, object: str | None) -> Routine:
-    """Move, but not on once the object is seen."""
+    """Run a routine until the object is seen."""
     for period, _ in enumerate(moving):
         if object is not None and period % GLANCE == 0 and visible(robot.scene, robot.name, object):
             moving.close()
@@ -74,7 +74,7 @@ def _move_until_seen(robot: Robot, moving: Routine, object: str | None) -> Routi
 
 
 def _viewpoints(robot: Robot, point: Place) -> Iterator[Point]:
-    """Where the robot can stand, with the point in view; the nearest first. So near that what is around the point is seen, too."""
+    """Places from which the robot sees the point, nearest first, and close enough to see its surroundings, too."""
     (x, y, _), min_clearance = robot.pose(), robot.size.radius + MARGIN
     eye = eye_of(robot.scene, robot.name)
     angles = np.arange(16) * (math.pi / 8)
@@ -98,7 +98,7 @@ def _viewpoints(robot: Robot, point: Place) -> Iterator[Point]:
 
 
 def _varied(spots: Iterator[Point]) -> Iterator[Point]:
-    """The first ones that are not next to each other."""
+    """The first spots that are more than 0.8 m apart, at most `ATTEMPTS`."""
     selected: list[Point] = []
     for spot in spots:
         if all(math.dist(spot, selected_spot) > 0.8 for selected_spot in selected):

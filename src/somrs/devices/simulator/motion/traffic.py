@@ -1,7 +1,7 @@
-"""Who keeps what space: the room that robots occupy or will need to stop in, so that they never run into each other.
+"""Collision avoidance between robots: each robot claims the space that it occupies or needs to stop.
 
-Each robot claims capsules (a line with a radius): its base from where it is to where it can have stopped, and its boom while that is
-out. A robot takes a new claim only if that meets no other's. Claims are renewed one robot after the other, so two never overlap.
+Claims are capsules (a line with a radius): for the base from its position to where it can stop, and for the boom while it is extended.
+A robot takes a new claim only if it overlaps no other robot's claims. Robots renew claims one after the other, so claims never overlap.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from itertools import pairwise
 from somrs.devices.simulator.world.solids import Point
 
 GAP = 0.04
-"""What robots keep between them beyond their radii, m."""
+"""Distance that robots keep between their outlines, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,12 +26,12 @@ class Capsule:
     radius: float
 
     def gap(self, capsule: Capsule) -> float:
-        """Between the two; negative if they overlap."""
+        """Distance between two capsules; negative if they overlap."""
         return segment_distance(self.start, self.end, capsule.start, capsule.end) - self.radius - capsule.radius
 
 
 def point_distance(point: Point, start: Point, end: Point) -> float:
-    """From a point to a line segment."""
+    """Distance from a point to a line segment."""
     dx, dy = end[0] - start[0], end[1] - start[1]
     share = ((point[0] - start[0]) * dx + (point[1] - start[1]) * dy) / (dx * dx + dy * dy or 1.0)
     share = max(0.0, min(1.0, share))
@@ -39,7 +39,7 @@ def point_distance(point: Point, start: Point, end: Point) -> float:
 
 
 def segment_distance(start: Point, end: Point, other_start: Point, other_end: Point) -> float:
-    """Between two line segments; 0 if they cross."""
+    """Distance between two line segments; 0 if they cross."""
 
     def side(p: Point, q: Point, r: Point) -> float:
         return (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
@@ -58,7 +58,7 @@ def segment_distance(start: Point, end: Point, other_start: Point, other_end: Po
 
 
 def path_distance(path: Sequence[Point], other_path: Sequence[Point]) -> float:
-    """Between two paths of points; infinite if one is empty."""
+    """Distance between two paths of points; infinite if a path is empty."""
     segments = [(path[i], path[min(i + 1, len(path) - 1)]) for i in range(max(1, len(path) - 1))] if path else []
     other_segments = (
         [(other_path[i], other_path[min(i + 1, len(other_path) - 1)]) for i in range(max(1, len(other_path) - 1))] if other_path else []

@@ -1,6 +1,6 @@
-"""The search for a way over a field of clearances: A* on its cells, guided by exact distances on a coarser grid.
+"""Path search on a field of clearances: A* on its cells, guided by exact distances on a coarser grid.
 
-Driving near obstacles costs more than driving where there is room, so that ways lead through the middle of doors.
+Driving near obstacles costs more than driving in open space, so that paths lead through the middle of doors.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ from scipy.sparse.csgraph import dijkstra
 from somrs.devices.simulator.motion.clearance import CELL, Cell, Field
 
 BLOCK = 6
-"""Cells along the side of a cell of the coarse grid."""
+"""Cells along the side of a block, which is a cell of the coarse grid."""
 TIGHT = 2.0
-"""How much more it costs to drive with no room at all to spare, per metre, than with plenty."""
+"""Additional cost per metre of driving without any spare clearance."""
 LEVELS = 50
-"""Steps between no room and plenty; 0 is not free at all."""
+"""Number of levels of clearance; level 0 is occupied."""
 HASTE = 1.1 / CELL
-"""Cells per metre of the coarse way ahead: trusting it a little too much halves the search, and costs a few per cent of way."""
+"""Weight of the coarse distance, in cells per metre. Overestimating it by 10 % halves the search, for paths a few per cent longer."""
 STEPS = tuple((dr, dc, math.hypot(dr, dc)) for dr in (-1, 0, 1) for dc in (-1, 0, 1) if (dr, dc) != (0, 0))
 
 
 @dataclass(frozen=True, slots=True)
 class Costs:
-    """What it costs about, in metres of free driving, to get to each block of cells; never much more than it really does."""
+    """The approximate cost of reaching each block, in metres of free driving; never much higher than the actual cost."""
 
     blocks: NDArray[np.float64]
 
@@ -39,14 +39,14 @@ class Costs:
 
 
 def levels_of(field: Field, radius: float, comfort: float) -> NDArray[np.uint8]:
-    """Per cell: 0 where the robot cannot be, from 1 (touching) to LEVELS (room to spare)."""
+    """The level of each cell: 0 where the robot cannot be, from 1 (touching) to LEVELS (`comfort` or more to spare)."""
     room = (field - radius) / comfort
     levels: NDArray[np.uint8] = np.where(room < 0, 0, 1 + np.clip(room, 0, 1) * (LEVELS - 1)).astype(np.uint8)
     return levels
 
 
 def factor(level: Any) -> Any:
-    """What a metre costs at a level, or at an array of them."""
+    """The cost of a metre at a level, or at each level of an array."""
     return 1 + TIGHT * (1 - (level - 1) / (LEVELS - 1)) ** 2
 
 
@@ -55,7 +55,7 @@ def costs_from(field: Field, radius: float, comfort: float, start: Cell) -> Cost
 
 
 def _coarse(levels: NDArray[np.uint8], start: Cell) -> Costs:
-    """Dijkstra over blocks, each as good as its best cell."""
+    """Costs by Dijkstra's algorithm over blocks; a block has the level of its best cell."""
     rows, columns = (-(-n // BLOCK) for n in levels.shape)
     padded = np.zeros((rows * BLOCK, columns * BLOCK), dtype=np.uint8)
     padded[: levels.shape[0], : levels.shape[1]] = levels
@@ -76,9 +76,9 @@ def _coarse(levels: NDArray[np.uint8], start: Cell) -> Costs:
 
 
 def search(field: Field, radius: float, comfort: float, start: Cell, goal: Cell) -> list[Cell] | None:
-    """The cells of a cheap way from start to goal, both free; None when there is none.
+    """The cells of a cheap path from start to goal, which must both be free; None if there is none.
 
-    The outermost cells of the field have to be obstacles.
+    The outermost cells of the field must be obstacles.
     """
     levels = levels_of(field, radius, comfort)
     columns = levels.shape[1]
@@ -86,7 +86,7 @@ def search(field: Field, radius: float, comfort: float, start: Cell, goal: Cell)
     block_columns = -(-columns // BLOCK)
     cells, prices = levels.tobytes(), [math.inf, *(float(factor(level)) for level in range(1, LEVELS + 1))]
     steps = [(dr * columns + dc, length) for dr, dc, length in STEPS]
-    # Way already made and way ahead, in cells. Ahead: the coarse one, and the straight line near the goal.
+    # Priority: cost so far plus estimated cost ahead, in cells. The estimate is the coarse cost or, near the goal, the straight line.
     begin, end = start[0] * columns + start[1], goal[0] * columns + goal[1]
     costs, predecessors, closed = {begin: 0.0}, {begin: begin}, set[int]()
     queue = [(0.0, begin)]
