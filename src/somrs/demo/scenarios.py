@@ -282,9 +282,7 @@ def _close(played: ScenarioResult, scenario: str, folder: Path, console: Console
     console.print()
     console.print(terminal.steps("Steps", played.view.steps))
     console.print(terminal.outcome(played.view))
-    console.print(
-        terminal.table("Checks", ("", ""), ((check, "yes" if passed else "NO") for check, passed in played.checks.items()))
-    )
+    console.print(terminal.table("Checks", ("", ""), ((check, "yes" if passed else "NO") for check, passed in played.checks.items())))
     if played.pictures:
         letters = [picture.stem for picture in played.pictures]
         console.print(terminal.table("Pictures", ("file", "content"), ((f"{letter}.png", STEPS[letter]) for letter in letters)))

@@ -1,1 +1,1 @@
-"""The simulation as a server: its robots are driven over TCP, and it follows the map."""
+"""The simulation as a server: clients control its robots over TCP, and it follows changes of the map."""

@@ -1,4 +1,4 @@
-"""How far a simulated robot would have to drive, for quotes: from where it is to one thing after the other."""
+"""Driving distances of a simulated robot, for quotes: from its position through a sequence of stops."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from somrs.devices.simulator.world.solids import Point, Role
 from somrs.errors import UsageError
 
 ELEVATION = 0.8
-"""At which height a mere point is taken to be reached, m."""
+"""Height at which the arm reaches a stop that is a point, m."""
 
 
 def leg_lengths(simulation: Simulation, robot: str, stops: Stops) -> tuple[float | None, ...]:
-    """Metres of driving to reach the first, from there the next, and so on; None from where there is no way.
+    """Driving distances in metres to the first stop, from there to the next, and so on; None from the first leg without a path on.
 
-    Robots that can move will have moved; those that cannot are in the way.
+    Other robots count as obstacles only if they cannot move. Raises UsageError for an unknown robot or object.
     """
     if robot not in simulation.robots:
         raise UsageError(f"there is no robot {robot}; there are {', '.join(simulation.robots) or 'none'}")
@@ -41,7 +41,7 @@ def leg_lengths(simulation: Simulation, robot: str, stops: Stops) -> tuple[float
 
 
 def _stand(simulation: Simulation, robot: Robot, position: Point, stop: str | Point, discs: list[Disc]) -> Point | None:
-    """Where the robot would stand to reach the object or point."""
+    """The position from which the robot would reach the object or point; None if there is none."""
     plan, radius, reach = robot.navigator, robot.size.radius + MARGIN, (robot.size.nearest, robot.size.farthest)
     poses: list[Pose]
     if not isinstance(stop, str):

@@ -1,4 +1,4 @@
-"""Faults that are to happen later: after some simulated time, once a robot has carried something so far, or has released it."""
+"""Scheduled faults: after a delay in simulated time, after a distance of carrying something, or after releasing it."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from somrs.errors import UsageError
 class _PlannedFault:
     request: Break
     due_time: float
-    """Simulated time before which it does not happen."""
+    """Earliest simulated time of the fault."""
     holding: str | None = None
     last_position: tuple[float, float] = (0.0, 0.0)
     carried: float = 0.0
     released: bool = False
-    """It has held something."""
+    """Whether the robot has held something since the request."""
     activity: str | None = None
-    """What it did when it held that last."""
+    """The robot's activity when it last held something."""
 
 
 class Schedule:
-    """The faults that are to happen in a simulation."""
+    """The scheduled faults of a simulation."""
 
     def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation
@@ -37,17 +37,17 @@ class Schedule:
         if request.robot not in self._simulation.linked:
             raise UsageError(f"there is no robot {request.robot}; there are {', '.join(self._simulation.linked) or 'none'}")
         if request.released and request.carried is not None:
-            raise UsageError("a fault is to happen while something is carried, or when it was released: say one of the two")
+            raise UsageError("a fault can occur while something is carried or when it was released: give only one of the two")
         self._planned.append(_PlannedFault(request, self._simulation.time + (request.delay or 0.0)))
 
     def drop(self, robot: str, fault: Fault) -> None:
-        """Call off what was to happen to the robot."""
+        """Cancel the scheduled faults of this kind for the robot."""
         self._planned = [
             planned_fault for planned_fault in self._planned if (planned_fault.request.robot, planned_fault.request.fault) != (robot, fault)
         ]
 
     def due(self) -> Iterator[tuple[str, Fault]]:
-        """What is to happen now. Asked once every control period, so that the way driven is measured well."""
+        """Remove and yield the faults that are due. Call it once per control period, so that driven distances are measured accurately."""
         for planned_fault in list(self._planned):
             if planned_fault.request.robot not in self._simulation.linked:
                 self._planned.remove(planned_fault)
@@ -67,7 +67,7 @@ class Schedule:
         return state.holding is not None and planned_fault.carried >= planned_fault.request.carried
 
     def _released(self, planned_fault: _PlannedFault) -> bool:
-        """Whether it has let go of what it held, is done with that, and has drawn its arm in."""
+        """Whether the robot has released what it held, has ended that activity, and has drawn its arm in."""
         if not planned_fault.request.released:
             return True
         robot = self._simulation.robots.get(planned_fault.request.robot)

@@ -1,6 +1,7 @@
-"""Keeps a simulated world in step with the Repository: it is built from the map, what is added to the map appears in it, doors open and
-close as the map says, and what has another name or type on the map has it in the world. Where things are, the physics decides: what robots
-measure does not move them.
+"""Keeps a simulated world in agreement with the Repository's map.
+
+The world is built from the map. It follows objects that are added, removed or renamed, changes of their types, and doors that open or
+close. Positions come from the physics alone: positions that robots report to the map do not move objects.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from somrs.ontology.objects import Change, Map, ObjectAdded, ObjectRemoved, Valu
 
 
 class Follower:
-    """A component that only listens. `simulation` is there once the map was `read`."""
+    """A component that only receives. `simulation` is set when the event `read` is set: when the map has been read."""
 
     def __init__(self, address: str, repository: str) -> None:
         self.replica = Replica(address, repository)
@@ -37,7 +38,7 @@ class Follower:
         elif self.simulation is not None:
             if news.ontology_changed:
                 self.simulation.learn(self.replica.ontology)
-            # What was read as a whole says nothing of what happened, only what is otherwise.
+            # A reloaded map has no list of changes, so they are computed from the difference.
             changes = differences(map_before, self.replica.map) if news.reloaded else news.changes
             renamed = [renaming for renaming in news.renamed if renaming.section is Section.OBJECTS] if not news.reloaded else []
             self._follow(self.simulation, changes, renamed)
@@ -51,7 +52,7 @@ class Follower:
                 case ObjectAdded(object):
                     simulation.add(object)
                 case ObjectRemoved(name) if renamed and renamed[0].name == name:
-                    pass  # it comes back as what is added next
+                    pass  # the next addition is the renamed object
                 case ObjectRemoved(name):
                     simulation.remove(name)
                 case ValueSet(name, "Open") if (door := self.replica.map.objects.get(name)) is not None:

@@ -1,6 +1,6 @@
-"""Where everything is that can move, as numbers in one row, and what of it one who follows has not heard yet.
+"""The poses of everything that can move, as one row of numbers, and the changes that a subscriber has not received yet.
 
-A row is cheap to read from the physics, and only what moved is said: a world at rest costs nothing.
+A row is cheap to read from the physics, and only changes are sent, so that a world at rest costs almost nothing.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from somrs.devices.simulator.world.vision import StationaryCamera
 Flags = npt.NDArray[np.bool_]
 
 SMALLEST = 0.0005
-"""What moved by less, in metres or radians, has not moved: physics is never quite still."""
+"""Smallest change that counts as motion, in metres or radians: the physics is never completely still."""
 DIGITS = 4
-"""After the point: a tenth of a millimetre."""
+"""Decimal digits of the values that are sent: a tenth of a millimetre."""
 SILENCE = 1.0
-"""Seconds after which a line is said though nothing moved."""
+"""Seconds after which a line is sent even if nothing moved."""
 
 
 class Table:
-    """What can move in a compiled world, and where its numbers are. Made anew after each compilation."""
+    """The movers of a compiled world, and the addresses of their numbers. Valid until the next compilation."""
 
     def __init__(self, simulation: Simulation) -> None:
         scene = simulation.scene
@@ -44,7 +44,7 @@ class Table:
         self.movers = tuple(Mover(name=name, numbers=numbers) for name, numbers in movers)
         counts = [mover.numbers for mover in self.movers]
         self.owners = np.repeat(np.arange(len(counts)), counts)
-        """Whose each number of the row is."""
+        """For each number of the row, the index of its mover."""
         self._starts = np.cumsum([0, *counts])[:-1]
         ordered = [*self._arms, *self._bases]
         self._base_addresses = np.array([self._addresses(robot.name, BASE_JOINTS) for robot in ordered], dtype=int).reshape(-1, 3)
@@ -57,11 +57,11 @@ class Table:
         return [int(self.model.jnt_qposadr[self.model.joint(f"{robot}/{joint}").id]) for joint in joints]
 
     def flag_movers(self, numbers: Flags) -> Flags:
-        """For each mover, whether it is so of any of its numbers."""
+        """For each mover, whether the flag of any of its numbers is set."""
         return np.logical_or.reduceat(numbers, self._starts) if self.movers else np.empty(0, dtype=bool)
 
     def row(self) -> Array:
-        """The numbers of all movers, one after the other."""
+        """The numbers of all movers, in the order of `movers`."""
         position = np.asarray(self._data.qpos)
         base = position[self._base_addresses]
         robots = np.empty((len(base), 4))
@@ -74,7 +74,7 @@ class Table:
 
 
 def is_same_state(first: RobotState, second: RobotState) -> bool:
-    """Whether nothing is otherwise but the time."""
+    """Whether two states differ only in time."""
     same_pose = abs(first.x - second.x) < SMALLEST and abs(first.y - second.y) < SMALLEST and abs(first.yaw - second.yaw) < SMALLEST
     return same_pose and (first.holding, first.activity, first.faults) == (second.holding, second.activity, second.faults)
 
@@ -84,7 +84,7 @@ def _faults(device: Robot | StationaryCamera) -> tuple[Fault, ...]:
 
 
 def _angles(turns: Array) -> Array:
-    """Yaw, pitch and roll (about z, then the new y, then the new x) of quaternions (n, 4)."""
+    """Yaw, pitch and roll (n, 3), about z, then the new y, then the new x, of quaternions (n, 4)."""
     w, x, y, z = turns.T
     yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
     pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))
@@ -93,7 +93,7 @@ def _angles(turns: Array) -> Array:
 
 
 def robot_statuses(simulation: Simulation) -> dict[str, RobotStatus]:
-    """What each robot and camera does now."""
+    """The current status of each robot and camera, by name."""
     held = simulation.scene.held
     robots = {
         name: RobotStatus(holding=held.get(name), activity=robot.activity, faults=_faults(robot))
@@ -103,7 +103,7 @@ def robot_statuses(simulation: Simulation) -> dict[str, RobotStatus]:
 
 
 class PoseSubscription:
-    """What one connection was told, and when it is to be told again. Times are of the clock on the wall."""
+    """What was sent to one connection, and the time of its next line. Times are in seconds of real time."""
 
     def __init__(self, rate: float) -> None:
         self._pause = 1 / rate
@@ -114,7 +114,7 @@ class PoseSubscription:
         self._statuses: dict[str, RobotStatus] = {}
 
     def line(self, table: Table, row: Array, statuses: dict[str, RobotStatus], time: float, now: float) -> Poses | None:
-        """What is new, if anything is or nothing was said for long."""
+        """The next line: the changes since the last line. None if there are none and the last line is less than `SILENCE` seconds old."""
         self.next_time = max(self.next_time + self._pause, now + self._pause / 2)
         anew = table.model is not self._model
         if anew:

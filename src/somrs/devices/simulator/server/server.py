@@ -1,7 +1,7 @@
-"""Hosts a simulation: lets its time pass, and serves robots' and operators' connections. The lines are those of `lines.py`.
+"""Hosts a simulation: advances its time, and serves the connections of robots and operators with the lines of `lines.py`.
 
-One task steps the physics in slices short enough for the sockets beside it. While nothing moves no time need pass, and then
-the processor rests.
+One task steps the physics, in slices so short that the sockets are served in time. While nothing moves, it does not step the physics, and
+the processor idles.
 """
 
 from __future__ import annotations
@@ -55,32 +55,32 @@ from somrs.ports import bound
 log = logging.getLogger(__name__)
 
 TICK = 0.002
-"""Seconds that the sockets have between two slices of physics at least; an event loop waits in milliseconds."""
+"""Shortest time in seconds for the sockets between two slices of physics; the event loop waits in milliseconds."""
 SLICE = 0.004
-"""Seconds for which physics may keep the sockets waiting."""
+"""Longest time in seconds for which a slice of physics may delay the sockets."""
 MAX_LAG = 0.2
-"""Seconds by which simulated time may lag in real-time mode before it is let go."""
+"""Largest lag in seconds of simulated time behind real time that is caught up; a larger lag is dropped."""
 NAP = 0.05
-"""Seconds in real-time mode after which a world at rest is looked at again."""
+"""Seconds between two checks of a world at rest, in real-time mode."""
 MOST_STATES = 50.0
-"""State lines per second that a connection gets at most."""
+"""Largest number of state lines per second for a connection."""
 SLOW_READER, TOO_SLOW_READER = 256 * 1024, 16 * 1024 * 1024
-"""Bytes not yet read by a client, above which it gets no states, and above which it is cut off."""
+"""Bytes not yet read by a client, above which it receives no states, and above which its connection is aborted."""
 
 
 @dataclass(slots=True, eq=False)
 class _Session:
-    """One connection. `robot` None: an operator's."""
+    """One connection. `robot`: the robot that it controls; None for an operator."""
 
     writer: asyncio.StreamWriter
     robot: str | None = None
     rate: float = 0.0
     next_state_time: float = 0.0
-    """Simulated time."""
+    """In simulated time, s."""
     last_state_time: float = 0.0
-    """On the processor's clock."""
+    """In real time, by the monotonic clock, s."""
     reported_state: RobotState | None = None
-    """The state that was told last."""
+    """The state that was sent last."""
 
     def send_line(self, line: ServerLine) -> None:
         if self.writer.transport.get_write_buffer_size() > TOO_SLOW_READER:
@@ -94,7 +94,7 @@ class _Session:
 
 
 class _Closing(Exception):
-    """The connection ends after this line."""
+    """Ends the connection after sending `line`."""
 
     def __init__(self, reason: str, description: str) -> None:
         self.line = Refused(reason=reason, description=description)
@@ -116,13 +116,13 @@ class Server:
         self._table: Table | None = None
 
     async def start(self) -> None:
-        """Listen, and let time begin. `port` is then the real one."""
+        """Listen, start the simulated time, and set `port` to the actual port."""
         self._listener = await asyncio.start_server(self._serve, sock=bound(self.host, self.port), limit=LONGEST)
         self.port = self._listener.sockets[0].getsockname()[1]
         self._running = asyncio.create_task(self._run())
 
     async def ended(self) -> None:
-        """Return, or raise SimulationError, when time has come to an end; until then, wait."""
+        """Wait until the simulation ends. Raises SimulationError if it failed."""
         await asyncio.shield(self._running)
 
     async def stop(self) -> None:
@@ -181,14 +181,14 @@ class Server:
                 await asyncio.sleep(max(TICK, (self.simulation.time - origin) / speed - (time.monotonic() - start_time)))
 
     async def _nap(self, seconds: float) -> None:
-        """Until somebody says something, but not for longer: the map may change, too."""
+        """Wait for a line from a client, but at most for `seconds`, because the map may change, too."""
         self._wake.clear()
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(seconds):
                 await self._wake.wait()
 
     def _step_for(self, seconds: float, until_time: float = float("inf")) -> None:
-        """Step for so long, or until so much simulated time has passed."""
+        """Step the physics for `seconds` of real time, but not beyond `until_time` in simulated time."""
         end = time.monotonic() + seconds
         while self.simulation.time < until_time:
             self.simulation.step()
@@ -198,7 +198,7 @@ class Server:
                 break
 
     def _break_due(self) -> None:
-        """Have happen what is to break by now."""
+        """Inject the scheduled faults that are due."""
         for robot, fault in self._schedule.due():
             self._fault(robot, fault)
 
@@ -226,7 +226,7 @@ class Server:
         self._tell_poses(now)
 
     def _tell_poses(self, now: float, *, at_rest: bool = False) -> None:
-        """Tell those who follow and whose turn it is; when the world came to rest all, as nothing may move again for long."""
+        """Send poses to the subscribers whose next line is due; to all `at_rest`, because nothing may move again for long."""
         due = [
             (session, subscription)
             for session, subscription in self._followers.items()
@@ -271,31 +271,31 @@ class Server:
             opening = read_opening(line)
             if (opening.protocol, opening.version) != (PROTOCOL, VERSION):
                 client_protocol = f"{opening.protocol} {opening.version}"
-                raise _Closing("version", f"this is {PROTOCOL} {VERSION}, and not {client_protocol}; use a client of version {VERSION}")
+                raise _Closing("version", f"this is {PROTOCOL} {VERSION}, not {client_protocol}; use a client of version {VERSION}")
             hello = read_by_server(line)
         except WireError as error:
             raise _Closing("hello-first", error.text) from None
         if not isinstance(hello, Hello):
-            raise _Closing("hello-first", "the first line of a connection has to be a hello")
+            raise _Closing("hello-first", "the first line of a connection must be a hello")
         if hello.robot is not None:
             self._take_control(session, hello.robot)
         session.rate = hello.rate
         session.send_line(Welcome(robot=hello.robot, time=self.simulation.time))
 
     def _take_control(self, session: _Session, robot: str) -> None:
-        """Give the connection control of the robot."""
+        """Give the connection control of the robot. Raises _Closing if that is impossible."""
         if robot not in self.simulation.linked:
             robot_names = ", ".join(sorted(self.simulation.linked)) or "none"
             raise _Closing("unknown-robot", f"there is no robot {robot}; the robots here are: {robot_names}")
         if Fault.LINK in self.simulation.linked[robot].faults:
             raise _Closing("link-cut", f"the link to {robot} is broken until it is repaired")
         if robot in self._controllers:
-            raise _Closing("taken", f"{robot} is controlled by another connection; it can be had when that ends")
+            raise _Closing("taken", f"{robot} is controlled by another connection; try again when that connection has ended")
         session.robot = robot
         self._controllers[robot] = session
 
     def _close_session(self, session: _Session) -> None:
-        """The connection is gone: its robot stops, and keeps hold of what it holds."""
+        """Remove a connection. Its robot stops, and keeps what it holds."""
         self._sessions.discard(session)
         self._followers.pop(session, None)
         self._waiting = [(waiting_session, id) for waiting_session, id in self._waiting if waiting_session is not session]
@@ -314,7 +314,7 @@ class Server:
                 case Ask(id=id, question=question):
                     self._ask(session, id, question)
                 case Hello():
-                    raise WireError("not-allowed", "hello was said already; one connection is for one robot")
+                    raise WireError("not-allowed", "hello was sent already; a connection is for one robot")
         except WireError as error:
             session.send_line(Refused(id=id, reason=error.code, description=error.text))
         except UsageError as error:
@@ -324,7 +324,7 @@ class Server:
     def _command(self, session: _Session, order: Order) -> None:
         robot = session.robot
         if robot is None:
-            raise WireError("not-allowed", "an operator's connection commands no robot; connect as the robot's controller")
+            raise WireError("not-allowed", "an operator's connection cannot command robots; connect as the robot's controller")
 
         def ended(result: CommandDone | CommandGivenUp) -> None:
             if self._mute(robot):
@@ -345,14 +345,14 @@ class Server:
         self.simulation.command(robot, order.command, ended)
 
     def _mute(self, robot: str) -> bool:
-        """Whether nothing that the robot says arrives."""
+        """Whether a fault keeps the robot from sending anything."""
         return robot in self.simulation.linked and bool(self.simulation.linked[robot].faults & {Fault.SILENT, Fault.LINK})
 
     # Questions
 
     def _ask(self, session: _Session, id: int, question: Question) -> None:
         if session.robot is not None and not (isinstance(question, Ways) and question.robot == session.robot):
-            raise WireError("not-allowed", f"the connection of a robot may ask for ways of {session.robot} only; connect as an operator")
+            raise WireError("not-allowed", f"the connection of a robot may send only `ways` of {session.robot}; connect as an operator")
         answer = Answer(id=id)
         match question:
             case Break(robot=robot, fault=fault, delay=None, carried=None, released=False):
@@ -405,8 +405,8 @@ async def _next_line(reader: asyncio.StreamReader) -> bytes:
     try:
         return await reader.readuntil(b"\n")
     except asyncio.LimitOverrunError:
-        raise _Closing("too-long", f"a line may have {LONGEST} bytes") from None
+        raise _Closing("too-long", f"a line may have at most {LONGEST} bytes") from None
 
 
 def _ignore_result(result: CommandDone | CommandGivenUp) -> None:
-    """A robot whose connection is gone has nobody to tell."""
+    """Discard the result of a command whose connection has ended."""

@@ -1,6 +1,6 @@
-"""The simulation as others use it: time in control periods, commands to robots and how they end, faults, and what can be seen.
+"""The public interface of the simulation: time in control periods, commands to robots and their results, faults, and observations.
 
-Nothing here reads a clock: whoever calls `step` decides how fast simulated time passes. While nothing is `busy`, no time need pass.
+Nothing here reads a clock: the caller of `step` determines the speed of simulated time. While nothing is `busy`, no step is necessary.
 """
 
 from __future__ import annotations
@@ -30,20 +30,20 @@ OnEnd = Callable[[CommandDone | CommandGivenUp], None]
 
 @dataclass(slots=True)
 class _Work:
-    """What a robot is doing: the routine, and the command it carries out (None: of its own accord)."""
+    """The work of a robot: a routine, and the command that it carries out (None: the robot acts on its own)."""
 
     routine: Generator[None, None, object]
     command: Command | None
     on_end: OnEnd | None
     touched: tuple[str, ...] = ()
     observations: dict[str, ObjectState] = field(default_factory=dict)
-    """What was seen on the way, for commands that are to look."""
+    """The objects that were seen, for commands that search."""
     failure: GivenUp | None = None
-    """Why the command was given up, while the robot still brings its arm in or puts down what it holds."""
+    """Why the command was given up. Set while the robot still draws its arm in, or puts down what it holds."""
 
 
 class Simulation:
-    """A world made from a map, and the robots in it."""
+    """A world built from a map, with its robots and cameras."""
 
     def __init__(self, map: Map, ontology: Ontology) -> None:
         self._map, self._ontology = map, ontology
@@ -52,22 +52,22 @@ class Simulation:
         self.robots: dict[str, Robot] = {}
         self.cameras: dict[str, StationaryCamera] = {}
         self.linked: Mapping[str, Robot | StationaryCamera] = ChainMap[str, Any](self.cameras, self.robots)
-        """All that can be spoken with: robots and cameras."""
+        """Everything with a robot link: robots and cameras."""
         self._work: dict[str, _Work] = {}
         self._dropped: dict[str, str] = {}
         self._last_motion = 0.0
-        """When anything was seen to move last."""
+        """Simulated time of the last motion that was observed."""
         for solid in self.scene.world.by_role(Role.ROBOT, Role.CAMERA):
             self._add_linked(solid)
 
     @property
     def time(self) -> float:
-        """Simulated time since the beginning, s."""
+        """Simulated time since the start, s."""
         return self.scene.time
 
     @property
     def busy(self) -> bool:
-        """Whether anything moves or is to move."""
+        """Whether anything moves, or work is pending."""
         working = any(not self._dead(name) for name in self._work)
         return working or any(robot.asking_robot is not None for robot in self.robots.values()) or not self._at_rest()
 
@@ -77,7 +77,7 @@ class Simulation:
         return all(robot.stands for robot in self.robots.values()) and (not loose or self.scene.are_at_rest(*loose))
 
     def rest(self, until_time: float) -> bool:
-        """Let time pass without physics, if nothing has moved for so long that nothing will by itself. Whether that is so."""
+        """Advance time without physics if nothing has moved for `RESTING` seconds. Returns whether it did."""
         if self.busy:
             self._last_motion = self.time
         if self.time - max(self._last_motion, self.scene.disturbed) < RESTING:
@@ -86,7 +86,7 @@ class Simulation:
         return True
 
     def step(self) -> None:
-        """Let one control period pass."""
+        """Advance by one control period."""
         for robot in self.robots.values():
             robot.begin_period()
         for name in list(self._work):
@@ -103,8 +103,10 @@ class Simulation:
     # Commands
 
     def command(self, robot: str, command: Command, on_end: OnEnd) -> None:
-        """Have a robot, or a camera, do something. `on_end` is called once, when that is done or given up; a command that
-        comes while another one runs ends that one."""
+        """Send a command to a robot or camera. A new command ends the one in progress.
+
+        `on_end` is called once with the result; a silent robot sends none. Raises UsageError for an unknown robot.
+        """
         device = self._linked(robot)
         if isinstance(command, Status):
             on_end(CommandDone(state=device.state()))
@@ -116,13 +118,15 @@ class Simulation:
             return
         if isinstance(device, StationaryCamera):
             on_end(
-                CommandGivenUp(reason="not-possible", description=f"{robot} is a camera: it takes Sense and Status", state=device.state())
+                CommandGivenUp(
+                    reason="not-possible", description=f"{robot} is a camera: it accepts only Sense and Status", state=device.state()
+                )
             )
             return
         running = self._work.get(robot)
         reflex = running is not None and (running.command is None or running.failure is not None) and Fault.DRIVE in device.faults
         if not reflex:
-            self._end(robot, GivenUp("stopped", f"{robot} was told to do something else"))
+            self._end(robot, GivenUp("stopped", f"{robot} received another command"))
         if isinstance(command, Stop) and reflex:
             on_end(CommandDone(state=device.state()))
             return
@@ -135,9 +139,9 @@ class Simulation:
         self._work[robot] = _Work(routine, command, on_end, touched, observations)
 
     def _end_callback_only(self, robot: str) -> None:
-        """End the running command towards its sender, but let the robot finish putting down what it holds."""
+        """Report the end of the running command to its sender, but let the robot finish putting down what it holds."""
         work = self._work.pop(robot)
-        self._report(robot, work, work.failure or GivenUp("stopped", f"{robot} was told to do something else"))
+        self._report(robot, work, work.failure or GivenUp("stopped", f"{robot} received another command"))
 
     def _advance(self, name: str) -> None:
         robot, work = self.robots[name], self._work[name]
@@ -157,9 +161,9 @@ class Simulation:
         self._report(robot, work, work.failure)
 
     def _abort(self, robot: Robot, work: _Work, failure: GivenUp) -> None:
-        """Clean up before the command ends: draw the arm in, and put down what cannot be carried any further."""
+        """Clean up before the command ends: draw the arm in, and put down what cannot be carried further."""
         robot.plan = []
-        if work.failure is not None:  # the cleaning up failed, too: that is how it stays
+        if work.failure is not None:  # the cleaning up failed, too; it is not repeated
             del self._work[robot.name]
             robot.arm_claim = robot.arm_claim if robot.arm_out else None
             self._report(robot, work, work.failure)
@@ -172,7 +176,7 @@ class Simulation:
             work.routine = withdraw(robot)
 
     def _end(self, robot: str, failure: GivenUp) -> None:
-        """End whatever the robot is doing at once."""
+        """End the robot's work at once."""
         work = self._work.pop(robot, None)
         device = self.robots[robot]
         device.plan, device.activity = [], None
@@ -196,14 +200,14 @@ class Simulation:
                 CommandGivenUp(reason=failure.reason, description=failure.description, state=device.state(), object_states=object_states)
             )
 
-    # What is seen
+    # Observations
 
     def state(self, robot: str) -> RobotState:
-        """Of a robot or a camera."""
+        """The state of a robot or camera. Raises UsageError."""
         return self._linked(robot).state()
 
     def observe(self, object: str) -> ObjectState:
-        """The truth about an object: where it is, and on what."""
+        """The true state of an object. Raises UsageError if it is not in the simulated world."""
         if object not in self.scene.world.solids:
             raise UsageError(f"{object} is not in the simulated world")
         return self.scene.observe(object)
@@ -211,7 +215,7 @@ class Simulation:
     # Faults
 
     def fault(self, robot: str, fault: Fault) -> None:
-        """Break something."""
+        """Inject a fault. Raises UsageError."""
         device = self._linked(robot)
         device.faults.add(fault)
         self._last_motion = self.time
@@ -233,20 +237,20 @@ class Simulation:
                 device.hold_joint("right")
 
     def repair(self, robot: str, fault: Fault) -> None:
-        """Mend it; what was given up for it stays given up."""
+        """Repair a fault. Commands that were given up because of it are not resumed."""
         self._linked(robot).faults.discard(fault)
 
     def _dead(self, robot: str) -> bool:
         return bool(self.linked[robot].faults & {Fault.SILENT, Fault.LINK})
 
-    # What comes and goes
+    # Changes of the map
 
     def learn(self, ontology: Ontology) -> None:
-        """New types are known: objects of them can appear from now on."""
+        """Set the ontology, so that objects of new types can be added."""
         self._ontology = self.scene.world.ontology = ontology
 
     def add(self, object: Object) -> None:
-        """An object appears; if it is there, it is of another type now."""
+        """Add an object. If it exists already, its type has changed."""
         if object.name in self._map.objects and self._is_unchanged(object):
             self._map = self._map.changed([ObjectAdded(object)])
             return
@@ -261,13 +265,13 @@ class Simulation:
             self._renew_navigators()
 
     def remove(self, name: str) -> None:
-        """An object is gone."""
+        """Remove an object."""
         solid = self.scene.world.solids.get(name)
         for robot, work in [*self._work.items()]:
             if robot != name and work.failure is None and (name in work.touched or self.scene.held.get(robot) == name):
-                self._abort(self.robots[robot], work, GivenUp("not-possible", f"{name} was taken out of the world"))
+                self._abort(self.robots[robot], work, GivenUp("not-possible", f"{name} was removed from the world"))
         if name in self.robots:
-            self._end(name, GivenUp("stopped", f"{name} was taken out of the world"))
+            self._end(name, GivenUp("stopped", f"{name} was removed from the world"))
             del self.robots[name]
         self.cameras.pop(name, None)
         if solid is not None:
@@ -278,7 +282,7 @@ class Simulation:
             self._renew_navigators()
 
     def _is_unchanged(self, object: Object) -> bool:
-        """Whether an object that is there is the same thing in the world, by whatever type: then it stays where it is."""
+        """Whether an existing object differs at most in its type. If so, sets the new type and leaves the object where it is."""
         old, new = self.scene.world.solids.get(object.name), solid_of(object, self._ontology)
         if old is None or new is None:
             return old is new
@@ -289,7 +293,7 @@ class Simulation:
         return True
 
     def rename(self, name: str, object: Object) -> None:
-        """A thing has another name from now on: it stays where it is, in whosever hand that is."""
+        """Rename an object. A thing keeps its pose, and the robot that holds it."""
         solid = self.scene.world.solids.get(name)
         if solid is None or solid.role is not Role.THING:
             self.remove(name)
@@ -299,7 +303,7 @@ class Simulation:
         holder = self.scene.holder(name)
         for robot, work in [*self._work.items()]:
             if name in work.touched:
-                self._abort(self.robots[robot], work, GivenUp("not-possible", f"{name} is called {object.name} now"))
+                self._abort(self.robots[robot], work, GivenUp("not-possible", f"{name} was renamed to {object.name}"))
         self.remove(name)
         self.add(object)
         if object.name in self.scene.things():
@@ -308,14 +312,14 @@ class Simulation:
                 self.scene.hold(holder, object.name)
 
     def renew(self, object: Object) -> None:
-        """A part of the building, such as a door, is otherwise than before."""
+        """Rebuild a door whose attributes have changed; other objects are ignored."""
         solid = self.scene.world.solids.get(object.name)
         if solid is not None and solid.role is Role.DOOR:
             self.remove(object.name)
             self.add(object)
 
     def move(self, thing: str, x: float, y: float, z: float, yaw: float = 0.0) -> None:
-        """Somebody takes a thing away and puts it elsewhere."""
+        """Move a thing to another pose without a robot. Raises UsageError."""
         solid = self.scene.world.solids.get(thing)
         if solid is None or solid.role is not Role.THING:
             raise UsageError(f"{thing} is not a thing in the simulated world that can be moved")
@@ -345,7 +349,7 @@ class Simulation:
 
 
 def _chain_routines(first: Generator[None, None, object], second: Generator[None, None, object]) -> Routine:
-    """One routine after the other, whether or not the first can be carried out."""
+    """Run two routines in sequence; the second runs even if the first is given up."""
     with suppress(GivenUp):
         yield from first
     yield from second

@@ -1,1 +1,1 @@
-"""The world made from the map: shapes, bodies, cameras, and what can be seen."""
+"""The simulated world built from the map: shapes, bodies, physics, cameras and vision."""

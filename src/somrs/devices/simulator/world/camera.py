@@ -1,8 +1,8 @@
-"""Pictures of the simulated world: of all of it, of a region, or of an object, as PNG.
+"""Pictures of the simulated world as PNG: of the whole world, of a region, or of an object.
 
-OpenGL is had from EGL, which needs no screen, else from OSMesa. Where there is neither, `SimulationError` says so and the simulation
-goes on without pictures. Each kind is tried in a process of its own before, because a broken driver ends the whole process; and the
-contexts are taken from MuJoCo directly.
+OpenGL comes from EGL, which needs no screen, or else from OSMesa. Without either, `SimulationError` is raised, and the simulation runs
+without pictures. Each kind is first tried in a separate process, because a broken driver ends the whole process. The contexts are
+MuJoCo's own.
 """
 
 from __future__ import annotations
@@ -28,21 +28,21 @@ from somrs.errors import SimulationError
 
 BACKENDS = ("egl", "osmesa")
 NO_GRAPHICS = ("disable", "disabled", "off", "false", "0")
-"""Values of MUJOCO_GL that MuJoCo takes for none."""
+"""Values of MUJOCO_GL by which MuJoCo uses no OpenGL."""
 FIELD_OF_VIEW = 45.0
-"""Vertical, degrees; that of MuJoCo's free camera."""
+"""Vertical field of view of MuJoCo's free camera, degrees."""
 TRIAL = """
 import mujoco, {module} as platform
 context = platform.GLContext(64, 64)
 context.make_current()
 mujoco.MjrContext(mujoco.MjModel.from_xml_string('<mujoco/>'), 150)
 """
-"""Exactly what drawing needs first."""
+"""Program that tests whether drawing works: it makes the same contexts."""
 
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """Where the camera looks: a point, how far away it is from it, from which side, and from how high (degrees)."""
+    """A camera view: the target point and its distance from the camera (m), azimuth and elevation (degrees)."""
 
     x: float
     y: float
@@ -53,7 +53,7 @@ class View:
 
 
 def opengl() -> str:
-    """The kind of OpenGL that works here."""
+    """The kind of OpenGL that works on this machine. Raises SimulationError if none does."""
     if GRAPHICS in NO_GRAPHICS:
         raise SimulationError(f"pictures are switched off by MUJOCO_GL={GRAPHICS}")
     for kind in (GRAPHICS,) if GRAPHICS in BACKENDS else BACKENDS:
@@ -61,23 +61,23 @@ def opengl() -> str:
         trial = [sys.executable, "-c", TRIAL.format(module=f"mujoco.{kind}")]
         if subprocess.run(trial, env=environment, capture_output=True, timeout=60, check=False).returncode == 0:
             return kind
-    raise SimulationError("no OpenGL can be had for pictures; install libegl1 or libosmesa6 (on Debian), or go on without pictures")
+    raise SimulationError("no OpenGL is available for pictures; install libegl1 or libosmesa6 (on Debian), or continue without pictures")
 
 
 def overview(scene: Scene) -> View:
-    """The whole building, from the south and above."""
+    """A view of the whole building, from the south and above."""
     floors = scene.world.by_role(Role.FLOOR) or list(scene.world.solids.values())
     return _framing(floors)
 
 
 def region(scene: Scene, x: float, y: float, radius: float) -> View:
-    """What lies within the radius of a point."""
+    """A view of everything within a radius of a point."""
     level = min((solid.top for solid in scene.world.by_role(Role.FLOOR)), key=abs, default=0.0)
     return View(x, y, level + 0.3, radius / math.tan(math.radians(FIELD_OF_VIEW / 2)) * 1.15, _open_side(scene, x, y), -38)
 
 
 def close_up(scene: Scene, name: str) -> View:
-    """An object and what is about it."""
+    """A view of an object and its surroundings."""
     x, y, z, _ = scene.pose(name)
     solid = scene.world.solids[name]
     tall = max(1.1 if solid.role is Role.ROBOT else solid.height, 0.3)
@@ -85,7 +85,7 @@ def close_up(scene: Scene, name: str) -> View:
 
 
 def _framing(solids: list[Solid], azimuth: float = 90.0, elevation: float = -58.0) -> View:
-    """As near as all of the solids, with walls as high as a storey's, fit into a picture of 4:3."""
+    """The nearest view in which all solids, with walls 2.5 m high, fit into a picture of 4:3."""
     outline = [(*s.world(u, v), s.top + z) for s in solids for u, v in _corners(s) for z in (0.0, 2.5)]
     points = np.array(outline)
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
@@ -95,7 +95,7 @@ def _framing(solids: list[Solid], azimuth: float = 90.0, elevation: float = -58.
     up_axis = np.cross(right_axis, forward)
     high = math.tan(math.radians(FIELD_OF_VIEW / 2)) * 0.92
     distance = 1.0
-    for _ in range(8):  # where to look depends on how far away it is, as what is near looks large
+    for _ in range(8):  # the best target depends on the distance, because of perspective
         offsets = points - middle
         depth, horizontal, vertical = offsets @ forward, offsets @ right_axis, offsets @ up_axis
         distance = max(1.0, float(np.max(np.maximum(np.abs(horizontal) / (high * 4 / 3), np.abs(vertical) / high) - depth)))
@@ -112,7 +112,7 @@ def _corners(solid: Solid) -> list[tuple[float, float]]:
 
 
 def _open_side(scene: Scene, x: float, y: float) -> float:
-    """The azimuth, of four between the axes, from which fewest walls and furniture are in front."""
+    """The azimuth, of eight, from which the fewest walls and pieces of furniture hide the point."""
 
     def hidden(azimuth: float) -> float:
         angle = math.radians(azimuth)
@@ -123,7 +123,7 @@ def _open_side(scene: Scene, x: float, y: float) -> float:
 
 
 def _screens(wall: Solid, floors: list[Solid], direction: np.ndarray[Any, Any], view: View, flat: float) -> bool:
-    """Whether a wall across the line of sight, not far behind what is looked at, has a floor behind it that it hides."""
+    """Whether a wall faces the camera, is not far behind the target, and hides a floor."""
     if wall.form != "Box" or float((np.array([wall.x, wall.y]) - (view.x, view.y)) @ direction) < -0.4 * flat:
         return False
     angle = wall.yaw + (0.0 if wall.width < wall.depth else math.pi / 2)
@@ -133,11 +133,11 @@ def _screens(wall: Solid, floors: list[Solid], direction: np.ndarray[Any, Any], 
 
 
 class Camera:
-    """Takes pictures of a scene. Keeps an OpenGL context, so one per process and scene is enough."""
+    """Takes pictures of a scene. It keeps an OpenGL context; make one per process and scene."""
 
     def __init__(self, scene: Scene, width: int = 1200, height: int = 900) -> None:
         kind = opengl()
-        os.environ["PYOPENGL_PLATFORM"] = kind  # read when the module below is imported
+        os.environ["PYOPENGL_PLATFORM"] = kind  # the import below reads it
         self._context: Any = importlib.import_module(f"mujoco.{kind}").GLContext(width, height)
         self._scene, self._width, self._height = scene, width, height
         self._model: mujoco.MjModel | None = None
@@ -145,7 +145,7 @@ class Camera:
         self._target: mujoco.MjrContext | None = None
 
     def picture(self, view: View | None = None) -> bytes:
-        """A PNG of the world as it is now; from above the whole building if nothing else is said."""
+        """A PNG of the current world; by default an overview of the building."""
         view = view or overview(self._scene)
         self._context.make_current()
         if self._model is not self._scene.model:
@@ -168,10 +168,10 @@ class Camera:
         return buffer.getvalue()
 
     def _fade_walls(self, view: View) -> Any:
-        """Make walls between the camera and what it looks at transparent. Returns the colours as they were."""
+        """Make walls between the camera and its target transparent. Returns the previous colours."""
         model = self._scene.model
         old_colours, angle = model.geom_rgba.copy(), math.radians(view.azimuth)
-        direction = np.array([-math.cos(angle), -math.sin(angle)])  # from what is looked at to the camera
+        direction = np.array([-math.cos(angle), -math.sin(angle)])  # from the target to the camera
         flat = view.distance * math.cos(math.radians(view.elevation))
         floors = self._scene.world.by_role(Role.FLOOR)
         for wall in self._scene.world.by_role(Role.WALL, Role.DOOR):
@@ -185,7 +185,7 @@ class Camera:
         return old_colours
 
     def close(self) -> None:
-        """Give the OpenGL context back."""
+        """Free the OpenGL context."""
         if self._target is not None:
             self._target.free()
         self._context.free()

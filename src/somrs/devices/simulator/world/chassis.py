@@ -1,9 +1,9 @@
-"""The body of a simulated mobile robot: how it is built, and the handles by which its joints are read and driven.
+"""The body of a simulated mobile robot, and access to its joints.
 
-A round base moves in the plane by velocity servos: wheels that carry a tall load tip over, and nothing here needs their slip.
-On the base of a manipulator a turret turns about the vertical; it carries a mast, on it a lift, on that a telescopic boom, and
-from the boom's end hangs a hand with a wrist and a parallel gripper whose two fingers point down. So a thing is taken from
-above, from whatever stands 0 to 1.2 m high, in any direction around the base, and travels above the base, within its outline.
+A round base moves in the plane by velocity servos. Wheels are not simulated: robots on wheels tip over under a tall load, and wheel slip
+is not needed. On the base of a manipulator, a turret turns about the vertical axis. It carries a mast with a lift, the lift carries a
+telescopic boom, and from the boom's end hangs a hand with a wrist and a parallel gripper with two fingers. So the robot grips things
+from above, at heights from 0 to 1.2 m, in any direction, and carries them above the base, within its outline.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from somrs.devices.simulator.world.dimensions import FINGER, OPENING, Dimensions
 from somrs.devices.simulator.world.solids import Solid
 
 GROUND = 0.02
-"""How far the base's collision body hovers above the floor, m."""
+"""Height of the base's collision body above the floor, m."""
 LIFT_TOP = 1.75
-"""How high the boom goes, m: enough to take a tall bottle from a top at 1.2 m."""
-# Collision bits: what is static meets robots and things; robots meet everything; statics never meet each other.
+"""Largest height of the boom, m: enough to take a tall bottle from a top at 1.2 m."""
+# Collision bits: static bodies collide with robots and things, robots with everything, static bodies never with each other.
 STATIC_BIT, ROBOT_BIT, THING_BIT = 1, 2, 4
 DARK, STEEL, RUBBER, TIP = (0.13, 0.14, 0.16, 1), (0.72, 0.74, 0.77, 1), (0.06, 0.06, 0.07, 1), (0.95, 0.55, 0.1, 1)
 JOINTS = ("x", "y", "yaw", "turret", "lift", "reach", "wrist", "left", "right")
 BASE_JOINTS = JOINTS[:3]
 ARM_SEEN = ("turret", "lift", "reach", "wrist", "left")
-"""The joints of an arm that tell how it is; both fingers are as far open."""
+"""The joints that describe the pose of an arm; both fingers are equally open."""
 
 
 def add_robot(spec: mujoco.MjSpec, solid: Solid, colour: tuple[float, float, float, float]) -> None:
-    """A robot's bodies, joints, servos and gripper weld, all named `<robot>/<part>`."""
+    """Add a robot's bodies, joints, servos and gripper weld, all named `<robot>/<part>`."""
     size, name = dimensions_of(solid), solid.name
     base = spec.worldbody.add_body(name=name, pos=[solid.x, solid.y, solid.z], gravcomp=1)
     for axis, joint in enumerate("xy"):
@@ -48,7 +48,7 @@ def add_robot(spec: mujoco.MjSpec, solid: Solid, colour: tuple[float, float, flo
 def _geom(
     body: mujoco.MjsBody, kind: str, size: list[float], pos: list[float], rgba: tuple[float, ...], mass: float = 0.0, **options: object
 ) -> None:
-    """A part of a robot; one with a mass collides, one without is only looked at."""
+    """Add a part of a robot. A part with mass collides; a part without is only visible."""
     bits = {"contype": ROBOT_BIT, "conaffinity": STATIC_BIT | ROBOT_BIT} if mass else {"contype": 0, "conaffinity": 0, "group": 1}
     form = getattr(mujoco.mjtGeom, f"mjGEOM_{kind.upper()}")
     body.add_geom(type=form, size=size, pos=pos, rgba=list(rgba), mass=mass, **bits, **options)
@@ -120,10 +120,10 @@ def _add_arm(spec: mujoco.MjSpec, base: mujoco.MjsBody, name: str, size: Dimensi
 
 
 class Joints:
-    """A robot's joints and servos by name in a compiled model. Made anew after each compilation."""
+    """A robot's joints and servos, by name, in a compiled model. Valid until the next compilation."""
 
     def __init__(self, name: str, model: mujoco.MjModel, data: mujoco.MjData, gripper: bool) -> None:
-        # Views of the physics' own memory: to ask for them anew costs more than to read them.
+        # Views of the physics' memory: getting a view costs more than reading it.
         self._positions, self._velocities, self._targets = np.asarray(data.qpos), np.asarray(data.qvel), np.asarray(data.ctrl)
         joints = JOINTS if gripper else BASE_JOINTS
         ids = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, f"{name}/{joint}") for joint in joints]
@@ -133,17 +133,17 @@ class Joints:
         self._origin = tuple(float(value) for value in model.body(name).pos[:2])
 
     def __getitem__(self, joint: str) -> float:
-        """The joint's position."""
+        """The position of a joint, m or rad."""
         return float(self._positions[self._position[joint]])
 
     def start(self, joint: str, position: float) -> None:
-        """Put the joint there, without any motion: for a robot that appears."""
+        """Set a joint's position without motion, for a robot that is added."""
         self._positions[self._position[joint]] = position
         if joint not in BASE_JOINTS:
             self.drive(joint, position)
 
     def drive(self, joint: str, target: float) -> None:
-        """Set the servo's target: a velocity for the base, a position for the arm."""
+        """Set a servo's target: a velocity for the base, a position for the arm."""
         self._targets[self._servo[joint]] = target
 
     def pose(self) -> tuple[float, float, float]:
@@ -152,6 +152,6 @@ class Joints:
         return self["x"] + self._origin[0], self["y"] + self._origin[1], math.atan2(math.sin(yaw), math.cos(yaw))
 
     def speed(self) -> tuple[float, float]:
-        """How fast the base moves (m/s) and turns (rad/s)."""
+        """The speed of the base (m/s), and its turning speed (rad/s)."""
         x, y, yaw = (float(self._velocities[self._velocity[joint]]) for joint in BASE_JOINTS)
         return math.hypot(x, y), yaw

@@ -1,4 +1,4 @@
-"""The colours of objects, wherever they are drawn: their own by name, else what is typical of their type or their role."""
+"""The colours of objects, in pictures and on the map: their own, or the typical colour of their type or role."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ COLOURS: dict[str, Colour] = {
     "Blue": (0.12, 0.36, 0.74, 1),
     "Brown": (0.60, 0.42, 0.26, 1),
 }
-# What a type looks like when the map does not say.
+# The colours of types, for objects whose colour the map does not state.
 TYPICAL: dict[str, Colour] = {
     "Table": (0.72, 0.55, 0.37, 1),
     "Cupboard": (0.55, 0.40, 0.28, 1),
@@ -45,11 +45,11 @@ METAL: Colour = (0.35, 0.36, 0.38, 1)
 
 
 def colour_of(solid: Solid) -> Colour:
-    """The object's colour: its own, else what is typical of its type or its role."""
+    """The object's own colour, or the typical colour of its type or role."""
     typical = TYPICAL.get(solid.type) or BY_ROLE.get(solid.role, (0.62, 0.62, 0.60, 1))
     if solid.color in COLOURS:
         own_colour = COLOURS[solid.color]
-        if solid.role is Role.FLOOR:  # no floor is of a full colour: half of it, the rest light
+        if solid.role is Role.FLOOR:  # floors get a light tint of their colour
             own_colour = (0.45 + 0.55 * own_colour[0], 0.45 + 0.55 * own_colour[1], 0.45 + 0.55 * own_colour[2], 1)
         return (*own_colour[:3], typical[3])
     return typical

@@ -1,4 +1,4 @@
-"""The lengths of a simulated robot, from which its body, its motions and its pictures are made."""
+"""The dimensions of a simulated robot, for its body, its motions and its pictures."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from somrs.devices.simulator.world.solids import Solid
 FINGER = 0.11
 """Length of the fingers, m."""
 OPENING = 0.085
-"""How far from the middle each finger goes, m."""
+"""Largest distance of each finger from the middle, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,17 +22,17 @@ class Dimensions:
 
     @property
     def radius(self) -> float:
-        """Of the circle that holds the robot when its boom is drawn in."""
+        """Radius of the circle that contains the robot when its boom is drawn in."""
         return self.base + (0.05 if self.gripper else 0.0)
 
     @property
     def hang(self) -> float:
-        """From the boom down to the finger tips: the boom clears the base when the tips are at the floor."""
+        """Distance from the boom down to the finger tips: the boom clears the base when the tips are at the floor."""
         return self.height + 0.03
 
     @property
     def nearest(self) -> float:
-        """The least distance of the hand from the turret's axis at which it can go down beside the base."""
+        """Smallest distance of the hand from the turret's axis at which it can descend beside the base."""
         return self.base + 0.14
 
     @property
@@ -45,7 +45,7 @@ class Dimensions:
 
     @property
     def clear(self) -> float:
-        """How high the finger tips are when they pass above the base."""
+        """Height of the finger tips when they pass above the base."""
         return self.height + 0.04
 
 

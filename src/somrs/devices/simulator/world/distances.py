@@ -1,4 +1,4 @@
-"""How far solids are from many points at once, for the simulator; what only draws the map needs no numpy."""
+"""Distances of solids from many points at once, with numpy. Separate from `solids.py`, which the map's drawing uses without numpy."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Array = npt.NDArray[np.float64]
 
 
 def distances_from(solid: Solid, points: Array) -> Array:
-    """From its outline to each of the points (n, 2), seen from above; negative inside."""
+    """Distances (n) from the solid's outline to points (n, 2), seen from above; negative inside."""
     c, s = math.cos(solid.yaw), math.sin(solid.yaw)
     dx, dy = points[:, 0] - solid.x, points[:, 1] - solid.y
     u, v = c * dx + s * dy, c * dy - s * dx
@@ -29,7 +29,7 @@ def distances_from(solid: Solid, points: Array) -> Array:
 
 
 def _polygon_distances(outline: tuple[Point, ...], u: Array, v: Array) -> Array:
-    """Signed distances of points to a polygon's edge; the even-odd rule says what is inside."""
+    """Signed distances of points from a polygon's edge, negative inside; the even-odd rule defines the inside."""
     nearest, interior = np.full(u.shape, np.inf), np.zeros(u.shape, dtype=bool)
     for (start_x, start_y), (end_x, end_y) in zip(outline, (*outline[1:], outline[0]), strict=True):
         dx, dy = end_x - start_x, end_y - start_y

@@ -1,4 +1,4 @@
-"""What the objects of a simulated world look like: materials, light, and the visible parts of furniture. Nothing collides here."""
+"""The appearance of a simulated world: materials, light, and the visible parts of furniture. These parts do not collide."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from somrs.devices.simulator.world.solids import Role, Solid
 
 
 def add_surroundings(spec: mujoco.MjSpec, low: tuple[float, float, float], high: tuple[float, float, float]) -> None:
-    """Sky, ground, lights and materials, for a world that lies between two corners."""
+    """Add sky, ground, lights and materials, for a world between two corners."""
     spec.add_texture(
         name="sky", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
         rgb1=[0.93, 0.95, 0.97], rgb2=[0.62, 0.68, 0.74], width=256, height=1536,
@@ -57,7 +57,7 @@ def _part(
     kind: str = "box",
     material: str = "satin",
 ) -> None:
-    """A visible piece: of a box the full lengths, of a cylinder or sphere radius and height."""
+    """Add a visible part. `size`: the full lengths of a box, radius and height of a cylinder, or the radii of an ellipsoid."""
     form = getattr(mujoco.mjtGeom, f"mjGEOM_{kind.upper()}")
     sizes = [size[0] / 2, size[1] / 2, size[2] / 2] if kind == "box" else [size[0], size[2] / 2, 0] if kind == "cylinder" else list(size)
     body.add_geom(type=form, size=sizes, pos=list(pos), rgba=list(rgba), contype=0, conaffinity=0, mass=0, material=material)
@@ -124,7 +124,7 @@ def _plant(body: mujoco.MjsBody, s: Solid, c: Colour) -> None:
 
 
 def _door(body: mujoco.MjsBody, s: Solid, c: Colour) -> None:
-    """A frame in the wall, and the leaf: in the frame, or turned aside."""
+    """Draw a frame in the wall, and the leaf: in the frame if the door is closed, otherwise turned aside."""
     along_y = s.depth >= s.width
     length, thick = (s.depth, s.width) if along_y else (s.width, s.depth)
 
@@ -161,13 +161,13 @@ def _bottle(body: mujoco.MjsBody, s: Solid, c: Colour) -> None:
 
 
 def _camera(body: mujoco.MjsBody, s: Solid, c: Colour) -> None:
-    """A housing with a lens in front; how far it looks down is not drawn."""
+    """Draw a housing with a lens in front, without its pitch."""
     _part(body, (0.8 * s.width, s.depth, s.height), (-0.1 * s.width, 0, s.height / 2), c)
     _part(body, (0.2 * s.width, 0.6 * s.depth, 0.6 * s.height), (0.4 * s.width, 0, s.height / 2), shade(c, 0.3))
 
 
 def _mark(body: mujoco.MjsBody, s: Solid, c: Colour) -> None:
-    """A ring on the floor."""
+    """Draw a ring on the floor."""
     radius = max(s.extent, 0.1)
     form, pieces = mujoco.mjtGeom.mjGEOM_BOX, 24
     for i in range(pieces):
@@ -203,7 +203,7 @@ ROUND_TOO = ("Plant", "Jar", "Bottle", "Place")
 
 
 def draw(body: mujoco.MjsBody, solid: Solid, ancestors: list[str]) -> None:
-    """Give the body what one sees of the object: as its type's nearest known ancestor looks, else its plain form."""
+    """Add the visible parts of an object to its body: those of the nearest ancestor type with a drawing, or its plain form."""
     known_type = next((name for name in ancestors if name in DRAWINGS), None)
     drawing = DRAWINGS[known_type] if known_type is not None and (solid.form == "Box" or known_type in ROUND_TOO) else _plain
     drawing(body, solid, colour_of(solid))

@@ -1,6 +1,6 @@
-"""The physics as it runs: the compiled world, its state, and what can be read off it (where things are, what touches what).
+"""The running physics: the compiled world, its state, and observations of it (poses and contacts).
 
-Controllers ask it; it decides nothing. Objects can come and go while it runs, and all others keep their state.
+Controllers read and drive it; it makes no decisions. Objects can be added and removed while it runs; all others keep their state.
 """
 
 from __future__ import annotations
@@ -22,16 +22,18 @@ from somrs.ontology.objects import Map, Object
 from somrs.ontology.types import Ontology
 
 SETTLING = 40
-"""Steps in which things come to rest on what they stand on, before time begins."""
+"""Steps of physics before time starts, in which things come to rest on their supports."""
 RESTING = 1.0
-"""Seconds without motion after which nothing is expected to move again by itself: what tips over slowly has fallen by then."""
+"""Seconds without motion after which nothing moves again by itself: an object that tips over slowly has fallen by then."""
 SLEEP = int(mujoco.mjtEnableBit.mjENBL_SLEEP)
-"""Physics leaves out what does not move, until something that moves touches it."""
+"""MuJoCo's option to skip bodies at rest until a moving body touches them."""
 
 
 class Scene:
-    """The world's state. `held` says which thing is welded to which robot's hand. `disturbed`: when something last came, went, was put
-    elsewhere or let go of, after which what stood still may move."""
+    """The state of the world. `held`: the thing that is welded to each robot's hand, by robot.
+
+    `disturbed`: simulated time at which an object was last added, removed, moved or released, so that objects at rest may move.
+    """
 
     def __init__(self, map: Map, ontology: Ontology) -> None:
         self.world: World = build(map, ontology)
@@ -50,14 +52,14 @@ class Scene:
         self._settle()
 
     def _bind(self) -> None:
-        """Find everything again by name in the model that was just compiled."""
+        """Look up all bodies and joints by name in the newly compiled model."""
         model = self.model
         names = [model.body(int(body)).name for body in model.geom_bodyid]
         self._owner = [name.split("/")[0] for name in names]
         self._geom_body = names
         self._things = {solid.name: model.body(solid.name).id for solid in self.world.by_role(Role.THING)}
         self.joints = {s.name: Joints(s.name, model, self.data, s.gripper) for s in self.world.by_role(Role.ROBOT)}
-        # Views of the physics' own memory: to ask for them anew costs more than to read them.
+        # Views of the physics' memory: getting a view costs more than reading it.
         self._position, self._velocity = np.asarray(self.data.qpos), np.asarray(self.data.qvel)
         self._place, self._rotation = np.asarray(self.data.xpos), np.asarray(self.data.xmat)
         self._motion = {thing: int(model.body_dofadr[body]) for thing, body in self._things.items()}
@@ -78,12 +80,12 @@ class Scene:
         self._check()
 
     def step(self, steps: int) -> None:
-        """Let physics run."""
+        """Run the physics for some steps. Raises SimulationError if it diverges."""
         if self._awake and self.time - self.disturbed >= RESTING:
             self._awake = False
             self.model.opt.enableflags |= SLEEP
         mujoco.mj_step(self.model, self.data, steps)
-        mujoco.mj_kinematics(self.model, self.data)  # else bodies are where they were before the last step
+        mujoco.mj_kinematics(self.model, self.data)  # without it, body poses are those before the last step
         self.time += steps * STEP
         self._check()
 
@@ -96,13 +98,13 @@ class Scene:
                 (self.model.joint(j).name for j in range(self.model.njnt) for i in wrong[:1] if self.model.jnt_qposadr[j] <= i), ""
             )
             raise SimulationError(
-                f"the physics stopped making sense at {self.time:.2f} s{f' near {joint}' if joint else ''}; the simulation cannot go on"
+                f"the physics diverged at {self.time:.2f} s{f' near {joint}' if joint else ''}; the simulation cannot continue"
             )
 
-    # What comes and goes
+    # Adding and removing objects
 
     def add(self, object: Object) -> Solid | None:
-        """An object appears; everything else stays as it is."""
+        """Add an object; everything else keeps its state. Returns None if the object takes up no space."""
         solid = self.world.add(object)
         if solid is not None:
             self._recompile()
@@ -120,7 +122,7 @@ class Scene:
         mujoco.mj_forward(self.model, self.data)
 
     def _disturb(self) -> None:
-        """Nothing sleeps from the next step on."""
+        """Wake all bodies from the next step on."""
         self.disturbed, self._awake = self.time, True
         self.model.opt.enableflags &= ~SLEEP
 
@@ -139,7 +141,7 @@ class Scene:
             self.data.eq_active[weld] = 1
 
     def place_thing(self, thing: str, x: float, y: float, z: float, yaw: float) -> None:
-        """A thing is elsewhere from now on, upright and at rest; whoever held it does so no more."""
+        """Move a thing to another pose, upright and at rest. A robot that held it releases it."""
         holder = self.holder(thing)
         if holder is not None:
             self.release(holder)
@@ -150,10 +152,10 @@ class Scene:
         self._disturb()
         mujoco.mj_forward(self.model, self.data)
 
-    # Where things are
+    # Poses and contacts
 
     def pose(self, name: str) -> tuple[float, float, float, float]:
-        """The middle of an object's underside, and its heading."""
+        """The middle of an object's underside, and its yaw: x, y, z, yaw."""
         body = self._things.get(name)
         if body is not None:
             x, y, z = self._place[body].tolist()
@@ -169,7 +171,7 @@ class Scene:
         return float(self._rotation[self._things[thing]][8]) > 0.97
 
     def are_at_rest(self, *things: str) -> bool:
-        """Whether all the things have come to rest, to a millimetre or two a second."""
+        """Whether all the things are at rest, within tolerances for the noise of the physics."""
         first = np.array([self._motion[thing] for thing in things])
         velocity = np.abs(self._velocity[first[:, None] + np.arange(6)])
         return float(velocity[:, :3].max()) < 0.02 and float(velocity[:, 3:].max()) < 0.3
@@ -181,13 +183,15 @@ class Scene:
         return next((robot for robot, held in self.held.items() if held == thing), None)
 
     def observe(self, name: str) -> ObjectState:
-        """An object as it is; `on` by what carries it, None while a robot holds it."""
+        """The true state of an object. `support` is None while a robot holds it."""
         x, y, z, yaw = self.pose(name)
         return ObjectState(object=name, x=x, y=y, z=z, yaw=yaw, support=self.carrier(name), held_by=self.holder(name))
 
     def carrier(self, name: str) -> str | None:
-        """What the object stands on: what touches it from below or, between two contacts, what is right below it. Things that
-        stand on the floor at a named place are on that place."""
+        """What the object stands on: an object that touches it from below or, if there is no contact, the solid directly below it.
+
+        A thing on the floor at a named place stands on that place.
+        """
         x, y, z, _ = self.pose(name)
         if name in self._things:
             if self.holder(name) is not None:
@@ -209,7 +213,7 @@ class Scene:
         return None if carrier is None else carrier.name
 
     def clearances(self, points: Array, low: float, high: float, ignored: Iterable[str] = ()) -> Array:
-        """From each point to the nearest static thing that reaches into the range of heights; negative inside of it."""
+        """Distance from each point to the nearest static solid between two heights; negative inside it."""
         skip, distances = set(ignored), np.full(len(points), 9.0)
         for block in self.world.blocks():
             if block.z < high and block.top > low and block.name not in skip:
@@ -224,8 +228,8 @@ class Scene:
         return max(candidates, key=lambda s: s.top, default=None)
 
     def _contacts(self, thing: str) -> Iterable[tuple[str, bool]]:
-        """What touches the thing, and whether it does so from below."""
-        if self._asleep[self._tree[thing]] >= 0:  # what touches what sleeps is not looked for in a step
+        """The objects that touch the thing, each with whether it does so from below."""
+        if self._asleep[self._tree[thing]] >= 0:  # a step does not compute the contacts of sleeping bodies
             flags = self.model.opt.enableflags
             self.model.opt.enableflags = flags & ~SLEEP
             mujoco.mj_collision(self.model, self.data)
@@ -242,11 +246,11 @@ class Scene:
         return any(body_name in object_names for body_name, _ in self._contacts(thing))
 
     def rests(self, thing: str) -> bool:
-        """Whether something bears the thing from below."""
+        """Whether something other than a robot supports the thing from below."""
         return any(lower and body_name not in self.joints for body_name, lower in self._contacts(thing))
 
     def touching_fingers(self, robot: str, thing: str) -> set[str]:
-        """Which of the robot's fingers touch the thing."""
+        """The fingers of the robot that touch the thing: a subset of `left` and `right`."""
         fingers = set()
         for first_geom, second_geom in self.data.contact.geom:
             for finger_geom, thing_geom in ((first_geom, second_geom), (second_geom, first_geom)):
@@ -255,7 +259,7 @@ class Scene:
         return fingers
 
     def finger_contacts(self, robot: str) -> set[str]:
-        """Whatever a robot's fingers touch, by name."""
+        """The names of the objects that a robot's fingers touch."""
         fingers = (f"{robot}/left", f"{robot}/right")
         pairs = [(int(first_geom), int(second_geom)) for first_geom, second_geom in self.data.contact.geom]
         return {
@@ -266,7 +270,7 @@ class Scene:
         }
 
     def robot_contacts(self) -> set[tuple[str, str]]:
-        """The pairs of which one is a robot that touch, robots and things in their grippers aside."""
+        """The pairs of objects in contact of which at least one is a robot, without robots and the things that they hold."""
         contacts = set()
         for first_geom, second_geom in self.data.contact.geom:
             first_name, second_name = sorted((self._owner[first_geom], self._owner[second_geom]))
@@ -285,14 +289,14 @@ class Scene:
         return int(mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_EQUALITY, f"{robot}/grasp"))
 
     def hold(self, robot: str, thing: str) -> None:
-        """Weld a thing to the robot's hand, as it lies in it now. The caller has seen both fingers touch it."""
+        """Weld a thing to the robot's hand in its current relative pose. The caller has checked that both fingers touch it."""
         weld, hand, body = self._weld(robot), self.model.body(f"{robot}/wrist").id, self._things[thing]
         inverse, place, turn = np.zeros(4), np.zeros(3), np.zeros(4)
         mujoco.mju_negQuat(inverse, self.data.xquat[hand])
         mujoco.mju_rotVecQuat(place, self.data.xpos[body] - self.data.xpos[hand], inverse)
         mujoco.mju_mulQuat(turn, inverse, self.data.xquat[body])
         self.model.eq_obj2id[weld] = body
-        # An anchor of the welded body, where it is in the hand's frame, how it is turned there, and how strictly the turn counts.
+        # Anchor of the welded body, its position and rotation in the hand's frame, and the weight of the rotation.
         self.model.eq_data[weld] = [0, 0, 0, *place, *turn, 1, *([0] * (self.model.eq_data.shape[1] - 11))]
         self.data.eq_active[weld] = 1
         self.held[robot] = thing
@@ -303,7 +307,7 @@ class Scene:
         self.held.pop(robot, None)
 
     def is_unobstructed(self, start: tuple[float, float, float], end: tuple[float, float, float], ignored: Iterable[str]) -> bool:
-        """Whether nothing solid but the ignored objects stands between two points."""
+        """Whether no solid except the ignored objects is between two points."""
         vector = np.array(end) - np.array(start)
         length = float(np.linalg.norm(vector))
         groups, skip = np.array([0, 0, 0, 1, 0, 0], dtype=np.uint8), set(ignored)

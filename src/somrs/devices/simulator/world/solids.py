@@ -1,4 +1,4 @@
-"""What a physical object of the map takes up in space: its place, its form, and the role that it plays in the simulated world."""
+"""Solids: the position and form of physical objects on the map, and their roles in the simulated world."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from somrs.ontology.types import ABSTRACT, Ontology, Value
 
 Point = tuple[float, float]
 SIGHT = 4.0
-"""How far a camera sees of which the map says nothing, m."""
+"""Range of a camera for which the map states none, m."""
 
 
 class Role(StrEnum):
-    """How an object behaves in the world; follows from its type."""
+    """The behaviour of an object in the simulated world, which follows from its type."""
 
     IGNORED = "nothing"
-    """Not made of matter, or without a place or a form."""
+    """Abstract, or without a position or a form."""
     MARK = "mark"
     """Only painted on the floor."""
     FLOOR = "floor"
@@ -28,15 +28,15 @@ class Role(StrEnum):
     SUPPORT = "support"
     """Things can be put on top of it."""
     STATIC = "static"
-    """Stands where it is, and nothing is put on it."""
+    """Does not move, and nothing can be put on it."""
     THING = "thing"
     """Can be carried."""
     ROBOT = "robot"
     CAMERA = "camera"
-    """Looks from where it hangs."""
+    """A stationary camera."""
 
 
-# The first type that fits decides, so special ones come before general ones.
+# The first supertype in this order determines the role, so special types come before general types.
 ROLES = (
     (ABSTRACT, Role.IGNORED),
     ("Ceiling", Role.IGNORED),
@@ -48,7 +48,7 @@ ROLES = (
     ("Window", Role.WALL),
     ("Support", Role.SUPPORT),
     ("Camera", Role.CAMERA),
-    ("StationaryDevice", Role.SUPPORT),  # what a device works on is put on top of it
+    ("StationaryDevice", Role.SUPPORT),  # things on which the device works are put on it
     ("Graspable", Role.THING),
     ("MobileRobot", Role.ROBOT),
     ("PhysicalObject", Role.STATIC),
@@ -57,7 +57,7 @@ ROLES = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Solid:
-    """An upright prism: position of the middle of its underside, heading, form and sizes in metres, all on the map."""
+    """An upright prism: the position of the middle of its underside, its heading, form and sizes, in metres and radians on the map."""
 
     name: str
     type: str
@@ -78,11 +78,11 @@ class Solid:
     speed: float = 0.8
     gripper: bool = False
     pitch: float = 0.0
-    """How far its front looks down, rad."""
+    """Downward inclination of its front, rad."""
     view: float = math.tau
-    """Angle of the field of view of its camera, rad."""
+    """Field of view of its camera, rad."""
     sight: float = SIGHT
-    """How far its camera sees, m."""
+    """Range of its camera, m."""
 
     @property
     def top(self) -> float:
@@ -90,7 +90,7 @@ class Solid:
 
     @property
     def extent(self) -> float:
-        """The radius of the smallest circle about its position that holds it, seen from above."""
+        """The radius of the smallest circle around its position that contains it, seen from above."""
         match self.form:
             case "Box":
                 return math.hypot(self.width, self.depth) / 2
@@ -99,12 +99,12 @@ class Solid:
         return self.radius
 
     def world(self, x: float, y: float) -> Point:
-        """A point of the solid's own frame on the map."""
+        """Transform a point from the solid's own frame to the map."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         return self.x + c * x - s * y, self.y + s * x + c * y
 
     def distance(self, x: float, y: float) -> float:
-        """From its outline to the point, seen from above; negative inside. For many points there is `distances.py`."""
+        """Distance from its outline to a point, seen from above; negative inside. `distances.py` computes it for many points."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         u, v = c * (x - self.x) + s * (y - self.y), c * (y - self.y) - s * (x - self.x)
         match self.form:
@@ -117,7 +117,7 @@ class Solid:
 
 
 def _polygon_distance(outline: tuple[Point, ...], u: float, v: float) -> float:
-    """Signed distance of a point to a polygon's edge; the even-odd rule says what is inside."""
+    """Signed distance of a point from a polygon's edge, negative inside; the even-odd rule defines the inside."""
     nearest, is_interior = math.inf, False
     for (start_x, start_y), (end_x, end_y) in zip(outline, (*outline[1:], outline[0]), strict=True):
         dx, dy = end_x - start_x, end_y - start_y
@@ -129,12 +129,15 @@ def _polygon_distance(outline: tuple[Point, ...], u: float, v: float) -> float:
 
 
 def role_of(object: Object, ontology: Ontology) -> Role:
-    """The role of the object's type; a type that the ontology does not know plays none."""
+    """The role of the object's type; `IGNORED` for a type that the ontology does not know."""
     return next((role for ancestor, role in ROLES if ontology.is_subtype(object.type, ancestor)), Role.IGNORED)
 
 
 def solid_of(object: Object, ontology: Ontology) -> Solid | None:
-    """The object's place and form, its type's defaults where it says nothing; None if it takes up no known space."""
+    """The solid of an object, with its type's defaults for missing values; None if its position or form is unknown.
+
+    Raises SimulationError for values from which no solid can be made.
+    """
 
     def value(path: str) -> Value | None:
         own_value = object.values.get(path)
@@ -174,7 +177,7 @@ def solid_of(object: Object, ontology: Ontology) -> Solid | None:
         gripper=gripper,
         pitch=number("RotationY"),
         view=number("FieldOfView", math.tau),
-        sight=SIGHT if gripper else number("OperationRange", SIGHT),  # a manipulator's range is that of its arm
+        sight=SIGHT if gripper else number("OperationRange", SIGHT),  # a manipulator's OperationRange is that of its arm
     )
     if role is not Role.MARK and (solid.extent <= 0 or solid.height <= 0):
         raise SimulationError(f"{object.name}: a {object.type} without extent cannot be built; give it a Shape in the map")

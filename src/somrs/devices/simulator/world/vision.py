@@ -1,4 +1,4 @@
-"""What a camera sees: objects within its range and field of view that nothing solid hides; and cameras that hang where they are."""
+"""What a camera sees: objects within its range and field of view that no solid hides. Also the stationary cameras."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from somrs.devices.simulator.world.scene import Scene
 from somrs.devices.simulator.world.solids import Role, Solid
 
 MAST = 1.05
-"""How high above its underside a robot with an arm has its camera, m."""
+"""Height of the camera of a robot with an arm, above its underside, m."""
 VISIBLE = (Role.THING, Role.ROBOT, Role.SUPPORT, Role.STATIC)
-"""What cameras tell of; what a building is made of, they only cannot look through."""
+"""The roles of objects that cameras report. Parts of the building only hide other objects."""
 
 Place = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
 class Eye:
-    """A camera: where it is, which way it looks, the angle of its field of view, and how far it sees (m, rad).
+    """A camera: position, direction, field of view and range, in metres and radians.
 
-    `nods`: a robot's camera looks as far up and down as need be; one that hangs somewhere has as much view up as sideways.
+    `nods`: a robot's camera tilts as needed; the field of view of a stationary camera is limited vertically as it is horizontally.
     """
 
     position: Place
@@ -33,7 +33,7 @@ class Eye:
     nods: bool
 
     def faces(self, point: Place) -> bool:
-        """Whether the point is within range and field of view, whatever may be in between."""
+        """Whether the point is within range and field of view. Obstacles are not considered."""
         if math.dist(self.position, point) > self.sight:
             return False
         if self.view >= math.tau:
@@ -51,7 +51,7 @@ class Eye:
 
 
 def eye_of(scene: Scene, name: str) -> Eye:
-    """The camera of a robot, or the camera of that name."""
+    """The camera of a robot, or the stationary camera of that name."""
     solid, (x, y, z, yaw) = scene.world.solids[name], scene.pose(name)
     hangs = solid.role is Role.CAMERA
     high = solid.height / 2 if hangs else MAST if solid.gripper else solid.height + 0.05
@@ -59,7 +59,7 @@ def eye_of(scene: Scene, name: str) -> Eye:
 
 
 def visible(scene: Scene, viewer: str, name: str, radius: float | None = None) -> bool:
-    """Whether the viewer's camera sees the object now: at least a part of it."""
+    """Whether the viewer's camera sees at least a part of the object now."""
     if name == viewer or name not in scene.world.solids:
         return False
     eye = eye_of(scene, viewer)
@@ -71,13 +71,13 @@ def visible(scene: Scene, viewer: str, name: str, radius: float | None = None) -
 
 
 def view(scene: Scene, viewer: str, radius: float | None = None) -> tuple[ObjectState, ...]:
-    """Everything that the viewer's camera sees now, and where it is."""
+    """The states of all objects that the viewer's camera sees now, at most `radius` away."""
     names = [solid.name for solid in scene.world.by_role(*VISIBLE)]
     return tuple(scene.observe(name) for name in names if visible(scene, viewer, name, radius))
 
 
 def _points(scene: Scene, solid: Solid, eye: Eye) -> Iterator[Place]:
-    """Points of an object of which one in view is enough: about its middle, near its top, and to its sides."""
+    """Points of an object that are checked for visibility: near its middle, near its top, and to its sides."""
     x, y, z, _ = scene.pose(solid.name)
     middle = z + 0.6 * solid.height
     yield x, y, middle
@@ -89,7 +89,7 @@ def _points(scene: Scene, solid: Solid, eye: Eye) -> Iterator[Place]:
 
 
 class StationaryCamera:
-    """A camera that hangs where it is, as one speaks with it over the robot link. What it sees is `view`'s business."""
+    """A stationary camera as a device on the robot link. `view` computes what it sees."""
 
     activity: None = None
 
@@ -103,7 +103,7 @@ class StationaryCamera:
 
 
 def looks_towards(scene: Scene, eye: Place, point: Place, ignored: Iterable[str]) -> bool:
-    """Whether nothing hides a point, where something may or may not be, from a camera that would be there."""
+    """Whether a camera at `eye` would see the point. Things and robots at the point itself do not hide it."""
     nearby_names = [
         n for n in (*scene.things(), *scene.joints) if math.dist(scene.pose(n)[:2], point[:2]) < scene.world.solids[n].extent + 0.3
     ]

@@ -1,7 +1,7 @@
-"""The simulated world, made from a map: every physical object becomes a body of its own name, by its type and attributes.
+"""The simulated world, built from a map: each physical object becomes a body of the same name, according to its type and attributes.
 
-There is no scene file: what is not in the map is not in the world (paper, "Simulation"). How things look is `looks.py`'s
-business, how a robot is built `chassis.py`'s.
+There is no scene file: only objects on the map are in the world (paper, "Simulation"). `looks.py` draws the objects, `chassis.py` builds
+the robots.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from somrs.ontology.objects import Map, Object
 from somrs.ontology.types import Ontology
 
 STEP = 0.005
-"""Of the physics, s."""
+"""Time step of the physics, s."""
 STATICS = (Role.WALL, Role.DOOR, Role.SUPPORT, Role.STATIC)
 
 
 @dataclass(slots=True)
 class World:
-    """The world's description, to be compiled, and the index of what is in it."""
+    """The description of the world, to be compiled, and its solids by name."""
 
     spec: mujoco.MjSpec
     ontology: Ontology
@@ -36,11 +36,11 @@ class World:
         return [solid for solid in self.solids.values() if solid.role in roles]
 
     def blocks(self) -> list[Solid]:
-        """Whatever stands in the way and does not move."""
+        """The static obstacles, without open doors."""
         return [solid for solid in self.by_role(*STATICS) if not (solid.role is Role.DOOR and solid.open)]
 
     def add(self, object: Object) -> Solid | None:
-        """Put an object into the description; None if it takes up no space."""
+        """Add an object to the description. Returns None if it takes up no space. Raises SimulationError if it exists already."""
         solid = solid_of(object, self.ontology)
         if solid is None:
             return None
@@ -54,7 +54,7 @@ class World:
         return solid
 
     def remove(self, name: str) -> None:
-        """Take an object out of the description."""
+        """Remove an object from the description."""
         solid = self.solids.pop(name)
         if solid.role is Role.ROBOT:
             for element in (*self.spec.actuators, *self.spec.equalities, *self.spec.excludes):
@@ -85,7 +85,7 @@ class World:
         body.add_geom(type=kind, size=size, pos=[*middle, solid.height / 2], group=3, friction=[0.9, 0.01, 0.001], **bits)
 
     def _add_prisms(self, body: mujoco.MjsBody, solid: Solid) -> None:
-        """A polygon, one prism per triangle. A floor collides as one box instead: things stand steadier on that."""
+        """Add a polygon as one prism per triangle. A floor collides as one box instead, on which things stand more stably."""
         bit = 0 if solid.role is Role.FLOOR else STATIC_BIT
         for i, triangle in enumerate(triangles(solid.outline)):
             name = f"{solid.name}/{i}"
@@ -96,7 +96,7 @@ class World:
 
 
 def _hull(solid: Solid) -> tuple[mujoco.mjtGeom, list[float], Point]:
-    """The primitive that an object collides as: kind, half sizes, and its middle in the object's frame."""
+    """The collision primitive of an object: its kind, half sizes, and middle in the object's frame."""
     if solid.form == "Cylinder":
         return mujoco.mjtGeom.mjGEOM_CYLINDER, [solid.radius, solid.height / 2, 0], (0.0, 0.0)
     if solid.form == "Box":
@@ -107,7 +107,7 @@ def _hull(solid: Solid) -> tuple[mujoco.mjtGeom, list[float], Point]:
 
 
 def triangles(outline: tuple[Point, ...]) -> list[tuple[Point, Point, Point]]:
-    """A simple polygon cut into triangles, ear by ear; corners that lie on a line are left out."""
+    """Triangulate a simple polygon by ear clipping; corners on a straight line are omitted."""
 
     def cross(origin: Point, first: Point, second: Point) -> float:
         return (first[0] - origin[0]) * (second[1] - origin[1]) - (first[1] - origin[1]) * (second[0] - origin[0])
@@ -131,12 +131,12 @@ def triangles(outline: tuple[Point, ...]) -> list[tuple[Point, Point, Point]]:
                 del rest[i]
                 break
         else:
-            break  # an outline that crosses itself; what was found so far is all that can be drawn
+            break  # the outline crosses itself: only the triangles so far can be drawn
     return ears
 
 
 def build(map: Map, ontology: Ontology) -> World:
-    """The world that the map describes."""
+    """Build the world that the map describes. Raises SimulationError."""
     spec = mujoco.MjSpec()
     spec.modelname = "somrs"
     spec.option.timestep = STEP
@@ -144,7 +144,7 @@ def build(map: Map, ontology: Ontology) -> World:
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.option.impratio = 5
     spec.option.iterations, spec.option.ls_iterations = 30, 20
-    # A world that went wrong must be seen to be wrong, not start afresh.
+    # A divergence must be detected; MuJoCo must not reset the state.
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     world = World(spec, ontology)
     for object in map.objects.values():

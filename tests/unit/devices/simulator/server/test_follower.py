@@ -139,7 +139,7 @@ def test_a_thing_in_a_robots_hand_may_get_another_name_or_go() -> None:
         assert pair.simulation.time < 300
         pair.simulation.step()
     assert isinstance(ends[0], CommandGivenUp)
-    assert "Krug was taken out of the world" in ends[0].description
+    assert "Krug was removed from the world" in ends[0].description
     assert isinstance(pair.drive(DriveTo(x=4, y=4), "Robot1"), CommandDone)
 
 
