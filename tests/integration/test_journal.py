@@ -535,7 +535,7 @@ def test_a_task_manager_whose_port_is_taken_says_who_knows_it_there(tmp_path: Pa
     Shelf(tmp_path / "task-manager.sqlite", address=f"http://127.0.0.1:{port}/task-manager").journal.close()
     alter_file(tmp_path / "task-manager.sqlite", "UPDATE life SET open = '[\"urn:task\"]'")
     addresses = Addresses(repository="http://127.0.0.1:1/repository", registry="http://127.0.0.1:1/registry", task_manager="")
-    with pytest.raises(UsageError, match=f"cannot listen at 127.0.0.1:{port}.*knows the Task Manager at http://127.0.0.1:{port}"):
+    with pytest.raises(UsageError, match=f"cannot listen at 127.0.0.1:{port}.*know the Task Manager only as http://127.0.0.1:{port}"):
         asyncio.run(run_task_manager(tmp_path, addresses, "127.0.0.1", 0))
     server.close()
 

@@ -179,7 +179,7 @@ def test_a_quote_counts_with_where_the_thing_is_going_to_be() -> None:
         (order(), Fault.SILENT, "does not answer"),
         (order(), Fault.LINK, "does not answer"),
         (order(destination="Robot9"), None, "Robot9 is not in the simulated world"),
-        (order(destination="Wall1", precondition="Jar1.PositionX = 30 AND Jar1.PositionY = 1"), None, "finds no way to Jar1"),
+        (order(destination="Wall1", precondition="Jar1.PositionX = 30 AND Jar1.PositionY = 1"), None, "finds no path to Jar1"),
     ],
 )
 def test_what_cannot_be_done_is_refused_with_the_reason(refused_order: Order, fault: Fault | None, reason: str) -> None:

@@ -173,7 +173,7 @@ async def _start_runtime(journal: Journal, host: str, port: int, watch: Watch) -
         if port or not last_port:
             raise
         if journal.open:
-            explanation = f"the participants of {len(journal.open)} open tasks know the Task Manager only as {journal.address}"
+            explanation = f"the participants of its open tasks ({len(journal.open)}) know the Task Manager only as {journal.address}"
             raise UsageError(f"{error}; {explanation}: stop the program that listens there") from None
         runtime = Host(host, 0, watch)
         await runtime.start()

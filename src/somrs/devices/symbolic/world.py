@@ -84,7 +84,7 @@ class SymbolicWorld:
             return str(reason)
         return None
 
-    def describe(self, formula: str, provider: str, inputs: Inputs = {}) -> str:  # noqa: B006  # a mapping that nobody changes
+    def describe(self, formula: str, provider: str, inputs: Inputs = {}) -> str:  # noqa: B006  # never modified
         """The current state of what a formula mentions: its facts, negated if they do not hold, and its attributes with their values."""
         bound = {PROVIDER: Name(provider), **{name: term(text) for name, text in inputs.items()}}
         atoms = dict.fromkeys(atom for atom in _atoms(substitute(parse(formula), bound)) if not variables(atom))

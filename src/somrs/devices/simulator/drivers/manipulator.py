@@ -75,9 +75,9 @@ class Manipulator(SimulatedDevice):
         except RemoteError as error:
             raise Refusal(f"{self.name} does not answer: {error}") from None
         except UsageError as error:
-            raise Refusal(f"{self.name} does not know the way: {error}") from None
+            raise Refusal(f"{self.name} cannot determine the path: {error}") from None
         if first is None or second is None:
-            raise Refusal(f"{self.name} finds no way to {object if first is None else destination}")
+            raise Refusal(f"{self.name} finds no path to {object if first is None else destination}")
         if not any([await is_of_type(task, destination, kind) for kind in SUPPORTING]):
             raise Refusal(f"nothing can be put on {destination}")
         return first, second

@@ -85,7 +85,7 @@ def drive_to(robot: Robot, goal: Point, yaw: float | None = None, patience: floa
                 waited += yield from _wait_for(robot, met_robot)
             if waited > patience:
                 cause = f" by {obstacle.name}" if obstacle is not None else ""
-                raise GivenUp("blocked", f"the way of {robot.name} to ({goal[0]:.2f}, {goal[1]:.2f}) is blocked{cause}")
+                raise GivenUp("blocked", f"the path of {robot.name} to ({goal[0]:.2f}, {goal[1]:.2f}) is blocked{cause}")
         if yaw is not None:
             yield from turn_to(robot, yaw)
     finally:
@@ -99,7 +99,7 @@ def _culprit(robot: Robot, goal: Point, parked: list[Robot], met_robot: Robot | 
     """
     free_path = route(robot, goal, ())
     if free_path is None:
-        raise GivenUp("unreachable", f"{robot.name} finds no way to ({goal[0]:.2f}, {goal[1]:.2f})")
+        raise GivenUp("unreachable", f"{robot.name} finds no path to ({goal[0]:.2f}, {goal[1]:.2f})")
     robot.plan = free_path
     if met_robot is not None and route(robot, goal, parked) is not None:
         return met_robot
