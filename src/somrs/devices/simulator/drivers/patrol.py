@@ -1,7 +1,7 @@
 """The driver of a simulated patrol robot, which finds objects whose position is unknown.
 
-It searches the object's last known position, then the robots that may have taken it, then the furniture nearby, and last the floors,
-nearest first. The search ends as soon as the robot sees the object, wherever that is.
+It searches the robot that holds the object according to the map, the object's last known position, other robots that may have taken it,
+the furniture, and last the floors, each nearest first. The search ends as soon as the robot sees the object, wherever that is.
 """
 
 from __future__ import annotations
