@@ -253,7 +253,7 @@ def test_what_is_said_at_the_live_socket_must_be_understood(tmp_path: Path) -> N
     async def scenario(system: SmallSystem, program: Program, api: LiveApi) -> None:
         async with connect(f"ws{api.client.url.removeprefix('http')}/live") as live:
             await live.send('{"follow": 3}')
-            with pytest.raises(ConnectionClosed, match="say what you want to hear of"):
+            with pytest.raises(ConnectionClosed, match="send the topics to follow"):
                 await live.recv()
 
     run_scenario(tmp_path / "data", scenario)

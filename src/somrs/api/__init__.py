@@ -1,1 +1,1 @@
-"""All that people and programs can do with a running system, as operations: the public API of the windows, REST and WebSocket."""
+"""The public API of a running system: its operations, served over REST and WebSocket, and used by the windows."""

@@ -1,4 +1,4 @@
-"""What the objects of a map look like and where they are: all that is needed to draw them, in space or from above."""
+"""The shapes, colours and positions of the objects of a map, as needed to draw them in three dimensions or from above."""
 
 from __future__ import annotations
 
@@ -15,36 +15,37 @@ from somrs.ontology.objects import Map, Object
 from somrs.ontology.types import Ontology, Value
 
 PLACEMENT_RELATIONS = ("isOn", "isIn", "isHeldBy")
-"""The relations that say where something is, by what it is on, in, or held by."""
+"""The relations that locate an object by another: what it is on, in, or held by."""
 FURNITURE = "furniture"
 KINDS = {Role.MARK: "place", Role.SUPPORT: FURNITURE, Role.STATIC: FURNITURE}
 
 
 MAX_OVERHANG = 0.15
-"""As far as this, m, what stands on something may stick out."""
+"""How far an object may stick out beyond the object that it stands on, m."""
 
 
 class Arm(msgspec.Struct, frozen=True, kw_only=True):
-    """How a robot's arm is built, m."""
+    """The dimensions of a robot's arm, m."""
 
     hang: float
-    """From the boom down to the finger tips."""
+    """Distance from the boom down to the finger tips."""
     finger: float
     """Length of a finger."""
     lift: float
-    """How high the boom is, and how far the hand is out, while nothing else is known."""
+    """Default height of the boom, for when the robot's pose is not known."""
     reach: float
+    """Default distance of the hand from the robot, for when its pose is not known."""
 
 
 class Placement(msgspec.Struct, frozen=True, kw_only=True):
-    """Where something is by what it is on, in or held by: `relation` says which."""
+    """The location of an object relative to another: what it is on, in or held by, according to `relation`."""
 
     relation: str
     object: str
 
 
 class Body(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """An object that takes up space: an upright prism with the middle of its underside at x, y, z, turned by yaw. Metres and radians.
+    """An object that occupies space: an upright prism with the centre of its underside at x, y, z, rotated by yaw. Metres and radians.
 
     `kind`: floor, wall, door, furniture, thing, robot, camera or place.
     """
@@ -65,23 +66,24 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     outline: tuple[Point, ...] = ()
     color: str = "#999999"
     label: str | None = None
-    """What people call it; of a floor, what the room is called."""
+    """The object's label; for a floor, the label of its room."""
     storey: str | None = None
-    """Of a floor: what its storey is called."""
+    """For a floor: the label of its storey."""
     open: bool = False
     pitch: float = 0.0
-    """How far a camera looks down."""
+    """For a camera: angle below the horizontal."""
     view: float = 0.0
-    """Angle of a camera's field of view, and how far it sees."""
+    """For a camera: angle of its field of view."""
     sight: float = 0.0
+    """For a camera: its range."""
     arm: Arm | None = None
     placement: Placement | None = msgspec.field(default=None, name="at")
     unknown: bool = False
-    """Nothing is known of where it is; it is shown where it was."""
+    """Its position is not known; it is shown at its last known position."""
 
 
 class Scene(msgspec.Struct, frozen=True, kw_only=True):
-    """What there is to see. `types`: for each type, its ancestors, nearest first. `problems`: what cannot be drawn, and why."""
+    """The bodies to draw. `types`: for each type, its ancestors, nearest first. `problems`: the objects that cannot be drawn, and why."""
 
     version: int
     title: str
@@ -91,7 +93,7 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def scene_of(map: Map, version: int, ontology: Ontology, objects: Iterable[Object]) -> Scene:
-    """The objects that take up space, as they are drawn."""
+    """The scene of those of the objects that occupy space."""
     bodies: list[Body] = []
     problems: list[str] = []
     for object in objects:
@@ -140,13 +142,13 @@ def _body(object: Object, solid: Solid, map: Map, ontology: Ontology) -> Body:
 
 
 def _room(floor: str, map: Map, ontology: Ontology) -> Value | None:
-    """What the room is called that a floor is part of."""
+    """The label of the room that a floor is part of."""
     room = map.objects.get(map.whole(floor) or "")
     return room.values.get("Label", room.name) if room is not None and ontology.is_subtype(room.type, "Space") else None
 
 
 def _storey(floor: str, map: Map, ontology: Ontology) -> str | None:
-    """What the storey is called that a floor is part of, whatever is in between."""
+    """The label of the storey that a floor is part of, directly or indirectly."""
     visited, whole = {floor}, map.whole(floor)
     while whole is not None and whole in map.objects and whole not in visited:
         if ontology.is_subtype(map.objects[whole].type, "Storey"):
@@ -164,14 +166,17 @@ def _find_placement(name: str, map: Map) -> Placement | None:
 
 
 def _place_solid(solid: Solid, map: Map, ontology: Ontology) -> Solid:
-    """A thing where its relations say that it is, when it has a position of which they say otherwise: nobody may have measured it since."""
+    """The solid, moved to where its relations locate it if its stored position contradicts them.
+
+    The position of a thing may be older than its relations: a service that moves it does not have to measure where it ends up.
+    """
     placement = _find_placement(solid.name, map) if solid.role is Role.THING else None
     base_object = map.objects.get(placement.object) if placement is not None else None
     if placement is None or base_object is None:
         return solid
     try:
         base_solid = solid_of(base_object, ontology)
-    except SimulationError:  # its own problem, which is told of it
+    except SimulationError:  # `scene_of` reports the problem with the base object itself
         return solid
     if base_solid is None or (
         placement.relation != "isHeldBy"
@@ -191,7 +196,7 @@ def movers(map: Map, ontology: Ontology) -> Iterator[Object]:
 
 
 def _title(map: Map) -> str:
-    """What the building, or whatever holds all others, is called."""
+    """The label of the root object of the map, such as the building."""
     for name in map.roots():
         if name in map.objects:
             return str(map.objects[name].values.get("Label", name))

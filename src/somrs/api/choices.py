@@ -1,4 +1,4 @@
-"""What those can choose from who do not write formulas: things, what can be said of one, and what putting one somewhere means."""
+"""Choices for people who build a goal without writing a formula: objects, their relations and attributes, and locations."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ SYMBOLS = (
     ("Building", "apartment"),
     (ABSTRACT, "domain"),
 )
-"""The Material icon of the first type that an object is of."""
+"""Types and their Material icons. The first type that an object belongs to determines its icon."""
 
 
 class Thing(msgspec.Struct, frozen=True, kw_only=True):
-    """An object to choose. `symbol`: a Material icon; `whole`: what it is a part of, or stands on."""
+    """An object to choose. `symbol`: a Material icon; `location` (JSON: `where`): what it is on, in, held by, at or part of."""
 
     name: str
     type: str
@@ -44,14 +44,14 @@ class Thing(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Things(msgspec.Struct, frozen=True, kw_only=True):
-    """The likeliest first; `is_truncated`: there are others."""
+    """Objects to choose from, the likeliest first. `is_truncated` (JSON: `more`): there are others."""
 
     things: tuple[Thing, ...]
     is_truncated: bool = msgspec.field(default=False, name="more")
 
 
 class SayableRelation(msgspec.Struct, frozen=True, kw_only=True):
-    """`joins`: the type of what it joins the object with; `achievable`: there are services that bring it about."""
+    """A relation that an object can be in. `joins`: the type of the other object; `achievable` (JSON `wished`): services can achieve it."""
 
     name: str
     joins: str
@@ -60,7 +60,8 @@ class SayableRelation(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SayableAttribute(msgspec.Struct, frozen=True, kw_only=True):
-    """`units`: in which its values can be written, its own first; `now`: the value that the object has."""
+    """An attribute that an object can have. `achievable` (JSON: `wished`): services can change it; `units`: the units in which a value can
+    be written, the attribute's own first; `now`: the current value."""
 
     path: str
     kind: Kind
@@ -72,7 +73,7 @@ class SayableAttribute(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Sayable(msgspec.Struct, frozen=True, kw_only=True):
-    """What can be said of an object; what services bring about comes first."""
+    """The relations and attributes of an object; those that services can change come first."""
 
     thing: Thing
     relations: tuple[SayableRelation, ...]
@@ -80,7 +81,7 @@ class Sayable(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Placings(msgspec.Struct, frozen=True, kw_only=True):
-    """Formulas that say of a thing that it is at a target, the likeliest first: none, when it cannot be."""
+    """Formulas that locate an object at a target, the likeliest first; empty if no relation can join them."""
 
     formulas: tuple[str, ...]
 
@@ -128,7 +129,10 @@ def sayable(object: Object, ontology: Ontology, map: Map) -> Sayable:
 
 
 def placings(object: Object, target: Object, ontology: Ontology) -> Placings:
-    """By the relations that say where something is: those of which it is in one at a time."""
+    """The formulas that locate an object at a target.
+
+    A relation locates an object if the object can be in it with one target at a time: it is functional or excludes others.
+    """
     achievable_names = service_effects(ontology)
     relations = [
         relation
@@ -139,6 +143,6 @@ def placings(object: Object, target: Object, ontology: Ontology) -> Placings:
         and ontology.is_subtype(object.type, relation.joins[0])
         and ontology.is_subtype(target.type, relation.joins[1])
     ]
-    # A robot is at a place rather than on it: what is said of some targets only means more than what is said of all.
+    # A relation that accepts only some targets is more specific than one that accepts every object: a robot is at a place, not on it.
     relations.sort(key=lambda relation: (relation.joins[1] == ROOT, relation.name not in achievable_names))
     return Placings(formulas=tuple(str(Relation(relation.name, (Name(object.name), Name(target.name)))) for relation in relations))

@@ -1,4 +1,4 @@
-"""What every part of the desk works with: the system's addresses and data, its replica of the map, and the news."""
+"""What all parts of the API service share: the system's addresses and data folder, the replica of the map, and the news."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from somrs.ontology.types import Ontology
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Context:
-    """`data`: the folder of the running system."""
+    """What all parts of the API service share. `data`: the data folder of the running system."""
 
     addresses: Addresses
     data: Path
@@ -24,7 +24,7 @@ class Context:
 
     @property
     def map(self) -> Map:
-        """The map as it is now, as far as is known here."""
+        """The current map, according to the replica."""
         return self.listener.replica.map
 
     @property
@@ -33,5 +33,5 @@ class Context:
 
     @property
     def version(self) -> int:
-        """Of the map and the ontology; -1 while they were not read."""
+        """The version of the map and the ontology; -1 until they have been read."""
         return self.listener.replica.version

@@ -1,4 +1,4 @@
-"""The state of a device in one word, for the API, the windows and the terminal: derived here, and called the same everywhere."""
+"""The state of a device and its label, derived in one place for the API, the windows and the terminal."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from somrs.devices.simulator.link.commands import Fault
 
 
 class DeviceState(StrEnum):
-    """What can be expected of a device now."""
+    """The state of a device."""
 
     READY = "ready"
-    """It has services on offer, and nothing to do."""
+    """It has services on offer and no work."""
     BUSY = "busy"
-    """It works for a task."""
+    """It executes, stops or compensates a step of a task."""
     BOOKED = "booked"
-    """It is to work for a task."""
+    """It has a contract for a step that has not begun."""
     NOT_WORKING = "not-working"
-    """Something of it is broken, whether or not it has something to do."""
+    """It has a fault, whether or not it has work."""
     NOTHING_ON_OFFER = "nothing-on-offer"
-    """It is on the map, and offers nothing now."""
+    """It is on the map, and has no service on offer."""
     DEPARTED = "gone"
-    """It is on no map, and left a short time ago."""
+    """It is not on the map, and its services left the Registry a short time ago."""
 
 
 LABELS: Mapping[DeviceState, str] = {
@@ -33,7 +33,7 @@ LABELS: Mapping[DeviceState, str] = {
     DeviceState.NOTHING_ON_OFFER: "Nothing on offer",
     DeviceState.DEPARTED: "Gone",
 }
-"""What people read."""
+"""Texts for users."""
 
 FAULT_LABELS: Mapping[Fault, str] = {
     Fault.DRIVE: "drive broken",
@@ -41,17 +41,19 @@ FAULT_LABELS: Mapping[Fault, str] = {
     Fault.SILENT: "silent",
     Fault.LINK: "link cut",
 }
-"""Why a simulated robot is not working."""
+"""Texts for users: why a simulated robot is not working."""
 
 
 def is_working(on_map: bool, faults: Collection[Fault] | None) -> bool:
-    """Whether a device can do what it is for: by its `faults`, where the simulator knows them; otherwise by what the map says. What the map
-    says of a simulated robot may be of before it broke, or before it was mended."""
+    """Whether a device works: according to its `faults` if the simulator reports them, and according to the map (`on_map`) otherwise.
+
+    The simulator takes precedence, since the map may be older than the fault or its repair.
+    """
     return not faults if faults is not None else on_map
 
 
 def state_of(*, on_map: bool, offers: bool, working: bool, busy: bool, booked: bool) -> DeviceState:
-    """By whether it is on the map and has services on offer, whether it works, and what it does and is to do for tasks."""
+    """The state of a device. `busy`: it executes a step; `booked`: it has a contract for a step that has not begun."""
     if not on_map and not offers:
         return DeviceState.DEPARTED
     if not working:

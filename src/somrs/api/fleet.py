@@ -1,4 +1,4 @@
-"""Devices and their services: who is there, what each does, how it has done so far; and faults of simulated robots."""
+"""Devices and their services: presence, state, work and reliability; and the faults of simulated robots."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ STOREY = "Storey"
 HELD_BY = "isHeldBy"
 
 STALE = 10.0
-"""Seconds after which all offers are read again: some news of them may have been lost."""
+"""Seconds after which all offers are read again, since news of them may have been lost."""
 
 DEPARTED_TIME = 600.0
-"""Seconds for which somebody who left is still told of."""
+"""Seconds for which a device that left is still listed."""
 
 TICK = 1.0
-"""Seconds between two looks at the fleet, while somebody follows it."""
+"""Seconds between two checks of the fleet while a client follows it."""
 
 BUSY = (State.EXECUTING, State.STOPPING, State.COMPENSATING)
 
@@ -50,18 +50,18 @@ class Services(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Presence(StrEnum):
-    """Whether a device takes part."""
+    """Whether a device has services on offer."""
 
     OFFERS = "offers"
     """It has services on offer."""
     SILENT = "silent"
-    """It is on the map, and offers nothing now."""
+    """It is on the map, and has no service on offer."""
     DEPARTED = "gone"
-    """It is on no map, and left a short time ago."""
+    """It is not on the map, and its services left the Registry a short time ago."""
 
 
 class ServiceView(msgspec.Struct, frozen=True, kw_only=True):
-    """A service of a device. `price`: what the device asks as a rule, if it says so; the terms of a task may say otherwise."""
+    """A service of a device. `price`: the device's usual price for a step, EUR, if it publishes one; its terms for a task may differ."""
 
     service: str
     type: str
@@ -75,7 +75,8 @@ class ServiceView(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Assignment(msgspec.Struct, frozen=True, kw_only=True):
-    """A step of a task that a device does, or (`Committed`) is to do. `fraction`: how much of it is done, as far as that is told."""
+    """A step of a task that a device executes or, in the state `Committed`, has a contract for. `fraction`: its progress, 0 to 1, if the
+    service reports it."""
 
     task: str
     effect: str
@@ -88,9 +89,9 @@ class Assignment(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class DeviceView(msgspec.Struct, frozen=True, kw_only=True):
-    """A device. `lineage`: its type, and those above it. `load`: the share of the last `Devices.window` seconds in which it was busy.
-    `since`: when it joined, if that was heard; `departed_at` and `reason`: when and why it left. `simulated`: what the simulator has of
-    it."""
+    """A device. `lineage`: its type and that type's ancestors. `load`: the share of the last `Devices.window` seconds in which it was busy.
+    `since`: when it joined, if that was observed; `departed_at` (JSON: `left`) and `reason`: when and why it left; `assignments` (JSON:
+    `doing`): its steps in tasks; `simulated`: its state in the simulator."""
 
     name: str
     type: str
@@ -99,10 +100,10 @@ class DeviceView(msgspec.Struct, frozen=True, kw_only=True):
     state: DeviceState
     label: str | None = None
     working: bool = True
-    """Whether nothing of it is broken, as far as is known."""
+    """Whether it is free of known faults."""
     position: tuple[float, ...] | None = None
     place: str | None = None
-    """The storey that it is on."""
+    """The storey on which it is."""
     holding: tuple[str, ...] = ()
     charge: float | None = None
     services: tuple[ServiceView, ...] = ()
@@ -115,7 +116,7 @@ class DeviceView(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Devices(msgspec.Struct, frozen=True, kw_only=True):
-    """All devices by name, and who came and went lately, the latest first."""
+    """All devices by name; the latest arrivals and departures, newest first. `at`: seconds since 1970; `window`: seconds."""
 
     at: float
     devices: tuple[DeviceView, ...]
@@ -133,14 +134,14 @@ class FleetService:
 
     @operation("GET", "/services")
     async def services(self, type: str | None = None, effect: str | None = None) -> Services:
-        """What is on offer now: all, or services of a type, or those that can bring about an effect."""
+        """The services on offer now: all, those of a service type, or those that can achieve an effect."""
         return Services(offers=await self._context.client.services(Discover(service_type=type, effect=effect)))
 
     @operation("GET", "/fleet")
     async def devices(self) -> Devices:
-        """Every device on the map, and everybody who offers something or did so a short time ago.
+        """List all devices: those on the map, and those with services on offer now or a short time ago.
 
-        The topic `fleet` tells the same whenever it changes.
+        The topic `fleet` publishes the same list whenever it changes.
         """
         now = time.time()
         tasks, states, *_ = await asyncio.gather(
@@ -158,7 +159,7 @@ class FleetService:
 
     @operation("POST", "/fleet/{robot}/faults/{fault}")
     async def fault(self, robot: str, fault: Fault, repair: bool = False) -> None:
-        """Break something of a simulated robot, or mend it."""
+        """Inject a fault into a simulated robot, or with `repair` remove it."""
         await break_or_mend(self._context.addresses.simulator, robot, fault, repair=repair)
 
     async def _read_offers(self, now: float) -> None:
@@ -221,7 +222,7 @@ class FleetService:
         )
 
     def _former_service(self, service: str) -> ServiceView:
-        """A service that is not on offer any more."""
+        """A service that is no longer on offer."""
         type_name = service.partition(".")[2]
         kind = self._context.ontology.services.get(type_name)
         return ServiceView(
@@ -250,7 +251,7 @@ class FleetService:
         return None
 
     async def _feed(self, topic: str) -> None:
-        """Publish the fleet whenever it changes, and what is wrong while it cannot be told."""
+        """Publish the fleet whenever it changes, or an error report while it cannot be read."""
         published_fleet: object = None
         with self._context.hub.subscribe("services") as news:
             while True:
@@ -272,7 +273,7 @@ def _works(tasks: Iterable[TaskView]) -> Iterator[WorkView]:
 
 
 def _by_device(tasks: Iterable[TaskView]) -> Mapping[str, tuple[Assignment, ...]]:
-    """What devices do and are to do, that which is under way first."""
+    """The assignments of each device, those under way first."""
     device_assignments: dict[str, list[Assignment]] = {}
     for task in tasks:
         for assignment in _find_assignments(task):
@@ -289,7 +290,7 @@ def _find_assignments(task: TaskView) -> Iterator[Assignment]:
     for step in steps:
         yield _make_assignment(task, step, step.fraction)
     for work in task.work:
-        if work.state in BUSY and work.step not in planned:  # it looks, or undoes, or follows a procedure
+        if work.state in BUSY and work.step not in planned:  # it observes, compensates, or follows a handler
             yield _make_assignment(task, work)
 
 

@@ -1,4 +1,4 @@
-"""Formulas as people write them: checked while they are typed, and completed."""
+"""Checks and completions of formulas while people type them."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ _PARTS = re.compile(r'"(?:[^"\\\n]|\\.)*"|#[^\n]*|\?[^\W\d][\w-]*|[^\W\d][\w-]*|
 
 
 class CheckFormula(msgspec.Struct, frozen=True, kw_only=True):
-    """`variables`: types of variables, beside those that the text says. `types` count as if they were in the ontology already: what
-    somebody is writing."""
+    """A formula to check. `variables`: types of variables, in addition to those that the text declares. `types`: object types to treat as
+    part of the ontology, such as a type that is being edited."""
 
     text: str
     variables: dict[str, str] = {}
@@ -33,13 +33,13 @@ class CheckFormula(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class CompleteFormula(CheckFormula, frozen=True, kw_only=True):
-    """`cursor`: the place in the text, counted from 0."""
+    """A formula to complete. `cursor`: the position in the text, counted from 0."""
 
     cursor: int
 
 
 class Mistake(msgspec.Struct, frozen=True, kw_only=True):
-    """What is wrong from `position` to `end` of the text, counted from 0; `hint`: what was expected or probably meant."""
+    """A mistake between `position` and `end` of the text, counted from 0. `hint`: what was expected, or probably meant."""
 
     position: int
     end: int
@@ -48,7 +48,8 @@ class Mistake(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class CheckResult(msgspec.Struct, frozen=True, kw_only=True):
-    """`ok`: it is a formula, and fits the ontology and the map. `unfinished`: nothing is wrong so far, but it ends too early."""
+    """The result of a check. `ok`: the text is a formula and fits the ontology and the map. `unfinished`: the text is correct so far, but
+    incomplete."""
 
     ok: bool
     unfinished: bool = False
@@ -61,12 +62,12 @@ class FormulaService:
 
     @operation("POST", "/formulas/check")
     async def check(self, body: CheckFormula) -> CheckResult:
-        """Is this a formula, and does it fit the ontology and the map as they are now? All mistakes that can be found."""
+        """Check a formula against the ontology and the map as they are now, and return all mistakes."""
         return check_text(body.text, self._ontology(body), self._context.map, body.variables)
 
     @operation("POST", "/formulas/complete")
     async def complete(self, body: CompleteFormula) -> Completions:
-        """What can come at a place in a formula, the likeliest first; the rest of the formula may be wrong, or not there yet."""
+        """Suggest completions at a position in a formula, the likeliest first. The rest of the formula may be wrong or missing."""
         return complete(body.text, body.cursor, self._ontology(body), self._context.map, body.variables)
 
     def _ontology(self, body: CheckFormula) -> Ontology:
@@ -74,25 +75,25 @@ class FormulaService:
 
     @operation("GET", "/formulas/things")
     async def things(self, typed: str = "", type: str = ROOT, relation: str | None = None, place: int = 0, limit: int = 40) -> Things:
-        """Objects to choose from: of a type, or those that fit a place of a relation, counted from 0.
+        """List objects of a type, or objects that fit an argument of a relation; `place` is the argument's index, counted from 0.
 
-        With `typed`, those that have it in their name, their label or their type's name.
+        With `typed`, only objects whose name, label or type name contains this text.
         """
         if relation is not None:
             relation_type = _look_up(relation, self._context.ontology.relations, "relation")
             if not 0 <= place < len(relation_type.joins):
-                raise UsageError(f"{relation} joins {len(relation_type.joins)} objects; there is no place {place}, they are counted from 0")
+                raise UsageError(f"{relation} joins {len(relation_type.joins)} objects; there is no place {place}, since they count from 0")
             type = relation_type.joins[place]
         return things(self._context.ontology, self._context.map, typed=typed, type_name=type, relation=relation, place=place, limit=limit)
 
     @operation("GET", "/formulas/things/{name}")
     async def sayable(self, name: str) -> Sayable:
-        """What can be said of an object: the relations that it can be in, and the attributes that it can have."""
+        """List the relations that an object can be in, and the attributes that it can have."""
         return sayable(_look_up(name, self._context.map.objects, "object"), self._context.ontology, self._context.map)
 
     @operation("GET", "/formulas/things/{name}/at/{target}")
     async def placings(self, name: str, target: str) -> Placings:
-        """What it means to have an object brought to another."""
+        """List the formulas that locate an object at a target, as goals for bringing it there."""
         objects = self._context.map.objects
         return placings(_look_up(name, objects, "object"), _look_up(target, objects, "object"), self._context.ontology)
 
@@ -112,7 +113,7 @@ def check_text(text: str, ontology: Ontology, map: Map, variables: dict[str, str
         errors = mistakes(read(text), ontology, map, variables)
         unfinished = False
     except FormulaError as error:
-        # What the other parts say wrong is said all the same: a formula has mistakes while it is not written to its end, too.
+        # The complete parts of an unfinished formula are checked, so that their mistakes are reported while it is typed.
         unfinished = error.position >= len(text.rstrip())
         part_errors = [mistake for part in _parts(text) for mistake in _part_mistakes(part, ontology, map, variables)]
         errors = [*part_errors, error]
@@ -133,7 +134,7 @@ def _part_mistakes(part: str, ontology: Ontology, map: Map, variables: dict[str,
 
 
 def _parts(text: str) -> list[str]:
-    """What stands between AND, OR, NOT and parentheses that group, each with blanks before it, so that places stay."""
+    """The parts between AND, OR, NOT and grouping parentheses, each padded with leading blanks so that positions stay valid."""
     parts: list[str] = []
     begin, depth, named = 0, 0, False
     for token in _PARTS.finditer(text):

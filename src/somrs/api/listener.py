@@ -1,4 +1,4 @@
-"""A component that follows the Repository, the Registry and the Scheduler, and tells the hub of what changes there."""
+"""A component that follows the Repository, the Registry and the Scheduler, and publishes their changes at the hub."""
 
 from __future__ import annotations
 
@@ -16,15 +16,19 @@ from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.orders import OrdersChanged, OrdersSubscribed, SubscribeOrders
 
 LEASE = 30.0
-"""Seconds for which the Registry and the Scheduler are asked to send news."""
+"""Seconds for which the Registry and the Scheduler are subscribed to."""
 RENEWAL_INTERVAL = 10.0
-"""Seconds after which they are asked again."""
+"""Seconds after which the subscriptions are renewed."""
 RENEWAL = "services"
-"""The timer of that."""
+"""The name of the timer for the renewal."""
 
 
 class Listener:
-    """`replica` is the map and the ontology as far as is known here; `ready` is set once they were read. `presence`: who came and went."""
+    """Follows the Repository, the Registry and the Scheduler.
+
+    `replica` has the map and the ontology; `ready` is set when they have been read. `presence` has the services on offer, and which
+    devices joined and left.
+    """
 
     def __init__(self, address: str, addresses: Addresses, hub: Hub) -> None:
         self.address = address
@@ -59,7 +63,7 @@ class Listener:
             case Received(Message(body=OrdersChanged(templates=templates, orders=orders))):
                 self._orders_changed(templates=templates, orders=orders)
             case Received(Message(body=OrdersSubscribed(begun=started_at))) if started_at != self._scheduler_started_at:
-                self._scheduler_started_at = started_at  # another one than before: what it did meanwhile was not heard
+                self._scheduler_started_at = started_at  # the Scheduler was restarted: earlier news may be lost
                 self._orders_changed(templates=True, orders=True)
         return []
 

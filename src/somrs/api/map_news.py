@@ -8,7 +8,7 @@ from somrs.ontology.objects import Change
 
 
 class MapNews(Struct, frozen=True, kw_only=True):
-    """The map came to `version` by `changes`; with `read`, anything may have changed: read it again."""
+    """`changes` brought the map to `version`. `read`: anything may have changed; read the map again."""
 
     version: int
     changes: tuple[Change, ...] = ()

@@ -1,4 +1,4 @@
-"""The ontology: read, changed with the consequences shown before, looked back at, written to files and read from them."""
+"""The ontology: reading, changes and their consequences, history, export and import."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ YAML = "application/yaml"
 
 
 class OntologyView(msgspec.Struct, frozen=True, kw_only=True):
-    """All definitions, and the version that they are of. `required_words`: those that SO-MRS itself relies on, which can be neither removed
-    nor renamed."""
+    """A version of the ontology: all its definitions. `required_words` (JSON: `relied`): definitions that SO-MRS itself requires; they
+    cannot be removed or renamed."""
 
     version: int
     definitions: Definitions
@@ -35,7 +35,7 @@ class OntologyView(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class BrokenOffer(msgspec.Struct, frozen=True, kw_only=True):
-    """A service on offer now that could not be planned with any more, and why."""
+    """A service on offer that the planner could no longer use, and why."""
 
     service: str
     provider: str
@@ -43,11 +43,12 @@ class BrokenOffer(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Consequences(msgspec.Struct, frozen=True, kw_only=True):
-    """What would come of a change of the ontology. Rules that would be `broken` stop it; broken `offers` do not, nor do the `affected`:
-    tasks that run, orders and templates with words that would be gone. These stay as they are.
+    """The consequences of a change of the ontology.
 
-    `revision`: what it would change in the ontology; `changes`: how the map would change with it. Of long lists the first are told, and
-    how many there are.
+    `broken`: rules that the change would break; if there are any, the change is refused. `offers`: services on offer that the planner
+    could no longer use. `affected`: running tasks, orders and templates with names that would no longer exist; they stay as they are.
+    `revision`: the changed definitions; `changes`: the changes of the map. Long lists are cut; `all_broken` and `all_changes` are the
+    full counts.
     """
 
     version: int
@@ -61,8 +62,8 @@ class Consequences(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ImportOntology(msgspec.Struct, frozen=True, kw_only=True):
-    """The text of an ontology file in YAML: its definitions are added, or replace those of the same names. `expected_version` as for any
-    change; `file` is what problems call it."""
+    """The text of an ontology file: its definitions are added, or replace those of the same names. `expected_version`: as for other
+    changes; `file`: the name of the file in messages about mistakes."""
 
     text: str
     author: str = ""
@@ -71,7 +72,8 @@ class ImportOntology(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ImportResult(msgspec.Struct, frozen=True, kw_only=True):
-    """What a file would change, or changed: `version` has it, if it was not dry. `consequences` are of before."""
+    """The result of an import. `consequences`: as computed before the change; `version`: the version with the change, None for a dry
+    run."""
 
     consequences: Consequences
     version: int | None = None
@@ -84,7 +86,7 @@ class OntologyService:
 
     @operation("GET", "/ontology")
     async def read(self, version: int | None = None) -> OntologyView:
-        """The whole ontology as it is now, or as it was at a version."""
+        """Read the whole ontology as it is now, or as it was at a version."""
         ontology, now = self._context.ontology, self._context.version
         if version is not None and version != now:
             ontology, now = await self._context.client.ontology(version), version
@@ -92,45 +94,45 @@ class OntologyService:
 
     @operation("POST", "/ontology/changes")
     async def change(self, body: Define) -> Defined:
-        """Remove, rename, and add or replace definitions, in this order: all or nothing.
+        """Remove, rename, and add or replace definitions, in this order: all changes or none.
 
-        With `expected_version`, only if none of the definitions that it speaks of changed since.
+        With `expected_version`, the request is refused if a definition that it concerns has changed since that version.
         """
         return Defined(version=await self._context.client.define(body))
 
     @operation("POST", "/ontology/consider")
     async def consider(self, body: Define) -> Consequences:
-        """What would come of changing the ontology so? Nothing is changed."""
+        """Report the consequences of a change of the ontology, without making it."""
         return await self._consequences(body)
 
     @operation("POST", "/ontology/undo/{version}")
     async def undo(self, version: int, author: str = "") -> Defined:
-        """Bring back what a version changed, if nothing changed it since."""
+        """Undo the changes of a version, unless later versions have changed the same things."""
         return Defined(version=await self._context.client.undo(version, author))
 
     @operation("POST", "/ontology/undo/{version}/consider")
     async def consider_undo(self, version: int) -> Consequences:
-        """What would come of undoing a version? Nothing is changed."""
+        """Report the consequences of undoing a version, without doing it."""
         return await self._consequences(Undo(version=version))
 
     @operation("GET", "/ontology/history")
     async def history(self, before: int | None = None, limit: int = 100) -> Events:
-        """What changed in the ontology, newest first: by whom, when, what it was before and after."""
+        """Read the changes of the ontology, newest first: author, time, and the definitions before and after."""
         return await self._context.client.read_events(ReadEvents(before=before, limit=limit, ontology=True))
 
     @operation("GET", "/ontology/export.yaml")
     async def export_yaml(self, whole: bool = False) -> Document:
-        """The ontology as a file: what it has beyond the upper ontology, or the whole of it."""
+        """Export the ontology as a YAML file: without the upper ontology, or with `whole` all of it."""
         text = dump_ontology(self._context.ontology, upper(), "ontology", whole=whole)
         return Document(content=text.encode(), media_type=YAML, name="ontology.yaml")
 
     @operation("POST", "/ontology/import.yaml")
     async def import_yaml(self, body: ImportOntology, dry: bool = False) -> ImportResult:
-        """Take over the definitions of a file; `dry`: only say what would come of it."""
+        """Import the definitions of a YAML file; `dry`: only report the consequences."""
         return await self.import_definitions(load_definitions(body.text, body.file, self._context.ontology), body, dry)
 
     async def import_definitions(self, ontology: Ontology, request: ImportOntology, dry: bool) -> ImportResult:
-        """Have the ontology be this one, that a file says; `dry`: only say what would come of it."""
+        """Change the current ontology to `ontology`; `dry`: only report the consequences."""
         define = diff_ontologies(self._context.ontology, ontology, request.author, request.expected_version)
         consequences = await self._consequences(define)
         return ImportResult(consequences=consequences, version=None if dry else await self._context.client.define(define))
@@ -151,14 +153,14 @@ class OntologyService:
         return find_word_uses(words, self._context.ontology, tasks, *await self._orders.read_all())
 
     async def _reverse_renamings(self, version: int) -> list[Renaming]:
-        """What would get its name back if the version were undone."""
+        """The renamings that undo those of the version."""
         events = (await self._context.client.read_events(ReadEvents(before=version + 1, limit=1, ontology=True))).events
         renamed = (renaming for event in events if event.version == version for renaming in event.renamed)
         return [Renaming(section=renaming.section, name=renaming.to, to=renaming.name) for renaming in renamed]
 
 
 def broken_offers(ontology: Ontology, change: Revision | None, offers: Iterable[Offer]) -> Iterator[BrokenOffer]:
-    """The services on offer that could be planned with in the ontology, and could not after the change, with the reason."""
+    """The services on offer that the planner can use now and could not use after the change, with the reason."""
     ontology_after = apply_revision(ontology, change) if change is not None else ontology
     for offer in offers if change is not None else ():
         violations_before = set(map(str, ontology_violations(ontology, (offer.service_type,))))

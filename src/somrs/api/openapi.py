@@ -15,7 +15,7 @@ _REFERENCE = "#/components/schemas/{name}"
 
 
 def document(operations: Sequence[Operation]) -> dict[str, Any]:
-    """The document, as JSON values."""
+    """The OpenAPI document of the operations, as JSON values."""
     types = [operation.returns for operation in operations if operation.returns not in (None, type(None), Document)]
     types += [parameter.type for operation in operations for parameter in operation.parameters]
     schemas, components = msgspec.json.schema_components([*types, ErrorReport], ref_template=_REFERENCE)
@@ -25,7 +25,7 @@ def document(operations: Sequence[Operation]) -> dict[str, Any]:
         paths.setdefault(operation.path, {})[operation.method.lower()] = _describe(operation, by_type)
     return {
         "openapi": "3.1.0",
-        "info": {"title": "SO-MRS", "version": __version__, "description": "State wishes about a building, and see them come true."},
+        "info": {"title": "SO-MRS", "version": __version__, "description": "Submit tasks as goals, and operate a site."},
         "servers": [{"url": "/api"}],
         "paths": paths,
         "components": {"schemas": components},
@@ -61,6 +61,6 @@ def _responses(operation: Operation, schemas: dict[str, Any]) -> dict[str, Any]:
     elif operation.returns in (None, type(None)):
         good = {"description": "Done"}
     else:
-        good = {"description": "The answer", "content": {"application/json": {"schema": schemas[repr(operation.returns)]}}}
+        good = {"description": "The result", "content": {"application/json": {"schema": schemas[repr(operation.returns)]}}}
     error_content = {"application/json": {"schema": schemas[repr(ErrorReport)]}}
     return {"200": good, **{str(code): {"description": text, "content": error_content} for code, text in REFUSALS.items()}}

@@ -1,4 +1,4 @@
-"""Templates of tasks, and standing orders, as operations. The Scheduler keeps them, and states the tasks of orders."""
+"""Operations on task templates and standing orders. The Scheduler stores them, and submits the tasks of orders."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from somrs.protocol.messages.envelope import message_id
 from somrs.protocol.messages.orders import Filled, OrderSaved, Run, StandingOrder, Template, TemplateSaved
 
 RESTART_PATIENCE = 10.0
-"""Seconds for which a Scheduler that is started again is waited for by those who read."""
+"""Seconds for which a read request waits for a Scheduler that is being restarted."""
 
 T = TypeVar("T")
 
@@ -33,13 +33,13 @@ class StandingOrders(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Runs(msgspec.Struct, frozen=True, kw_only=True):
-    """The times at which an order was due, the latest first."""
+    """The runs of an order: the times at which it was due, newest first."""
 
     runs: tuple[Run, ...]
 
 
 class OrderService:
-    """News of the topics `templates` and `orders` say that something changed there: read it again."""
+    """Templates and standing orders. News of the topics `templates` and `orders` carry no value: read again what changed."""
 
     def __init__(self, context: Context) -> None:
         self._context = context
@@ -48,22 +48,22 @@ class OrderService:
 
     @operation("GET", "/templates")
     async def templates(self) -> Templates:
-        """All templates, by name."""
+        """List all templates by name."""
         return Templates(templates=tuple(sorted(await self._templates(), key=lambda template: template.name.casefold())))
 
     @operation("GET", "/templates/{name}")
     async def template(self, name: str) -> Template:
-        """One template."""
+        """Read a template."""
         return (await self._ask(orders.ReadTemplates(name=name), orders.TemplatesPage, RESTART_PATIENCE)).templates[0]
 
     @operation("PUT", "/templates/{name}")
     async def save_template(self, name: str, body: TemplateSaved) -> Template:
-        """Keep a task under a name. Refused when somebody else changed it meanwhile."""
+        """Save a task as a template. With `expected_version`, the request is refused if the template has changed since that version."""
         return (await self._ask(orders.SaveTemplate(name=name, saved=body), orders.TemplateKept)).template
 
     @operation("POST", "/templates/{name}/rename")
     async def rename_template(self, name: str, to: str, expected_version: int | None = None, by: str = "") -> Template:
-        """Give a template another name; the orders that use it know it by the new one."""
+        """Rename a template. Orders that use it keep using it under the new name."""
         request = orders.RenameTemplate(name=name, to=to, expected_version=expected_version, by=by)
         return (await self._ask(request, orders.TemplateKept)).template
 
@@ -74,12 +74,12 @@ class OrderService:
 
     @operation("POST", "/templates/{name}/filled")
     async def fill_template(self, name: str, body: Filled) -> Submit:
-        """The task that a template is, with its blanks filled in; nothing is stated."""
+        """Fill in the blanks of a template and return the task, without submitting it."""
         return (await self._ask(orders.FillTemplate(name=name, values=body.values), orders.TemplateFilled, RESTART_PATIENCE)).task
 
     @operation("POST", "/templates/{name}/use")
     async def use_template(self, name: str, body: Filled, once: str | None = None) -> Submitted:
-        """State the task that a template is, with its blanks filled in. `once`: as for tasks."""
+        """Fill in the blanks of a template and submit the task. `once`: the idempotency key, as in `POST /tasks`."""
         task = await self.fill_template(name, body)
         id = message_id("task", "once", once) if once is not None else None
         return Submitted(task=await self._context.client.submit(task, patience=PATIENCE, id=id, author=body.by))
@@ -88,17 +88,17 @@ class OrderService:
 
     @operation("GET", "/orders")
     async def orders(self) -> StandingOrders:
-        """All standing orders, by name."""
+        """List all standing orders by name."""
         return StandingOrders(orders=tuple(sorted(await self._orders(), key=lambda order: (order.name.casefold(), order.id))))
 
     @operation("GET", "/orders/{id}")
     async def order(self, id: str) -> StandingOrder:
-        """One standing order."""
+        """Read a standing order."""
         return (await self._ask(orders.ReadOrders(id=id), orders.OrdersPage, RESTART_PATIENCE)).orders[0]
 
     @operation("GET", "/orders/{id}/runs")
     async def runs(self, id: str, limit: int = 50) -> Runs:
-        """When an order was due, and what came of it, the latest first."""
+        """List the runs of an order, newest first: when it was due, and the result."""
         runs: list[Run] = []
         has_next_page = True
         while has_next_page:
@@ -110,33 +110,33 @@ class OrderService:
 
     @operation("POST", "/orders")
     async def add_order(self, body: OrderSaved) -> StandingOrder:
-        """Give a standing order."""
+        """Add a standing order."""
         return (await self._ask(orders.SaveOrder(saved=body), orders.OrderKept)).order
 
     @operation("PUT", "/orders/{id}")
     async def save_order(self, id: str, body: OrderSaved) -> StandingOrder:
-        """Change a standing order; its past runs stay known."""
+        """Change a standing order. The list of its past runs is kept."""
         return (await self._ask(orders.SaveOrder(id=id, saved=body), orders.OrderKept)).order
 
     @operation("POST", "/orders/{id}/pause")
     async def pause_order(self, id: str, by: str = "") -> StandingOrder:
-        """Let an order rest. Its task, if one runs, goes on."""
+        """Pause an order. A task of the order that is running continues."""
         return (await self._ask(orders.TurnOrder(id=id, enabled=False, by=by), orders.OrderKept)).order
 
     @operation("POST", "/orders/{id}/resume")
     async def resume_order(self, id: str, by: str = "") -> StandingOrder:
-        """Let an order go on: the next time is the first one from now on."""
+        """Resume an order. It is next due at the first of its times from now on."""
         return (await self._ask(orders.TurnOrder(id=id, enabled=True, by=by), orders.OrderKept)).order
 
     @operation("DELETE", "/orders/{id}")
     async def remove_order(self, id: str, expected_version: int | None = None) -> None:
-        """Take an order back. Its task, if one runs, goes on."""
+        """Remove an order. A task of the order that is running continues."""
         await self._ask(orders.RemoveOrder(id=id, expected_version=expected_version), orders.NoLongerKept)
 
-    # What they are made of
+    # Requests to the Scheduler
 
     async def read_all(self) -> tuple[Collection[StandingOrder], Mapping[str, Template]]:
-        """All orders, and the templates by name; none where there is no Scheduler."""
+        """All orders, and the templates by name; empty in a system without a Scheduler."""
         if self._context.addresses.scheduler is None:
             return (), {}
         return await self._orders(), {template.name: template for template in await self._templates()}
@@ -165,7 +165,7 @@ class OrderService:
     async def _ask(self, body: Body, expected: type[T], patience: float = 0.0) -> T:
         scheduler = self._context.addresses.scheduler
         if scheduler is None:
-            raise RemoteError("templates and orders are kept by the Scheduler, and this system has none; `somrs up` starts one")
+            raise RemoteError("the Scheduler keeps templates and orders, and this system has none; `somrs up` starts one")
         answer: object = await self._context.client.ask(scheduler, body, object, patience=patience)
         match answer:
             case orders.OrdersRejected():

@@ -1,4 +1,4 @@
-"""The ontology and the map as OWL 2 files, with SHACL shapes: written for editors and validators, and taken over from them."""
+"""Export and import of the ontology and the map as OWL 2 files with SHACL shapes, for ontology editors and validators."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ MEDIA_TYPES = {owl.Format.TURTLE: "text/turtle; charset=utf-8", owl.Format.XML: 
 ENDINGS = {owl.Format.TURTLE: "ttl", owl.Format.XML: "rdf"}
 
 LARGE_MAP = 300
-"""Objects from which on a process of its own does the work, so that nobody else waits for it."""
+"""Number of objects above which a separate process does the work, so that other requests do not wait."""
 LARGE_FILE = 400_000
-"""Characters of a file likewise."""
+"""Number of characters of a file above which a separate process does the work."""
 
 
 class OwlImportResult(ImportResult, frozen=True, kw_only=True):
-    """`notes`: what the file says besides, which was not taken over, and what to do about it. `on_map`: how its individuals change the
-    map; of long lists the first are told. `objects`: how many individuals there are in it."""
+    """The result of an OWL import. `notes`: statements of the file that were not imported, and what to do about them; `objects`: the number
+    of individuals in the file; `on_map`: the changes of the map, cut if there are many; `all_on_map`: their full count."""
 
     notes: tuple[Problem, ...] = ()
     objects: int = 0
@@ -40,15 +40,15 @@ class OwlImportResult(ImportResult, frozen=True, kw_only=True):
 
 
 MAX_REPORTED_CHANGES = 200
-"""Changes of the map that are told."""
+"""Maximum number of changes of the map in a result."""
 
 
 class OwlService(OntologyService):
-    """The ontology with all its files."""
+    """The operations on the ontology, including its OWL files."""
 
     @operation("GET", "/ontology/export.ttl")
     async def export_owl(self, format: owl.Format = owl.Format.TURTLE, map: bool = False, shapes: bool = True) -> Document:
-        """The ontology in OWL 2 with its rules as SHACL shapes, as Turtle or RDF/XML; with the map, if that is wanted."""
+        """Export the ontology in OWL 2, as Turtle or RDF/XML; with `shapes`, its rules as SHACL shapes; with `map`, the map too."""
         context = self._context
         exported_map = context.map if map else None
         content = await _run_in_background(
@@ -64,11 +64,13 @@ class OwlService(OntologyService):
 
     @operation("POST", "/ontology/import.owl")
     async def import_owl(self, body: ImportOntology, dry: bool = False, map: bool = False) -> OwlImportResult:
-        """Take over the definitions of a Turtle or RDF/XML file: they are added, or replace those of the same names.
+        """Import the definitions of a Turtle or RDF/XML file: they are added, or replace those of the same names.
 
-        One whose label was changed is renamed, one that is deprecated (owl:deprecated) is removed; what is not in the file stays.
+        A definition with a changed label is renamed, and a deprecated definition (owl:deprecated) is removed. Definitions that are not in
+        the file stay.
 
-        With `map`, its individuals are put on the map, too: what the file says of an object counts. `dry`: only say what would come of it.
+        With `map`, the individuals of the file become objects of the map, and replace those of the same names. `dry`: only report the
+        consequences.
         """
         ontology = self._context.ontology
         owl_content = await _run_in_background(len(body.text) > LARGE_FILE, owl.read, body.text, body.file, ontology)
@@ -86,7 +88,7 @@ class OwlService(OntologyService):
         )
 
     async def _carry_out(self, change: OwlChange, changes: tuple[Change, ...]) -> int:
-        """First the ontology, as the objects may need it."""
+        """Change the ontology first, since the objects may need the new definitions."""
         client, version = self._context.client, self._context.version
         if change.changes_ontology or not changes:
             version = await client.define(change.define)
@@ -94,7 +96,7 @@ class OwlService(OntologyService):
 
 
 async def _run_in_background(is_large: bool, work: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
-    """Have it done while the event loop goes on; what is much, in another process, as a thread would slow everybody down."""
+    """Run `work` outside the event loop: in a thread, or in a process if it is large, since a thread would hold the interpreter lock."""
     task = partial(work, *args, **kwargs)
     if not is_large:
         return await asyncio.to_thread(task)

@@ -1,13 +1,14 @@
-"""Where everything is that can move, for all who look at it: from the simulator, or, where there is none, from the map.
+"""The poses of all movable objects, for any number of viewers: from the simulator, or from the map in a system without a simulator.
 
-There is one connection to the simulator, however many look, and none while nobody does. What is sent to a viewer:
+All viewers share one connection to the simulator; it is open while there is a viewer. A viewer receives:
 
-- Text, JSON: `movers`, all that can move, each a name and how many numbers say how it is (as on the robot link), with the number of this
-  `table`; `robots`, what they hold, do, and cannot do, as far as that changed; `source` (`simulator` or `map`), and whether it is `alive`.
-- Binary, little-endian: the source's clock on the wall and the simulated time (two float64, seconds), the table's number, how many
-  movers follow (two uint32), these, counted from 0 (uint32), and the numbers of each, one after the other (float32).
+- Text, JSON: `movers`, the movable objects, each with its name and the count of numbers in its pose (as on the robot link), and the number
+  of this `table`; `robots`, the changes in what the robots hold, do, and cannot do; `source` (`simulator` or `map`), and whether it is
+  `alive`.
+- Binary, little-endian: the source's wall clock and the simulated time (two float64, seconds); the table's number and the count of the
+  movers in this message (two uint32); their indices in the table, counted from 0 (uint32); and their poses, one after the other (float32).
 
-First comes everything, then what changes. Who is slow to take it skips ticks, and is then sent everything.
+The first messages contain everything, later ones the changes. A slow viewer skips ticks, and then receives everything again.
 """
 
 from __future__ import annotations
@@ -29,9 +30,9 @@ from somrs.devices.simulator.link.lines import Mover, Poses, RobotStatus
 from somrs.errors import RemoteError
 
 RATE = 20.0
-"""Ticks a second."""
+"""Ticks per second."""
 RETRY_DELAY = 0.5
-"""Seconds before the simulator is sought again."""
+"""Seconds between two attempts to connect to the simulator."""
 HEADER = struct.Struct("<ddII")
 
 Row = tuple[float, ...]
@@ -39,7 +40,7 @@ Message = str | bytes
 
 
 class PosesNews(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """What is sent as text."""
+    """The content of a text message."""
 
     table: int | None = None
     movers: tuple[Mover, ...] | None = None
@@ -49,7 +50,7 @@ class PosesNews(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
 
 
 class PoseFeed:
-    """Runs while somebody is `viewing`. A tick is something new, counted from 1."""
+    """Follows the source of the poses while there is a viewer (`viewing`). Each tick is a set of changes; ticks are counted from 1."""
 
     def __init__(self, context: Context) -> None:
         self._context = context
@@ -64,9 +65,9 @@ class PoseFeed:
         self._works: dict[str, RobotStatus] = {}
         self._clock, self._time, self._alive = 0.0, 0.0, True
         self._news: list[Message] = []
-        """For those who saw the tick before."""
+        """The messages for viewers that received the previous tick."""
         self._whole: list[Message] | None = None
-        """For all others, once somebody needs it."""
+        """The messages for all other viewers; made when the first of them needs it."""
 
     @contextmanager
     def viewing(self) -> Iterator[None]:
@@ -83,7 +84,7 @@ class PoseFeed:
                 self._running = None
 
     async def wait_for_tick(self, last_tick: int | None) -> tuple[int, list[Message]]:
-        """The latest tick, and what brings somebody there who has seen that one."""
+        """Wait for a tick after `last_tick`, and return its number and the messages that update a viewer from `last_tick` to it."""
         while self._tick == (last_tick or 0):
             await self._wake.wait()
         if last_tick == self._tick - 1:
@@ -93,7 +94,7 @@ class PoseFeed:
             self._whole = [_text(news), self._frame(range(len(self._rows)), chain.from_iterable(self._rows))]
         return self._tick, self._whole
 
-    # Where it comes from
+    # Sources
 
     async def _follow_simulator(self) -> None:
         address = self._context.addresses.simulator
@@ -115,7 +116,7 @@ class PoseFeed:
                 await asyncio.sleep(1 / RATE)
 
     def _read_map_poses(self) -> Poses:
-        """What moved on the map."""
+        """The poses that have changed on the map since the last tick."""
         map, ontology = self._context.map, self._context.ontology
         scene = scene_of(map, self._context.version, ontology, movers(map, ontology))
         bodies = sorted(scene.bodies, key=lambda body: body.name)
@@ -135,7 +136,7 @@ class PoseFeed:
             robots={robot: work for robot, work in works.items() if anew or work != self._works.get(robot)},
         )
 
-    # What is told
+    # Messages to viewers
 
     def _take_poses(self, line: Poses) -> None:
         self._clock, self._time = line.clock, line.time

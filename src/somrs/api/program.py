@@ -1,4 +1,4 @@
-"""The API as a program of its own: the operations and the news below `/api`. It binds the loopback address unless told otherwise."""
+"""The API as a program: it serves the operations and the news below `/api`, by default at the loopback address."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PATH = "/api"
 
 
 async def run_api(data: Path, addresses: Addresses, host: str, port: int) -> None:
-    """Serve the API until this process is to end."""
+    """Serve the API until this process is asked to stop."""
     server_socket = bound(host, port)
     async with open_api_service(addresses, data, host) as service, served(service, server_socket) as url:
         await until_stopped("api", url)
@@ -33,9 +33,9 @@ async def run_api(data: Path, addresses: Addresses, host: str, port: int) -> Non
 
 @asynccontextmanager
 async def served(service: ApiService, server_socket: socket.socket) -> AsyncIterator[str]:
-    """With the API at that socket: its address."""
+    """Serve the API at the socket, and yield its URL."""
     host, port = server_socket.getsockname()[:2]
-    # A client keeps its connections for less long than they are kept here, so that none is closed when it begins to ask.
+    # The server keeps connections longer than clients do, so that it does not close one just as a client sends a request.
     config = uvicorn.Config(
         _site(service),
         log_level="warning",

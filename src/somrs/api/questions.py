@@ -1,4 +1,4 @@
-"""Questions that services put to people, and their answers."""
+"""Questions of services to people, and their answers."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from somrs.client.questions import open_questions, put_answer
 from somrs.devices.person.questions import Question
 
 TICK = 0.5
-"""Seconds between two looks for questions, while somebody follows them."""
+"""Seconds between two checks for questions while a client follows them."""
 
 
 class OpenQuestions(msgspec.Struct, frozen=True, kw_only=True):
-    """What waits for an answer, the oldest first."""
+    """The questions that wait for an answer, the oldest first."""
 
     questions: tuple[Question, ...]
 
 
 class Answer(msgspec.Struct, frozen=True, kw_only=True):
-    """What is so, as a formula, such as `Jar002 isOn Table001`; None: whoever answers cannot tell."""
+    """The answer as a formula, such as `Jar002 isOn Table001`; None if the person does not know."""
 
     formula: str | None = None
 
@@ -35,15 +35,15 @@ class QuestionService:
 
     @operation("GET", "/questions")
     async def open(self) -> OpenQuestions:
-        """What the system asks people now, because nobody else can look.
+        """List the questions that wait for an answer by a person, the oldest first.
 
-        The topic `questions` tells the same whenever it changes.
+        The topic `questions` publishes the same list whenever it changes.
         """
         return OpenQuestions(questions=tuple(await asyncio.to_thread(open_questions, self._data)))
 
     @operation("POST", "/questions/{number}/answer")
     async def answer(self, number: int, body: Answer) -> None:
-        """Answer a question. An answer that will not do is refused, and the question stays open."""
+        """Answer a question. An unsuitable answer is refused, and the question stays open."""
         await asyncio.to_thread(put_answer, number, body.formula, self._data)
 
     async def _feed(self, topic: str) -> None:

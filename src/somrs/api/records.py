@@ -1,4 +1,4 @@
-"""Tasks that are over: found, read, exported."""
+"""The records of ended tasks: search, reading and export."""
 
 from __future__ import annotations
 
@@ -33,21 +33,21 @@ class RecordService:
         limit: int = 50,
         behind: str | None = None,
     ) -> Records:
-        """Tasks that are over, the latest first, without terms, events and messages.
+        """List ended tasks, the latest first, without terms, events and messages.
 
-        `since`: those that ended at this date (2026-03-01), with a time (2026-03-01T14:30), or so long ago (2h), or later. `text`: in what
-        was wished for. `service`: those in which this service, or a service of this device, did something. A page may end early; `more`
-        says so, and `behind` (the last task of a page) asks for the next.
+        `since`: only tasks that ended at or after this date (2026-03-01), date and time (2026-03-01T14:30) or age (2h). `text`: only
+        tasks whose goal contains this text. `service`: only tasks in which this service, or a service of this device, took part. If `more`
+        is true in the result, there is a next page: pass the last task of this page as `behind`.
         """
         return await self._client.records(_make_query(since, outcome, text, service, limit, behind, brief=True))
 
     @operation("GET", "/records/{id}")
     async def read(self, id: str) -> TaskRecord:
-        """Everything of a task that is over: plan, work, terms, events, messages. The beginning of its id will do."""
+        """Read the record of an ended task: plan, work, terms, events, messages. `id` may be the beginning of the task's id."""
         records = (await self._client.records(ReadRecords(task=id, limit=2, brief=True))).records
         if len(records) != 1:
             problem = "several ids begin" if records else "no id begins"
-            raise NotFound(f"of the tasks that are over, {problem} with {id}")
+            raise NotFound(f"among the tasks that are over, {problem} with {id}")
         return (await self._task_history.first(ReadRecords(task=records[0].task), 1))[0]
 
     @operation("GET", "/records/export")
@@ -60,9 +60,9 @@ class RecordService:
         text: str | None = None,
         service: str | None = None,
     ) -> Document:
-        """The tasks that `find` finds as a file: JSON lines, a task a line, or a CSV table, of tasks if no other is named."""
+        """Export the ended tasks that `GET /records` finds: as JSON lines, one task per line, or as a CSV table (by default, of tasks)."""
         if format is Format.JSONL and table is not None:
-            raise UsageError(f"table={table} is for CSV, and JSON lines hold all of a task; leave one of the two out")
+            raise UsageError(f"table={table} is for CSV; JSON lines contain the whole of each task. Leave out table, or choose CSV")
         file = io.StringIO()
         query = _make_query(since, outcome, text, service, PAGE)
         await write(self._task_history, query, file, format, table or Table.TASKS)

@@ -1,4 +1,4 @@
-"""What services have shown so far: how often what they began was done, and how busy their devices were."""
+"""Reliability of services and load of devices: how often a service completed its work, and how busy a device was."""
 
 from __future__ import annotations
 
@@ -14,17 +14,18 @@ from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.records import ReadRecords, TaskRecord
 
 MOST_TASKS = 1000
-"""Of those that were over before anybody asked, the latest so many are looked at: what was before them says little of today."""
+"""Maximum number of tasks read at the first request, the latest ones; older ones say little about the present."""
 
 WINDOW = 600.0
-"""Seconds for which it is told how busy a device was."""
+"""Seconds over which the load of a device is computed."""
 
 MIN_SAMPLE_SIZE = 5
-"""Pieces of work below which no percentage is told."""
+"""Number of attempts below which no percentage is given."""
 
 
 class Tally(msgspec.Struct, frozen=True, kw_only=True):
-    """What became of what a service began, in tasks that are over. `failed`: or nothing more was heard; `stopped`: it was told to."""
+    """How often a service began work in ended tasks (`started`; JSON: `began`), and with which results. `failed` includes work of a service
+    that became unreachable; `stopped`: work that the Task Manager stopped."""
 
     started: int = msgspec.field(default=0, name="began")
     completed: int = 0
@@ -32,7 +33,7 @@ class Tally(msgspec.Struct, frozen=True, kw_only=True):
     stopped: int = 0
 
     def in_words(self) -> str:
-        """Of few pieces of work no percentage is told: one of one is no certainty."""
+        """The counts as text; with a percentage if there are enough attempts for one."""
         attempts = self.completed + self.failed
         stopped = f", {self.stopped} stopped" if self.stopped else ""
         if not attempts:
@@ -42,19 +43,19 @@ class Tally(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ReliabilityStats:
-    """Made of what is kept of tasks that are over; what was learned once is not read again."""
+    """Statistics of the records of ended tasks; each record is read once."""
 
     def __init__(self) -> None:
         self._counts: dict[str, Counter[State]] = {}
         self._spans: list[tuple[str, float, float]] = []
-        """Device, began, ended; those of the window."""
+        """Device, start and end of each piece of work in the window, seconds since 1970."""
         self._latest_end: float | None = None
         self._latest_tasks: set[str] = set()
         """Tasks that ended at `_latest_end`."""
         self._learning = asyncio.Lock()
 
     async def learn(self, history: TaskHistory) -> None:
-        """Read what has come to be kept."""
+        """Read the records that are new since the last call."""
         async with self._learning:
             latest_end, record_count = self._latest_end, 0
             new: list[TaskRecord] = []
@@ -79,12 +80,12 @@ class ReliabilityStats:
     def tally(self, service: str) -> Tally:
         counts = self._counts.get(service, Counter())
         failed = counts[State.FAILED] + counts[State.UNREACHABLE] + counts[State.STRANDED]
-        # What was undone before it was kept how it ended is taken to have been done.
+        # Records of early versions have no result of compensated work; it counts as completed.
         completed = counts[State.COMPLETED] + counts[State.COMPENSATED]
         return Tally(started=counts.total(), completed=completed, failed=failed, stopped=counts[State.STOPPED])
 
     def loads(self, under_way: Iterable[WorkView], now: float) -> dict[str, float]:
-        """By device: the share of the window, up to now, in which it was busy with steps of tasks."""
+        """The load of each device: the share of the window that ends now in which it was busy with steps of tasks."""
         self._spans = [span for span in self._spans if span[2] > now - WINDOW]
         spans: dict[str, list[tuple[float, float]]] = {}
         for device, started_at, ended_at in [*self._spans, *(_span(work, now) for work in under_way)]:
@@ -98,12 +99,12 @@ def _span(work: WorkView, end: float) -> tuple[str, float, float]:
 
 
 def device_of(service: str) -> str:
-    """The device whose service it is: `Robot1` of `Robot1.TransferObject`."""
+    """The name of the device that offers a service: `Robot1` for `Robot1.TransferObject`."""
     return service.partition(".")[0]
 
 
 def _covered(spans: Iterable[tuple[float, float]]) -> float:
-    """How long at least one of the spans lasts."""
+    """The total time covered by at least one of the spans, in seconds."""
     total, end = 0.0, float("-inf")
     for started_at, ended_at in sorted(spans):
         total += max(0.0, ended_at - max(started_at, end))

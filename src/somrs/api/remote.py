@@ -1,5 +1,5 @@
-"""The API of a running system, as its clients have it: the same parts, operations and news as the `Desk` in the API's own process, each a
-request over the network."""
+"""The API of a running system, for its clients: the parts, operations and news of `ApiService`, with a request over the network for each
+operation."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ TOPICS: dict[str, tuple[Any, ...]] = {
     "questions": (OpenQuestions,),
     "system": (SystemView,),
 }
-"""What the values of a topic's news are, by its first word; those of all others are None."""
+"""The types of the values of a topic's news, by the first part of the topic; for all other topics the value is None."""
 
 STARTUP_TIMEOUT = 60.0
-"""Seconds that the API is waited for at the start."""
+"""Seconds to wait for the API at the start."""
 
 
 class Api:
-    """Each attribute is a part of the API: the class says which operations there are, and the API's process carries them out."""
+    """The parts of the API. The class of each attribute declares the operations; the API's process carries them out."""
 
     ontology: OwlService
     map: MapService
@@ -66,7 +66,7 @@ class Api:
 
 
 class LiveContext:
-    """The map and the ontology as far as they are known here: read once, and brought up to date with the news. `hub` has the news."""
+    """A copy of the map and the ontology: read once, and updated with the news of `hub`."""
 
     def __init__(self, client: ApiClient, api: Api) -> None:
         self._api = api
@@ -77,7 +77,7 @@ class LiveContext:
 
     @property
     def version(self) -> int:
-        """Of the map and the ontology; -1 while they were not read."""
+        """The version of the map and the ontology; -1 until they have been read."""
         return max(self._versions.values())
 
     async def read(self) -> None:
@@ -88,7 +88,7 @@ class LiveContext:
     async def apply_news(self, news: News) -> None:
         match news:
             case News(topic="map", value=MapNews(read=False) as map_news):
-                # One that the map, when it was read, had in it comes late: news are told in order, and so are their versions.
+                # The map may already contain this change, if it was read after the change; versions arrive in ascending order.
                 if map_news.version > self._versions["map"]:
                     self.map, self._versions["map"] = self.map.changed(map_news.changes), map_news.version
             case News(topic="map"):
@@ -96,7 +96,7 @@ class LiveContext:
             case News(topic="ontology", value=value):
                 await self._read_ontology()
                 if isinstance(value, int):
-                    self._versions["ontology"] = value  # what is newer in what was read is told next, with how the map changed with it
+                    self._versions["ontology"] = value  # the news of later versions, with their changes of the map, follow
 
     async def _read_map(self) -> None:
         map_view = await self._api.map.read()
@@ -108,7 +108,7 @@ class LiveContext:
 
 
 class LiveApi(Api):
-    """The API with its news, for programs that stay. `context`: what is known here without asking."""
+    """The API and its news, for long-running programs. `context`: the local copy of the map and the ontology."""
 
     def __init__(self, client: ApiClient) -> None:
         super().__init__(client)
@@ -118,14 +118,18 @@ class LiveApi(Api):
 
 @asynccontextmanager
 async def api_of(addresses: Addresses) -> AsyncIterator[Api]:
-    """The API of a running system, for programs that ask and end. Raises UsageError when it has none."""
+    """The API of a running system, for short-lived programs. Raises UsageError if the system has no API."""
     async with ApiClient(address_of(addresses)) as client:
         yield Api(client)
 
 
 @asynccontextmanager
 async def live_api(url: str) -> AsyncIterator[LiveApi]:
-    """The API at an address, once the map was read. It may come and go from then on."""
+    """The API at `url`, yielded when the map has been read. Later interruptions of the connection are handled.
+
+    Raises:
+        RemoteError: the API did not answer within `STARTUP_TIMEOUT`.
+    """
     async with ApiClient(url) as client:
         api = LiveApi(client)
         hub_task = asyncio.create_task(api.context.hub.run())

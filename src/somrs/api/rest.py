@@ -1,4 +1,4 @@
-"""The operations over HTTP, and the news over a WebSocket, below `/api`. `/api` itself is the page that describes them."""
+"""The operations over HTTP and the news over a WebSocket, below `/api`. `/api` itself shows their documentation."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from somrs.errors import InputError, SomrsError
 log = logging.getLogger(__name__)
 
 PAGE_LIBRARY = "fastapi_swagger"
-"""Has the files of the page, and is not imported."""
+"""The package that contains the files of the documentation page; it is not imported."""
 
 PAGE = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>SO-MRS: the API</title>
 <meta name="viewport" content="width=device-width, initial-scale=1"><link rel="stylesheet" href="{root}/page/swagger-ui.css">
@@ -38,12 +38,15 @@ PAGE = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>SO-M
 
 
 def has_page() -> bool:
-    """Whether the library is installed that shows what the API is."""
+    """Whether the package with the documentation page is installed."""
     return find_spec(PAGE_LIBRARY) is not None
 
 
 def application(operations: Sequence[Operation], hub: Hub, extra_routes: Sequence[Route | WebSocketRoute | Mount] = ()) -> Starlette:
-    """Serves the operations, `openapi.json`, the page that shows it (without its library, the document itself), and the news at `live`."""
+    """The web application: the operations, `openapi.json`, the news at `live`, and at the root the documentation page.
+
+    Where the package `PAGE_LIBRARY` is not installed, the root returns the OpenAPI document.
+    """
 
     @cache
     def document_bytes() -> bytes:
@@ -63,7 +66,7 @@ def application(operations: Sequence[Operation], hub: Hub, extra_routes: Sequenc
         Route("/openapi.json", openapi),
         WebSocketRoute("/live", live),
         *extra_routes,
-        # What has no parameter in its path comes first: `/tasks/preview` is not the task `preview`.
+        # Paths without parameters come first: `/tasks/preview` is not the task `preview`.
         *(
             Route(operation.path, _endpoint(operation), methods=[operation.method])
             for operation in sorted(operations, key=lambda operation: operation.path.count("{"))
@@ -89,7 +92,7 @@ def _endpoint(operation: Operation) -> Any:
 
 
 def _check_parameters(operation: Operation, request: Request) -> None:
-    """Raises InputError for a parameter that the operation does not have: whoever said it wanted something else than what it would do."""
+    """Raise InputError for a query parameter that the operation does not have, since the client expects it to have an effect."""
     names = [parameter.name for parameter in operation.parameters if parameter.place == "query"]
     for name in request.query_params:
         if name not in names:
@@ -98,7 +101,7 @@ def _check_parameters(operation: Operation, request: Request) -> None:
 
 
 async def _read_argument(parameter: Parameter, request: Request) -> list[Any]:
-    """The value that the request gives for the parameter; none, if it gives none and need not."""
+    """The value of the parameter in the request; an empty list if the parameter is optional and absent."""
     try:
         if parameter.place == "body":
             content = await request.body()
@@ -109,15 +112,15 @@ async def _read_argument(parameter: Parameter, request: Request) -> list[Any]:
         if text is None and not parameter.required:
             return []
         if text is None:
-            raise InputError(f"{parameter.name} is missing; say it in the query: ?{parameter.name}=...")
+            raise InputError(f"{parameter.name} is missing; add it to the query: ?{parameter.name}=...")
         return [msgspec.convert(text, type=parameter.type, strict=False)]
     except (msgspec.ValidationError, msgspec.DecodeError) as error:
         location = "the body" if parameter.place == "body" else parameter.name
-        raise InputError(f"{location}: {error}; the API's page says what is expected") from None
+        raise InputError(f"{location}: {error}; the API's documentation page describes what is expected") from None
 
 
 async def _serve_news(socket: WebSocket, hub: Hub) -> None:
-    """Send the news of the topics that were asked for last, until the connection ends."""
+    """Send the news of the topics in the latest `Follow` message, until the connection ends."""
     await socket.accept()
     with hub.subscribe() as subscription:
         sender = asyncio.create_task(_send_news(socket, subscription))
@@ -128,8 +131,8 @@ async def _serve_news(socket: WebSocket, hub: Hub) -> None:
                 if request.confirm is not None:
                     await socket.send_text(msgspec.json.encode(Confirmed(confirmed=request.confirm)).decode())
         except msgspec.MsgspecError as error:
-            await socket.close(1008, f'say what you want to hear of, such as {{"follow": ["map"]}}: {error}'[:120])
-        except (WebSocketDisconnect, RuntimeError, KeyError):  # the connection ended, or what came is no text
+            await socket.close(1008, f'send the topics to follow, such as {{"follow": ["map"]}}: {error}'[:120])
+        except (WebSocketDisconnect, RuntimeError, KeyError):  # the connection ended, or the message is not text
             pass
         finally:
             sender.cancel()

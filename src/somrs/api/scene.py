@@ -1,4 +1,4 @@
-"""The scene in three dimensions: what there is and what it looks like, and, at the WebSocket `poses`, where it is, as it moves."""
+"""The scene in three dimensions: the bodies of objects, and their poses as they move, at the WebSocket `poses`."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ class SceneService:
 
     @operation("GET", "/scene")
     async def read(self, version: int | None = None, names: str | None = None) -> Scene:
-        """What there is to see, by the map as it is now, or as it was at a version.
+        """Read the bodies to draw, according to the map as it is now, or as it was at a version.
 
-        With `names`, separated by commas, only those objects. Where things are while they move, the WebSocket `/api/poses` tells.
+        With `names`, separated by commas, only these objects. The WebSocket `/api/poses` sends the poses of objects while they move.
         """
         map, now, ontology = self._context.map, self._context.version, self._context.ontology
         if names is not None:
@@ -39,7 +39,7 @@ class SceneService:
         return self._whole
 
     async def poses(self, socket: WebSocket) -> None:
-        """Send where things are, as they move, until the connection ends. `poses.py` says what is sent."""
+        """Send the poses of movable objects until the connection ends. `poses.py` describes the messages."""
         await socket.accept()
         with self._feed.viewing():
             sender = asyncio.create_task(self._send_poses(socket))
@@ -50,7 +50,7 @@ class SceneService:
                 sender.cancel()
 
     async def _send_poses(self, socket: WebSocket) -> None:
-        """What waits here for a slow viewer is only the latest: ticks in between are skipped."""
+        """Send the latest tick again and again; a slow viewer skips the ticks in between."""
         last_tick: int | None = None
         while True:
             tick, messages = await self._feed.wait_for_tick(last_tick)

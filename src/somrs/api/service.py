@@ -1,4 +1,4 @@
-"""The desk: all parts of the public API together, in one process that follows the running system."""
+"""All parts of the public API, in one process that follows the running system."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from somrs.errors import RemoteError
 from somrs.runtime.host import Host
 
 MAP_TIMEOUT = 60.0
-"""Seconds that the map is waited for at the start."""
+"""Seconds to wait for the map at the start."""
 
 
 class ApiService:
-    """Each attribute is a part of the API; its operations are named after it."""
+    """The parts of the API. The name of each attribute is the group of the part's operations: `map.change`."""
 
     def __init__(self, context: Context) -> None:
         self.context = context
@@ -54,7 +54,11 @@ class ApiService:
 
 @asynccontextmanager
 async def open_api_service(addresses: Addresses, data: Path, host: str = "127.0.0.1") -> AsyncIterator[ApiService]:
-    """The desk of a running system, once the map was read."""
+    """Follow a running system, and yield its API service when the map has been read.
+
+    Raises:
+        RemoteError: the Repository sent no map within `MAP_TIMEOUT`.
+    """
     hub, runtime = Hub(), Host(host)
     await runtime.start()
     listener = Listener(f"{runtime.url}/desk", addresses, hub)

@@ -1,4 +1,4 @@
-"""Who offers services now, and who came and went lately."""
+"""The services on offer now, and the latest arrivals and departures of devices."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import msgspec
 from somrs.protocol.messages.directory import Offer, ServicesJoined, ServicesLeft
 
 MAX_CHANGES = 200
-"""Comings and goings that are remembered."""
+"""Maximum number of arrivals and departures in the log."""
 
 UNSEEN = "left while nobody heard of it"
-"""Why a service is gone whose going was not told."""
+"""The reason of a departure that was not reported."""
 
 
 class PresenceChange(msgspec.Struct, frozen=True, kw_only=True):
-    """A device's services came, or went and why, at seconds since 1970."""
+    """The arrival (`joined`) or departure of services of a device. `at`: seconds since 1970; `reason`: of a departure."""
 
     at: float
     device: str
@@ -27,13 +27,13 @@ class PresenceChange(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ServicePresence:
-    """Hears the Registry's news. As news may be lost, what it is told of all offers counts more. `log` is the oldest first."""
+    """The services on offer according to the Registry's news. News may be lost: `read` corrects the state. `log`: the oldest first."""
 
     def __init__(self) -> None:
         self.log: deque[PresenceChange] = deque(maxlen=MAX_CHANGES)
         self.offers: dict[str, Offer] = {}
         self.read_at: float | None = None
-        """When all offers were read; None: not yet."""
+        """When all offers were last read; None if they have not been read yet."""
 
     def handle_news(self, news: ServicesJoined | ServicesLeft, now: float) -> None:
         if isinstance(news, ServicesJoined):
@@ -42,17 +42,17 @@ class ServicePresence:
             self._record_departures([name for name in news.services if name in self.offers], news.reason, now)
 
     def read(self, offers: Iterable[Offer], now: float) -> None:
-        """All that is on offer now."""
+        """Take over the complete list of offers."""
         current_offers = {offer.service: offer for offer in offers}
         if self.read_at is None:
-            self.offers = {**current_offers, **self.offers}  # they were there before anybody listened
+            self.offers = {**current_offers, **self.offers}  # they joined before this process did
         else:
             self._record_departures([name for name in self.offers if name not in current_offers], UNSEEN, now)
             self._record_arrivals(current_offers.values(), now)
         self.read_at = now
 
     def last_departure(self, device: str) -> PresenceChange | None:
-        """When and why a device that offers nothing left; None if it was not heard of."""
+        """The latest departure of the device; None if none was observed."""
         return next((change for change in reversed(self.log) if change.device == device and not change.joined), None)
 
     def last_arrival(self, device: str) -> PresenceChange | None:

@@ -1,4 +1,4 @@
-"""The simulator, as an operator reaches it: what it has of robots, and their faults."""
+"""Access to the simulator as its operator: the states of simulated robots, and their faults."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ from somrs.devices.simulator.link.link import OperatorLink
 from somrs.errors import RemoteError, SomrsError
 
 PATIENCE = 1.5
-"""Seconds that whoever looks at the whole fleet waits for the simulator."""
+"""Seconds to wait for the simulator when the whole fleet is read."""
 
 
 class SimulatedRobot(msgspec.Struct, frozen=True, kw_only=True):
-    """A robot in the simulator: where it truly is (metres and radians), what it holds, the command that it carries out, its faults."""
+    """A robot in the simulator: its true pose (metres and radians), what it holds, the `command` that it executes (JSON: `doing`), and its
+    faults."""
 
     x: float
     y: float
@@ -27,7 +28,7 @@ class SimulatedRobot(msgspec.Struct, frozen=True, kw_only=True):
 
 
 async def robots(simulator: str | None) -> Mapping[str, SimulatedRobot]:
-    """The robots by name; none where there is no simulator, or it does not answer now."""
+    """The simulated robots by name; empty if there is no simulator, or if it does not answer within `PATIENCE`."""
     if simulator is None:
         return {}
     try:
@@ -39,15 +40,20 @@ async def robots(simulator: str | None) -> Mapping[str, SimulatedRobot]:
 
 
 def _simulated(state: RobotState) -> SimulatedRobot:
-    """Rounded, so that what stands still does not change."""
+    """The state of a robot, with its pose rounded so that a robot that stands still does not change."""
     x, y, yaw = (round(value, 2) for value in (state.x, state.y, state.yaw))
     return SimulatedRobot(x=x, y=y, yaw=yaw, holding=state.holding, command=state.activity, faults=state.faults)
 
 
 async def break_or_mend(simulator: str | None, robot: str, fault: Fault, *, repair: bool) -> None:
-    """Break something of a robot, or mend it. Raises UsageError when there is no such robot."""
+    """Inject a fault into a simulated robot, or with `repair` remove it.
+
+    Raises:
+        UsageError: there is no such robot.
+        RemoteError: the system has no simulator.
+    """
     if simulator is None:
-        raise RemoteError("this system has no simulator: faults can be tried with simulated robots only")
+        raise RemoteError("this system has no simulator; faults can be injected into simulated robots only")
     async with link(simulator) as operator:
         await (operator.repair if repair else operator.fault)(robot, fault)
 

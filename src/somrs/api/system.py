@@ -1,4 +1,4 @@
-"""The running system as a whole: its parts, and whether each of them answers."""
+"""The running system as a whole: its components, and whether each of them answers."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from somrs.protocol.messages.orders import ReadTemplates, TemplatesPage
 from somrs.version import __version__
 
 PATIENCE = 2.0
-"""Seconds in which a part has to answer."""
+"""Seconds within which a component has to answer."""
 
 OFFSET_BEYOND_ALL = 1_000_000
-"""More definitions than there are: their page is empty, and quickly read."""
+"""An offset greater than the number of definitions: the Repository returns an empty page quickly."""
 
 NAME_BEYOND_ALL = "\U0010fffd"
-"""Behind all names."""
+"""A name that sorts after all others: the Scheduler returns an empty page quickly."""
 
 TICK = 5.0
-"""Seconds between two looks at the parts, while somebody follows them."""
+"""Seconds between two checks of the components while a client follows them."""
 
 
 class PartView(msgspec.Struct, frozen=True, kw_only=True):
-    """A part of the system. `milliseconds`: how long it took to answer; None when it did not, and `problem` says why."""
+    """A component of the system. `milliseconds`: its response time; None if it did not answer: `problem` says why."""
 
     name: str
     address: str
@@ -42,7 +42,7 @@ class PartView(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SystemView(msgspec.Struct, frozen=True, kw_only=True):
-    """The system. `site` is what its map is of, `data` the folder where it keeps what it knows."""
+    """The running system. `site`: the label of its site; `data`: its data folder."""
 
     version: str
     site: str
@@ -60,9 +60,9 @@ class SystemService:
 
     @operation("GET", "/system")
     async def read(self) -> SystemView:
-        """What runs here, and whether each part answers.
+        """Read the version and the size of the system, and check whether each component answers.
 
-        The topic `system` tells the same every few seconds.
+        The topic `system` publishes the same every few seconds.
         """
         context, addresses = self._context, self._context.addresses
         probes: list[tuple[str, str, Callable[[], Awaitable[object]]]] = [
@@ -82,7 +82,7 @@ class SystemService:
             probes.append(("Simulator", simulator, lambda: _clock(simulator)))
         parts = await asyncio.gather(*(_probe_part(*probe) for probe in probes))
         if addresses.api is not None:
-            parts.append(PartView(name="API", address=addresses.api, milliseconds=0.0))  # this is its answer
+            parts.append(PartView(name="API", address=addresses.api, milliseconds=0.0))  # this response proves that it answers
         map, ontology = context.map, context.ontology
         site = next((name for name in map.roots() if ontology.is_subtype(map.objects[name].type, ABSTRACT)), "")
         return SystemView(

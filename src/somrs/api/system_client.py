@@ -1,6 +1,6 @@
 """The client of a running system, for programs in Python: `from somrs import Client`.
 
-It is a thin layer over the API: `api` has every operation that there is. See docs/tutorials/ten-line-client.md.
+It is a thin layer over the API; `Client.api` has all operations. See docs/tutorials/ten-line-client.md.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from somrs.ontology.services import Handler
 from somrs.protocol.messages.clients import Phase, Policy, Preview, Previewed, Submit, TaskRow, TaskView
 
 DATA_FOLDER = Path(".somrs")
-"""Where `somrs up` keeps the addresses of its system, unless told otherwise."""
+"""The default data folder of `somrs up`, which contains the addresses of the system."""
 
 
 class Client:
-    """A running system: submit tasks, watch them, query the map, and follow what changes.
+    """A client of a running system: submit tasks, watch them, query the map, and follow changes.
 
     An asynchronous context manager, for one event loop:
 
@@ -39,9 +39,9 @@ class Client:
         system: the address of the API (`http://127.0.0.1:8800/api`), or the data folder of the system that `somrs up` started.
 
     Raises:
-        UsageError: from `async with`, when no system runs there, or one without the API.
-        RemoteError: from every method, when the system does not answer, or could not do what it was asked for.
-        InputError: from every method, when what was asked for makes no sense; the message says where and why.
+        UsageError: from `async with`, if no system runs there, or if it has no API.
+        RemoteError: from every method, if the system does not answer, or cannot carry out the request.
+        InputError: from every method, if the request is invalid; the message says where and why.
     """
 
     def __init__(self, system: str | Path = DATA_FOLDER) -> None:
@@ -52,7 +52,7 @@ class Client:
         self._exit_stack = contextlib.AsyncExitStack()
         self._api_client = await self._exit_stack.enter_async_context(ApiClient(url.rstrip("/")))
         self.api = Api(self._api_client)
-        """All operations of the API, by part: `client.api.map.events()`."""
+        """All operations of the API, by group: `client.api.map.events()`."""
         self._hub: LiveHub | None = None
         return self
 
@@ -71,16 +71,17 @@ class Client:
         priority: int = 0,
         idempotency_key: str | None = None,
     ) -> str:
-        """Submit a task, and return its id at once; `watch` follows it.
+        """Submit a task, and return its id at once; `watch` follows the task.
 
         Args:
-            goal: the formula in Entish that is to hold, such as `Jar002 isOn Platform001`.
-            precondition: a formula that has to hold now.
+            goal: the Entish formula that the task is to make true, such as `Jar002 isOn Platform001`.
+            precondition: a formula that has to hold when the task is submitted.
             policy: how services are chosen: by price, by time, or by both with `time_value` (EUR per second).
+            time_value: what a second is worth, in EUR, under the weighted policy.
             deadline: seconds within which the task has to be accomplished.
-            handlers: what is to be made true when a step fails; they go before those of the service types.
-            priority: of tasks that need the same objects or devices, the one with the higher number goes first.
-            idempotency_key: a task that is submitted again with the same key is the same task.
+            handlers: goals for when a step fails; they take precedence over the handlers of the service types.
+            priority: among tasks that need the same objects or devices, the one with the higher number goes first.
+            idempotency_key: submissions with the same key are one task, so that a submission can be repeated after a timeout.
         """
         task = Submit(
             effect=goal,
@@ -94,10 +95,10 @@ class Client:
         return (await self.api.tasks.submit(task, once=idempotency_key)).task
 
     async def watch(self, task: str) -> AsyncIterator[TaskView]:
-        """The task as it is now, and again whenever something about it changed; the last one has the phase ENDED and an outcome.
+        """Yield the task as it is now, and again after each change; the last view has the phase `ENDED` and an outcome.
 
         Args:
-            task: its id, or the beginning of it.
+            task: the task's id, or the beginning of it.
         """
         id = (await self.api.tasks.read(task)).view.task
         with (hub := self._live_hub()).subscribe(f"task {id}") as subscription:
@@ -110,9 +111,14 @@ class Client:
                 yield view
 
     async def follow(self, *topics: str) -> AsyncIterator[News]:
-        """News of these topics from now on, until the iteration is left: `map`, `ontology`, `services`, `fleet`, `tasks`, `questions`,
-        `system`, and `task ID`. `news.missed`: some were lost, with a connection or because they were not taken in time; read again what
-        the topic is about."""
+        """Yield the news of these topics from now on: `map`, `ontology`, `services`, `fleet`, `tasks`, `questions`, `system`, `task ID`.
+
+        If `news.missed` is true, news of the topic were lost, because the connection was interrupted or the iteration was too slow: read
+        the subject of the topic again.
+
+        Raises:
+            UsageError: there is no such topic.
+        """
         if unknown := sorted(topic for topic in topics if topic.partition(" ")[0] not in TOPICS):
             raise UsageError(f"there is no topic {unknown[0]}; the topics are {', '.join(TOPICS)}, and `task ID` for one task")
         with (hub := self._live_hub()).subscribe(*topics) as subscription:
@@ -121,22 +127,23 @@ class Client:
                 yield news
 
     async def query(self, formula: str, limit: int = 100) -> list[dict[str, str]]:
-        """Every way in which a formula holds on the map, up to `limit`: the objects and values of its variables, by name without `?`.
+        """Return the bindings of the formula's variables for which it holds on the map, at most `limit`.
 
-        A formula without variables has one empty way when it holds, and none when it does not.
+        The keys of a binding are the variables' names without `?`. For a formula without variables, the result is one empty binding if it
+        holds, and an empty list otherwise.
         """
         return [dict(row.bindings) for row in (await self.api.map.query(formula, limit)).rows]
 
     async def plan(self, goal: str, *, quotes: bool = False) -> Previewed:
-        """The plan for a goal, without carrying it out; with `quotes`, what services would ask for it now."""
+        """Return a plan for the goal without executing it; with `quotes`, also the terms that services would offer now."""
         return await self.api.tasks.preview(Preview(effect=goal, quotes=quotes))
 
     async def tasks(self, *, running: bool = False, limit: int = 50) -> tuple[TaskRow, ...]:
-        """The tasks that the Task Manager knows, newest first: all, or those that are not over."""
+        """Return the tasks that the Task Manager holds, newest first: all, or only those that have not ended."""
         return (await self.api.tasks.list(running=running, limit=limit)).rows
 
     async def cancel(self, task: str, reason: str = "cancelled by the client") -> None:
-        """Stop what runs, and have undone what was done."""
+        """Cancel a task: stop its running steps, and compensate the completed ones."""
         await self.api.tasks.cancel(task, reason)
 
     def _live_hub(self) -> LiveHub:
@@ -148,7 +155,7 @@ class Client:
 
 
 class _NoCopy:
-    """Nothing is kept up to date here: whoever follows a topic reads what it is about."""
+    """An empty copy for `LiveHub`: this client keeps no replica of the map."""
 
     async def read(self) -> None:
         pass

@@ -1,6 +1,6 @@
-"""The news of tasks, for whoever listens to them: one question at a time waits at the Task Manager, however many listen.
+"""The news of tasks. For each topic, one long-polling request waits at the Task Manager, however many subscribers there are.
 
-Who listens reads the task, or the list, once after that, and puts the news on top: events have numbers, contracts their participants.
+A subscriber reads the task or the list once after it has subscribed, and merges the news: events by number, contracts by participant.
 """
 
 from __future__ import annotations
@@ -18,28 +18,28 @@ from somrs.protocol.messages.records import ReadRecords
 from somrs.runtime.wire import Unanswered
 
 WAIT = 20.0
-"""Seconds that a question waits for news."""
+"""Seconds for which a request waits for news."""
 
 PAUSE = 0.2
-"""Seconds between two questions at least: what happens in between is told together."""
+"""Minimum seconds between two requests; events in between are reported together."""
 
 PAUSE_PER_PART = 0.005
-"""Seconds more for each step, and each piece of work, that every news shows: those of a plan of hundreds of steps are long."""
+"""Additional seconds per step and piece of work, since all news contain them and a plan may have hundreds of steps."""
 
 RETRY_DELAY = 1.0
-"""Seconds after which a Task Manager that did not answer is asked again."""
+"""Seconds before the next request to a Task Manager that did not answer."""
 
 
 class TasksChanged(msgspec.Struct, frozen=True, kw_only=True):
-    """News of the topic `tasks`: those that changed, or came, as they are now. `anew`: these are all; forget the others."""
+    """News of the topic `tasks`: the new and changed tasks as they are now. `anew`: the list is complete; discard all other tasks."""
 
     rows: tuple[TaskRow, ...]
     anew: bool = False
 
 
 class TaskChanged(msgspec.Struct, frozen=True, kw_only=True):
-    """News of the topic `task ID`: the task as it is now, what happened since the news before, the contracts that changed, and how many
-    messages there are by now."""
+    """News of the topic `task ID`: the task as it is now, the events since the previous news, the contracts that changed, and the total
+    number of messages."""
 
     view: TaskView
     events: tuple[TaskEvent, ...] = ()
@@ -73,7 +73,7 @@ class TaskFeed:
             await asyncio.sleep(PAUSE)
 
     async def _list(self, request: WatchTasks) -> TasksNews:
-        """The news, all pages of them."""
+        """All pages of the news."""
         news = await self._client.watch_list(request)
         while news.more:
             page = await self._client.watch_list(WatchTasks(after=news.version, wait=0))
@@ -93,7 +93,7 @@ class TaskFeed:
             except Unanswered:
                 await asyncio.sleep(RETRY_DELAY)
                 continue
-            except RemoteError:  # it is not known there any more
+            except RemoteError:  # the Task Manager no longer holds the task
                 self._hub.publish(topic, missed=True)
                 return
             if news.messages != messages or news.events or changed:
@@ -106,7 +106,7 @@ class TaskFeed:
 
 
 async def final_contracts(client: Client, task: str) -> tuple[ContractView, ...]:
-    """Who was asked in a task that is over, and what became of it."""
+    """The contracts of an ended task, from its record."""
     query = ReadRecords(task=task, without=("steps", "work", "events", "messages"))
     records = await TaskHistory(client.records).first(query, 1)
     return records[0].contracts if records else ()

@@ -1,4 +1,4 @@
-"""Tasks: stated, previewed, watched, cancelled."""
+"""Tasks: submission, previews, reading and cancellation."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ __all__ = ["TaskChanged", "TaskDetails", "TaskList", "TaskService", "TasksChange
 WHOLE_ID = len("urn:uuid:00000000-0000-0000-0000-000000000000")
 
 MOST_NAMED = 5
-"""Tasks whose ids begin with the same: so many are looked at to say which are meant."""
+"""Maximum number of records read to find the tasks whose ids begin with a text."""
 
 
 class TaskList(msgspec.Struct, frozen=True, kw_only=True):
@@ -46,8 +46,8 @@ class TaskList(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class TaskDetails(msgspec.Struct, frozen=True, kw_only=True):
-    """A task, all that happened to it, and who was asked for its steps, on which terms. `messages`: how many there are; None for a task
-    of long ago."""
+    """A task, its events, and the contracts and terms of its participants. `messages`: the number of its messages; None if the task is read
+    from its record."""
 
     view: TaskView
     events: tuple[TaskEvent, ...]
@@ -56,7 +56,7 @@ class TaskDetails(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class TaskService:
-    """The topic `tasks` tells of all tasks (`TasksChanged`), `task ID` of one (`TaskChanged`): listen first, then read."""
+    """Tasks. The topic `tasks` has the news of all tasks (`TasksChanged`), `task ID` those of one (`TaskChanged`): subscribe, then read."""
 
     def __init__(self, context: Context) -> None:
         self._context = context
@@ -65,39 +65,39 @@ class TaskService:
 
     @operation("POST", "/tasks")
     async def submit(self, body: Submit, once: str | None = None, by: str | None = None) -> Submitted:
-        """State a task: have a formula made true.
+        """Submit a task: a goal to achieve, as a formula.
 
-        With `once`, a word of your own, the same task sent again with the same word is one task: for when no answer came. `by`: who
-        states it.
+        `once`: an idempotency key of your choice. Submissions with the same key are one task, so that a request can be repeated if no
+        response arrived. `by`: the author of the task.
         """
         id = message_id("task", "once", once) if once is not None else None
         return Submitted(task=await self._client.submit(body, patience=PATIENCE, id=id, author=by))
 
     @operation("POST", "/tasks/preview")
     async def preview(self, body: Preview) -> Previewed:
-        """Plan, but do nothing: the steps, or why there are none; with `quotes`, what services would ask for them now."""
+        """Plan without executing: return the steps, or why there are none; with `quotes`, also the terms that services would offer now."""
         return await self._client.preview(body)
 
     @operation("GET", "/tasks")
     async def list(self, running: bool = False, limit: int = 50) -> TaskList:
-        """The tasks that the Task Manager has in mind, newest first: all, or those that are not over."""
+        """List the tasks that the Task Manager holds, newest first: all, or with `running` those that have not ended."""
         rows = await self._client.rows()
         return TaskList(rows=tuple(row for row in rows if not running or row.phase is not Phase.ENDED)[: max(limit, 0)])
 
     @operation("GET", "/tasks/{id}")
     async def read(self, id: str) -> TaskDetails:
-        """One task, whether it runs or is over. `id` may be the beginning of one."""
+        """Read a running or ended task. `id` may be the beginning of the task's id."""
         task = await self._complete_id(id)
         return await self._read_current(task) or await self._read_recorded(task)
 
     @operation("GET", "/tasks/{id}/messages")
     async def messages(self, id: str, after: int = 0) -> Messages:
-        """The messages of a task's protocol behind the first so many, a page of them."""
+        """Read a page of the protocol messages of a task. `after`: the number of messages to skip."""
         return await self._client.messages(await self._complete_id(id), after)
 
     @operation("GET", "/tasks/{id}/chart")
     async def chart(self, id: str) -> Document:
-        """The messages of a task as a picture (SVG): of signs of life in a row, the last."""
+        """Draw the messages of a task as a sequence chart (SVG). Of consecutive heartbeats, only the last is shown."""
         task = await self._complete_id(id)
         messages = await self._client.all_messages(task)
         details = await self.read(task)
@@ -106,11 +106,11 @@ class TaskService:
 
     @operation("POST", "/tasks/{id}/cancel")
     async def cancel(self, id: str, reason: str = "cancelled by the client") -> None:
-        """Stop what runs, and undo what was done."""
+        """Cancel a task: stop its running steps, and compensate the completed ones."""
         await self._client.cancel(await self._complete_id(id), reason)
 
     async def _read_current(self, task: str) -> TaskDetails | None:
-        """As the Task Manager has it in mind, if it does."""
+        """The task as the Task Manager holds it; None if it does not."""
         try:
             news = await self._client.read_task(task)
         except Unanswered:
@@ -122,14 +122,14 @@ class TaskService:
         return TaskDetails(view=news.view, events=news.events, contracts=contracts, messages=news.messages)
 
     async def _read_recorded(self, task: str) -> TaskDetails:
-        """As its record says."""
+        """The ended task according to its record. Raises NotFound if there is none."""
         records = await TaskHistory(self._client.records).first(ReadRecords(task=task, without=("messages",)), 1)
         if not records:
             raise _task_not_found(task)
         return TaskDetails(view=view_of(records[0]), events=records[0].events, contracts=records[0].contracts)
 
     async def _complete_id(self, name: str) -> str:
-        """The whole id of the task whose id begins so."""
+        """The complete id of the task whose id begins with `name`. Raises NotFound for no task, UsageError for several."""
         if len(name) == WHOLE_ID and name.startswith("urn:uuid:"):
             return name
         known_ids = [row.task for row in await self._client.rows()]
@@ -138,9 +138,9 @@ class TaskService:
         if not matches:
             raise _task_not_found(name)
         if len(matches) > 1:
-            raise UsageError(f"{len(matches)} tasks or more begin with {name}; say more of the id")
+            raise UsageError(f"{len(matches)} tasks or more begin with {name}; give more of the id")
         return matches[0]
 
 
 def _task_not_found(task: str) -> NotFound:
-    return NotFound(f"there is no task {task}; `/tasks` lists those that are known, and the records have those of long ago")
+    return NotFound(f"there is no task {task}; `/tasks` lists current tasks, and `/records` lists ended ones")

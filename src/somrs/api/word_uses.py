@@ -1,5 +1,6 @@
-"""What uses words of the ontology that a change takes away: tasks that run, standing orders, and templates. They are not changed with the
-ontology: their formulas stay as they were written.
+"""Uses of definitions that a change of the ontology removes or renames: in running tasks, standing orders, and templates.
+
+A change of the ontology does not change their formulas.
 """
 
 from __future__ import annotations
@@ -23,19 +24,22 @@ from somrs.protocol.messages.orders import StandingOrder, Template, blanks_to_va
 
 
 class WordUserKind(StrEnum):
-    """What uses a word."""
+    """What uses a definition."""
 
     TASK = "task"
-    """It runs, and fails when it has to look at its formula again."""
+    """A running task: it fails when it next evaluates its formula."""
     ORDER = "order"
-    """What it states is refused from then on."""
+    """A standing order: its tasks are refused from then on."""
     TEMPLATE = "template"
-    """Nothing can be stated with it any more."""
+    """A template: its tasks are refused from then on."""
 
 
 class WordUse(msgspec.Struct, frozen=True, kw_only=True):
-    """Somebody uses the word `word`, which would be called otherwise (`new_name`) or be removed (""). `id` is a task's or an order's, or
-    the name of a template; `name` is what people know it by, of a task its wish."""
+    """A use of the definition `word` (JSON: `what`), which would be renamed to `new_name` (JSON: `to`), or removed if that is empty.
+
+    `user_kind` (JSON: `user`): what uses it; `id`: the id of the task or order, or the name of the template; `name`: its name, or the goal
+    of the task.
+    """
 
     user_kind: WordUserKind = msgspec.field(name="user")
     id: str
@@ -45,7 +49,7 @@ class WordUse(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def display_name(self) -> str:
-        """A task by as much of its id as people need."""
+        """The name for users; for a task, the beginning of its id and its goal."""
         return f"{self.id.rpartition(':')[2][:8]} ({self.name})" if self.user_kind is WordUserKind.TASK else self.name
 
     def __str__(self) -> str:
@@ -53,7 +57,7 @@ class WordUse(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def find_obsolete_words(revision: Revision | None, renamed: Iterable[Renaming]) -> dict[DefinitionKey, str]:
-    """The words that a change takes away, each with what it is called then."""
+    """The definitions that a change renames or removes, each with its new name, or an empty text if it is removed."""
     words = {DefinitionKey(section=renaming.section, name=renaming.name): renaming.to for renaming in renamed}
     if revision is None:
         return words
@@ -70,7 +74,7 @@ def find_word_uses(
     orders: Iterable[StandingOrder],
     templates: Mapping[str, Template],
 ) -> Iterator[WordUse]:
-    """Who uses the words, in the ontology as it is before they go."""
+    """The uses of the definitions. `ontology`: as it is before the change."""
 
     def find_used_words(vocabulary: _Vocabulary) -> Iterator[tuple[DefinitionKey, str]]:
         return ((word, new_name) for word, new_name in words.items() if vocabulary.contains(word, ontology))
@@ -91,7 +95,7 @@ def find_word_uses(
 
 
 class _Vocabulary:
-    """What a task speaks of; `types` are those of its blanks."""
+    """The definitions that a task or a template uses. `types`: the types of the template's blanks."""
 
     def __init__(self, task: Submit | TaskView, types: Iterable[str] = ()) -> None:
         self._formulas = tuple(_read_formulas(task))
@@ -110,6 +114,6 @@ def _read_formulas(task: Submit | TaskView) -> Iterator[Formula]:
     for handler in task.handlers:
         texts += [handler.effect, handler.when]
     for text in texts:
-        with suppress(FormulaError):  # one that cannot be read cannot be stated, whatever the words
+        with suppress(FormulaError):  # a task with an invalid formula is refused in any case
             if text is not None:
                 yield parse(text)
