@@ -298,5 +298,5 @@ def test_moments(text: str, expected: float) -> None:
 
 @pytest.mark.parametrize("text", ["", "yesterday", "2h ago", "2026-13-01", "-2h"])
 def test_what_is_no_moment(text: str) -> None:
-    with pytest.raises(UsageError, match="is no moment"):
+    with pytest.raises(UsageError, match="is not a time"):
         moment(text, 1000.0)

@@ -1,1 +1,1 @@
-"""What programs use to talk to a running system, and the reports that they make of its records."""
+"""Clients of a running system, and reports on its tasks and records."""

@@ -1,5 +1,4 @@
-"""How programs ask the API of a running system: the operations again, each a request over HTTP, with the same values and the same refusals
-as where they are carried out."""
+"""The client of the API: each operation as a request over HTTP, with the same values and the same errors as in the API's own process."""
 
 from __future__ import annotations
 
@@ -23,13 +22,13 @@ from somrs.runtime.http import KEPT_TIME
 from somrs.runtime.wire import Unanswered
 
 ANSWER_TIME = 100.0
-"""Seconds that the API has to answer."""
+"""Seconds within which the API has to answer."""
 
 T = TypeVar("T")
 
 
 class ApiClient:
-    """Carries operations out at the API below `url`. An asynchronous context manager."""
+    """Carries out operations at the API below `url`. An asynchronous context manager."""
 
     def __init__(self, url: str) -> None:
         self.url = url
@@ -37,7 +36,7 @@ class ApiClient:
 
     @property
     def session(self) -> aiohttp.ClientSession:
-        assert self._session is not None, "it is entered first"
+        assert self._session is not None, "the context manager has been entered"
         return self._session
 
     async def __aenter__(self) -> ApiClient:
@@ -49,7 +48,7 @@ class ApiClient:
         await self.session.close()
 
     def part(self, group: str, declared: type[T]) -> T:
-        """A part of the API: what has its operations as coroutine methods."""
+        """A part of the API: an object with the operations of the class `declared` as coroutine methods."""
         functions = {operation.name.partition(".")[2]: partial(self._call, operation) for operation in operations(group, declared)}
         return cast(T, _Part(functions))
 
@@ -70,8 +69,8 @@ class ApiClient:
         return _answer(operation, content, response)
 
     def no_answer_text(self, error: BaseException) -> str:
-        """That nobody answers, and what to do."""
-        return f"the API at {self.url} does not answer ({str(error) or 'in time'}); `somrs up` starts it, and starts it again"
+        """The error text for a missing answer, with what to do about it."""
+        return f"the API at {self.url} does not answer ({str(error) or 'in time'}); `somrs up` starts and restarts it"
 
     def _refusal(self, status: int, content: bytes) -> Exception:
         try:
@@ -81,21 +80,21 @@ class ApiClient:
 
 
 class _Part:
-    """Has functions as attributes."""
+    """An object with the given functions as attributes."""
 
     def __init__(self, functions: Mapping[str, Callable[..., Awaitable[object]]]) -> None:
         self.__dict__.update(functions)
 
 
 def address_of(addresses: Addresses) -> str:
-    """Where the API of a system is. Raises UsageError when it has none."""
+    """The address of the system's API. Raises UsageError if the system has none."""
     if addresses.api is None:
         raise UsageError("this system was started without the API; `somrs up SITE` starts it with one, and `somrs run api` adds one")
     return addresses.api
 
 
 def _bound(operation: Operation, args: tuple[object, ...], kwargs: dict[str, object]) -> dict[str, object]:
-    """The values by the names of the operation's parameters. Raises TypeError, as a call does."""
+    """The values by parameter name. Raises TypeError, like a call with wrong arguments."""
     kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
     signature = inspect.Signature(
         [inspect.Parameter(parameter.name, kind, default=parameter.default) for parameter in operation.parameters]
@@ -104,17 +103,17 @@ def _bound(operation: Operation, args: tuple[object, ...], kwargs: dict[str, obj
 
 
 def _text(value: object) -> str:
-    """As it stands in a path or a query."""
+    """The value as text for a path or a query string."""
     if isinstance(value, Enum):
         return str(value.value)
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _segment(value: object) -> str:
-    """One part of a path. Raises UsageError for what cannot be one."""
+    """The value as a segment of a path. Raises UsageError if it cannot be one."""
     text = _text(value)
     if not text or "/" in text or not text.isprintable():
-        raise UsageError(f"{text!r} is no name: names are not empty, stand on one line, and have no slash")
+        raise UsageError(f"{text!r} is not a name: a name is not empty, is on one line, and contains no slash")
     return quote(text, safe="")
 
 

@@ -1,4 +1,4 @@
-"""How programs outside the system (the command line, windows, scripts) talk to it: one question, one answer."""
+"""The client of the system's components (Repository, Registry, Task Manager, Scheduler): one request, one reply."""
 
 from __future__ import annotations
 
@@ -24,19 +24,16 @@ from somrs.runtime.wire import Wire, retry_unanswered
 
 SYSTEM_FILE = "system.json"
 PAGE = 50
-"""Tasks that are asked for at once."""
-
-
-"""What the names of those who ask begin with."""
+"""Number of tasks requested at once."""
 
 PATIENCE = 30.0
-"""Seconds for which a Task Manager that is started again is waited for by those who have a task with it."""
+"""Seconds for which a client with a task waits for a Task Manager that is being restarted."""
 
 Answer = TypeVar("Answer")
 
 
 class Refused(RemoteError):
-    """The Repository did not make a change, and says why: `broken` has each problem with what it concerns."""
+    """The Repository rejected a change. `broken`: the rules that the change would break, each with what it concerns."""
 
     def __init__(self, rejected: knowledge.Rejected) -> None:
         self.broken, self.version = rejected.broken, rejected.version
@@ -44,7 +41,7 @@ class Refused(RemoteError):
 
 
 class Addresses(msgspec.Struct, frozen=True, kw_only=True):
-    """Where the parts of a running system listen; `simulator` and `world` are `host:port`, and a system has one of them."""
+    """The addresses of the components of a running system. A system has a `simulator` or a symbolic `world`, at `host:port`."""
 
     repository: str
     registry: str
@@ -53,20 +50,20 @@ class Addresses(msgspec.Struct, frozen=True, kw_only=True):
     world: str | None = None
     """The symbolic world."""
     gui: str | None = None
-    """The windows; a system may do without."""
+    """The windows; None for a system without them."""
     api: str | None = None
-    """The public API; its operations are below this URL."""
+    """The public API: the URL below which its operations are."""
     scheduler: str | None = None
-    """Who keeps templates and standing orders."""
+    """The Scheduler, which keeps templates and standing orders."""
 
     @classmethod
     def read(cls, data: Path, name: str = SYSTEM_FILE) -> Addresses:
-        """The addresses that a running system left in its data folder."""
+        """Read the addresses of the running system from its data folder. Raises UsageError if no system runs there."""
         file = data / name
         try:
             return msgspec.json.decode(file.read_bytes(), type=cls)
         except FileNotFoundError:
-            raise UsageError(f"no system runs here: there is no {file}. Start one with `somrs up SITE`, or say where with --data") from None
+            raise UsageError(f"no system runs here: there is no {file}. Start one with `somrs up SITE`, or give --data") from None
         except (msgspec.DecodeError, OSError) as error:
             raise UsageError(f"{file} cannot be read: {error}") from None
 
@@ -75,7 +72,7 @@ class Addresses(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def client_name() -> str:
-    """Who asks, as far as this machine knows: it is kept with a task. Answers come on the connection, so that it is no address."""
+    """The name of this client, user@host, which is recorded with a task. It is not an address: replies arrive on the connection."""
     try:
         user = getpass.getuser()
     except (OSError, KeyError):  # a container may run as a user that has no name
@@ -84,7 +81,7 @@ def client_name() -> str:
 
 
 class Client:
-    """Asks the parts of a running system."""
+    """Sends requests to the components of a running system, and returns their replies."""
 
     def __init__(self, addresses: Addresses) -> None:
         self.addresses = addresses
@@ -107,10 +104,14 @@ class Client:
         id: str | None = None,
         author: str | None = None,
     ) -> Answer:
-        """The answer, which is of the expected type. Raises RemoteError when it is not, or none came.
+        """Send a request, and return the reply, which is of the expected type.
 
-        `patience`: seconds for which the same message is sent again while nobody answers. It is taken once all the same, and so is what
-        is sent again with the same `id`. `author`: who asks, if it is not who runs this program.
+        `timeout`: seconds to wait for the reply. `patience`: seconds for which the message is sent again while there is no reply; the
+        component processes messages with the same `id` once. `author`: the author of the request, if not the user of this program.
+
+        Raises:
+            RemoteError: there was no reply, or one of another type.
+            Refused: the Repository rejected the change.
         """
         header = Header(
             sender=client_address(author) if author else self._client_name, recipient=address, message_id=id or uuid.uuid4().urn
@@ -130,7 +131,7 @@ class Client:
     # The Repository
 
     async def ontology(self, version: int | None = None) -> Ontology:
-        """All definitions, as they are now or as they were at the version. Read again when they change between two pages."""
+        """The ontology as it is now, or as it was at the version. Read again if it changes between two pages."""
         while True:
             definitions: list[Definition] = []
             changed: set[int] = set()
@@ -145,7 +146,7 @@ class Client:
                 return Ontology(definitions)
 
     async def map(self, version: int | None = None) -> Map:
-        """The whole map as it is now, or as it was at the version. Read again from the start when it changes between two pages."""
+        """The whole map as it is now, or as it was at the version. Read again if it changes between two pages."""
         while True:
             objects: list[Object] = []
             facts: list[Fact] = []
@@ -165,27 +166,27 @@ class Client:
         return await self.ask(self.addresses.repository, knowledge.QueryMap(formula=formula, limit=limit), knowledge.Rows)
 
     async def update(self, update: knowledge.UpdateMap) -> int:
-        """The version of the map with the update in it."""
+        """Update the map, and return its new version."""
         return (await self.ask(self.addresses.repository, update, knowledge.Updated)).version
 
     async def define(self, define: knowledge.Define) -> int:
-        """The version of the ontology with the definitions in it."""
+        """Change the ontology, and return its new version."""
         return (await self.ask(self.addresses.repository, define, knowledge.Defined)).version
 
     async def rename(self, rename: knowledge.RenameObject) -> int:
-        """The version of the map in which the object has its new name."""
+        """Rename an object, and return the new version of the map."""
         return (await self.ask(self.addresses.repository, rename, knowledge.Updated)).version
 
     async def undo(self, version: int, author: str = "") -> int:
-        """The version in which what that one changed is brought back."""
+        """Undo the changes of a version, and return the new version."""
         return (await self.ask(self.addresses.repository, knowledge.Undo(version=version, author=author), knowledge.Updated)).version
 
     async def consider(self, change: knowledge.Alteration) -> knowledge.Considered:
-        """What would come of the change."""
+        """The consequences of a change, without making it."""
         return await self.ask(self.addresses.repository, knowledge.Consider(change=change), knowledge.Considered)
 
     async def read_events(self, request: knowledge.ReadEvents) -> knowledge.Events:
-        """What happened to the map and the ontology; as many events as are asked for, from as many pages as it takes."""
+        """Up to `request.limit` events of the map and the ontology, read page by page."""
         events: list[knowledge.Event] = []
         while True:
             page = await self.ask(self.addresses.repository, request, knowledge.Events)
@@ -214,7 +215,12 @@ class Client:
     # The Task Manager
 
     async def submit(self, task: clients.Submit, patience: float = 0.0, id: str | None = None, author: str | None = None) -> str:
-        """The task's id. Raises UsageError, with the caret under the mistake, when it is no task. The same message `id` is one task."""
+        """Submit a task, and return its id. Submissions with the same message `id` are one task.
+
+        Raises:
+            UsageError: the task is invalid; the text has a caret under the mistake.
+            RemoteError: the Task Manager did not accept the task.
+        """
         answer: object = await self.ask(self.addresses.task_manager, task, object, patience=patience, id=id, author=author)
         match answer:
             case clients.Submitted(task=id):
@@ -227,7 +233,7 @@ class Client:
                 raise RemoteError(f"the Task Manager answered {type(answer).__name__}")
 
     async def news(self, task: str) -> AsyncIterator[clients.TaskNews]:
-        """What happens to the task, until it ended; a Task Manager that is started again meanwhile goes on telling it."""
+        """Yield the news of the task until it has ended, across restarts of the Task Manager."""
         event_count = 0
         while True:
             watch = clients.WatchTask(task=task, after=event_count)
@@ -238,7 +244,7 @@ class Client:
             event_count += len(news.events)
 
     async def watch(self, request: clients.WatchTask, patience: float = 0.0) -> clients.TaskNews:
-        """News of a task, with a view that is whole, however long."""
+        """News of a task. A view that is too long for one message is read in parts and joined."""
         parts: list[clients.TaskView] = []
         news = await self.ask(self.addresses.task_manager, request, clients.TaskNews, timeout=request.wait + 40, patience=patience)
         while news.rest is not None:
@@ -252,11 +258,11 @@ class Client:
         return msgspec.structs.replace(news, view=msgspec.structs.replace(news.view, steps=steps, work=work))
 
     async def watch_list(self, request: clients.WatchTasks) -> clients.TasksNews:
-        """What changed in the list of tasks, a page of it."""
+        """A page of the changes in the list of tasks."""
         return await self.ask(self.addresses.task_manager, request, clients.TasksNews, timeout=request.wait + 40)
 
     async def rows(self) -> tuple[clients.TaskRow, ...]:
-        """The tasks that the Task Manager has in mind, as a list shows them, newest first."""
+        """The tasks that the Task Manager holds, as rows of a list, newest first."""
         rows_by_task: dict[str, clients.TaskRow] = {}
         version, has_next_page = 0, True
         while has_next_page:
@@ -266,7 +272,7 @@ class Client:
         return tuple(sorted(rows_by_task.values(), key=lambda row: (row.submitted_at, row.task), reverse=True))
 
     async def read_task(self, task: str) -> clients.TaskNews:
-        """The task as it is now, with all that happened to it, and, as long as it runs, all who were asked for its steps."""
+        """The task as it is now, with all its events and, while it runs, all its contracts."""
         events: tuple[clients.TaskEvent, ...] = ()
         contracts: dict[str, clients.ContractView] = {}
         changed, has_next_page = 0, True
@@ -279,7 +285,7 @@ class Client:
         return msgspec.structs.replace(news, events=events, contracts=tuple(sorted_contracts))
 
     async def all_messages(self, task: str) -> tuple[clients.MessageView, ...]:
-        """Those of a task, whether it runs or is over."""
+        """All messages of a running or ended task."""
         messages: tuple[clients.MessageView, ...] = ()
         has_next_page = True
         while has_next_page:
@@ -288,7 +294,7 @@ class Client:
         return messages
 
     async def tasks(self, *, running: bool = False, limit: int | None = None) -> tuple[clients.TaskView, ...]:
-        """The tasks that the Task Manager has in mind, newest first: all, or those that are not over."""
+        """The tasks that the Task Manager holds, newest first: all, or those that have not ended."""
         tasks: list[clients.TaskView] = []
         question = clients.ReadTasks(running=running, limit=PAGE if limit is None else min(limit, PAGE))
         while limit is None or len(tasks) < limit:
@@ -300,7 +306,7 @@ class Client:
         return tuple(tasks[:limit])
 
     async def records(self, query: records.ReadRecords) -> records.Records:
-        """A page of what is kept of tasks that are over."""
+        """A page of the records of ended tasks."""
         return await self.ask(self.addresses.task_manager, query, records.Records)
 
     async def cancel(self, task: str, reason: str) -> None:
@@ -308,7 +314,7 @@ class Client:
         await self.ask(self.addresses.task_manager, request, clients.Cancelling, patience=PATIENCE)
 
     async def messages(self, task: str, offset: int = 0) -> clients.Messages:
-        """The messages of a task, whether it runs or is over, behind the first so many: a page of them."""
+        """A page of the messages of a running or ended task, after the first `offset`."""
         return await self.ask(self.addresses.task_manager, clients.ReadMessages(task=task, after=offset), clients.Messages)
 
     async def preview(self, request: clients.Preview) -> clients.Previewed:

@@ -1,4 +1,4 @@
-"""What is kept of tasks that are over, for other programs: JSON lines, one record a line, or CSV tables."""
+"""Export of the records of ended tasks for other programs: as JSON lines, one record per line, or as CSV tables."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.records import ReadRecords, Records, TaskRecord
 
 PAGE = 100
-"""Records that are asked for at once; fewer come when they are long."""
+"""Number of records requested at once; a page may have fewer if they are long."""
 
 Cell = str | float | int | None
 Row = Mapping[str, Cell]
@@ -54,7 +54,7 @@ TASK_COLUMNS = (
     "deadline", "priority", "steps", "work", "completed", "compensated", "stranded", "setbacks", "price", "currency",
 )  # fmt: skip
 TIMES = frozenset(("at", "began", "ended", "valid_until", "submitted_at", "ended_at"))
-"""Columns that are moments, written as ISO 8601 in UTC."""
+"""Columns with times, which are written as ISO 8601 in UTC."""
 
 _PARTS: Mapping[Table, tuple[type[msgspec.Struct], Callable[[TaskRecord], Iterable[msgspec.Struct]]]] = {
     Table.WORK: (WorkView, lambda record: record.work),
@@ -68,27 +68,27 @@ _SECONDS = {"s": 1, "m": 60, "h": 3600, "d": 86_400, "w": 604_800}
 
 
 def moment(text: str, now: float) -> float:
-    """Seconds since 1970 of a date, a date with a time, or so long ago (`2h`). Raises UsageError."""
+    """The time, in seconds since 1970, of a date, a date with a time, or an age (`2h`). Raises UsageError for other texts."""
     if (age := _AGE.fullmatch(text.strip())) is not None:
         return now - float(age["count"]) * _SECONDS[age["unit"]]
     try:
         return datetime.fromisoformat(text.strip()).timestamp()
     except (ValueError, OverflowError):
         raise UsageError(
-            f"{text!r} is no moment; it can be a date (2026-03-01), with a time (2026-03-01T14:30), or so long ago: 30m, 2h, 7d"
+            f"{text!r} is not a time; write a date (2026-03-01), a date with a time (2026-03-01T14:30), or an age (30m, 2h, 7d)"
         ) from None
 
 
 async def export(output: Path | None, data: Path, format: Format, table: Table, query: ReadRecords | None = None) -> None:
-    """Write the tasks that are over, or which of them are asked for, the latest first, to a file or to standard output."""
+    """Write the ended tasks that match the query (all, if None) to a file or to standard output, the latest first."""
     page_query = structs.replace(query or ReadRecords(), limit=PAGE)
     if output is not None and not output.parent.is_dir():
-        raise UsageError(f"{output}: there is no folder {output.parent}; make it first")
+        raise UsageError(f"{output}: there is no folder {output.parent}; create it first")
     async with open_task_history(data) as archive:
         if output is None:
             await write(archive, page_query, sys.stdout, format, table)
             return
-        # Under another name until it is whole: what is interrupted does not look like an export.
+        # The file has another name until it is complete, so that an interrupted export is not mistaken for a complete one.
         unfinished = output.with_name(f"{output.name}.part")
         try:
             with unfinished.open("w", encoding="utf-8", newline="") as file, _bar(output) as bar:
@@ -100,13 +100,13 @@ async def export(output: Path | None, data: Path, format: Format, table: Table, 
 
 
 ProgressCallback = Callable[[int, int | None], None]
-"""Told how many records are written, of how many."""
+"""Called with the number of records written, and the total if it is known."""
 
 
 async def write(
     history: TaskHistory, query: ReadRecords, file: IO[str], format: Format, table: Table, on_progress: ProgressCallback | None = None
 ) -> int:
-    """Write all that is asked for; `limit` is a page's. Returns how many tasks that is."""
+    """Write all records that match the query, and return their number. `query.limit` is the size of a page."""
     count, total = 0, None
     async for page in _lines(history, query, file, format, table):
         count, total = count + len(page.records), page.total if page.total is not None else total
@@ -130,7 +130,7 @@ async def _lines(history: TaskHistory, query: ReadRecords, file: IO[str], format
 
 @contextlib.contextmanager
 def _bar(output: Path) -> Iterator[ProgressCallback]:
-    """A bar on standard error, if that is a terminal."""
+    """A progress bar on standard error, if that is a terminal."""
     columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         bar = progress.add_task(output.name, total=None)
@@ -141,7 +141,7 @@ def _bar(output: Path) -> Iterator[ProgressCallback]:
 
 
 def columns(table: Table) -> tuple[str, ...]:
-    """The header of a table."""
+    """The column names of a table."""
     if table is Table.TASKS:
         return TASK_COLUMNS
     kind, _ = _PARTS[table]
@@ -149,7 +149,7 @@ def columns(table: Table) -> tuple[str, ...]:
 
 
 def rows(record: TaskRecord, table: Table) -> Iterator[Row]:
-    """The rows that a record has in a table."""
+    """The rows of a record in a table."""
     if table is Table.TASKS:
         yield _task(record)
         return
@@ -171,7 +171,7 @@ def _task(record: TaskRecord) -> Row:
         "compensated": states.count(State.COMPENSATED),
         "stranded": states.count(State.STRANDED),
         "setbacks": sum(event.kind is EventKind.SETBACK for event in record.events),
-        # What is paid in several currencies has no sum.
+        # Prices in several currencies have no sum.
         "price": sum(contract.price or 0 for contract in accepted) if len(currencies) == 1 else 0 if not accepted else None,
         "currency": " ".join(sorted(currencies)),
     }
@@ -180,7 +180,7 @@ def _task(record: TaskRecord) -> Row:
 
 def _cell(name: str, value: object) -> Cell:
     if name in TIMES and isinstance(value, float | int):
-        with contextlib.suppress(OverflowError, ValueError, OSError):  # terms may hold longer than there are dates
+        with contextlib.suppress(OverflowError, ValueError, OSError):  # terms may be valid beyond the last date that datetime can represent
             return datetime.fromtimestamp(value, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
     if isinstance(value, bool):
         return "true" if value else "false"

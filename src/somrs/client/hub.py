@@ -1,7 +1,7 @@
-"""News as they happen, by topic: `map`, `ontology`, `services`, `tasks`, `questions`, and `task ID` for one task.
+"""Publish and subscribe within a process, by topic: `map`, `ontology`, `services`, `tasks`, `questions`, and `task ID` for one task.
 
-Whoever listens has a queue; one who does not keep up loses what is in it, and hears so: then read again what the topic is about. What has
-to be asked for is asked for only while somebody listens.
+Each subscription has a queue. A subscriber that does not keep up loses the queued news, and receives news with `missed` instead: it then
+reads the subject of the topic again. The feed of a topic runs while the topic has a subscriber.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ import msgspec
 log = logging.getLogger(__name__)
 
 MOST_WAITING = 1000
-"""News that wait for one listener."""
+"""Maximum number of news in the queue of a subscription."""
 
 
 class News(msgspec.Struct, frozen=True, kw_only=True):
-    """What happened to the topic; None after something was `missed`."""
+    """News of a topic. `missed`: earlier news were lost, and `value` is None."""
 
     topic: str
     value: object = None
@@ -29,11 +29,11 @@ class News(msgspec.Struct, frozen=True, kw_only=True):
 
 
 Feed = Callable[[str], Awaitable[None]]
-"""Publishes what happens to a topic, until it is cancelled."""
+"""Publishes the news of a topic until it is cancelled."""
 
 
 class NewsSubscription:
-    """What one listener has not heard yet. `topics`: those of which it hears."""
+    """The queue of a subscriber. `topics`: the topics that it follows."""
 
     def __init__(self, hub: Hub) -> None:
         self._hub = hub
@@ -41,12 +41,12 @@ class NewsSubscription:
         self.topics: frozenset[str] = frozenset()
 
     def follow(self, topics: Iterable[str]) -> None:
-        """Hear of these topics from now on, and of no others."""
+        """Follow these topics from now on, and no others."""
         previous_topics, self.topics = self.topics, frozenset(topics)
         self._hub.change_topics(self, previous_topics)
 
     async def wait_until_followed(self) -> None:
-        """Return when nothing that happens to the topics is missed any more: what is read from now on is not older than the news."""
+        """Wait until the topics are followed, so that data read afterwards is not older than the first news."""
         await self._hub.wait_until_followed(self.topics)
 
     def enqueue(self, news: News) -> None:
@@ -68,7 +68,7 @@ class NewsSubscription:
 
 
 class Hub:
-    """Brings news to those who listen. Everything runs in one event loop."""
+    """Delivers news to subscriptions, in one event loop."""
 
     def __init__(self) -> None:
         self._subscriptions: dict[str, set[NewsSubscription]] = {}
@@ -77,11 +77,11 @@ class Hub:
 
     @property
     def topics(self) -> frozenset[str]:
-        """Those that somebody listens to."""
+        """The topics that have a subscriber."""
         return frozenset(self._subscriptions)
 
     def feed(self, kind: str, feed: Feed) -> None:
-        """Where the news of topics come from whose first word is `kind`: run while somebody listens to one."""
+        """Register the feed of the topics that begin with `kind`; it runs for a topic while the topic has a subscriber."""
         self._feeds[kind] = feed
 
     def publish(self, topic: str, value: object = None, *, missed: bool = False) -> None:
@@ -91,7 +91,7 @@ class Hub:
 
     @contextmanager
     def subscribe(self, *topics: str) -> Iterator[NewsSubscription]:
-        """The news of the topics from now on."""
+        """Subscribe to the topics until the context is left."""
         listener = NewsSubscription(self)
         try:
             listener.follow(topics)
@@ -100,7 +100,7 @@ class Hub:
             listener.follow(())
 
     def change_topics(self, listener: NewsSubscription, previous_topics: frozenset[str]) -> None:
-        """The listener has other topics than before."""
+        """Begin and end feeds after a subscription has changed its topics."""
         for topic in sorted(listener.topics - previous_topics):
             self._subscriptions.setdefault(topic, set()).add(listener)
             self._begin(topic)
@@ -111,7 +111,7 @@ class Hub:
                 self._end(topic)
 
     async def wait_until_followed(self, topics: frozenset[str]) -> None:
-        """Return when nothing that happens to these topics is missed any more: here, at once."""
+        """Wait until these topics are followed: here, no time at all. `LiveHub` waits for the API."""
 
     def _begin(self, topic: str) -> None:
         feed = self._feeds.get(topic.partition(" ")[0])

@@ -1,4 +1,4 @@
-"""The news of an API in another process: a hub that is fed by one WebSocket, which is made again whenever it is lost."""
+"""The news of an API in another process: a hub fed by one WebSocket, which reconnects when the connection is lost."""
 
 from __future__ import annotations
 
@@ -17,34 +17,34 @@ from somrs.errors import RemoteError, SomrsError
 log = logging.getLogger(__name__)
 
 CONNECTION = "connection"
-"""The topic that says, here only, whether the API is there: True or False."""
+"""The local topic for the state of the connection to the API: True or False."""
 
 RETRY_DELAYS = (0.2, 0.5, 1.0, 2.0)
-"""Seconds before each attempt to connect again; the last one goes on."""
+"""Seconds before each attempt to reconnect; the last value applies to all further attempts."""
 
 SIGN_OF_LIFE = 10.0
-"""Seconds after which the other side is asked whether it is there."""
+"""Seconds between two WebSocket pings."""
 
 MOST_BYTES = 64 * 2**20
-"""Of one piece of news."""
+"""Maximum size of a message."""
 
 
 class Follow(msgspec.Struct, frozen=True, kw_only=True):
-    """What is said at `live`: of which topics one wants to hear from now on. With `confirm`, a number of one's own, it is said back once
-    they are followed."""
+    """The client's message at `live`: follow these topics from now on, and no others. If `confirm` is a number, the server replies with
+    `Confirmed` and this number when the topics are followed."""
 
     follow: tuple[str, ...]
     confirm: int | None = None
 
 
 class Confirmed(msgspec.Struct, frozen=True, kw_only=True):
-    """The topics are followed that were asked for with this number."""
+    """The server's reply: the topics of the request with this number are followed."""
 
     confirmed: int
 
 
 class ServerMessage(msgspec.Struct, frozen=True, kw_only=True):
-    """What is heard at `live`: a piece of news, or a confirmation."""
+    """A message of the server at `live`: news, or a confirmation."""
 
     topic: str = ""
     value: msgspec.Raw = msgspec.Raw(b"null")
@@ -53,17 +53,20 @@ class ServerMessage(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Copy(Protocol):
-    """What is brought up to date before anybody else hears of it."""
+    """Local data that is updated with the news before they are published."""
 
     async def read(self) -> None:
-        """Anything may have changed."""
+        """Read all data again, since anything may have changed."""
 
     async def apply_news(self, news: News) -> None: ...
 
 
 class LiveHub(Hub):
-    """Follows, at the API, the topics that are listened to here, and those of its `copy` always. `types`: of the values, by a topic's first
-    word; the first that fits. Whatever is lost with a connection is told as missed."""
+    """A hub that follows its topics at the API: those with a subscriber, and `always` those that `copy` needs.
+
+    `types`: the possible types of the values, by the first part of the topic; the first type that fits is used. After an interruption of
+    the connection, every topic publishes news with `missed`.
+    """
 
     def __init__(self, api: ApiClient, types: Mapping[str, tuple[Any, ...]], copy: Copy, always: frozenset[str]) -> None:
         super().__init__()
@@ -71,7 +74,7 @@ class LiveHub(Hub):
         self._changed = asyncio.Event()
         self._turned = asyncio.Event()
         self._followed: frozenset[str] | None = None
-        """What the API has confirmed; None without a connection."""
+        """The topics that the API has confirmed; None without a connection."""
         self._last_request: tuple[int, frozenset[str]] = (0, frozenset())
         self.connected = False
 
@@ -80,7 +83,10 @@ class LiveHub(Hub):
         return (super().topics | self._always) - {CONNECTION}
 
     async def wait_until_followed(self, topics: frozenset[str]) -> None:
-        """Without a connection, at once: when it is there again, they are told as missed."""
+        """Wait until the API has confirmed these topics.
+
+        Return at once without a connection: the topics publish news with `missed` when it has been restored.
+        """
         while self._followed is not None and not topics - {CONNECTION} <= self._followed:
             turned = self._turned
             await turned.wait()
@@ -94,7 +100,7 @@ class LiveHub(Hub):
         self._changed.set()
 
     async def run(self) -> None:
-        """Until it is cancelled."""
+        """Receive and publish news until cancelled; reconnect when the connection is lost."""
         attempt = 0
         while True:
             try:
@@ -130,7 +136,7 @@ class LiveHub(Hub):
             sender.cancel()
 
     async def _start_following(self, topics: frozenset[str]) -> None:
-        """The first topics are followed: whatever was before is to be read anew."""
+        """Read all data after the first confirmation on a new connection, and publish that earlier news may be lost."""
         await self._copy.read()
         self._turn(topics)
         self._set_connected(connected=True)
@@ -138,7 +144,7 @@ class LiveHub(Hub):
             self.publish(topic, missed=True)
 
     async def _ask(self, socket: aiohttp.ClientWebSocketResponse) -> None:
-        """Tell which topics are to be followed, whenever they change."""
+        """Send the topics to follow whenever they change."""
         while True:
             self._changed.clear()
             self._last_request = number, topics = self._last_request[0] + 1, self.topics
@@ -158,7 +164,7 @@ class LiveHub(Hub):
                 return msgspec.json.decode(server_message.value, type=type)
             except msgspec.ValidationError:
                 continue
-        raise RemoteError(f"the API tells of {server_message.topic} what is not understood here; is it of another version?")
+        raise RemoteError(f"the API sent news of {server_message.topic} that this client does not understand; is its version different?")
 
     def _turn(self, followed: frozenset[str] | None) -> None:
         self._followed = followed

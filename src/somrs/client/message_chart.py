@@ -8,10 +8,10 @@ from html import escape
 from somrs.client.trace import TASK_MANAGER, Line
 
 LEFT_MARGIN, TOP_MARGIN, COLUMN, ROW = 90, 90, 330, 40
-"""Pixels: where the first lifeline is, how far apart lifelines are, how far apart messages."""
+"""Pixels: the margins, the distance between lifelines, and the distance between messages."""
 
 MOST_TEXT = 50
-"""Characters of a note that fit beside an arrow."""
+"""Maximum number of characters of a note beside an arrow."""
 
 STYLE = """
   .chart { font-family: system-ui, sans-serif; font-size: 13px; fill: #1c2733 }
@@ -27,11 +27,11 @@ STYLE = """
 """
 
 SETBACKS = frozenset(("Failed", "Refuse", "Stranded", "Fault", "Stop"))
-"""Messages that are drawn as bad news."""
+"""Message types that are drawn in red."""
 
 
 def chart(lines: Sequence[Line], title: str) -> str:
-    """An SVG document: a lifeline for each party, an arrow for each message, in the order in which they passed."""
+    """The chart as an SVG document: a lifeline for each party, and an arrow for each message, in order of time."""
     services = dict.fromkeys(party for line in lines for party in (line.sender, line.recipient) if party != TASK_MANAGER)
     parties = [TASK_MANAGER, *sorted(services)]
     place = {party: LEFT_MARGIN + 60 + index * COLUMN for index, party in enumerate(parties)}
@@ -70,7 +70,7 @@ def _arrow(line: Line, start: int, end: int, y: int, start_time: float) -> Itera
         f'<path class="arrow{" bad" if bad else ""}" d="M{start} {y} L{end + ending} {y}" '
         f'marker-end="url(#{"badhead" if bad else "head"})"/>'
     )
-    # Labels stand beside the service's own lifeline, so that long arrows do not carry them across other lifelines.
+    # A label is beside the lifeline of the service, so that on a long arrow it does not cross other lifelines.
     middle = (max(start, end)) - COLUMN // 2
     yield f'<text class="label" x="{middle}" y="{y - 5}">{escape(line.type)}</text>'
     if note := describe_message(line):
@@ -79,7 +79,7 @@ def _arrow(line: Line, start: int, end: int, y: int, start_time: float) -> Itera
 
 
 def describe_message(line: Line) -> str:
-    """What a message says, short enough for a line."""
+    """The main content of a message, cut to fit on a line."""
     body = line.body
     match line.type:
         case "Arrange" | "Execute":

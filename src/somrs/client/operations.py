@@ -1,8 +1,9 @@
-"""Operations: methods that are the public API, each at an HTTP method and a path. REST, the OpenAPI document and the clients of both
-(`api_client.py`) are all made of them, so that nothing can be done by clicking only.
+"""Operations: the methods of the public API, each with an HTTP method and a path.
 
-An operation is a coroutine method with typed parameters. Those that the path names come from the path, one called `body` from the
-request's JSON, all others from the query string. What it returns is a msgspec value, sent as JSON, or a `Document`.
+REST, the OpenAPI document and the client (`api_client.py`) are generated from them; the windows use the same operations.
+
+An operation is a coroutine method with typed parameters. Parameters named in the path come from the path, a parameter `body` comes from
+the request's JSON, and all others come from the query string. The result is a msgspec value, sent as JSON, or a `Document`.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ F = TypeVar("F", bound=Callable[..., Awaitable[Any]])
 
 
 class Document(msgspec.Struct, frozen=True, kw_only=True):
-    """A file to keep: what is in it, what it is, and what it may be called."""
+    """A file to download: its content, its media type, and a suggested name."""
 
     content: bytes
     media_type: str
@@ -32,7 +33,7 @@ class Document(msgspec.Struct, frozen=True, kw_only=True):
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """One value that an operation takes. `place`: `path`, `query` or `body`."""
+    """A parameter of an operation. `place`: `path`, `query` or `body`."""
 
     name: str
     place: str
@@ -46,7 +47,7 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class Operation:
-    """Something that can be done: `function` does it. `name` is unique, such as `map.change`; the part before the point groups them."""
+    """An operation, carried out by `function`. `name`: unique, such as `map.change`; the part before the dot is the group."""
 
     name: str
     method: str
@@ -62,7 +63,7 @@ class Operation:
 
 
 def operation(method: str, path: str) -> Callable[[F], F]:
-    """Make a coroutine method an operation: `@operation("GET", "/map/objects/{name}")`. Its docstring is what people read of it."""
+    """Mark a coroutine method as an operation: `@operation("GET", "/map/objects/{name}")`. Its docstring becomes its documentation."""
 
     def mark(function: F) -> F:
         setattr(function, MARK, (method, path))
@@ -72,7 +73,7 @@ def operation(method: str, path: str) -> Callable[[F], F]:
 
 
 def operations(group: str, part: object) -> Iterator[Operation]:
-    """The operations among the methods of a part of the API: of an object, which does them, or of a class, which says what they are."""
+    """The operations among the methods of a part of the API: an object, which carries them out, or a class, which declares them."""
     for name, function in inspect.getmembers(part, inspect.iscoroutinefunction):
         if (marked := getattr(function, MARK, None)) is not None:
             method, path = marked
@@ -82,7 +83,7 @@ def operations(group: str, part: object) -> Iterator[Operation]:
 
 @cache
 def _declared(function: Callable[..., Awaitable[Any]], path: str) -> tuple[tuple[Parameter, ...], Any, str]:
-    """What a method takes and returns, and its docstring: read once, however many objects have it."""
+    """The parameters, return type and docstring of a method, cached since many objects share it."""
     hints = get_type_hints(function)
     in_path = set(re.findall(r"{(\w+)}", path))
     parameters = tuple(
@@ -96,6 +97,6 @@ def _declared(function: Callable[..., Awaitable[Any]], path: str) -> tuple[tuple
         if parameter.name != "self"
     )
     assert in_path <= {parameter.name for parameter in parameters}, (
-        f"{function.__qualname__}: {path} names what the operation does not take"
+        f"{function.__qualname__}: {path} has a parameter that the method does not have"
     )
     return parameters, hints.get("return"), inspect.getdoc(function) or ""

@@ -1,4 +1,4 @@
-"""What an OWL file would change in an ontology, and on a map."""
+"""The changes that the import of an OWL file makes to an ontology and a map."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from somrs.repository.outcome import revision
 
 
 class OwlChange:
-    """What a file that was read changes in an ontology: `define` leads to it."""
+    """The changes that the import of an OWL file makes. `define`: the request that changes the ontology."""
 
     def __init__(self, owl_content: owl.OwlImport, ontology: Ontology, author: str, expected_version: int | None = None) -> None:
         self._owl_content = owl_content
@@ -35,8 +35,13 @@ class OwlChange:
         return bool(self.define.removed or self.define.renamed or any(self.define.definitions.all_definitions()))
 
     def on_map(self, current_map: Map, file: str) -> tuple[Change, ...]:
-        """How the file's individuals change the map, once the ontology is as it says: they are as it says, with the facts whose first
-        argument they are; other objects stay. Raises ModelError when the map would not conform."""
+        """The changes of the map after those of the ontology.
+
+        The individuals of the file replace the objects of the same names, with the facts whose first argument they are. Other objects stay.
+
+        Raises:
+            ModelError: the changed map would not conform to the ontology.
+        """
         map_before, file_map = (map.changed(self._renamer.changes(map)) for map in (current_map, self._owl_content.map))
         facts = [fact for fact in map_before.facts() if not fact.arguments or fact.arguments[0] not in file_map.objects]
         map_after = Map({**map_before.objects, **file_map.objects}.values(), [*facts, *file_map.facts()])

@@ -1,4 +1,4 @@
-"""Questions that programs put to people (`devices/person/device.py`), and how people answer them, at the command line or in the window."""
+"""The questions that a person's Service Manager asks (`devices/person/device.py`), and their answers."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from somrs.devices.person.questions import FILE, Question, Questions
 from somrs.errors import RemoteError, UsageError
 
 ANSWER_PATIENCE = 10.0
-"""Seconds within which a person's program looks at an answer, if it runs."""
+"""Seconds within which a person's Service Manager processes an answer, if it runs."""
 
 
 def open_questions(data: Path) -> list[Question]:
-    """The questions that wait for an answer in the system of the data folder."""
+    """The questions that wait for an answer in the system of the data folder. Raises UsageError if no system runs there."""
     if not (data / FILE).exists():
         Addresses.read(data)  # raises UsageError where no system runs
         return []
@@ -26,9 +26,14 @@ def open_questions(data: Path) -> list[Question]:
 
 
 def put_answer(number: int, formula: str | None, data: Path) -> None:
-    """Answer a question, and wait until the answer is taken. Raises UsageError when it will not do, RemoteError when nobody looks at it."""
+    """Answer a question, and wait until the person's Service Manager has accepted the answer. `formula`: None for "cannot tell".
+
+    Raises:
+        UsageError: the answer is unsuitable or too late.
+        RemoteError: the Service Manager did not process the answer within `ANSWER_PATIENCE`.
+    """
     if formula is not None and not formula.strip():
-        raise UsageError("an answer says what is so, such as `Jar002 isOn Table001`; otherwise say that you cannot tell")
+        raise UsageError("an answer is a formula that holds, such as `Jar002 isOn Table001`; otherwise answer that you cannot tell")
     if not (data / FILE).exists():
         Addresses.read(data)
     store = Questions(data)
@@ -43,7 +48,7 @@ def _wait(store: Questions, number: int) -> None:
     end, person = time.monotonic() + ANSWER_PATIENCE, ""
     while time.monotonic() < end:
         question = store.read(number)
-        assert question is not None, "questions are kept"
+        assert question is not None, "questions are not deleted"
         person = question.person
         if question.ended == "taken":
             return
@@ -52,4 +57,4 @@ def _wait(store: Questions, number: int) -> None:
         if question.problem:
             raise UsageError(f"{question.problem}\nthe question is still open; answer it again")
         time.sleep(0.1)
-    raise RemoteError(f"nobody took the answer within {ANSWER_PATIENCE:.0f} s; is the program of {person} running?")
+    raise RemoteError(f"the answer was not accepted within {ANSWER_PATIENCE:.0f} s; is the program of {person} running?")

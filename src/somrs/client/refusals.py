@@ -1,4 +1,4 @@
-"""Why an operation was not carried out, as the API and the pages say it."""
+"""Errors of operations, and how the API sends them."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ __all__ = ["REFUSALS", "Changed", "ErrorReport", "NotFound", "Refused", "error_r
 
 
 class NotFound(InputError):
-    """There is no such thing."""
+    """The object of the request does not exist."""
 
 
 class Changed(SomrsError):
-    """Somebody else changed it since it was read."""
+    """The object of the request has changed since the client read it."""
 
 
 class Mistake(msgspec.Struct, frozen=True, kw_only=True):
-    """What is wrong in a file, and in which line."""
+    """A mistake in a file."""
 
     file: str
     line: int | None
@@ -31,10 +31,12 @@ class Mistake(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ErrorReport(msgspec.Struct, frozen=True, kw_only=True):
-    """Why an operation was not carried out; nothing was changed. `problem` is for people, and says what to do next; `error` says for
-    programs of which sort it is. `position`: where in the formula, which is `text`, counted from 0; `problems`: each by itself, when there
-    are several. `broken`: the rules that a change of the map or the ontology would break, with what each concerns; `mistakes`: those in a
-    file."""
+    """Why an operation was not carried out; nothing was changed.
+
+    `problem`: a text for users, with what to do next; `error`: the kind of error, for programs. `problems`: the problems one by one, if
+    there are several. For a mistake in a formula: `text`, the formula; `position` in it, counted from 0; `hint`, what was expected.
+    `broken`: the rules that a change of the map or the ontology would break, with what each concerns. `mistakes`: mistakes in a file.
+    """
 
     problem: str
     error: str = ""
@@ -47,16 +49,16 @@ class ErrorReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 REFUSALS = {
-    400: "What was asked is not right: what, and what to do",
-    404: "There is no such thing",
-    409: "It cannot be done as things are now",
-    503: "A part of the system does not answer; try again",
+    400: "The request is invalid; the report says what is wrong and what to do",
+    404: "The object of the request does not exist",
+    409: "The request cannot be carried out in the current state",
+    503: "A component of the system does not answer; try again",
 }
-"""By HTTP status."""
+"""Descriptions of the errors by HTTP status."""
 
 
 def status(error: SomrsError) -> int:
-    """The HTTP status that says of which sort the error is."""
+    """The HTTP status of an error."""
     match error:
         case Unanswered():
             return 503
@@ -69,7 +71,7 @@ def status(error: SomrsError) -> int:
 
 
 def error_report(error: SomrsError) -> ErrorReport:
-    """The error as it is sent."""
+    """The error as the API sends it."""
     sort = type(error).__name__
     if isinstance(error, FormulaError):
         return ErrorReport(problem=error.problem, error=sort, text=error.text, position=error.position, hint=error.hint)
@@ -83,7 +85,7 @@ def error_report(error: SomrsError) -> ErrorReport:
 
 
 def refusal(code: int, report: ErrorReport) -> SomrsError:
-    """The error again, of what was sent with this HTTP status."""
+    """The error that was sent as this report with this HTTP status."""
     match report:
         case ErrorReport(position=int() as position):
             return FormulaError(report.text, position, report.problem, report.hint)
@@ -97,5 +99,5 @@ def refusal(code: int, report: ErrorReport) -> SomrsError:
 
 
 def refusal_of(report: ErrorReport) -> SomrsError:
-    """The error again, of what another part of the system said, which has no HTTP status."""
+    """The error that another component sent as this report, without an HTTP status."""
     return refusal({"NotFound": 404, "RemoteError": 409, "Unanswered": 503}.get(report.error, 400), report)

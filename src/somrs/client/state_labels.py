@@ -1,4 +1,4 @@
-"""What people read of the state of a task, in the windows and in the terminal."""
+"""Texts for users: the states of a task, in the windows and in the terminal."""
 
 from __future__ import annotations
 
@@ -25,5 +25,5 @@ OUTCOMES: Mapping[Outcome, str] = {
 
 
 def task_state(phase: Phase, outcome: Outcome | None) -> str:
-    """How far a task is, or how it ended."""
+    """The text for the phase of a task or, after its end, for its outcome."""
     return OUTCOMES[outcome] if outcome is not None else PHASES[phase]

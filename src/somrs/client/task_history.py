@@ -1,4 +1,4 @@
-"""Tasks that are over, read from whoever has them: the Task Manager of a system that runs, or the journal of one that does not."""
+"""The records of ended tasks, read from the Task Manager of a running system, or from the journal of a stopped one."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from somrs.storage import archive
 from somrs.storage.journal import KIND
 
 BUSY_TIME = 1.0
-"""Seconds that a journal which another process has open is waited for."""
+"""Seconds to wait for a journal that another process holds open."""
 
 
 class TaskHistory:
-    """Answers what is asked of tasks that are over. `client` asks the running system, and is None when none runs."""
+    """Reads the records of ended tasks. `client`: the client of the running system; None if no system runs."""
 
     def __init__(self, ask: Callable[[ReadRecords], Awaitable[Records]], client: Client | None = None) -> None:
         self._ask, self.client = ask, client
 
     async def pages(self, query: ReadRecords) -> AsyncIterator[Records]:
-        """All that is asked for, page by page, each record whole; `limit` is a page's."""
+        """All records that match the query, page by page, each record complete. `query.limit` is the size of a page."""
         while True:
             page = await self._ask(query)
             if page.rest is not None:
@@ -38,7 +38,7 @@ class TaskHistory:
             query = structs.replace(query, behind=page.records[-1].task)
 
     async def first(self, query: ReadRecords, count: int) -> list[TaskRecord]:
-        """The first so many of what is asked for."""
+        """The first `count` records that match the query."""
         records: list[TaskRecord] = []
         async for page in self.pages(structs.replace(query, limit=count)):
             records += page.records
@@ -51,14 +51,14 @@ class TaskHistory:
         while rest is not None:
             page = await self._ask(ReadRecords(task=record.task, after=rest, brief=query.brief, without=query.without))
             if not page.records:
-                raise RemoteError(f"{record.task} is not kept any more")
+                raise RemoteError(f"there is no longer a record of {record.task}")
             record, rest = archive.joined(record, page.records[0]), page.rest
         return record
 
 
 @asynccontextmanager
 async def open_task_history(data: Path) -> AsyncIterator[TaskHistory]:
-    """What is over, in the system of a data folder. Raises UsageError when nothing is kept there."""
+    """The records of ended tasks in a data folder. Raises UsageError if there are none."""
     file = data / archive.FILE
     if not (data / SYSTEM_FILE).exists() and not file.exists():
         Addresses.read(data)
@@ -85,20 +85,20 @@ async def _read(query: ReadRecords, file: Path, db: sqlite3.Connection) -> Recor
     except sqlite3.DatabaseError as error:
         raise _unreadable(file, error) from None
     except msgspec.MsgspecError as error:
-        raise UsageError(f"{file}: holds something that is no record of a task ({error}); put a copy back") from None
+        raise UsageError(f"{file}: contains an invalid record of a task ({error}); restore a copy of the file") from None
 
 
 def _open_journal(file: Path) -> sqlite3.Connection:
-    """The journal, to be read only; nobody else can open it for writing meanwhile."""
+    """Open the journal read-only; meanwhile no Task Manager can open it for writing."""
     try:
         db = sqlite3.connect(f"{file.resolve().as_uri()}?mode=ro", uri=True, timeout=BUSY_TIME)
         (application,) = db.execute("PRAGMA application_id").fetchone()
         (version,) = db.execute("PRAGMA user_version").fetchone()
     except sqlite3.DatabaseError as error:
         raise _unreadable(file, error) from None
-    if application != KIND.application or not 1 <= version <= KIND.version:  # its records are the same in every format
+    if application != KIND.application or not 1 <= version <= KIND.version:  # the format of records is the same in all versions
         db.close()
-        raise UsageError(f"{file}: is not {KIND.owner} file, or of another version of SO-MRS; read it with the one that wrote it")
+        raise UsageError(f"{file}: is not {KIND.owner} file, or another version of SO-MRS wrote it; read it with that version")
     return db
 
 

@@ -1,4 +1,4 @@
-"""How things look in the terminal: tables, plans, and a task while it runs."""
+"""Output for the terminal: tables, plans, and running tasks."""
 
 from __future__ import annotations
 
@@ -35,28 +35,27 @@ SIGNS = {
     State.STRANDED: ("!", "red"),
     State.UNREACHABLE: ("?", "red"),
 }
-"""Of what became of work."""
+"""A sign and a colour for each result of work."""
 
 COLOURS = {EventKind.SETBACK: "red", EventKind.END: "bold"}
-"""Of kinds of events; the others are what is done about setbacks."""
+"""Colours of kinds of events; the remaining kinds are recoveries."""
 
 PARTY = 28
-"""Characters of a column of those who say something to each other: `Camera001.RecognizeSituation` fits."""
+"""Width of a column with the sender or recipient of a message, in characters: `Camera001.RecognizeSituation` fits."""
 
 MOST_NAME = 28
-"""Characters for which a column of names makes others narrow."""
+"""Maximum width that a column of names claims from other columns, in characters."""
 
 
 def print_json(value: object) -> None:
-    """For programs: plain JSON on standard output."""
+    """Print a value as JSON on standard output, for programs."""
     print(json.dumps(msgspec.to_builtins(value), ensure_ascii=False, indent=2))
 
 
 def table(
     title: str, columns: Sequence[str], rows: Iterable[Sequence[object]], whole: Collection[str] = (), least: Mapping[str, int] = {}
 ) -> Table:
-    """A table that fits the terminal. The columns in `whole` are not broken within a line; `least` are widths that columns have, even
-    if others have to be narrow."""
+    """A table that fits the terminal. `whole`: columns whose lines are not wrapped; `least`: minimum widths of columns."""
     grid = Table(title=title, title_justify="left", title_style="bold", header_style="bold", box=SIMPLE_HEAD, show_edge=False)
     for column in columns:
         grid.add_column(column, overflow="fold", no_wrap=column in whole, min_width=least.get(column))
@@ -66,12 +65,12 @@ def table(
 
 
 def column_width(names: Iterable[str]) -> int:
-    """The width in which names are not torn apart, unless they are long."""
+    """The width of the longest name, at most `MOST_NAME`."""
     return min(MOST_NAME, max(map(len, names), default=0))
 
 
 def lines(*parts: str) -> str:
-    """Those that say something, one under the other."""
+    """The non-empty parts, one per line."""
     return "\n".join(part for part in parts if part)
 
 
@@ -80,9 +79,9 @@ def inputs(step: StepView | WorkView) -> str:
 
 
 def steps(title: str, step_views: Sequence[StepView], other_work: Sequence[WorkView] = ()) -> Table:
-    """A plan, and how far each step is; `other_work`: what is done for other reasons."""
+    """A plan with the state of each step, followed by `other_work`, which is not part of the plan (observation, compensation)."""
     is_ordered = any(step.after for step in step_views)
-    columns = ("step", "what", *(("after",) if is_ordered else ()), "by", "state")
+    columns = ("step", "action", *(("after",) if is_ordered else ()), "service", "state")
     rows = [
         (
             step.step,
@@ -93,7 +92,7 @@ def steps(title: str, step_views: Sequence[StepView], other_work: Sequence[WorkV
         )
         for step in step_views
     ]
-    grid = table(title, columns, rows, whole=("state",), least={"by": column_width(step.service or "-" for step in step_views)})
+    grid = table(title, columns, rows, whole=("state",), least={"service": column_width(step.service or "-" for step in step_views)})
     for work in other_work:
         description = lines(work.service_type, inputs(work))
         grid.add_row(work.step, description, *(("-",) if is_ordered else ()), work.service, state_text(work.state))
@@ -101,13 +100,13 @@ def steps(title: str, step_views: Sequence[StepView], other_work: Sequence[WorkV
 
 
 def terms(price: float | None, currency: str, duration: float | None) -> str:
-    """What a service wants for its work."""
+    """The price and the duration (seconds) that a service offers, as text."""
     cost = f"{price:g} {currency}" if price is not None else ""
     return ", ".join(part for part in (cost, f"{duration:.0f} s" if duration is not None else "") if part)
 
 
 def step_progress(step: StepView) -> Group | Text:
-    """The state of a step, with a bar while it is executed."""
+    """The state of a step, with a progress bar while it executes."""
     if step.state is State.NEW:
         return Text("open", style="dim")
     if step.state is not State.EXECUTING:
@@ -116,16 +115,16 @@ def step_progress(step: StepView) -> Group | Text:
 
 
 def state_text(state: State) -> Text:
-    """What became of work, or of whoever did it."""
+    """A state with its sign and colour."""
     sign, colour = SIGNS.get(state, ("", ""))
     return Text(f"{sign} {state.value}".strip(), style=colour)
 
 
 def plan(step_views: Sequence[StepView]) -> Table:
-    """A plan that nobody carries out."""
+    """A plan that is not being executed."""
     return table(
         "Plan",
-        ("step", "what", "after", "because"),
+        ("step", "action", "after", "reason"),
         (
             (
                 step.step,
@@ -139,13 +138,13 @@ def plan(step_views: Sequence[StepView]) -> Table:
 
 
 def outcome(view: TaskView) -> Text:
-    """How far a task is, or how it ended, and the first reason for that."""
+    """The state of a task, and the first reason for it."""
     reason_text = "".join(f": {reason}" for reason in reasons(view)[:1])
     return progress_text(view).append(reason_text, style="not bold" if view.outcome is None else None)
 
 
 def progress_text(view: TaskView) -> Text:
-    """How far a task is, or how it ended."""
+    """The state of a task; after its end, with its total time."""
     if view.outcome is None:
         return Text(task_state(view.phase, None).lower(), style="bold")
     sign, colour = MARKS[view.outcome]
@@ -154,24 +153,24 @@ def progress_text(view: TaskView) -> Text:
 
 
 def ending(view: TaskView) -> Group:
-    """How far a task is, or how it ended and why, a reason a line."""
+    """The state of a task, and the reasons for it, one per line."""
     return Group(progress_text(view), *(Padding(Text(reason), (0, 0, 0, 2)) for reason in reasons(view)))
 
 
 def tasks(views: Sequence[TaskView]) -> Table:
     rows = ((short(view.task), view.effect, moment(view.submitted_at), outcome(view)) for view in views)
-    return table("Tasks", ("task", "wish", "submitted", "how far"), rows, whole=("task", "submitted"))
+    return table("Tasks", ("task", "goal", "submitted", "state"), rows, whole=("task", "submitted"))
 
 
 def short(task: str) -> str:
-    """As much of a task's id as people need."""
+    """A short form of a task's id, for users."""
     return task.rpartition(":")[2][:8]
 
 
 def services(offers: Sequence[Offer]) -> Table:
     return table(
         "Services on offer",
-        ("service", "brings about", "if", "attributes"),
+        ("service", "effect", "precondition", "attributes"),
         (
             (
                 lines(offer.service, f"a {offer.provider_type}"),
@@ -190,19 +189,19 @@ def clock(timestamp: float) -> str:
 
 
 def moment(timestamp: float) -> str:
-    """With the date, unless it is today."""
+    """The time of day, with the date unless that is today."""
     date_time = datetime.fromtimestamp(timestamp)
     return f"{date_time:%H:%M:%S}" if date_time.date() == datetime.now().date() else f"{date_time:%Y-%m-%d %H:%M}"
 
 
 def event(task_event: TaskEvent) -> Text:
-    """Something that happened to a task, in a line."""
+    """An event of a task, as one line."""
     step = f"{task_event.step}: " if task_event.step else ""
     return Text.assemble((f"{clock(task_event.at)}  ", "dim"), (step, "bold"), task_event.text)
 
 
 def events(task_events: Iterable[TaskEvent]) -> Table:
-    """What happened to a task: when, what kind of news it is if it is not the plain kind, and the news. Why it ended, `ending` says."""
+    """The events of a task: time, kind (empty for ordinary news), and text. `ending` has the reasons for the outcome."""
     grid = Table.grid(padding=(0, 1), pad_edge=False)
     grid.add_column(style="dim", no_wrap=True)
     grid.add_column(min_width=max(len(kind.value) for kind in EventKind), no_wrap=True)
@@ -217,14 +216,14 @@ def events(task_events: Iterable[TaskEvent]) -> Table:
 
 
 def passing(line: Line, start: float) -> Text:
-    """A message as it passes, so long after the first."""
+    """A message, as one line. `start`: the time of the first message."""
     style = "bold red" if line.type in SETBACKS else "bold"
     parties = f"{line.sender:>{PARTY}} → {line.recipient:<{PARTY}} "
     return Text.assemble(f"{line.at - start:7.2f} s ", (parties, "dim"), (f"{line.type:<12}", style), describe_message(line))
 
 
 def live(view: TaskView) -> Group:
-    """A task under way, or how it ended."""
+    """The plan and the state of a running or ended task."""
     if not view.steps:
         return ending(view)
     step_names = {step.step for step in view.steps}
@@ -235,7 +234,7 @@ def live(view: TaskView) -> Group:
 
 
 def change(map_change: Change) -> str:
-    """A change of the map, in a line."""
+    """A change of the map, as one line."""
     match map_change:
         case ObjectAdded(object):
             return f"{object.name}: {object.type} appeared"

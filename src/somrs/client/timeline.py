@@ -1,4 +1,4 @@
-"""Who did what when, in one transaction: bars by device, for the terminal and as SVG."""
+"""The timeline of a transaction: the work of each device as bars, for the terminal and as SVG."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from somrs.client.trace import Line
 BEGINS = {"Execute": "does", "Compensate": "undoes"}
 ENDS = frozenset(("Completed", "Failed", "Stopped", "Compensated", "Stranded"))
 SIGNS = {"Completed": "✔", "Failed": "✘", "Stopped": "■", "Compensated": "↶", "Stranded": "!", "lost": "?"}
-"""How a bar ends; colour is never the only sign."""
+"""A sign for each ending of a bar; colour is never the only sign."""
 
 COLOURS = {"does": "#2c5d8f", "undoes": "#8a5a00", "lost": "#b3261e"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bar:
-    """A device at work, from one moment (seconds since 1970) to another; `ending`: how it ended, `lost` when nothing was heard any more."""
+    """Work of a device between two times, in seconds since 1970. `ending`: the type of the final message, or `lost` if there was none."""
 
     device: str
     label: str
@@ -33,7 +33,7 @@ class Bar:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mark:
-    """Something that happened, to a part of the system or to the task."""
+    """An event that concerns a component of the system, or the task."""
 
     at: float
     subject: str
@@ -41,7 +41,7 @@ class Mark:
 
 
 def bars(lines: Sequence[Line]) -> list[Bar]:
-    """The work that the messages tell of; what did not come to an end is lost when the last was said to or by whoever did it."""
+    """The work that appears in the messages. Work without a final message is lost, and ends at the participant's last message."""
     last_times = {line.participant: line.at for line in lines if line.type != "End"}
     bars_by_work: dict[tuple[str, str], Bar] = {}
     for line in lines:
@@ -64,7 +64,7 @@ def bars(lines: Sequence[Line]) -> list[Bar]:
 
 
 def timeline_table(bars: Sequence[Bar], marks: Sequence[Mark], width: int = 64) -> Table:
-    """For the terminal: a row for each piece of work, in the order in which they began, and for what happened."""
+    """The timeline for the terminal: a row for each bar and each mark, in order of time. `width`: characters."""
     start, end = _limits(bars, marks)
     scale = width / max(end - start, 1e-9)
     table = Table(title="Timeline", title_justify="left", title_style="bold", box=None, padding=(0, 1))
@@ -89,7 +89,7 @@ def timeline_table(bars: Sequence[Bar], marks: Sequence[Mark], width: int = 64) 
 
 LEFT_MARGIN, TOP_MARGIN, LANE, CHART_WIDTH, RIGHT_MARGIN = 130, 70, 44, 1100, 110
 LETTER = 7.2
-"""Pixels that a letter takes at most."""
+"""Maximum width of a letter, in pixels."""
 STYLE = """
   .timeline { font-family: system-ui, sans-serif; font-size: 12px; fill: #1c2733 }
   .lane { stroke: #e1e7ee }
@@ -102,7 +102,7 @@ STYLE = """
 
 
 def svg(bars: Sequence[Bar], marks: Sequence[Mark], title: str) -> str:
-    """An SVG document: a lane for each device, bars on it, and lines where something happened."""
+    """The timeline as an SVG document: a lane with bars for each device, and a vertical line for each mark."""
     start, end = _limits(bars, marks)
     scale = CHART_WIDTH / max(end - start, 1e-9)
     lanes = _lanes(bars)
@@ -131,7 +131,7 @@ def svg(bars: Sequence[Bar], marks: Sequence[Mark], title: str) -> str:
         if row == 0:
             elements.append(f'<text class="who" x="{LEFT_MARGIN - 12}" y="{y + 20}">{escape(device)}</text>')
     texts: list[str] = []
-    """Drawn last, so that no line runs through them."""
+    """Texts are drawn last, so that no line crosses them."""
     for bar in bars:
         y = place[lanes[bar]]
         x, wide = LEFT_MARGIN + (bar.start - start) * scale, max(3.0, (bar.end - bar.start) * scale)
@@ -165,7 +165,7 @@ def _limits(bars: Sequence[Bar], marks: Sequence[Mark]) -> tuple[float, float]:
 
 
 def _lanes(bars: Sequence[Bar]) -> dict[Bar, tuple[str, int]]:
-    """For each bar its device and which of the device's rows: bars on one row do not overlap."""
+    """For each bar its device and its row among the device's rows, such that bars in a row do not overlap."""
     end_times: dict[str, list[float]] = {}
     lanes: dict[Bar, tuple[str, int]] = {}
     for bar in sorted(bars, key=lambda bar: bar.start):

@@ -1,4 +1,4 @@
-"""The messages of the Failure Recovery Protocol as they pass, one JSON object a line, in a file that others can follow."""
+"""Trace files: the messages of the Failure Recovery Protocol, one JSON object per line, in a file that other programs can follow."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ TASK_MANAGER = "TaskManager"
 
 
 class Line(msgspec.Struct, frozen=True, kw_only=True):
-    """One message: who says what to whom, in which transaction; `at` in seconds since 1970."""
+    """A message of a transaction. `at`: seconds since 1970."""
 
     at: float
     sender: str
@@ -30,7 +30,7 @@ class Line(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def line_of(message: Message, now: float, coordinator: str) -> Line:
-    """A message with names that people know: the Task Manager, and services."""
+    """The trace line of a message, with `TaskManager` and the names of services in place of addresses."""
     header = message.header
     service = (header.participant or "").partition("#")[0] or header.recipient
     is_outgoing = header.sender == coordinator
@@ -50,12 +50,12 @@ def line_of(message: Message, now: float, coordinator: str) -> Line:
 
 
 def lines_of(record: TaskRecord) -> list[Line]:
-    """The messages of a task that is over, as they were when they passed."""
+    """The trace lines of an ended task, from its record."""
     return lines_from(record.messages, record.task)
 
 
 def lines_from(messages: Sequence[MessageView], task: str) -> list[Line]:
-    """The messages of a task, with names that people know."""
+    """The trace lines of a task, with `TaskManager` and the names of services in place of addresses."""
     coordinator = next((message.sender for message in messages if message.type == "Arrange"), "")
     lines = []
     for message in messages:
@@ -78,7 +78,7 @@ def lines_from(messages: Sequence[MessageView], task: str) -> list[Line]:
 
 
 def without_heartbeats(lines: Sequence[Line]) -> list[Line]:
-    """Of signs of life that a participant gives in a row, the last only."""
+    """The lines without heartbeats, except the last of each sequence of heartbeats of a participant."""
     next_types: dict[str, str] = {}
     kept_lines: list[Line] = []
     for line in reversed(lines):
@@ -89,7 +89,7 @@ def without_heartbeats(lines: Sequence[Line]) -> list[Line]:
 
 
 class Trace:
-    """Writes lines to a file; what is written can be read by others at once."""
+    """Writes messages to a trace file, unbuffered, so that other programs can read them at once."""
 
     def __init__(self, path: Path) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
