@@ -138,7 +138,7 @@ def test_a_dry_run_on_the_command_line_names_them_too(tmp_path: Path, capsys: py
         assert await alter(change, system.data, dry=True, json=False) == 0
         output = capsys.readouterr().out
         assert "template Bring: it uses type Platform, which would be called Stand" in output
-        assert "tasks, orders and templates keep the words that they have" in output
+        assert "tasks, orders and templates are not changed" in output
         with Reservation("127.0.0.1", 1) as reservation:
             structs.replace(system.addresses, api=f"http://127.0.0.1:{reservation.ports[0]}/api").write(system.data)
             assert await alter(change, system.data, dry=True, json=False) == 0

@@ -240,7 +240,7 @@ def test_tasks_that_are_over_can_be_looked_at(stopped: Path, recovered: TaskReco
     asyncio.run(tasks.tasks(stopped, history=True, limit=20, json=True, query=request))
     assert [task["task"] for task in json.loads(capsys.readouterr().out)] == [recovered.task]
     asyncio.run(tasks.tasks(stopped, history=True, limit=20, json=False, query=ReadRecords(service="Robot7")))
-    assert capsys.readouterr().out == "no such task\n"
+    assert capsys.readouterr().out == "no matching task\n"
     name = recovered.task[9:15]
     asyncio.run(tasks.task(name, stopped, messages=False, picture=None, json=True))
     assert msgspec.convert(json.loads(capsys.readouterr().out) | {"type": "TaskRecord"}, TaskRecord) == recovered

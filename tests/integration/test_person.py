@@ -166,7 +166,7 @@ def test_a_question_that_nobody_needs_answered_any_more_is_taken_back(tmp_path: 
 def test_the_commands_list_and_answer(tmp_path: Path) -> None:
     async def test() -> None:
         async with person_harness(tmp_path) as harness:
-            assert (await harness.command("questions"))[1] == "nobody asks anything\n"
+            assert (await harness.command("questions"))[1] == "no open questions\n"
             waiting = asyncio.create_task(harness.perform(Perform(ORDER)))
             number = str((await harness.next_question()).number)
             code, output = await harness.command("questions")
@@ -177,7 +177,7 @@ def test_the_commands_list_and_answer(tmp_path: Path) -> None:
             assert "^" in output
             assert "still open" in output
             assert (await harness.command("answer", number))[0] == 2
-            assert await harness.command("answer", number, "Jar1 isOn Table2") == (0, "thank you\n")
+            assert await harness.command("answer", number, "Jar1 isOn Table2") == (0, "answer accepted\n")
             assert isinstance(await waiting, WorkDone)
             code, output = await harness.command("answer", number, "Jar1 isOn Table2")
             assert (code, "it is closed" in output) == (2, True)
@@ -190,7 +190,7 @@ def test_the_commands_list_and_answer(tmp_path: Path) -> None:
     [
         (False, ["questions"], 2, "no system runs here"),
         (False, ["answer", "1", "A isOn B"], 2, "no system runs here"),
-        (True, ["questions"], 0, "nobody asks anything"),
+        (True, ["questions"], 0, "no open questions"),
         (True, ["answer", "1", "A isOn B"], 2, "there is no such question"),
     ],
 )

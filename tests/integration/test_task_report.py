@@ -78,7 +78,7 @@ def test_a_story_tells_what_was_done_by_whom_on_which_terms(observed_record: Tas
 def test_names_of_services_are_not_torn_apart_at_80_columns(observed_record: TaskRecord) -> None:
     text = console_text(TaskReport.from_record(observed_record), messages(lines_of(observed_record)))
     assert max(map(len, text.splitlines())) <= NARROW
-    for table in ("Last plan", "What was done", "Terms", "Messages"):
+    for table in ("Last plan", "Execution log", "Terms", "Messages"):
         part = text.partition(f"{table}")[2].partition("\n\n")[0]
         assert "Robot2.TransferObject" in part, part
 

@@ -71,7 +71,7 @@ def test_what_cannot_be_done_is_said_with_all_that_stands_in_the_way(data: Path,
     message = run(data, "ontology", "remove", "type", "Jar", code=1)
     assert "Jar002: no type is called Jar" in message
     dry = run(data, "ontology", "remove", "type", "Jar", "--dry-run", code=1)
-    assert "it would not be done" in dry
+    assert "the change would be rejected" in dry
     assert "removed type Jar" in dry
     assert "attribute, relation, function, type, service" in run(data, "ontology", "remove", "thing", "Jar", code=2)
     assert "neither removed nor renamed" in run(data, "ontology", "rename", "type", "Device", "Machine", code=1)

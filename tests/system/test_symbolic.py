@@ -261,7 +261,7 @@ def test_the_command_writes_a_site_and_says_what_to_do_next(tmp_path: Path) -> N
     result = somrs("import", PARCELS / "domain.pddl", PARCELS / "problem.pddl", "-o", target)
     assert result.returncode == 0, result.stderr
     assert result.stdout.splitlines() == [
-        f"{target}: 8 objects, 2 devices, 3 service types, and all is well. Next: somrs up {target}",
+        f"{target}: 8 objects, 2 devices, 3 service types, no problems. Next: somrs up {target}",
         "and in another terminal: somrs do 'letter lies harbour AND crate lies mill'",
     ]
     assert somrs("check", target).returncode == 0

@@ -1,4 +1,4 @@
-"""What the commands of `main.py` do, but for those about tasks (`tasks.py`). Each talks to the running system as any client would."""
+"""The implementations of the commands of `main.py`, except those about tasks (`tasks.py`). Each is a client of the running system."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from somrs.service_manager.sdk.values import python_value
 
 
 def check(files: Sequence[Path], *, json: bool) -> int:
-    """Every error in the files; 0 when there is none."""
+    """Print every error in the files. Returns the exit status: 0 if there is none."""
     from somrs.ontology.files.loading import load
 
     try:
@@ -36,12 +36,12 @@ def check(files: Sequence[Path], *, json: bool) -> int:
         terminal.print_json([])
     else:
         objects = f"a map of {len(loaded.map.objects)} objects" if loaded.map is not None else "no map"
-        print(f"all is well: {len(loaded.ontology.types)} types, {len(loaded.ontology.services)} service types, {objects}")
+        print(f"no problems: {len(loaded.ontology.types)} types, {len(loaded.ontology.services)} service types, {objects}")
     return 0
 
 
 def schema(output: Path | None) -> None:
-    """Write the JSON Schema of site files, and how to tell an editor of it."""
+    """Write the JSON Schema of site files, and print how to use it in an editor."""
     from somrs.ontology.schema import json_schema
 
     text = json.dumps(json_schema(), indent=2, ensure_ascii=False) + "\n"
@@ -49,18 +49,18 @@ def schema(output: Path | None) -> None:
         print(text, end="")
     else:
         output.write_text(text, encoding="utf-8")
-        print(f"{output}: begin a file with `# yaml-language-server: $schema={output}`, and editors that know YAML schemas complete it")
+        print(f"{output}: for completion in editors, begin a site file with `# yaml-language-server: $schema={output}`")
 
 
 def check_files(site: Sequence[Path]) -> None:
-    """Raises UsageError for one that is not there."""
+    """Raise UsageError if a file does not exist."""
     for file in site:
         if not file.exists():
             raise UsageError(f"{file}: there is no such file")
 
 
 async def run_system(site: Sequence[Path], data: Path, speed: str, host: str, fresh: bool, launcher: Launcher) -> None:
-    """Run a system until somebody ends it."""
+    """Run a system until it is asked to stop."""
     from somrs.cli.import_commands import import_sources
     from somrs.deployment.programs import until_stopped
     from somrs.deployment.system import System
@@ -76,7 +76,7 @@ async def run_system(site: Sequence[Path], data: Path, speed: str, host: str, fr
                 offers = await client.services()
         console.print(terminal.services(offers))
         console.print(
-            f"Running. In another terminal: somrs do FORMULA{'' if data == Path('.somrs') else f' --data {data}'}. Ctrl-C ends it."
+            f"Running. In another terminal: somrs do FORMULA{'' if data == Path('.somrs') else f' --data {data}'}. Ctrl-C stops it."
         )
         console.print(f"The API: {system.addresses.api}")
         if system.addresses.gui is not None:
@@ -86,7 +86,7 @@ async def run_system(site: Sequence[Path], data: Path, speed: str, host: str, fr
         supervisor.cancel()
         await asyncio.wait([supervisor])
     finally:
-        with console.status("ending ..."):
+        with console.status("stopping ..."):
             await system.stop()
 
 
@@ -95,18 +95,18 @@ async def services(type: str | None, effect: str | None, attributes: Sequence[st
     for attribute in attributes:
         name, equals, text = attribute.partition("=")
         if not equals:
-            raise UsageError(f"--attribute takes NAME=VALUE, such as Payload=2, and not {attribute!r}")
+            raise UsageError(f"--attribute takes NAME=VALUE, such as Payload=2, not {attribute!r}")
         required_values[name.strip()] = python_value(text.strip())
     async with Client(Addresses.read(data)) as client:
         offers = await client.services(Discover(service_type=type, effect=effect, attributes=required_values))
     if json:
         terminal.print_json(offers)
     else:
-        terminal.console().print(terminal.services(offers) if offers else "no such service is on offer")
+        terminal.console().print(terminal.services(offers) if offers else "no matching service is on offer")
 
 
 async def query(formula: str, limit: int, data: Path, *, json: bool) -> int:
-    """0 when the formula holds in some way."""
+    """Print the bindings for which the formula holds. Returns the exit status: 0 if there are any."""
     async with Client(Addresses.read(data)) as client:
         result = await client.query(formula, limit)
     if json:
@@ -121,7 +121,7 @@ async def query(formula: str, limit: int, data: Path, *, json: bool) -> int:
             terminal.table(formula, [f"?{c}" for c in columns], ([row.bindings[c] for c in columns] for row in result.rows))
         )
         if result.more:
-            print(f"and more than these {limit}; --limit shows more")
+            print(f"there are more than {limit} results; a higher --limit shows more")
     return 0 if result.rows else 1
 
 
@@ -131,7 +131,7 @@ async def show_object(name: str, data: Path, *, json: bool) -> None:
     async with Client(Addresses.read(data)) as client:
         map = await client.map()
     if name not in map.objects:
-        raise UsageError(f"there is no {name} on the map; {nearest(name, map.objects) or '`somrs map query` finds what there is'}")
+        raise UsageError(f"there is no {name} on the map; {nearest(name, map.objects) or '`somrs map query` finds objects'}")
     object, facts = map.objects[name], [str(fact) for fact in map.facts_about(name)]
     if json:
         terminal.print_json({"name": name, "type": object.type, "values": object.values, "facts": facts})
@@ -152,7 +152,7 @@ async def history(name: str, data: Path, *, json: bool) -> None:
         return
     rows = ((event.version, terminal.clock(event.at), person_name(event.author), "\n".join(describe_event(event))) for event in page.events)
     terminal.console().print(
-        terminal.table(name, ("version", "when", "who", "what"), rows) if page.events else f"nothing happened to {name} yet"
+        terminal.table(name, ("version", "time", "author", "change"), rows) if page.events else f"{name} has no history yet"
     )
 
 
@@ -184,7 +184,7 @@ async def fault(robot: str, fault_name: str, repair: bool, data: Path) -> None:
 
     async with OperatorLink(*_simulator(data)) as operator:
         await (operator.repair if repair else operator.fault)(robot, Fault(fault_name))
-    print(f"{robot}: {fault_name} {'mended' if repair else 'broken'}")
+    print(f"{robot}: {fault_name} {'repaired' if repair else 'broken'}")
 
 
 async def picture(output: Path, data: Path) -> None:

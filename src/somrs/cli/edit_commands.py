@@ -1,4 +1,4 @@
-"""Editing the ontology and the map from the command line: what changed, what would come of a change, undoing, and files."""
+"""Editing the ontology and the map from the command line: history, changes and their consequences, undoing, and files."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ if TYPE_CHECKING:
     from somrs.api.ontology import Consequences
 
 MAX_LINES = 12
-"""So many lines of what an event changed are shown."""
+"""Maximum number of lines shown for an event."""
 
 
 def parse_section(text: str) -> Section:
-    """The section of an ontology that a person means: `type`, `types`, `service`."""
+    """The section of an ontology with this name, in the singular or the plural: `type`, `types`. Raises UsageError if there is none."""
     sections = {section.value: section for section in Section if section is not Section.OBJECTS}
     by_singular = {SINGULAR[section].partition(" ")[0]: section for section in sections.values()}
     section = sections.get(text) or by_singular.get(text)
     if section is None:
-        raise UsageError(f"{text!r} is no part of an ontology; say one of {', '.join(by_singular)}")
+        raise UsageError(f"{text!r} is not a kind of definition; the kinds are {', '.join(by_singular)}")
     return section
 
 
 async def history(limit: int, data: Path, *, ontology: bool, before_version: int | None, json: bool) -> None:
-    """What happened to the map and the ontology, or to that only, newest first."""
+    """Print the events of the map and the ontology, or of the ontology only, newest first."""
     async with Client(Addresses.read(data)) as client:
         page = await client.read_events(ReadEvents(limit=limit, before=before_version, ontology=ontology))
     if json:
@@ -44,9 +44,9 @@ async def history(limit: int, data: Path, *, ontology: bool, before_version: int
         rows = (
             (event.version, terminal.moment(event.at), person_name(event.author), "\n".join(_shortened(event))) for event in page.events
         )
-        terminal.console().print(terminal.table("the ontology" if ontology else "the map", ("version", "when", "who", "what"), rows))
+        terminal.console().print(terminal.table("the ontology" if ontology else "the map", ("version", "time", "author", "change"), rows))
         if page.more:
-            print(f"and more before version {page.events[-1].version}; --before {page.events[-1].version} shows them")
+            print(f"there are more before version {page.events[-1].version}; --before {page.events[-1].version} shows them")
 
 
 def _shortened(event: Event) -> list[str]:
@@ -57,7 +57,7 @@ def _shortened(event: Event) -> list[str]:
 
 
 def describe_event(event: Event) -> Iterator[str]:
-    """What an event changed, a line each."""
+    """The changes of an event, one per line."""
     if event.undoes is not None:
         yield f"undid version {event.undoes}"
     yield from (f"renamed {renaming}" for renaming in event.renamed)
@@ -71,7 +71,7 @@ def describe_event(event: Event) -> Iterator[str]:
 
 
 def describe_revision(revision: Revision, skipped_names: set[tuple[Section, str]]) -> Iterator[str]:
-    """What became of definitions, but for those of which it is `skipped_names`."""
+    """The changes of definitions, one per line, except of those in `skipped_names`."""
     definitions_before, definitions_after = (
         {key_of(definition): definition for definition in side.all_definitions()} for side in (revision.before, revision.after)
     )
@@ -88,11 +88,11 @@ def describe_revision(revision: Revision, skipped_names: set[tuple[Section, str]
             yield f"changed {word}: {', '.join(keys)}"
 
 
-# Changing
+# Changes
 
 
 async def alter(alteration: Alteration, data: Path, *, dry: bool, json: bool) -> int:
-    """Make the change, or only say what would come of it; 0 when it is made, or could be."""
+    """Make the change, or with `dry` print its consequences. Returns the exit status: 0 if the change was made, or is possible."""
     async with Client(Addresses.read(data)) as client:
         return await _make_change(client, alteration, dry=dry, json=json)
 
@@ -117,7 +117,7 @@ async def _make_change(client: Client, alteration: Alteration, *, dry: bool, jso
 
 
 async def _consider(client: Client, alteration: Alteration) -> Considered | Consequences:
-    """What would come of it: as the API knows it, where it runs, since it knows of tasks, orders and templates, too."""
+    """The consequences of a change: from the API if it runs, since that includes tasks, orders and templates."""
     from somrs.api.remote import api_of
 
     if client.addresses.api is not None:
@@ -129,7 +129,7 @@ async def _consider(client: Client, alteration: Alteration) -> Considered | Cons
                     case Undo(version=undone):
                         return await api.ontology.consider_undo(undone)
         except RemoteError as error:
-            print(f"without the tasks, orders and templates that it would concern: {error}", file=sys.stderr)
+            print(f"affected tasks, orders and templates are not shown: {error}", file=sys.stderr)
     return await client.consider(alteration)
 
 
@@ -145,15 +145,15 @@ def _print_outcome(outcome: Considered | Consequences, *, json: bool) -> int:
         print(f"and {omitted_count} more changes of the map")
     if not isinstance(outcome, Considered):
         for offer in outcome.offers:
-            print(f"service {offer.service}: it could not be planned with any more: {offer.problem}")
+            print(f"service {offer.service}: the planner could no longer use it: {offer.problem}")
         for word_use in outcome.affected:
             print(f"{word_use.user_kind} {word_use.display_name}: {word_use}")
         if outcome.affected:
-            print("tasks, orders and templates keep the words that they have")
+            print("tasks, orders and templates are not changed")
     for rule in outcome.broken:
         print(f"{rule.section} {rule.subject}: {rule.message} [{rule.rule}]")
     if outcome.broken:
-        print(f"{outcome.all_broken} problem{'s' if outcome.all_broken != 1 else ''}: it would not be done")
+        print(f"{outcome.all_broken} problem{'s' if outcome.all_broken != 1 else ''}: the change would be rejected")
     return 1 if outcome.broken else 0
 
 
@@ -176,11 +176,11 @@ async def export(output: Path, data: Path, *, whole: bool) -> None:
     async with Client(Addresses.read(data)) as client:
         ontology = await client.ontology()
     output.write_text(dump_ontology(ontology, upper(), "ontology", whole=whole), encoding="utf-8")
-    print(f"{output}: {'all' if whole else 'what the upper ontology does not have'}")
+    print(f"{output}: {'the whole ontology' if whole else 'the ontology without the upper ontology'}")
 
 
 async def import_definitions(file: Path, author: str, data: Path, *, dry: bool, json: bool) -> int:
-    """Have the definitions of a file added, or put in place of those of the same names."""
+    """Import the definitions of a YAML file: they are added, or replace those of the same names. Returns the exit status."""
     from somrs.ontology.files.loading import load_definitions
 
     text = file.read_text("utf-8-sig")

@@ -1,4 +1,4 @@
-"""What `somrs fleet` does: show the devices of a running system, once or as they change."""
+"""The implementation of `somrs fleet`: show the devices of a running system, once or continuously."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from somrs.client.client import Addresses
 from somrs.client.refusals import ErrorReport
 
 MAX_LOG_LINES = 5
-"""Comings and goings that are shown."""
+"""Maximum number of arrivals and departures shown."""
 
 SIGNS = {
     DeviceState.READY: ("✔", "green"),
@@ -48,7 +48,7 @@ async def fleet(data: Path, *, follow: bool, json: bool) -> None:
 
 
 def render_fleet(fleet_state: Devices) -> Group:
-    """All devices, and who came and went lately."""
+    """All devices, and the latest arrivals and departures."""
     rows = (
         (
             terminal.lines(device.name, f"a {device.type}" if device.type else ""),
@@ -58,7 +58,7 @@ def render_fleet(fleet_state: Devices) -> Group:
         )
         for device in fleet_state.devices
     )
-    columns = ("device", "state", "does", "services, and how they have done")
+    columns = ("device", "state", "work", "services and their reliability")
     least = {"device": terminal.column_width(device.name for device in fleet_state.devices)}
     table = terminal.table("Fleet", columns, rows, least=least)
     log = [

@@ -1,4 +1,4 @@
-"""Bringing in what others have described: buildings, and planning problems in PDDL, as map files of ours."""
+"""Import of buildings, and of planning problems in PDDL, as map files."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ PDDL = ".pddl"
 
 
 def import_site(sources: Sequence[Path], output: Path | None) -> None:
-    """Bring a building or a planning problem in, check it, and write it as a map file."""
+    """Import a building or a planning problem, write it as a map file, and check that file."""
     if any(source.suffix == PDDL for source in sources):
         _import_problem(sources, output)
         return
     if len(sources) != 1:
-        raise UsageError("buildings are brought in one by one; only a problem in PDDL is of two files")
+        raise UsageError("import one building at a time; only a planning problem in PDDL has two files")
     source = sources[0]
     if (reader := importer(source)) is None:
         from somrs.sites import IMPORTERS
 
         endings = ", ".join(f"*{ending}" for ending in IMPORTERS)
-        raise UsageError(f"{source}: nothing here brings in such a file; it can be {endings}, or a domain and a problem, *{PDDL}")
+        raise UsageError(f"{source}: files of this kind cannot be imported; the kinds are {endings}, and a domain and a problem, *{PDDL}")
     target = output or target_of(source)
     notes = write_import(reader, source, target)
     for note in notes:
         print(f"note: {note}")
-    print(f"{target}: {_count(target)} objects, and all is well. Next: somrs up {target}")
+    print(f"{target}: {_count(target)} objects, no problems. Next: somrs up {target}")
 
 
 def _import_problem(sources: Sequence[Path], output: Path | None) -> None:
@@ -44,22 +44,22 @@ def _import_problem(sources: Sequence[Path], output: Path | None) -> None:
     for note in imported.notes:
         print(f"note: {note}")
     summary = f"{_count(target)} objects, {len(imported.agents)} devices, {len(imported.services)} service types"
-    print(f"{target}: {summary}, and all is well. Next: somrs up {shlex.quote(str(target))}")
+    print(f"{target}: {summary}, no problems. Next: somrs up {shlex.quote(str(target))}")
     print(f"and in another terminal: somrs do {shlex.quote(imported.task)}")
 
 
 def problem_of(sources: Sequence[Path]) -> ImportedProblem:
-    """The planning problem that two files state. Raises UsageError or ModelError."""
+    """Read a planning problem from its two files. Raises UsageError or ModelError."""
     from somrs.sites.pddl import read
 
     if len(sources) != 2 or any(source.suffix != PDDL for source in sources):
-        raise UsageError("a problem in PDDL is of two files: first the domain, then the problem: somrs import domain.pddl problem.pddl")
+        raise UsageError("a problem in PDDL has two files, first the domain, then the problem: somrs import domain.pddl problem.pddl")
     domain, problem = sources
     return read(domain, problem)
 
 
 def _count(target: Path) -> int:
-    """How many objects there are in the file, which has to be in order."""
+    """Check the file, and return its number of objects. Raises ModelError if it has errors."""
     from somrs.ontology.files.loading import load
 
     loaded = load([target])
@@ -67,26 +67,26 @@ def _count(target: Path) -> int:
 
 
 def importer(source: Path) -> Callable[[Path], Site] | None:
-    """What brings in a file of this name; None for the project's own files."""
+    """The importer for a file of this name; None for map and ontology files."""
     from somrs.sites import IMPORTERS
 
     return next((reader for ending, reader in IMPORTERS.items() if source.name.endswith(ending)), None)
 
 
 def target_of(source: Path) -> Path:
-    """The map file that is written, here, when nobody names one."""
+    """The default name of the map file, in the current folder."""
     return Path(source.name.split(".")[0] + ".map.yaml")
 
 
 def write_import(reader: Callable[[Path], Site], source: Path, target: Path) -> tuple[str, ...]:
-    """Write what is brought in from `source` to `target`; what could not be brought in is returned, in words."""
+    """Import `source` and write it to `target`. Returns notes on what could not be imported."""
     site = reader(source)
     target.write_text(dump_site(site.ontology, site.map), encoding="utf-8")
     return site.notes
 
 
 def import_sources(site: Sequence[Path], data: Path) -> list[Path]:
-    """The files of a site, with what others have described brought in to the data folder first."""
+    """The map and ontology files of a site. Buildings and planning problems are first imported to the data folder."""
     files: list[Path] = []
     for file in site:
         if (reader := importer(file)) is not None:

@@ -1,4 +1,4 @@
-"""The `somrs` command. What a command needs is imported when it runs: `--help` is there at once."""
+"""The `somrs` command. Each command imports what it needs when it runs, so that `--help` is fast."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from somrs.cli.run import run_app
 from somrs.cli.tasks import PolicyOption, tasks_app
 
 app = typer.Typer(
-    help="SO-MRS: robots and devices accomplish tasks that are stated as formulas about a building.",
+    help="SO-MRS: robots and devices accomplish tasks, which are submitted as formulas.",
     no_args_is_help=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     add_completion=False,
 )
-map_app = typer.Typer(help="Ask and change the map that the Repository keeps.", no_args_is_help=True, rich_markup_mode=None)
+map_app = typer.Typer(help="Query and change the map in the Repository.", no_args_is_help=True, rich_markup_mode=None)
 app.add_typer(map_app, name="map")
 app.add_typer(ontology_app, name="ontology")
 app.add_typer(tasks_app)
@@ -35,7 +35,7 @@ app.add_typer(run_app, name="run")
 
 
 class FaultOption(StrEnum):
-    """What can be broken."""
+    """The faults of a simulated robot."""
 
     drive = "drive"
     gripper = "gripper"
@@ -46,15 +46,15 @@ class FaultOption(StrEnum):
 @app.command()
 def demo(
     scenario: Annotated[
-        str, typer.Argument(help="1: all goes well. 1b: the drive of the first robot breaks. 2: what a transaction survives.")
+        str, typer.Argument(help="1: no faults. 1b: the drive of the first robot breaks. 2: recovery from several faults.")
     ] = "1b",
-    out: Annotated[Path | None, typer.Option(help="Where pictures, messages and maps go.")] = None,
-    seed: Annotated[int | None, typer.Option(help="Start at random places, and break the drive at a random moment.")] = None,
+    out: Annotated[Path | None, typer.Option(help="The folder for pictures, messages and maps.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed for random start positions, and a random time of the fault.")] = None,
 ) -> None:
-    """Play a scenario of the paper in the simulator."""
+    """Run a scenario of the paper in the simulator."""
     from somrs.deployment.launcher import Launcher, fork_launcher
 
-    launcher_process = fork_launcher()  # before there are threads, as numpy has them
+    launcher_process = fork_launcher()  # before numpy starts threads
     from somrs.demo.scenarios import play
 
     sys.exit(awaited(play(scenario, out or Path("out") / f"scenario-{scenario}", seed, launcher=Launcher(launcher_process))))
@@ -64,11 +64,11 @@ def demo(
 def up(
     site: Annotated[list[Path], typer.Argument(help="A site: map and ontology files, or a building to import.")],
     data: Data = DEFAULT_FOLDER,
-    speed: Annotated[str, typer.Option(help="Of simulated time: 1 is real time, `max` as fast as it goes.")] = "1",
+    speed: Annotated[str, typer.Option(help="Speed of simulated time: 1 is real time, `max` is as fast as possible.")] = "1",
     host: HostOption = LOOPBACK,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Forget the map of an earlier run; begin with the site's.")] = False,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Discard the map of an earlier run, and start with the site's map.")] = False,
 ) -> None:
-    """Start a whole system for a site: every part a process of its own. Ctrl-C ends it."""
+    """Start a system for a site, each component as a process. Ctrl-C stops it."""
     from somrs.cli.commands import check_files
     from somrs.cli.commands import run_system as run
     from somrs.deployment.launcher import Launcher, fork_launcher
@@ -80,13 +80,13 @@ def up(
 
 @app.command()
 def services(
-    type: Annotated[str | None, typer.Option(help="Of this service type, or a sub-type.")] = None,
-    effect: Annotated[str | None, typer.Option(help="That can bring this formula about.")] = None,
-    attribute: Annotated[list[str], typer.Option(help="With this value of an attribute, such as Payload=2.")] = [],  # noqa: B006  # as below
+    type: Annotated[str | None, typer.Option(help="Only services of this type or a subtype.")] = None,
+    effect: Annotated[str | None, typer.Option(help="Only services that can achieve this formula.")] = None,
+    attribute: Annotated[list[str], typer.Option(help="Only services with this value, such as Payload=2.")] = [],  # noqa: B006  # as below
     data: Data = DEFAULT_FOLDER,
     json: Json = False,
 ) -> None:
-    """The services on offer now."""
+    """List the services on offer."""
     from somrs.cli.commands import services as run
 
     awaited(run(type, effect, attribute, data, json=json))
@@ -94,21 +94,21 @@ def services(
 
 @app.command()
 def fleet(
-    follow: Annotated[bool, typer.Option("--follow", help="Go on showing it as it changes, until Ctrl-C.")] = False,
+    follow: Annotated[bool, typer.Option("--follow", help="Update the list as it changes, until Ctrl-C.")] = False,
     data: Data = DEFAULT_FOLDER,
     json: Json = False,
 ) -> None:
-    """The devices. What each does, its load and battery, how its services have done so far, and its faults."""
+    """List the devices. Shows the work, load, battery and faults of each device, and the reliability of its services."""
     from somrs.cli.fleet import fleet as run
 
     if follow and json:
-        fail("--json prints once; programs that follow the fleet use the API's WebSocket", 2)
+        fail("--json prints the fleet once; to follow it, programs use the API's WebSocket", 2)
     awaited(run(data, follow=follow, json=json))
 
 
 @app.command()
 def questions(data: Data = DEFAULT_FOLDER, json: Json = False) -> None:
-    """What the system asks people now, because nobody else can look."""
+    """List the questions that wait for an answer by a person."""
     from somrs.cli.questions import questions as run
 
     guarded(lambda: run(data, json=json))
@@ -117,11 +117,11 @@ def questions(data: Data = DEFAULT_FOLDER, json: Json = False) -> None:
 @app.command()
 def answer(
     number: Annotated[int, typer.Argument(help="The question's number.")],
-    formula: Annotated[str | None, typer.Argument(help="What is so, as a formula, such as 'Jar002 isOn Table001'.")] = None,
-    is_unknown: Annotated[bool, typer.Option("--cannot-tell", help="You do not know.")] = False,
+    formula: Annotated[str | None, typer.Argument(help="The answer as a formula, such as 'Jar002 isOn Table001'.")] = None,
+    is_unknown: Annotated[bool, typer.Option("--cannot-tell", help="Answer that you do not know.")] = False,
     data: Data = DEFAULT_FOLDER,
 ) -> None:
-    """Answer a question that the system asks a person."""
+    """Answer a question of the system."""
     from somrs.cli.questions import answer as run
 
     if (formula is None) is not is_unknown:
@@ -132,17 +132,15 @@ def answer(
 @app.command()
 def plan(
     formula: Formula,
-    precondition: Annotated[str | None, typer.Option(help="The initial situation, if it matters.")] = None,
-    quotes: Annotated[
-        bool, typer.Option("--quotes", help="Ask services what they would want for it now; nobody commits to anything.")
-    ] = False,
-    policy: Annotated[PolicyOption, typer.Option(help="With --quotes: what services are chosen by.")] = PolicyOption.price,
-    time_value: Annotated[float, typer.Option(help="With the policy `weighted`: what a second is worth.")] = 0.01,
-    deadline: Annotated[float | None, typer.Option(help="With --quotes: it has to be done within so many seconds.")] = None,
+    precondition: Annotated[str | None, typer.Option(help="A formula that has to hold initially.")] = None,
+    quotes: Annotated[bool, typer.Option("--quotes", help="Request the services' current terms, without contracts.")] = False,
+    policy: Annotated[PolicyOption, typer.Option(help="With --quotes: how services are chosen.")] = PolicyOption.price,
+    time_value: Annotated[float, typer.Option(help="With --policy weighted: what a second is worth, in EUR.")] = 0.01,
+    deadline: Annotated[float | None, typer.Option(help="With --quotes: seconds within which the task has to be accomplished.")] = None,
     data: Data = DEFAULT_FOLDER,
     json: Json = False,
 ) -> None:
-    """The plan for a formula, without carrying it out; or why there is none."""
+    """Show the plan for a goal without executing it, or why there is none."""
     from somrs.cli.preview import plan as run
     from somrs.protocol.messages.clients import Policy, Preview
 
@@ -154,7 +152,7 @@ def plan(
 
 @app.command()
 def check(files: Annotated[list[Path], typer.Argument(help="Ontology and map files.")], json: Json = False) -> None:
-    """Check ontologies and maps; show every error at once."""
+    """Check ontology and map files, and list all errors."""
     from somrs.cli.commands import check as run
 
     sys.exit(guarded(lambda: run(files, json=json)))
@@ -165,15 +163,17 @@ def import_(
     source: Annotated[list[Path], typer.Argument(help="A building (Open-RMF's SITE.building.yaml), or a PDDL domain and its problem.")],
     output: Annotated[Path | None, typer.Option("--out", "-o", help="The map file to write.")] = None,
 ) -> None:
-    """Bring in an existing building, or a planning problem, as a map."""
+    """Import a building or a planning problem as a map file."""
     from somrs.cli.import_commands import import_site as run
 
     guarded(lambda: run(source, output))
 
 
 @app.command()
-def schema(output: Annotated[Path | None, typer.Option("--out", "-o", help="The file to write; otherwise it is printed.")] = None) -> None:
-    """The JSON Schema of ontology and map files, for editors that complete and check them."""
+def schema(
+    output: Annotated[Path | None, typer.Option("--out", "-o", help="The file to write; by default, it is printed.")] = None,
+) -> None:
+    """Print the JSON Schema of ontology and map files, for editors."""
     from somrs.cli.commands import schema as run
 
     guarded(lambda: run(output))
@@ -182,11 +182,11 @@ def schema(output: Annotated[Path | None, typer.Option("--out", "-o", help="The 
 @app.command()
 def fault(
     robot: Annotated[str, typer.Argument(help="The simulated robot.")],
-    what: Annotated[FaultOption, typer.Argument(help="What breaks.")],
-    repair: Annotated[bool, typer.Option("--repair", help="Mend it instead.")] = False,
+    what: Annotated[FaultOption, typer.Argument(help="The fault.")],
+    repair: Annotated[bool, typer.Option("--repair", help="Remove the fault.")] = False,
     data: Data = DEFAULT_FOLDER,
 ) -> None:
-    """Break something of a simulated robot, or mend it."""
+    """Inject a fault into a simulated robot, or remove it."""
     from somrs.cli.commands import fault as run
 
     awaited(run(robot, what.value, repair, data))
@@ -194,7 +194,7 @@ def fault(
 
 @app.command()
 def picture(out: Annotated[Path, typer.Argument(help="The PNG file to write.")], data: Data = DEFAULT_FOLDER) -> None:
-    """A picture of the simulated world as it is now."""
+    """Save a picture of the simulated world as it is now."""
     from somrs.cli.commands import picture as run
 
     awaited(run(out, data))
@@ -202,9 +202,12 @@ def picture(out: Annotated[Path, typer.Argument(help="The PNG file to write.")],
 
 @map_app.command()
 def query(
-    formula: Formula, limit: Annotated[int, typer.Option(help="At most so many.")] = 100, data: Data = DEFAULT_FOLDER, json: Json = False
+    formula: Formula,
+    limit: Annotated[int, typer.Option(help="Maximum number of results.")] = 100,
+    data: Data = DEFAULT_FOLDER,
+    json: Json = False,
 ) -> None:
-    """For which objects does a formula hold? Exits with 1 when for none."""
+    """List the objects for which a formula holds. The exit status is 1 if there are none."""
     from somrs.cli.commands import query as run
 
     sys.exit(awaited(run(formula, limit, data, json=json)))
@@ -212,7 +215,7 @@ def query(
 
 @map_app.command()
 def show(name: Annotated[str, typer.Argument(help="An object of the map.")], data: Data = DEFAULT_FOLDER, json: Json = False) -> None:
-    """What is known of an object."""
+    """Show the attributes and facts of an object."""
     from somrs.cli.commands import show_object as run
 
     awaited(run(name, data, json=json))
@@ -220,7 +223,7 @@ def show(name: Annotated[str, typer.Argument(help="An object of the map.")], dat
 
 @map_app.command()
 def history(name: Annotated[str, typer.Argument(help="An object of the map.")], data: Data = DEFAULT_FOLDER, json: Json = False) -> None:
-    """What happened to an object, newest first."""
+    """Show the history of an object, newest first."""
     from somrs.cli.commands import history as run
 
     awaited(run(name, data, json=json))
@@ -228,11 +231,11 @@ def history(name: Annotated[str, typer.Argument(help="An object of the map.")], 
 
 @map_app.command()
 def update(
-    situation: Annotated[str, typer.Argument(help="What is so now, as a formula.")],
-    author: Annotated[str, typer.Option(help="Who says so.")] = "somebody at the command line",
+    situation: Annotated[str, typer.Argument(help="The situation, as a formula.")],
+    author: Author = DEFAULT_AUTHOR,
     data: Data = DEFAULT_FOLDER,
 ) -> None:
-    """Put a situation on the map."""
+    """Update the map with a situation."""
     from somrs.cli.commands import update as run
 
     awaited(run(situation, author, data))
@@ -240,7 +243,7 @@ def update(
 
 @map_app.command()
 def events(limit: Limit = 20, before: BeforeOption = None, data: Data = DEFAULT_FOLDER, json: Json = False) -> None:
-    """What happened to the map and the ontology, newest first: by whom, when, and what."""
+    """List the events of the map and the ontology, newest first, with author, time, and changes."""
     from somrs.cli.edit_commands import history as run
 
     awaited(run(limit, data, ontology=False, before_version=before, json=json))
@@ -252,13 +255,13 @@ map_app.command()(undo)
 @map_app.command()
 def rename(
     name: Annotated[str, typer.Argument(help="An object of the map.")],
-    to: Annotated[str, typer.Argument(help="What it is to be called.")],
+    to: Annotated[str, typer.Argument(help="Its new name.")],
     author: Author = DEFAULT_AUTHOR,
     dry: Dry = False,
     data: Data = DEFAULT_FOLDER,
     json: Json = False,
 ) -> None:
-    """Give an object another name, everywhere where it is spoken of."""
+    """Rename an object and all references to it."""
     from somrs.cli.edit_commands import alter
     from somrs.protocol.messages.knowledge import RenameObject
 
@@ -267,7 +270,7 @@ def rename(
 
 @map_app.command()
 def export(out: Annotated[Path, typer.Argument(help="The YAML file to write.")], data: Data = DEFAULT_FOLDER) -> None:
-    """Write the map as it is now to a file."""
+    """Export the site as it is now, with its map, as a YAML file."""
     from somrs.cli.commands import export as run
 
     awaited(run(out, data))
@@ -275,7 +278,7 @@ def export(out: Annotated[Path, typer.Argument(help="The YAML file to write.")],
 
 @cache
 def command() -> Callable[..., object]:
-    """The command with all that is below it. To make it takes longer than to understand a line: programs are forked when it is made."""
+    """The command and all its subcommands, cached: building it is slow, and the launcher builds it before it forks programs."""
     return get_command(app)
 
 

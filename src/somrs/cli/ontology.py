@@ -1,4 +1,4 @@
-"""The commands about the ontology: `somrs ontology ...`, and what an author's name and a dry run are called on the command line."""
+"""The commands `somrs ontology ...`, and the options for the author and for dry runs."""
 
 from __future__ import annotations
 
@@ -10,22 +10,20 @@ import typer
 
 from somrs.cli.options import DEFAULT_FOLDER, Data, Json, awaited
 
-ontology_app = typer.Typer(
-    help="Edit the ontology that the Repository keeps, and see what changed.", no_args_is_help=True, rich_markup_mode=None
-)
+ontology_app = typer.Typer(help="Edit the ontology in the Repository, and show its history.", no_args_is_help=True, rich_markup_mode=None)
 
-Author = Annotated[str, typer.Option(help="Who does it.")]
-Dry = Annotated[bool, typer.Option("--dry-run", help="Only say what would come of it. Exits with 1 when it could not be done.")]
-Limit = Annotated[int, typer.Option(help="At most so many.")]
-BeforeOption = Annotated[int | None, typer.Option(help="Only what happened before this version.")]
-Version = Annotated[int, typer.Argument(help="The version whose changes are undone; `history` and `events` tell which there are.")]
+Author = Annotated[str, typer.Option(help="The author of the change.")]
+Dry = Annotated[bool, typer.Option("--dry-run", help="Only print the consequences. The exit status is 1 if the change is not possible.")]
+Limit = Annotated[int, typer.Option(help="Maximum number of events.")]
+BeforeOption = Annotated[int | None, typer.Option(help="Only events before this version.")]
+Version = Annotated[int, typer.Argument(help="The version to undo; `history` and `events` list the versions.")]
 SomeSection = Annotated[str, typer.Argument(metavar="KIND", help="attribute, relation, function, type or service.")]
-DEFAULT_AUTHOR = "somebody at the command line"
+DEFAULT_AUTHOR = "user at the command line"
 
 
 @ontology_app.command()
 def history(limit: Limit = 20, before: BeforeOption = None, data: Data = DEFAULT_FOLDER, json: Json = False) -> None:
-    """What changed in the ontology, newest first: by whom, when, and what."""
+    """List the changes of the ontology, newest first, with author and time."""
     from somrs.cli.edit_commands import history as run
 
     awaited(run(limit, data, ontology=True, before_version=before, json=json))
@@ -33,7 +31,7 @@ def history(limit: Limit = 20, before: BeforeOption = None, data: Data = DEFAULT
 
 @ontology_app.command()
 def undo(version: Version, author: Author = DEFAULT_AUTHOR, dry: Dry = False, data: Data = DEFAULT_FOLDER, json: Json = False) -> None:
-    """Bring back what a version changed, if nothing changed it since."""
+    """Undo the changes of a version, unless later versions have changed the same things."""
     from somrs.cli.edit_commands import alter
     from somrs.protocol.messages.knowledge import Undo
 
@@ -43,13 +41,13 @@ def undo(version: Version, author: Author = DEFAULT_AUTHOR, dry: Dry = False, da
 @ontology_app.command()
 def remove(
     section: SomeSection,
-    names: Annotated[list[str], typer.Argument(help="What is removed.")],
+    names: Annotated[list[str], typer.Argument(help="The names of the definitions.")],
     author: Author = DEFAULT_AUTHOR,
     dry: Dry = False,
     data: Data = DEFAULT_FOLDER,
     json: Json = False,
 ) -> None:
-    """Remove definitions that nothing needs."""
+    """Remove definitions that nothing depends on."""
     from somrs.cli.edit_commands import alter, remove_definitions
     from somrs.cli.options import guarded
 
@@ -60,14 +58,14 @@ def remove(
 @ontology_app.command()
 def rename(
     section: SomeSection,
-    name: Annotated[str, typer.Argument(help="What it is called.")],
-    to: Annotated[str, typer.Argument(help="What it is to be called.")],
+    name: Annotated[str, typer.Argument(help="The name of the definition.")],
+    to: Annotated[str, typer.Argument(help="Its new name.")],
     author: Author = DEFAULT_AUTHOR,
     dry: Dry = False,
     data: Data = DEFAULT_FOLDER,
     json: Json = False,
 ) -> None:
-    """Give a definition another name, everywhere where it is spoken of."""
+    """Rename a definition and all references to it."""
     from somrs.cli.edit_commands import alter, rename_definition
     from somrs.cli.options import guarded
 
@@ -78,12 +76,12 @@ def rename(
 @ontology_app.command()
 def export(
     out: Annotated[Path, typer.Argument(help="The file to write: .yaml; or OWL 2: .ttl (Turtle), .rdf or .owl (RDF/XML).")],
-    whole: Annotated[bool, typer.Option("--whole", help="Of YAML: with what the upper ontology has, too. OWL has it always.")] = False,
-    map: Annotated[bool, typer.Option("--map", help="Of OWL: with the map's objects. `somrs map export` writes them as YAML.")] = False,
-    shapes: Annotated[bool, typer.Option(help="Of OWL: with the rules for maps as SHACL shapes; editors of OWL need none.")] = True,
+    whole: Annotated[bool, typer.Option("--whole", help="For YAML: include the upper ontology. OWL files always include it.")] = False,
+    map: Annotated[bool, typer.Option("--map", help="For OWL: include the objects of the map. For YAML, use `somrs map export`.")] = False,
+    shapes: Annotated[bool, typer.Option(help="For OWL: include the rules for maps as SHACL shapes. OWL editors do not need them.")] = True,
     data: Data = DEFAULT_FOLDER,
 ) -> None:
-    """Write the ontology as it is now to a file."""
+    """Export the ontology as it is now to a file."""
     from somrs.cli import edit_commands, owl_files
 
     if owl_files.is_owl(out):
@@ -95,13 +93,13 @@ def export(
 @ontology_app.command(name="import")
 def import_(
     file: Annotated[Path, typer.Argument(help="A file with definitions: YAML, or OWL (.ttl, .rdf, .owl, .xml).")],
-    map: Annotated[bool, typer.Option("--map", help="Of OWL: put its individuals on the map, too, as the file has them.")] = False,
+    map: Annotated[bool, typer.Option("--map", help="For OWL: also import the individuals as objects of the map.")] = False,
     author: Author = DEFAULT_AUTHOR,
     dry: Dry = False,
     data: Data = DEFAULT_FOLDER,
     json: Json = False,
 ) -> None:
-    """Take over the definitions of a file: they are added, or replace those of the same names."""
+    """Import the definitions of a file. They are added, or replace those of the same names."""
     from somrs.cli import edit_commands, owl_files
 
     if owl_files.is_owl(file):

@@ -1,4 +1,4 @@
-"""The options that several commands have, and how a command runs: a mistake of the user's is told in words, without a stack trace."""
+"""The options that several commands share, and the runner of commands, which prints a user's mistake without a stack trace."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ import typer
 
 from somrs.errors import InputError, SomrsError
 
-Data = Annotated[Path, typer.Option("--data", envvar="SOMRS_DATA", help="The folder of the running system.")]
+Data = Annotated[Path, typer.Option("--data", envvar="SOMRS_DATA", help="The data folder of the system.")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")]
-HostOption = Annotated[str, typer.Option("--host", help="The address to listen at.")]
-PortOption = Annotated[int, typer.Option("--port", help="The port to listen at; 0 takes a free one.")]
+HostOption = Annotated[str, typer.Option("--host", help="The address to listen on.")]
+PortOption = Annotated[int, typer.Option("--port", help="The port to listen on; 0 selects a free port.")]
 Formula = Annotated[str, typer.Argument(help="An Entish formula, such as 'Jar002 isOn Platform001'.")]
 DEFAULT_FOLDER = Path(".somrs")
 LOOPBACK = "127.0.0.1"
 
 
 def awaited(main: Coroutine[Any, Any, Any]) -> Any:
-    """Run it to its end."""
+    """Run the coroutine, and return its result; a `SomrsError` ends the program as in `guarded`."""
     return guarded(lambda: asyncio.run(main))
 
 
 def guarded(run: Any) -> Any:
-    """Run it, and end the program where it cannot be done."""
+    """Call `run`, and return its result. On an error, print it and exit: with status 2 for an invalid request, 1 for any other failure."""
     try:
         return run()
     except InputError as error:
         fail(str(error), 2)
     except SomrsError as error:
         fail(str(error), 1)
-    except BrokenPipeError:  # whoever reads what is printed has seen enough
+    except BrokenPipeError:  # the reader of the pipe has closed it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(0)
     except OSError as error:

@@ -1,4 +1,4 @@
-"""What the commands about templates and standing orders do."""
+"""The implementations of the commands about templates and standing orders."""
 
 from __future__ import annotations
 
@@ -33,52 +33,52 @@ _MINUTES = {"m": 1, "min": 1, "h": 60, "d": 1440}
 
 
 def author_name() -> str:
-    """Who changes something, as the histories of templates and orders name them."""
+    """The author of changes of templates and orders: the user of this program."""
     return person_name(client_name())
 
 
 def parse_values(fillings: Sequence[str]) -> dict[str, str]:
-    """`Thing=Jar002` ..."""
+    """The values of blanks from texts such as `Thing=Jar002`. Raises UsageError for other texts."""
     values_by_name: dict[str, str] = {}
     for filling in fillings:
         name, equals, value = filling.partition("=")
         if not equals or not name.strip():
-            raise UsageError(f"a blank is filled in as NAME=VALUE, such as Thing=Jar002, and not as {filling!r}")
+            raise UsageError(f"a blank is filled in as NAME=VALUE, such as Thing=Jar002, not as {filling!r}")
         values_by_name[name.strip()] = value.strip()
     return values_by_name
 
 
 def parse_blank(text: str) -> Blank:
-    """`Thing:Jar`, or `Thing:Jar=Jar002` with what is taken when nothing is said."""
+    """The blank declared by `Thing:Jar`, or by `Thing:Jar=Jar002` with a default."""
     declared, _, default = text.partition("=")
     name, _, type = declared.partition(":")
     return Blank(name=name.strip(), type=type.strip() or "Object", default=default.strip())
 
 
 def parse_recurrence(interval: str | None, daily: str | None, days: str | None, moment: str | None) -> Schedule:
-    """One of them. Raises UsageError."""
+    """The schedule from the command's options, of which one must be given; `days` goes with `daily`. Raises UsageError."""
     if sum(option is not None for option in (interval, daily, moment)) != 1:
-        raise UsageError("say when: --every 2h, or --daily 07:30 (and perhaps --days Mon,Thu), or --at 2026-11-24T08:00")
+        raise UsageError("give one of --every 2h, --daily 07:30 (with --days Mon,Thu if needed), and --at 2026-11-24T08:00")
     if days is not None and daily is None:
-        raise UsageError("--days go with --daily")
+        raise UsageError("--days is used with --daily")
     if interval is not None:
         match = _DURATION.fullmatch(interval.strip().lower())
         if match is None:
-            raise UsageError(f"{interval!r} is no time; write it as 30m, 2h or 1d")
+            raise UsageError(f"{interval!r} is not a duration; write it as 30m, 2h or 1d")
         return Every(minutes=float(match[1]) * _MINUTES[match[2]])
     if moment is not None:
         try:
             return Once(at=datetime.fromisoformat(moment.strip()).timestamp())
         except ValueError:
-            raise UsageError(f"{moment!r} is no moment; write it as 2026-11-24T08:00") from None
-    assert daily is not None, "one of them is said"
+            raise UsageError(f"{moment!r} is not a time; write it as 2026-11-24T08:00") from None
+    assert daily is not None, "one of the options is given"
     return Daily(at=daily, days=tuple(_parse_day(day) for day in (days or "").split(",") if day.strip()))
 
 
 def _parse_day(text: str) -> int:
     short = text.strip().capitalize()[:3]
     if short not in DAYS:
-        raise UsageError(f"{text.strip()!r} is no day; they are {', '.join(DAYS)}")
+        raise UsageError(f"{text.strip()!r} is not a day; the days are {', '.join(DAYS)}")
     return DAYS.index(short)
 
 
@@ -95,9 +95,9 @@ async def list_templates(data: Path, *, json: bool) -> None:
             (template.name, terminal.lines(template.task.effect, template.note), "\n".join(map(_describe_blank, template.blanks)) or "-")
             for template in templates
         )
-        terminal.console().print(terminal.table("Templates", ("name", "wish", "blanks"), rows))
+        terminal.console().print(terminal.table("Templates", ("name", "goal", "blanks"), rows))
     else:
-        print("no templates yet; `somrs templates save NAME FORMULA` keeps one")
+        print("no templates yet; `somrs templates save NAME FORMULA` saves one")
 
 
 def _describe_blank(blank: Blank) -> str:
@@ -113,17 +113,17 @@ async def save_template(name: str, saved: TemplateSaved, data: Path) -> None:
 async def rename_template(name: str, new_name: str, data: Path) -> None:
     async with api_of(Addresses.read(data)) as api:
         await api.orders.rename_template(name, new_name, by=author_name())
-    print(f"{name} is called {new_name} now")
+    print(f"{name}: renamed to {new_name}")
 
 
 async def remove_template(name: str, data: Path) -> None:
     async with api_of(Addresses.read(data)) as api:
         await api.orders.remove_template(name)
-    print(f"{name} is removed")
+    print(f"{name}: removed")
 
 
 async def use_template(name: str, fillings: Sequence[str], data: Path, *, wait: bool, json: bool) -> int:
-    """State the task that it is, and follow it; 0 when it was accomplished."""
+    """Submit the task of a template, and follow it. Returns the exit status: 0 if it was accomplished."""
     async with api_of(Addresses.read(data)) as api:
         task = await api.orders.fill_template(name, Filled(values=parse_values(fillings)))
     return await run_task(task, data, wait=wait, json=json)
@@ -149,10 +149,10 @@ async def list_orders(data: Path, *, json: bool) -> None:
             for order in orders
         )
         terminal.console().print(
-            terminal.table("Standing orders", ("id", "order", "when", "next", "last time"), rows, whole=("id", "next"))
+            terminal.table("Standing orders", ("id", "order", "schedule", "next", "last run"), rows, whole=("id", "next"))
         )
     else:
-        print("no standing orders yet; `somrs orders add NAME FORMULA --every 2h` gives one")
+        print("no standing orders yet; `somrs orders add NAME FORMULA --every 2h` adds one")
 
 
 def goal_text(order: StandingOrder) -> str:
@@ -168,7 +168,7 @@ def _describe_next(order: StandingOrder) -> str:
 
 
 def describe_run(run: Run) -> str:
-    """What came of a time at which an order was due."""
+    """The time and the result of a run, as text."""
     result = run.state.value
     if run.state is RunState.SUBMITTED:
         result = str(run.outcome) if run.outcome is not None else "over" if run.ended_at is not None else "under way"
@@ -192,11 +192,11 @@ async def show_runs(name: str, limit: int, data: Path, *, json: bool) -> None:
         return
     rows = ((describe_run(run), terminal.short(run.task) if run.task is not None else "-") for run in runs)
     print(f"{order.name}: {goal_text(order)}; {in_words(order.when)}; next: {_describe_next(order)}")
-    terminal.console().print(terminal.table("", ("due", "task"), rows) if runs else "it was not due yet")
+    terminal.console().print(terminal.table("", ("due", "task"), rows) if runs else "the order was not due yet")
 
 
 async def turn_order(name: str, data: Path, *, is_enabled: bool) -> None:
-    """Resume it, or pause it."""
+    """Resume an order, or pause it."""
     async with api_of(Addresses.read(data)) as api:
         order = await _find_order(name, api)
         turned = api.orders.resume_order if is_enabled else api.orders.pause_order
@@ -208,14 +208,14 @@ async def remove_order(name: str, data: Path) -> None:
     async with api_of(Addresses.read(data)) as api:
         order = await _find_order(name, api)
         await api.orders.remove_order(order.id)
-    print(f"{order.name} is taken back")
+    print(f"{order.name}: removed")
 
 
 async def _find_order(name: str, api: Api) -> StandingOrder:
-    """The order of that id, or of that name."""
+    """The order with this id or name. Raises UsageError if there is none, or several."""
     orders = (await api.orders.orders()).orders
     matches = [order for order in orders if order.id == name] or [order for order in orders if order.name == name]
     if len(matches) != 1:
-        problem = f"{len(matches)} orders are called {name}: say the id" if matches else f"there is no order {name}"
+        problem = f"{len(matches)} orders have the name {name}: give the id" if matches else f"there is no order {name}"
         raise UsageError(f"{problem}; `somrs orders` lists them")
     return matches[0]

@@ -1,4 +1,4 @@
-"""The commands about templates of tasks, and about standing orders."""
+"""The commands about task templates and standing orders."""
 
 from __future__ import annotations
 
@@ -15,31 +15,31 @@ if TYPE_CHECKING:
     from somrs.protocol.messages.clients import Submit
 
 templates_app = typer.Typer(
-    help="Templates: tasks to be stated again and again, perhaps with blanks. Without a command: list them.",
+    help="Templates: tasks for repeated use, with blanks to fill in. Without a command: list them.",
     invoke_without_command=True,
     rich_markup_mode=None,
 )
 orders_app = typer.Typer(
-    help="Standing orders: tasks that are stated by themselves when they are due. Without a command: list them.",
+    help="Standing orders: tasks that the Scheduler submits at set times. Without a command: list them.",
     invoke_without_command=True,
     rich_markup_mode=None,
 )
 
 TemplateName = Annotated[str, typer.Argument(help="The template's name.")]
 OrderName = Annotated[str, typer.Argument(help="The order's id, or its name.")]
-Filling = Annotated[list[str], typer.Argument(help="What to fill in: NAME=VALUE ...")]
-Precondition = Annotated[str | None, typer.Option(help="The initial situation, if it matters.")]
-PolicyWanted = Annotated[PolicyOption, typer.Option(help="What services are chosen by.")]
-TimeValue = Annotated[float, typer.Option(help="With the policy `weighted`: what a second is worth.")]
-Deadline = Annotated[float | None, typer.Option(help="Give up after so many seconds.")]
+Filling = Annotated[list[str], typer.Argument(help="Values of blanks: NAME=VALUE ...")]
+Precondition = Annotated[str | None, typer.Option(help="A formula that has to hold initially.")]
+PolicyWanted = Annotated[PolicyOption, typer.Option(help="How services are chosen.")]
+TimeValue = Annotated[float, typer.Option(help="With --policy weighted: what a second is worth, in EUR.")]
+Deadline = Annotated[float | None, typer.Option(help="Seconds within which the task has to be accomplished.")]
 Priority = Annotated[
-    int, typer.Option(help="Of tasks that wait for the same things or devices, the one with the higher number goes first.")
+    int, typer.Option(help="Among tasks that wait for the same objects or devices, the one with the higher number goes first.")
 ]
 
 
 @templates_app.callback()
 def templates(context: typer.Context, data: Data = DEFAULT_FOLDER, json: Json = False) -> None:
-    """The templates of the running system."""
+    """List the templates of the running system."""
     from somrs.cli.order_commands import list_templates as run
 
     if context.invoked_subcommand is None:
@@ -49,11 +49,11 @@ def templates(context: typer.Context, data: Data = DEFAULT_FOLDER, json: Json = 
 @templates_app.command(name="save")
 def save_template(
     name: TemplateName,
-    formula: Annotated[str, typer.Argument(help="The wish, perhaps with blanks: '{Thing} isOn Platform001'.")],
+    formula: Annotated[str, typer.Argument(help="The goal, which may have blanks: '{Thing} isOn Platform001'.")],
     blank: Annotated[
-        list[str], typer.Option(help="A blank, and the type of what may be filled in: Thing:Jar, or Thing:Jar=Jar002 with a default.")
-    ] = [],  # noqa: B006  # typer's way to say a list
-    note: Annotated[str, typer.Option(help="What it is for.")] = "",
+        list[str], typer.Option(help="A blank and the type of its values: Thing:Jar, or Thing:Jar=Jar002 with a default.")
+    ] = [],  # noqa: B006  # typer requires a list as the default
+    note: Annotated[str, typer.Option(help="A description of the template.")] = "",
     precondition: Precondition = None,
     policy: PolicyWanted = PolicyOption.price,
     time_value: TimeValue = 0.01,
@@ -61,7 +61,7 @@ def save_template(
     priority: Priority = 0,
     data: Data = DEFAULT_FOLDER,
 ) -> None:
-    """Keep a task under a name; one of that name is changed."""
+    """Save a task as a template, or change the template of this name."""
     from somrs.cli.order_commands import author_name
     from somrs.cli.order_commands import parse_blank as declared
     from somrs.cli.order_commands import save_template as run
@@ -74,11 +74,11 @@ def save_template(
 def use_template(
     name: TemplateName,
     fill: Filling = [],  # noqa: B006  # as above
-    wait: Annotated[bool, typer.Option(help="Stay until the task ended.")] = True,
+    wait: Annotated[bool, typer.Option(help="Wait until the task has ended.")] = True,
     data: Data = DEFAULT_FOLDER,
     json: Json = False,
 ) -> None:
-    """State the task that a template is, with its blanks filled in."""
+    """Fill in the blanks of a template and submit the task."""
     from somrs.cli.order_commands import use_template as run
 
     sys.exit(awaited(run(name, fill, data, wait=wait, json=json)))
@@ -86,7 +86,7 @@ def use_template(
 
 @templates_app.command(name="rename")
 def rename_template(name: TemplateName, to: Annotated[str, typer.Argument(help="Its new name.")], data: Data = DEFAULT_FOLDER) -> None:
-    """Give a template another name, in the orders that use it, too."""
+    """Rename a template, also in the orders that use it."""
     from somrs.cli.order_commands import rename_template as run
 
     awaited(run(name, to, data))
@@ -102,7 +102,7 @@ def remove_template(name: TemplateName, data: Data = DEFAULT_FOLDER) -> None:
 
 @orders_app.callback()
 def orders(context: typer.Context, data: Data = DEFAULT_FOLDER, json: Json = False) -> None:
-    """The standing orders. When each is due next, and what came of it last."""
+    """List the standing orders. Shows when each is next due, and the result of its last run."""
     from somrs.cli.order_commands import list_orders as run
 
     if context.invoked_subcommand is None:
@@ -111,15 +111,15 @@ def orders(context: typer.Context, data: Data = DEFAULT_FOLDER, json: Json = Fal
 
 @orders_app.command(name="add")
 def add_order(
-    name: Annotated[str, typer.Argument(help="What it is called.")],
-    formula: Annotated[str | None, typer.Argument(help="The wish; or else --template.")] = None,
-    every: Annotated[str | None, typer.Option(help="Due every so often: 30m, 2h, 1d; counted from now.")] = None,
+    name: Annotated[str, typer.Argument(help="The name of the order.")],
+    formula: Annotated[str | None, typer.Argument(help="The goal; alternatively, give --template.")] = None,
+    every: Annotated[str | None, typer.Option(help="Due at this interval, counted from now: 30m, 2h, 1d.")] = None,
     daily: Annotated[str | None, typer.Option(help="Due at this time of day: 07:30.")] = None,
     days: Annotated[str | None, typer.Option(help="With --daily: only on these days: Mon,Thu.")] = None,
-    at: Annotated[str | None, typer.Option(help="Due once, at this moment: 2026-11-24T08:00.")] = None,
-    template: Annotated[str | None, typer.Option(help="State the task of this template.")] = None,
-    fill: Annotated[list[str], typer.Option(help="With --template: what to fill in: NAME=VALUE.")] = [],  # noqa: B006  # as above
-    skip: Annotated[bool, typer.Option(help="Leave a time out while the task before still runs.")] = True,
+    at: Annotated[str | None, typer.Option(help="Due once, at this time: 2026-11-24T08:00.")] = None,
+    template: Annotated[str | None, typer.Option(help="Submit the task of this template.")] = None,
+    fill: Annotated[list[str], typer.Option(help="With --template: the value of a blank: NAME=VALUE.")] = [],  # noqa: B006  # as above
+    skip: Annotated[bool, typer.Option(help="Skip a run while the task of the previous run is still running.")] = True,
     precondition: Precondition = None,
     policy: PolicyWanted = PolicyOption.price,
     time_value: TimeValue = 0.01,
@@ -127,7 +127,7 @@ def add_order(
     priority: Priority = 0,
     data: Data = DEFAULT_FOLDER,
 ) -> None:
-    """Give a standing order."""
+    """Add a standing order."""
     from somrs.cli.order_commands import add_order as run
     from somrs.cli.order_commands import author_name, parse_recurrence, parse_values
 
@@ -148,11 +148,11 @@ def add_order(
 @orders_app.command(name="runs")
 def show_runs(
     name: OrderName,
-    limit: Annotated[int, typer.Option(min=1, help="At most so many.")] = 20,
+    limit: Annotated[int, typer.Option(min=1, help="Maximum number of runs.")] = 20,
     data: Data = DEFAULT_FOLDER,
     json: Json = False,
 ) -> None:
-    """When an order was due, and what came of it."""
+    """List the runs of an order: when it was due, and the result."""
     from somrs.cli.order_commands import show_runs as run
 
     awaited(run(name, limit, data, json=json))
@@ -160,7 +160,7 @@ def show_runs(
 
 @orders_app.command(name="pause")
 def pause_order(name: OrderName, data: Data = DEFAULT_FOLDER) -> None:
-    """Let an order rest. Its task, if one runs, goes on."""
+    """Pause an order. A task of the order that is running continues."""
     from somrs.cli.order_commands import turn_order as run
 
     awaited(run(name, data, is_enabled=False))
@@ -168,7 +168,7 @@ def pause_order(name: OrderName, data: Data = DEFAULT_FOLDER) -> None:
 
 @orders_app.command(name="resume")
 def resume_order(name: OrderName, data: Data = DEFAULT_FOLDER) -> None:
-    """Let an order go on; what was due meanwhile is not made up for."""
+    """Resume an order. Runs that were due during the pause are not made up for."""
     from somrs.cli.order_commands import turn_order as run
 
     awaited(run(name, data, is_enabled=True))
@@ -176,7 +176,7 @@ def resume_order(name: OrderName, data: Data = DEFAULT_FOLDER) -> None:
 
 @orders_app.command(name="remove")
 def remove_order(name: OrderName, data: Data = DEFAULT_FOLDER) -> None:
-    """Take an order back."""
+    """Remove an order."""
     from somrs.cli.order_commands import remove_order as run
 
     awaited(run(name, data))

@@ -1,4 +1,4 @@
-"""What the commands about OWL files do."""
+"""The implementations of the commands about OWL files."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from somrs.ontology import owl
 from somrs.protocol.messages.knowledge import UpdateMap
 
 FORMATS = {".ttl": owl.Format.TURTLE, ".rdf": owl.Format.XML, ".owl": owl.Format.XML, ".xml": owl.Format.XML}
-"""How a file is written, by how its name ends."""
+"""The format of a file, by the suffix of its name."""
 
 
 def is_owl(file: Path) -> bool:
@@ -30,13 +30,13 @@ async def export(output: Path, data: Path, *, map: bool, shapes: bool) -> None:
 
 
 async def import_definitions(file: Path, author: str, data: Path, *, map: bool, dry: bool, json: bool) -> int:
-    """Have the definitions of a file added, or put in place of those of the same names; and, with `map`, its objects on the map."""
+    """Import the definitions of an OWL file and, with `map`, its individuals as objects of the map. Returns the exit status."""
     async with Client(Addresses.read(data)) as client:
         ontology, current_map = await client.ontology(), await client.map() if map else None
     try:
         text = file.read_text("utf-8-sig")
     except UnicodeDecodeError:
-        raise UsageError(f"{file}: is no text in UTF-8; save it as such") from None
+        raise UsageError(f"{file}: is not a text in UTF-8; save it in this encoding") from None
     owl_content = owl.read(text, str(file), ontology)
     for note in owl_content.notes:
         print(note, file=sys.stderr)
@@ -45,7 +45,7 @@ async def import_definitions(file: Path, author: str, data: Path, *, map: bool, 
     code = await alter(change.define, data, dry=dry, json=json) if change.changes_ontology or not changes else 0
     if code or not changes:
         if owl_content.map.objects and not map:
-            print(f"individuals in it: {len(owl_content.map.objects)}; --map puts them on the map as the file has them", file=sys.stderr)
+            print(f"individuals in the file: {len(owl_content.map.objects)}; --map imports them as objects of the map", file=sys.stderr)
         return code
     if not dry:
         return await alter(UpdateMap(changes=changes, author=author), data, dry=False, json=json)

@@ -1,4 +1,4 @@
-"""What a task would come to, for the terminal: its plan, and, where services were asked, who would do each step and what it costs."""
+"""The preview of a task, for the terminal: its plan and, with quotes, the terms of services and the total."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from somrs.protocol.messages.clients import Preview, Previewed, Quotation
 
 
 async def plan(request: Preview, data: Path, *, json: bool) -> int:
-    """Show the plan; 0 if there is one, or nothing to do."""
+    """Print the plan. Returns the exit status: 0 if there is a plan, or nothing to do."""
     async with Client(Addresses.read(data)) as client:
         result = await client.preview(request)
     if json:
@@ -37,7 +37,7 @@ def preview(result: Previewed, *, quoted: bool) -> Group:
 
 
 def quotations(offered_quotations: Iterable[Quotation]) -> RenderableType:
-    """Who was asked for a step, and what each wants; ✔ would get it."""
+    """The terms of the services for each step; ✔ marks the service that would be chosen."""
     quotation_list = [*offered_quotations]
     rows = (
         (
@@ -45,24 +45,24 @@ def quotations(offered_quotations: Iterable[Quotation]) -> RenderableType:
             Text(f"{'✔ ' if quotation.chosen else ''}{quotation.service}", "green" if quotation.chosen else ""),
             terminal.terms(quotation.price, quotation.currency, quotation.duration) or "-",
             f"{quotation.start:.0f} s to {quotation.finish:.0f} s" if quotation.start is not None and quotation.finish is not None else "-",
-            terminal.lines("an estimate: it asked this last" if quotation.estimate else "", quotation.reason),
+            terminal.lines("an estimate: its last known terms" if quotation.estimate else "", quotation.reason),
         )
         for quotation in quotation_list
     )
-    columns = ("step", "asked (✔ chosen)", "offers", "from, until", "but")
+    columns = ("step", "service (✔ chosen)", "terms", "start, finish", "note")
     return terminal.table(
-        "Terms now",
+        "Current terms",
         columns,
         rows,
-        whole=("offers",),
+        whole=("terms",),
         least={columns[1]: terminal.column_width(f"✔ {quotation.service}" for quotation in quotation_list)},
     )
 
 
 def total(result: Previewed) -> Text:
-    """What all of it comes to."""
+    """The total price and time, or the steps that no service would do."""
     if result.unserved:
         return Text("\n".join(f"{step}: {reason}" for step, reason in result.unserved.items()), "red")
     price = f"{result.price:g} {result.currency}" if result.price is not None else "prices in several currencies"
     seconds = f", done in {result.seconds:.0f} s" if result.seconds is not None else ""
-    return Text(f"All together: {price}{seconds}{'; some of it is an estimate' if result.estimate else ''}.", "bold")
+    return Text(f"Total: {price}{seconds}{'; partly an estimate' if result.estimate else ''}.", "bold")

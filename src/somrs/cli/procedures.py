@@ -1,6 +1,6 @@
-"""Procedures for failures and compensations as they are written at the command line: `[SERVICE TYPE:] EFFECT [WHEN SITUATION]`.
+"""Handlers of failures and compensations as written on the command line: `[SERVICE TYPE:] EFFECT [WHEN SITUATION]`.
 
-TransferObject: ?Object isOn Cupboard001 WHEN ?Object isOn Floor001
+Example: `TransferObject: ?Object isOn Cupboard001 WHEN ?Object isOn Floor001`
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ _WHEN_WORD = re.compile(r'"(?:[^"\\\n]|\\.)*"|(?P<when>\bWHEN\b)')
 
 
 def handler(occasion: Occasion, text: str) -> Handler:
-    """What the text says. Raises FormulaError, which shows the place in the whole of it."""
+    """The handler that the text describes. Raises FormulaError, with the position in the whole text."""
     typed = _TYPE.match(text)
     start = typed.end() if typed is not None else 0
     words = [match for match in _WHEN_WORD.finditer(text, start) if match["when"] is not None]
     if len(words) > 1:
-        raise FormulaError(text, words[1].start(), "WHEN is there twice", "join what has to hold with AND")
+        raise FormulaError(text, words[1].start(), "there are two WHEN", "join the conditions with AND")
     end = words[0].start() if words else len(text)
     return Handler(
         on=occasion,

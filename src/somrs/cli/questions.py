@@ -1,4 +1,4 @@
-"""What `somrs questions` and `somrs answer` do."""
+"""The implementations of `somrs questions` and `somrs answer`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def questions(data: Path, *, json: bool) -> None:
     if json:
         terminal.print_json(questions)
     elif not questions:
-        print("nobody asks anything")
+        print("no open questions")
     else:
         rows = (
             (question.number, question.person, question.text, f"{max(0.0, question.until - time.time()):.0f} s") for question in questions
@@ -25,6 +25,6 @@ def questions(data: Path, *, json: bool) -> None:
 
 
 def answer(number: int, formula: str | None, data: Path) -> None:
-    """Answer a question; None: the person cannot tell. Raises UsageError when the answer will not do, with what is wrong."""
+    """Answer a question; `formula` is None for "cannot tell". Raises UsageError for an unsuitable answer."""
     put_answer(number, formula, data)
-    print("thank you")
+    print("answer accepted")

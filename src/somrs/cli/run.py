@@ -1,4 +1,4 @@
-"""`somrs run`: one part of a system by itself."""
+"""`somrs run`: run a single component of a system."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import typer
 
 from somrs.cli.options import DEFAULT_FOLDER, LOOPBACK, Data, HostOption, PortOption, guarded
 
-run_app = typer.Typer(help="Run one part of a system by itself.", no_args_is_help=True, rich_markup_mode=None)
+run_app = typer.Typer(help="Run a single component of a system.", no_args_is_help=True, rich_markup_mode=None)
 
 
 @run_app.command()
 def repository(
-    site: Annotated[list[Path], typer.Option(help="Map and ontology files to begin with.")] = [],  # noqa: B006  # typer's way to say a list
+    site: Annotated[list[Path], typer.Option(help="Initial map and ontology files.")] = [],  # noqa: B006  # typer requires a list as the default
     data: Data = DEFAULT_FOLDER,
     host: HostOption = LOOPBACK,
     port: PortOption = 0,
@@ -45,13 +45,13 @@ def task_manager(data: Data = DEFAULT_FOLDER, host: HostOption = LOOPBACK, port:
 
 @run_app.command()
 def simulator(
-    site: Annotated[list[Path], typer.Option(help="Make the world from these files' map, with no Repository.")] = [],  # noqa: B006  # as above
+    site: Annotated[list[Path], typer.Option(help="Take the map from these files, without a Repository.")] = [],  # noqa: B006  # as above
     data: Data = DEFAULT_FOLDER,
     host: HostOption = LOOPBACK,
     port: PortOption = 0,
-    speed: Annotated[str, typer.Option(help="Of simulated time: 1 is real time, `max` as fast as it goes.")] = "1",
+    speed: Annotated[str, typer.Option(help="Speed of simulated time: 1 is real time, `max` is as fast as possible.")] = "1",
 ) -> None:
-    """The simulator; its world is made of the Repository's map."""
+    """The simulator, with the world of the Repository's map."""
     from somrs.client.client import Addresses
     from somrs.deployment.programs import run_program, run_simulator, run_simulator_of_files, speed_of
 
@@ -66,9 +66,9 @@ def world(
     data: Data = DEFAULT_FOLDER,
     host: HostOption = LOOPBACK,
     port: PortOption = 0,
-    speed: Annotated[str, typer.Option(help="A service that costs 1 takes 1 s at speed 1, and none at `max`.")] = "1",
+    speed: Annotated[str, typer.Option(help="At speed 1, a service of cost 1 takes 1 s; at `max`, no time.")] = "1",
 ) -> None:
-    """The symbolic world, in which the services of devices without a body come true."""
+    """The symbolic world, which executes the services of devices without a simulated body."""
     from somrs.client.client import Addresses
     from somrs.deployment.programs import run_program, run_world, speed_of
 
@@ -77,7 +77,7 @@ def world(
 
 @run_app.command()
 def scheduler(data: Data = DEFAULT_FOLDER, host: HostOption = LOOPBACK, port: PortOption = 0) -> None:
-    """The Scheduler of standing orders."""
+    """The Scheduler, which keeps templates and standing orders."""
     from somrs.client.client import Addresses
     from somrs.deployment.programs import run_program
     from somrs.scheduling.program import run_scheduler
@@ -97,14 +97,14 @@ def api(data: Data = DEFAULT_FOLDER, host: HostOption = LOOPBACK, port: PortOpti
 
 @run_app.command()
 def gui(data: Data = DEFAULT_FOLDER, host: HostOption = LOOPBACK, port: PortOption = 0) -> None:
-    """The windows, in the browser; they need the API."""
+    """The windows, for the browser. They need the API."""
     from somrs.client.client import Addresses
     from somrs.deployment.programs import has_windows, run_program
     from somrs.errors import UsageError
 
     def run() -> None:
         if not has_windows():
-            raise UsageError("the windows need more than the core does: pip install 'somrs[gui]'")
+            raise UsageError("the windows need additional packages: pip install 'somrs[gui]'")
         from somrs.gui.server import run_gui
 
         run_program(run_gui(data, Addresses.read(data), host, port))

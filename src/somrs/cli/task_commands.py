@@ -1,4 +1,4 @@
-"""What the commands about tasks do: state one, follow it, list them, show one, cancel one."""
+"""The implementations of the commands about tasks: submit, follow, list, show and cancel."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.records import ReadRecords
 
 LAST_TASK = "last"
-"""In place of an id: the task that was stated last."""
+"""In place of an id: the task that was submitted last."""
 
 
 def handlers(on_failure: list[str], on_compensation: list[str]) -> tuple[Handler, ...]:
-    """What is laid down for failures and for undoing. Raises FormulaError, which names the option."""
+    """The handlers of failures and compensations from the options' texts. Raises FormulaError, which names the option."""
     procedures: list[Handler] = []
     for option, occasion, texts in (
         ("--on-failure", Occasion.FAILURE, on_failure),
@@ -43,7 +43,7 @@ def handlers(on_failure: list[str], on_compensation: list[str]) -> tuple[Handler
 
 
 async def run_task(task: Submit, data: Path, *, wait: bool, json: bool) -> int:
-    """State a task, and follow it; 0 when it was accomplished."""
+    """Submit a task, and follow it if `wait`. Returns the exit status: 0 if it was accomplished, or submitted without `wait`."""
     console = terminal.console()
     async with Client(Addresses.read(data)) as client:
         id = await client.submit(task)
@@ -58,7 +58,7 @@ async def run_task(task: Submit, data: Path, *, wait: bool, json: bool) -> int:
             with Live(console=console, refresh_per_second=8, transient=True) as screen:
                 async for news in client.news(id):
                     latest_news = news
-                    # How it ended is said once, under the steps.
+                    # The outcome is printed once, below the steps.
                     events = [event for event in news.events if event.kind is not EventKind.END]
                     if json:
                         continue
@@ -77,7 +77,7 @@ async def run_task(task: Submit, data: Path, *, wait: bool, json: bool) -> int:
 
 
 async def tasks(data: Path, *, history: bool, limit: int, json: bool, query: ReadRecords | None = None) -> None:
-    """The tasks that run; with their history, those that are over, too, the latest first. `query`: only those of the history that are."""
+    """Print the running tasks and, with `history`, the ended ones, the latest first. `query`: only ended tasks that match it."""
     if history:
         async with open_task_history(data) as archive:
             running = await archive.client.tasks(running=True) if archive.client is not None and query is None else ()
@@ -92,16 +92,14 @@ async def tasks(data: Path, *, history: bool, limit: int, json: bool, query: Rea
         terminal.console().print(terminal.tasks(views))
     else:
         print(
-            ("no such task" if query is not None else "no tasks yet")
-            if history
-            else "no task is running; --history shows those that are over"
+            ("no matching task" if query is not None else "no tasks yet") if history else "no task is running; --history shows ended tasks"
         )
 
 
 async def task(name: str, data: Path, *, messages: bool, picture: Path | None, json: bool) -> None:
-    """Everything of one task."""
+    """Print the report on a task, or its messages; with `picture`, write the messages as a sequence chart."""
     if any(sign in name for sign in " \t\n=<>(?"):
-        raise UsageError(f"`somrs task` shows a task, by its id; to have a formula made true: somrs do '{name}'")
+        raise UsageError(f"`somrs task` shows the task with an id; to submit a goal: somrs do '{name}'")
     async with open_task_history(data) as archive:
         report = await _read_report(name, archive)
         lines = await _lines(report, archive) if messages or picture is not None else []
@@ -111,16 +109,16 @@ async def task(name: str, data: Path, *, messages: bool, picture: Path | None, j
     elif json:
         terminal.print_json(to_builtins(report))
     elif messages:
-        terminal.console().print(task_report.messages(lines) if lines else "no messages have passed yet")
+        terminal.console().print(task_report.messages(lines) if lines else "there are no messages yet")
     else:
         task_report.print_report(report, terminal.console())
 
 
 async def _lines(report: TaskReport, archive: TaskHistory) -> list[Line]:
-    """The messages of the task, so far."""
+    """The messages of the task so far."""
     if report.record is not None:
         return lines_of(report.record)
-    assert archive.client is not None, "what is not kept was heard from the running system"
+    assert archive.client is not None, "a task without a record is read from the running system"
     return lines_from(await archive.client.all_messages(report.view.task), report.view.task)
 
 
@@ -130,7 +128,7 @@ async def _read_report(name: str, archive: TaskHistory) -> TaskReport:
     records = await archive.first(ReadRecords(task=id), 1)
     if records:
         return TaskReport.from_record(records[0])
-    assert archive.client is not None, "what is not kept was heard from the running system"
+    assert archive.client is not None, "a task without a record is read from the running system"
     news = await archive.client.read_task(id)
     return TaskReport(view=news.view, events=news.events, contracts=news.contracts)
 
@@ -141,10 +139,10 @@ async def _find_record_ids(name: str, archive: TaskHistory) -> list[str]:
 
 
 def _select_id(name: str, ids: list[str]) -> str:
-    """The one that is meant."""
+    """The id that `name` selects: `last`, or the beginning of the id. Raises UsageError for no task, or several."""
     if name == LAST_TASK:
         if not ids:
-            raise UsageError("there was no task yet; `somrs do FORMULA` states one")
+            raise UsageError("there are no tasks yet; `somrs do FORMULA` submits one")
         return ids[0]
     matches = [*dict.fromkeys(id for id in ids if is_named(id, name))]
     if len(matches) != 1:

@@ -1,4 +1,4 @@
-"""Everything of one task, for the terminal."""
+"""The report on a task, for the terminal."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from somrs.protocol.messages.people import person_name
 
 
 def print_report(report: TaskReport, console: Console) -> None:
-    """All but the messages."""
+    """Print the report without the messages."""
     view, record = report.view, report.record
     parts: list[RenderableType] = [Group(Text(view.effect, style="bold"), terminal.ending(view), "", _facts(report))]
     if view.steps:
@@ -52,28 +52,28 @@ def _facts(report: TaskReport) -> Table:
 
 
 def work(views: Iterable[WorkView]) -> Table:
-    """What services did, in the order in which they began, and what became of it."""
+    """The execution log: the work of services in the order in which it began, with its results."""
     works = [*views]
     rows = (
         (
             work.step,
             terminal.lines(work.service, terminal.inputs(work)),
             terminal.state_text(work.state),
-            terminal.lines(work.situation or "nothing is known", work.note),
+            terminal.lines(work.situation or "not known", work.note),
         )
         for work in works
     )
     return terminal.table(
-        "What was done",
-        ("step", "by", "became", "and left"),
+        "Execution log",
+        ("step", "service", "result", "situation"),
         rows,
-        whole=("became",),
-        least={"by": terminal.column_width(work.service for work in works)},
+        whole=("result",),
+        least={"service": terminal.column_width(work.service for work in works)},
     )
 
 
 def contracts(views: Iterable[ContractView]) -> Table:
-    """Who was asked for a step, what they wanted, and who got it."""
+    """The services that received a call for terms, with their terms and the results."""
     contract_views = [*views]
     rows = (
         (
@@ -89,14 +89,14 @@ def contracts(views: Iterable[ContractView]) -> Table:
     )
     return terminal.table(
         "Terms",
-        ("step", "asked", "offered (✔ accepted)", "in the end"),
+        ("step", "service", "terms (✔ accepted)", "result"),
         rows,
-        least={"asked": terminal.column_width(contract.service for contract in contract_views)},
+        least={"service": terminal.column_width(contract.service for contract in contract_views)},
     )
 
 
 def messages(lines: Sequence[Line]) -> Table:
-    """The sequence of messages, seen from the Task Manager; of signs of life in a row, the last."""
+    """The sequence of messages from the Task Manager's point of view; of consecutive heartbeats, only the last."""
     start = lines[0].at if lines else 0.0
     rows = (
         (
@@ -108,5 +108,5 @@ def messages(lines: Sequence[Line]) -> Table:
         for line in without_heartbeats(lines)
     )
     return terminal.table(
-        "Messages: → from the Task Manager, ← to it", ("after", "with", "message", "which says"), rows, whole=("after", "message")
+        "Messages: → from the Task Manager, ← to it", ("time", "service", "message", "content"), rows, whole=("time", "message")
     )

@@ -1,4 +1,4 @@
-"""The commands about tasks: state one, list them, show one, cancel one, export those that are over."""
+"""The commands about tasks: submit, list, show, cancel, and export."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 tasks_app = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
 
-TaskName = Annotated[str, typer.Argument(help="The task's id, or its beginning; or `last`.")]
-PROCEDURE = "[SERVICE TYPE:] FORMULA [WHEN FORMULA]; it may speak of the step's inputs, such as ?Object. Can be given several times."
+TaskName = Annotated[str, typer.Argument(help="The task's id or the beginning of it, or `last`.")]
+PROCEDURE = "[SERVICE TYPE:] FORMULA [WHEN FORMULA]; the step's inputs are variables, such as ?Object. Can be given several times."
 
-SinceOption = Annotated[str | None, typer.Option(help="Those that ended since: 2026-03-01, 2026-03-01T14:30, or so long ago: 2h, 7d.")]
-TextOption = Annotated[str | None, typer.Option("--text", help="Those with this text in what was wished for.")]
-ByOption = Annotated[str | None, typer.Option("--by", help="Those in which this service, or a service of this device, did something.")]
+SinceOption = Annotated[str | None, typer.Option(help="Only tasks that ended since 2026-03-01, since 2026-03-01T14:30, or within 2h, 7d.")]
+TextOption = Annotated[str | None, typer.Option("--text", help="Only tasks with this text in the goal.")]
+ByOption = Annotated[str | None, typer.Option("--by", help="Only tasks in which this service, or a service of this device, took part.")]
 
 
 class PolicyOption(StrEnum):
@@ -41,7 +41,7 @@ class OutcomeOption(StrEnum):
     cancelled = "cancelled"
 
 
-OutcomeWanted = Annotated[OutcomeOption | None, typer.Option("--outcome", help="Those that ended so.")]
+OutcomeWanted = Annotated[OutcomeOption | None, typer.Option("--outcome", help="Only tasks with this outcome.")]
 
 
 class FormatOption(StrEnum):
@@ -64,22 +64,24 @@ class TableOption(StrEnum):
 @tasks_app.command()
 def do(
     formula: Formula,
-    precondition: Annotated[str | None, typer.Option(help="The initial situation, if it matters.")] = None,
-    policy: Annotated[PolicyOption, typer.Option(help="What services are chosen by.")] = PolicyOption.price,
-    time_value: Annotated[float, typer.Option(help="With `weighted`: what a second is worth.")] = 0.01,
-    deadline: Annotated[float | None, typer.Option(help="Give up after so many seconds.")] = None,
+    precondition: Annotated[str | None, typer.Option(help="A formula that has to hold initially.")] = None,
+    policy: Annotated[PolicyOption, typer.Option(help="How services are chosen.")] = PolicyOption.price,
+    time_value: Annotated[float, typer.Option(help="With --policy weighted: what a second is worth, in EUR.")] = 0.01,
+    deadline: Annotated[float | None, typer.Option(help="Seconds within which the task has to be accomplished.")] = None,
     priority: Annotated[
-        int, typer.Option(help="Of tasks that wait for the same things or devices, the one with the higher number goes first.")
+        int, typer.Option(help="Among tasks that wait for the same objects or devices, the one with the higher number goes first.")
     ] = 0,
-    on_failure: Annotated[list[str], typer.Option(help=f"Bring this about when a step fails, before it is recovered: {PROCEDURE}")] = [],  # noqa: B006  # typer's way to say a list
+    on_failure: Annotated[
+        list[str], typer.Option(help=f"A goal to achieve when a step fails, before the recovery of the step: {PROCEDURE}")
+    ] = [],  # noqa: B006  # typer requires a list as the default
     on_compensation: Annotated[
-        list[str], typer.Option(help=f"Bring this about to undo a step, instead of what was before it: {PROCEDURE}")
+        list[str], typer.Option(help=f"A goal to achieve to undo a step, instead of the situation before it: {PROCEDURE}")
     ] = [],  # noqa: B006  # as above
-    wait: Annotated[bool, typer.Option(help="Stay until the task ended.")] = True,
+    wait: Annotated[bool, typer.Option(help="Wait until the task has ended.")] = True,
     data: Data = DEFAULT_FOLDER,
     json: Json = False,
 ) -> None:
-    """Make a formula true. Shows the plan, who does what, what is done about failures, and how it ends."""
+    """Submit a task, with a formula as its goal. Shows the plan, the services, the recovery from failures, and the outcome."""
     from somrs.cli.task_commands import handlers
     from somrs.cli.task_commands import run_task as run
     from somrs.protocol.messages.clients import Policy, Submit
@@ -98,8 +100,8 @@ def do(
 
 @tasks_app.command()
 def tasks(
-    history: Annotated[bool, typer.Option("--history", help="Those that are over, too.")] = False,
-    limit: Annotated[int, typer.Option(min=1, help="At most so many of those that are over.")] = 20,
+    history: Annotated[bool, typer.Option("--history", help="List ended tasks, too.")] = False,
+    limit: Annotated[int, typer.Option(min=1, help="Maximum number of ended tasks.")] = 20,
     since: SinceOption = None,
     outcome: OutcomeWanted = None,
     text: TextOption = None,
@@ -107,8 +109,8 @@ def tasks(
     data: Data = DEFAULT_FOLDER,
     json: Json = False,
 ) -> None:
-    """The tasks that run. With --history those that are over, too; these also when no system runs. With --since, --outcome, --text or
-    --by only those that are over, and fit."""
+    """List the running tasks. With --history, also the ended tasks, even if no system runs. With --since, --outcome, --text or --by, only
+    the ended tasks that match."""
     from somrs.cli.task_commands import tasks as run
 
     query = guarded(lambda: _make_query(since, outcome, text, service))
@@ -118,12 +120,12 @@ def tasks(
 @tasks_app.command()
 def task(
     task: TaskName,
-    messages: Annotated[bool, typer.Option("--messages", help="The sequence of its messages.")] = False,
+    messages: Annotated[bool, typer.Option("--messages", help="Show the sequence of its messages.")] = False,
     chart: Annotated[Path | None, typer.Option(help="Write the messages as a sequence chart to this SVG file.")] = None,
     data: Data = DEFAULT_FOLDER,
     json: Json = False,
 ) -> None:
-    """Everything of one task. Its steps, what was done and what became of it, terms, events; also when no system runs."""
+    """Show a task. Its steps, execution log, terms and events; ended tasks even if no system runs."""
     from somrs.cli.task_commands import task as run
 
     awaited(run(task, data, messages=messages, picture=chart, json=json))
@@ -132,10 +134,10 @@ def task(
 @tasks_app.command()
 def cancel(
     task: TaskName,
-    reason: Annotated[str, typer.Option(help="Why.")] = "cancelled by the client",
+    reason: Annotated[str, typer.Option(help="The reason for the cancellation.")] = "cancelled by the client",
     data: Data = DEFAULT_FOLDER,
 ) -> None:
-    """Stop a task, and have undone what was done."""
+    """Cancel a task. Its running steps are stopped, and the completed ones are compensated."""
     from somrs.cli.task_commands import cancel as run
 
     awaited(run(task, reason, data))
@@ -143,31 +145,31 @@ def cancel(
 
 @tasks_app.command()
 def export(
-    out: Annotated[Path | None, typer.Argument(help="The file to write; otherwise it is printed.")] = None,
+    out: Annotated[Path | None, typer.Argument(help="The file to write; by default, standard output.")] = None,
     format: Annotated[
-        FormatOption | None, typer.Option(help="JSON lines, a task a line; or CSV. If it is not said, the file's name says it.")
+        FormatOption | None, typer.Option(help="JSON lines, one task per line, or CSV; by default, according to the file's name.")
     ] = None,
-    table: Annotated[TableOption | None, typer.Option(help="With CSV: what a row is; tasks, if it is not said.")] = None,
+    table: Annotated[TableOption | None, typer.Option(help="With CSV: what each row describes; by default, a task.")] = None,
     since: SinceOption = None,
     outcome: OutcomeWanted = None,
     text: TextOption = None,
     service: ByOption = None,
     data: Data = DEFAULT_FOLDER,
 ) -> None:
-    """Write what is kept of tasks that are over. For other programs, the latest first; also when no system runs."""
+    """Export the records of ended tasks. For other programs, the latest first; even if no system runs."""
     from somrs.client.export import Format, Table
     from somrs.client.export import export as run
 
     csv = table is not None or (out is not None and out.suffix.lower() == ".csv")
     if format is FormatOption.jsonl and table is not None:
-        fail(f"--table {table.value} is a table, and JSON lines hold all of a task; leave one of the two out", 2)
+        fail(f"--table {table.value} is for CSV; JSON lines contain the whole of each task. Leave out --table, or choose CSV", 2)
     chosen = Format(format.value) if format is not None else Format.CSV if csv else Format.JSONL
     chosen_table = Table(table.value) if table is not None else Table.TASKS
     awaited(run(out, data, chosen, chosen_table, guarded(lambda: _make_query(since, outcome, text, service))))
 
 
 def _make_query(since: str | None, outcome: OutcomeOption | None, text: str | None, service: str | None) -> ReadRecords | None:
-    """The tasks that are over that are asked for; None: all."""
+    """The query for ended tasks; None for all of them."""
     from somrs.client.export import moment
     from somrs.protocol.messages.frp import Outcome
     from somrs.protocol.messages.records import ReadRecords

@@ -70,7 +70,7 @@ class ApiClient:
 
     def no_answer_text(self, error: BaseException) -> str:
         """The error text for a missing answer, with what to do about it."""
-        return f"the API at {self.url} does not answer ({str(error) or 'in time'}); `somrs up` starts and restarts it"
+        return f"the API at {self.url} does not answer ({str(error) or 'in time'}); `somrs up` starts it and restarts it"
 
     def _refusal(self, status: int, content: bytes) -> Exception:
         try:
