@@ -142,7 +142,7 @@ def test_a_dry_run_on_the_command_line_names_them_too(tmp_path: Path, capsys: py
         with Reservation("127.0.0.1", 1) as reservation:
             structs.replace(system.addresses, api=f"http://127.0.0.1:{reservation.ports[0]}/api").write(system.data)
             assert await alter(change, system.data, dry=True, json=False) == 0
-        assert "without the tasks, orders and templates" in capsys.readouterr().err
+        assert "affected tasks, orders and templates are not shown" in capsys.readouterr().err
 
     async def run() -> None:
         async with running(tmp_path / "data") as (system, api):
