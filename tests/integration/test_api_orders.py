@@ -105,7 +105,7 @@ def _saved(effect: str, *blanks: Blank, **options: object) -> TemplateSaved:
 @pytest.mark.parametrize(
     ("saved", "wrong"),
     [
-        (_saved("{Thing} isOn Platform001"), "{Thing} is in a formula, and no blank of that name"),
+        (_saved("{Thing} isOn Platform001"), "{Thing} is in a formula, but there is no blank with this name"),
         (_saved("Jar001 isOn Platform001", Blank(name="Thing")), "the blank Thing is in no formula"),
         (_saved("{Thing} isOn Platform001", Blank(name="Thing", type="Jarr")), "there is no type Jarr; did you mean Jar"),
         (_saved("{A thing} isOn Platform001"), "a blank is a name in braces"),
@@ -210,7 +210,7 @@ def test_a_template_is_renamed_with_the_orders_that_use_it_and_not_removed_under
         with pytest.raises(NotFound, match="there is no template Fetch"):
             await api.orders.template("Fetch")
         for name in ("", "a/b", "x" * 81, "a\nb\x00"):
-            with pytest.raises(InputError, match="is no name"):
+            with pytest.raises(InputError, match="is not a name"):
                 await api.orders.save_template(name, BRING_TEMPLATE)
 
     run_scenario(tmp_path, scenario)
@@ -341,9 +341,9 @@ def test_an_order_whose_task_is_none_any_more_is_refused_with_the_reason(tmp_pat
         (OrderSaved(name="X", when=Daily(at="08:00"), task=task_request(), template="Bring"), "either a task of its own, or a template"),
         (OrderSaved(name="X", when=Daily(at="08:00"), template="Nothing"), "there is no template Nothing"),
         (OrderSaved(name="X", when=Daily(at="08:00"), task=task_request("Jarr2")), "Jarr2"),
-        (OrderSaved(name="X", when=Daily(at="25:00"), task=task_request()), "is no time of day"),
-        (OrderSaved(name="X", when=Once(at=5.0), task=task_request()), "that moment is over"),
-        (OrderSaved(name=" ", when=Daily(at="08:00"), task=task_request()), "is no name"),
+        (OrderSaved(name="X", when=Daily(at="25:00"), task=task_request()), "is not a time of day"),
+        (OrderSaved(name="X", when=Once(at=5.0), task=task_request()), "that time is in the past"),
+        (OrderSaved(name=" ", when=Daily(at="08:00"), task=task_request()), "is not a name"),
     ],
 )
 def test_an_order_that_could_not_be_stated_is_not_taken(saved: OrderSaved, wrong: str, tmp_path: Path) -> None:
@@ -437,7 +437,7 @@ def test_orders_survive_a_restart_of_the_windows_and_each_time_is_stated_once(tm
             await clock.jump(2)
             run, *_ = await settled(fourth, order, 3)
             assert (run.state, run.task) == (RunState.MISSED, None)
-            assert "has not taken the task" in run.note
+            assert "has not accepted the task" in run.note
         clock.add(3 * DAY)
         async with open_api() as fifth:
             run, *_ = await settled(fifth, order, 4)

@@ -1,1 +1,1 @@
-"""Tasks that are stated again and again by themselves: templates, standing orders, and the scheduler that states them when they are due."""
+"""Repeated tasks: templates, standing orders, and the Scheduler, which submits the tasks of orders when they are due."""

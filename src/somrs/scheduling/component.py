@@ -1,6 +1,7 @@
-"""The Scheduler: keeps templates and standing orders, and has the tasks of orders stated when they are due, each time once.
+"""The Scheduler: keeps templates and standing orders, and submits the task of an order once for each time at which the order is due.
 
-What was due while it did not run is not made up for; it is told. `now` is the time of day: orders go by it.
+Runs that were due while the Scheduler did not run are recorded as missed, and not made up for. `now` is the time of day in seconds since
+1970, since schedules refer to it.
 """
 
 from __future__ import annotations
@@ -41,29 +42,29 @@ from somrs.scheduling.state import Located, MapDue, OrdersDue, SchedulerState, T
 from somrs.scheduling.templates import check, fill_template, name_of
 
 LOOK = 30.0
-"""Seconds after which the time is looked at in any case: the machine's clock may be put forward."""
+"""Maximum seconds between two checks for due orders, since the machine's clock may be set forward."""
 
 READS = orders.ReadTemplates | orders.ReadOrders | orders.ReadRuns
 """Requests that change nothing."""
 
 NEED_MAP = orders.SaveTemplate | orders.SaveOrder | orders.FillTemplate
-"""Requests that wait until the map was read."""
+"""Requests that wait until the map has been read."""
 
 READY_TIME = 25.0
-"""Seconds that a request waits for the map; clients have a little longer for the answer."""
+"""Seconds for which a request waits for the map; less than clients wait for the reply."""
 
 T = TypeVar("T")
 
 
 class Scheduler:
-    """`located`: where the other parts are. It hears of that again whenever it is started: they may be elsewhere then."""
+    """The Scheduler. `located`: the addresses of the other components; its program sends them again at each start, as they may change."""
 
     def __init__(self, address: str, located: Located) -> None:
         self._adopt(SchedulerState.new(address, located))
 
     @classmethod
     def restored(cls, state: SchedulerState) -> Self:
-        """The Scheduler that has this state."""
+        """The Scheduler with this state."""
         scheduler = cls.__new__(cls)
         scheduler._adopt(state)
         return scheduler
@@ -82,11 +83,11 @@ class Scheduler:
 
     @property
     def open(self) -> list[str]:
-        """Nothing: the Task Manager has what is under way, and orders are never over."""
+        """Nothing: the Task Manager holds the running tasks, and orders have no end."""
         return []
 
     def handle(self, event: Input, now: float) -> list[Effect]:
-        """What to do about the input."""
+        """Process an input, and return the effects."""
         match event:
             case Notified(Located() as located):
                 self._locate(located)
@@ -101,7 +102,7 @@ class Scheduler:
         yield from news.effects if news is not None else self._handle(event, now)
         if self.replica.ready:
             yield from self._serve_waiting(now)
-        if news is None or news.reloaded:  # nothing is due because the map changed, and that is most of what comes
+        if news is None or news.reloaded:  # most inputs are map changes, which make nothing due
             yield from self._run_due_orders(now)
 
     def _handle(self, event: Input, now: float) -> Effects:
@@ -130,11 +131,11 @@ class Scheduler:
             self.state.replica = Replica(self.state.address, located.repository)
         self.state.located = located
 
-    # When
+    # Due times
 
     @property
     def next_due(self) -> float | None:
-        """When the next order is due."""
+        """When the next order is due; None if none is."""
         dues = (self._due_after(order, self._considered(order)) for order in self.book.orders.values() if order.enabled)
         return min((due for due in dues if due is not None), default=None)
 
@@ -142,12 +143,12 @@ class Scheduler:
         return due_after(order.when, start, zone_of(self.state.located.zone))
 
     def _considered(self, order: StandingOrder) -> float:
-        """Until when all times were dealt with."""
+        """The time up to which all due times of the order have been processed."""
         runs = self.book.runs_of(order.id)
         return max(order.changed_at, runs[-1].due if runs else 0.0)
 
     def _run_due_orders(self, now: float) -> Effects:
-        """Have everything stated that is due, once the map was read, by which templates are filled in."""
+        """Start the runs of all due orders. This waits for the map, since filling in templates needs it."""
         ready = self.replica.ready
         if ready:
             for order in [*self.book.orders.values()]:
@@ -157,7 +158,7 @@ class Scheduler:
         yield SetTimer(OrdersDue(), max(now, min(time for time in times if time is not None)))
 
     def _state_due(self, order: StandingOrder, now: float) -> Effects:
-        """The last time at which it was due, unless that is long ago; those before were missed."""
+        """Start a run for the order's latest due time unless that is more than `LATE` ago, and record earlier due times as missed."""
         considered, zone = self._considered(order), zone_of(self.state.located.zone)
         times, last_due = due_between(order.when, considered, now, zone)
         if last_due is None:
@@ -178,11 +179,11 @@ class Scheduler:
         return fill_template(self.book.template(order.template or ""), order.values, self.replica)
 
     def _note(self, id: str, run: Run) -> Effects:
-        if id in self.book.orders:  # it may have been taken back meanwhile
+        if id in self.book.orders:  # the order may have been removed meanwhile
             self.book.note(id, run)
             yield from self._publish(orders=True)
 
-    # What is asked
+    # Requests
 
     def _received(self, message: Message, now: float) -> Effects:
         try:
@@ -235,7 +236,7 @@ class Scheduler:
             case orders.ReadOrders(id=str() as id):
                 return orders.OrdersPage(orders=(self._order_view(self.book.order(id), now),))
             case orders.SaveOrder(id=None, saved=saved):
-                # The same message, sent again, is the same order.
+                # The id derives from the message, so that a message that is sent again adds no second order.
                 order_id = message_id("order", message.header.message_id)[9:].replace("-", "")[:12]
                 return (yield from self._save_order(order_id, saved, now))
             case orders.SaveOrder(id=str() as id, saved=saved):
@@ -304,7 +305,7 @@ class Scheduler:
         return (yield from self._order_kept(order, now))
 
     def _check(self, order: StandingOrder) -> None:
-        """Raises InputError where it could not be stated even now."""
+        """Raise InputError if the order's task could not be submitted now."""
         if (order.task is None) is (order.template is None):
             raise UsageError("an order has either a task of its own, or a template; give one of the two")
         if order.task is not None:
@@ -320,7 +321,7 @@ class Scheduler:
         return orders.OrderKept(order=self._order_view(order, now))
 
     def _order_view(self, order: StandingOrder, now: float) -> StandingOrder:
-        """The order, with when it is due next, and what came of the last time."""
+        """The order with its next due time and its last run."""
         runs = self.book.runs_of(order.id)
         next_due = self._due_after(order, max(self._considered(order), now)) if order.enabled else None
         return structs.replace(order, next=next_due, last=runs[-1] if runs else None)
@@ -336,7 +337,7 @@ class Scheduler:
 
     def _subscribe(self, message: Message, lease: float, now: float) -> Send:
         if message.header.sender == ANONYMOUS:
-            raise UsageError("news can only be sent to somebody who has an address: set the sender to one that can be reached")
+            raise UsageError("news can only be sent to a sender with an address: set the sender to an address that can be reached")
         state = self.state
         state.subscribers[message.header.sender] = lease_end = now + lease
         state.subscribers = {address: end for address, end in state.subscribers.items() if end > now}
@@ -349,7 +350,7 @@ class Scheduler:
             yield Send(Message(header=self._header(subscriber), body=news))
 
     def _header(self, subscriber: str) -> Header:
-        # When it was begun is part of the id: with another file, news are counted from 1 again.
+        # The id contains the start time, since with another file the news are counted from 1 again.
         address = self.state.address
         id = message_id(address, subscriber, "news", self.state.news_count, self.state.started_at)
         return Header(sender=address, recipient=subscriber, message_id=id)
@@ -359,14 +360,14 @@ REJECTED = orders.OrdersRejected.__struct_fields__
 
 
 def _page(entries: dict[str, T], cursor: str) -> tuple[list[T], bool]:
-    """As many as one message holds of those behind that name, and whether there are others."""
+    """As many of the entries after `cursor` as one message holds, and whether there are more."""
     names = sorted(name for name in entries if name > cursor)
     page = [*fit_page(entries[name] for name in names)]
     return page, len(page) < len(names)
 
 
 def only_reads(event: Input) -> bool:
-    """Whether a request that changes nothing is answered on its connection, which ends with the process."""
+    """Whether the input is a request that changes nothing and is answered on its connection; such inputs need no journal entry."""
     match event:
         case Received(message):
             return message.header.reply_to == ANONYMOUS and isinstance(message.body, READS)
@@ -389,4 +390,4 @@ SCHEMA = Schema(
     is_read_only=only_reads,
     snapshot_after=1000,
 )
-"""What its journal is made of. To look at fifty orders takes five milliseconds; that is one input in four when nobody asks anything."""
+"""The schema of its journal. A check of fifty orders takes 5 ms; without requests, every fourth input is one."""

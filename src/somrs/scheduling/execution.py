@@ -1,7 +1,7 @@
-"""What becomes of each time at which an order is due: its task is stated once, and followed until it is over.
+"""The execution of a run: the task of an order is submitted once for each due time, and followed until it ends.
 
-The id of the message that states a task is made of the order and the time. So it can be sent again, after an answer that never came, or
-after a restart, and is one task.
+The id of the message that submits the task derives from the order and the due time. The message can therefore be sent again after a
+missing reply or a restart, without creating a second task.
 """
 
 from __future__ import annotations
@@ -23,38 +23,38 @@ from somrs.protocol.messages.records import ReadRecords, Records
 from somrs.scheduling.state import Question, SchedulerState
 
 LATE = 60.0
-"""Seconds after which a time is missed: until then a task is stated late, after a restart, say."""
+"""Seconds after a due time within which its task is still submitted, such as after a restart; later, the run is missed."""
 
 WAIT = 10.0
-"""Seconds that a question waits for a task to end."""
+"""Seconds for which a request waits for a task to end."""
 
 ANSWER_TIME = 5.0
-"""Seconds, besides, after which a question that nobody answered is asked again."""
+"""Additional seconds after which a request without a reply is sent again."""
 
 RETRY_DELAY = 1.0
-"""Seconds before a question is asked again that could not be delivered."""
+"""Seconds after which a request that could not be delivered is sent again."""
 
 ALL_EVENTS = 10**9
-"""More than any task has: only its end is news then."""
+"""A number of events greater than any task has, so that only the task's end is news."""
 
 
 Note = Callable[[str, Run], Effects]
-"""Notes what came of a time at which the order of this id was due."""
+"""Stores a run of the order with this id."""
 
 
 class Execution:
-    """All times whose tasks may be under way. `task_of` gives the task of an order, and raises InputError when there is none."""
+    """The runs whose tasks may be running. `task_of`: returns the task of an order, or raises InputError if it is not valid."""
 
     def __init__(self, scheduler_state: SchedulerState, task_of: Callable[[StandingOrder], Submit], note: Note) -> None:
         self._scheduler_state, self._task_of, self._note = scheduler_state, task_of, note
 
     @property
     def next_retry(self) -> float | None:
-        """When a question is to be asked again."""
+        """When the next request is to be sent again; None if none is open."""
         return min((question.until for question in self._scheduler_state.questions.values()), default=None)
 
     def start_run(self, order: StandingOrder, run: Run, now: float) -> Effects:
-        """State the task, unless the one before runs."""
+        """Submit the task; if the order skips runs, first check that the task of the previous run has ended."""
         earlier_tasks = [
             earlier_run.task
             for earlier_run in self._scheduler_state.book.runs_of(order.id)
@@ -68,23 +68,23 @@ class Execution:
             yield from self._submit(order, run, now)
 
     def ask_again(self, now: float) -> Effects:
-        """Ask again what nobody answered."""
+        """Repeat the requests whose time for a reply has passed."""
         for id, question in [*self._scheduler_state.questions.items()]:
             if question.until <= now:
                 yield from self._unanswered(id, question, now)
 
     def undelivered(self, id: str, now: float) -> None:
-        """A message was not delivered; if it was a question, it is to be asked again."""
+        """Plan the repetition of a request that could not be delivered; ignore other messages."""
         questions = self._scheduler_state.questions
         if (question := questions.get(id)) is not None:
             questions[id] = structs.replace(question, until=now + RETRY_DELAY)
 
     def answered(self, id: str, body: Body, now: float) -> Effects:
-        """An answer to the question that this message asked, which is open."""
+        """Process the reply to an open request. `id`: the id of the request's message."""
         question = self._scheduler_state.questions.pop(id)
         run = self._run(question)
         if run is None:
-            return  # the order was taken back, or it is known already
+            return  # the order was removed, or the result of the run is already known
         if question.about is not None:
             yield from self._check_earlier_task(question, run, body, now)
             return
@@ -106,10 +106,10 @@ class Execution:
                 yield from self._unknown(question.order, run, now)
             case _ if isinstance(question.body, ReadRecords):
                 self._scheduler_state.questions[id] = structs.replace(question, until=now + RETRY_DELAY)
-            case _:  # nobody has it in mind: it may be over long since
+            case _:  # the Task Manager no longer holds the task: it may have ended long ago
                 yield self._ask(question.order, run, ReadRecords(task=run.task, brief=True, limit=1), now)
 
-    # What is asked
+    # Requests
 
     def _ask(
         self,
@@ -141,7 +141,7 @@ class Execution:
             yield self._ask(order.id, run, task, now, author=f"order {order.name}")
 
     def _look(self, order: str, run: Run, now: float) -> Send:
-        """It was not heard whether the task was taken, or it was, and may be over."""
+        """The request for the state of a task that may not have been accepted, or may have ended."""
         return self._ask(order, run, WatchTask(task=run.task or "", after=ALL_EVENTS, wait=0.0), now)
 
     def _follow(self, order: str, run: Run, now: float) -> Send:
@@ -152,12 +152,12 @@ class Execution:
         run = self._run(question)
         if run is None:
             return
-        if question.about is not None:  # as far as is known
+        if question.about is not None:  # without a reply, the earlier task counts as running
             yield from self._skipped(question.order, run, question.about)
         else:
             yield self._look(question.order, run, now)
 
-    # What comes of it
+    # Results
 
     def _run(self, question: Question) -> Run | None:
         runs = self._scheduler_state.book.runs_of(question.order)
@@ -178,18 +178,18 @@ class Execution:
         yield self._follow(order, run, now)
 
     def _unknown(self, id: str, run: Run, now: float) -> Effects:
-        """The Task Manager knows nothing of the task."""
+        """Process the reply that the Task Manager has neither the task nor a record of it."""
         if run.state is RunState.SUBMITTED:
-            yield from self._note(id, structs.replace(run, ended_at=now, note="nothing is known of its task any more"))
+            yield from self._note(id, structs.replace(run, ended_at=now, note="the Task Manager no longer has a record of its task"))
         elif now - run.due <= LATE and (order := self._scheduler_state.book.orders.get(id)) is not None:
             yield from self.start_run(order, run, now)
         else:
-            note = "the Task Manager was not there, and has not taken the task"
+            note = "the Task Manager did not answer, and has not accepted the task"
             yield from self._note(id, structs.replace(run, state=RunState.MISSED, task=None, note=note))
 
     def _check_earlier_task(self, question: Question, run: Run, body: Body, now: float) -> Effects:
-        """What was asked is whether the task before still runs."""
-        assert question.about is not None, "else it is not asked"
+        """Skip the run if the task of the previous run is still running; submit its task otherwise."""
+        assert question.about is not None, "the request is about an earlier task"
         order = self._scheduler_state.book.orders.get(question.order)
         if order is None:
             return
@@ -199,7 +199,7 @@ class Execution:
             yield from self._submit(order, run, now)
 
     def _skipped(self, id: str, run: Run, earlier_task: str) -> Effects:
-        note = f"the task before ({earlier_task}) was still under way"
+        note = f"the previous task ({earlier_task}) was still running"
         yield from self._note(id, structs.replace(run, state=RunState.SKIPPED, task=None, note=note))
 
     def _refused(self, id: str, run: Run, reason: str) -> Effects:
@@ -207,10 +207,10 @@ class Execution:
 
 
 def message_for(order: str, due: float) -> str:
-    """The id of the message that states the order's task of that time."""
+    """The id of the message that submits the order's task for a due time."""
     return message_id("order", order, f"{due:.3f}")
 
 
 def task_for(order: str, due: float) -> str:
-    """As the Task Manager calls it."""
+    """The id of that task in the Task Manager."""
     return message_id("task", message_for(order, due))

@@ -1,4 +1,4 @@
-"""The Scheduler as a program of its own: whoever else runs or not, orders are stated."""
+"""The Scheduler as a program, so that it runs independently of windows and clients."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PATH = "/scheduler"
 
 
 async def run_scheduler(data: Path, addresses: Addresses, host: str, port: int) -> None:
-    """Keep templates and orders, and state what is due, until this process is to end."""
+    """Run the Scheduler until this process is asked to stop."""
     data.mkdir(parents=True, exist_ok=True)
     journal = orders_journal(data / FILE)
     try:
@@ -31,7 +31,7 @@ async def run_scheduler(data: Path, addresses: Addresses, host: str, port: int) 
 
 
 def add_scheduler(runtime: Host, journal: Journal, addresses: Addresses) -> Node:
-    """A Scheduler with that journal, at its path."""
+    """Add a Scheduler with this journal to the runtime, at its path."""
     located = Located(addresses.repository, addresses.task_manager, local_zone())
-    # The other parts may be elsewhere since the journal was written, and so may the machine.
+    # The addresses and the time zone may have changed since the journal was written.
     return runtime.add_journaled(PATH, lambda address: Scheduler(address, located), journal, notices=(located,))

@@ -1,6 +1,7 @@
-"""When something is to happen again: once, every so often, or on days of the week, by local time.
+"""Schedules in local time: once, at an interval, or at a time of day on days of the week.
 
-Times of day that a clock skips, when it is put forward, are taken as if it had not been yet; those that it shows twice happen once.
+A time of day that is skipped when clocks are set forward counts as if they had not been set yet. A time of day that occurs twice when they
+are set back is due once.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ _TIME = re.compile(r"([01]?\d|2[0-3]):([0-5]\d)")
 
 
 def zone_of(name: str) -> tzinfo | None:
-    """The zone of this name; None, which is the machine's own, for none, or one that this machine does not know."""
+    """The time zone with this name; None, for the machine's local time, if the name is empty or unknown."""
     try:
         return ZoneInfo(name) if name else None
     except (KeyError, ValueError, OSError):
@@ -30,27 +31,27 @@ def zone_of(name: str) -> tzinfo | None:
 
 
 def check_recurrence(recurrence: Schedule, now: float) -> Schedule:
-    """As it is to be kept, if it was given now. Raises UsageError for what is no time, or over."""
+    """Check a schedule that is given now, and return its normalized form. Raises UsageError if it is invalid, or in the past."""
     match recurrence:
         case Once(at=time):
             if not math.isfinite(time) or time <= now:
-                raise UsageError("that moment is over; give one that is to come")
+                raise UsageError("that time is in the past; give a time in the future")
             return recurrence
         case Every(minutes=minutes, since=anchor):
             if not (LEAST_MINUTES <= minutes < math.inf) or not math.isfinite(anchor or 0.0):
-                raise UsageError(f"an order is due every {LEAST_MINUTES:g} minutes at the most, and {minutes:g} is less, or no number")
+                raise UsageError(f"the interval of an order is a number of minutes, at least {LEAST_MINUTES:g}; {minutes:g} is not")
             return msgspec.structs.replace(recurrence, since=now if anchor is None else anchor)
         case Daily(at=time, days=days):
             match = _TIME.fullmatch(time.strip())
             if match is None:
-                raise UsageError(f"{time!r} is no time of day; write it as hh:mm, such as 07:30")
+                raise UsageError(f"{time!r} is not a time of day; write it as hh:mm, such as 07:30")
             if wrong := [day for day in days if day not in range(len(DAYS))]:
-                raise UsageError(f"{wrong[0]} is no day of the week; 0 is Monday, 6 is Sunday")
+                raise UsageError(f"{wrong[0]} is not a day of the week; 0 is Monday, 6 is Sunday")
             return Daily(at=f"{int(match[1]):02}:{match[2]}", days=tuple(sorted({*days})))
 
 
 def due_after(recurrence: Schedule, start: float, zone: tzinfo | None = None) -> float | None:
-    """The first time that is later than that; None if there is none. `zone`: whose local time counts; None: this machine's."""
+    """The first due time after `start`; None if there is none. Times are in seconds since 1970; `zone`: None for this machine's."""
     match recurrence:
         case Once(at=time):
             return time if time > start else None
@@ -68,11 +69,11 @@ def due_after(recurrence: Schedule, start: float, zone: tzinfo | None = None) ->
                 if moment > start and (not days or day.weekday() in days):
                     return moment
                 day += timedelta(days=1)
-            raise AssertionError("in nine days there is one of each")
+            raise AssertionError("nine days contain each day of the week")
 
 
 def due_between(recurrence: Schedule, start: float, end: float, zone: tzinfo | None = None) -> tuple[int, float | None]:
-    """How often it was due later than `start` and not later than `end`, and when the last time was."""
+    """The number of due times after `start` and up to `end`, and the last of them."""
     if isinstance(recurrence, Every):
         first = due_after(recurrence, start, zone)
         if first is None or first > end:
@@ -86,7 +87,7 @@ def due_between(recurrence: Schedule, start: float, end: float, zone: tzinfo | N
 
 
 def in_words(recurrence: Schedule, zone: tzinfo | None = None) -> str:
-    """As people say it."""
+    """The schedule as text for users."""
     match recurrence:
         case Once(at=time):
             return f"once, {datetime.fromtimestamp(time, zone):%Y-%m-%d %H:%M}"

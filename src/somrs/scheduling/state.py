@@ -1,4 +1,4 @@
-"""All that a Scheduler knows, as one tree of data; what wakes it; and what its program tells it."""
+"""The state of a Scheduler as one tree of data, its timers, and the notice of its program."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from somrs.scheduling.book import Book
 
 
 class OrdersDue(Struct, frozen=True, tag=True):
-    """An order is due, a question is to be asked again, or the time is to be looked at."""
+    """An order is due, a request is to be repeated, or the clock is to be checked."""
 
 
 class MapDue(Struct, frozen=True, tag=True):
-    """A request has waited long for the map."""
+    """A request has waited too long for the map."""
 
     request: str
 
@@ -25,8 +25,8 @@ Timer = OrdersDue | ReplicaDue | MapDue
 
 
 class Located(Struct, frozen=True, tag=True):
-    """Where the other parts are, and in which zone the machine is, by its name in the time zone database; without one, the machine's
-    own idea of local time counts."""
+    """The addresses of the other components, and the machine's time zone by its name in the time zone database; an empty name stands for
+    the machine's local time."""
 
     repository: str
     task_manager: str
@@ -34,8 +34,8 @@ class Located(Struct, frozen=True, tag=True):
 
 
 class Question(Struct, frozen=True, kw_only=True):
-    """What the Task Manager was asked for a time at which an order was due. `about`: a task of a time before, which may still run.
-    `until`: when it is asked again, if nobody answered."""
+    """An open request to the Task Manager, for the run of an order with this due time. `about`: the task of an earlier run, if the request
+    is whether that still runs. `until`: when the request is repeated if there is no reply."""
 
     order: str
     due: float
@@ -45,9 +45,9 @@ class Question(Struct, frozen=True, kw_only=True):
 
 
 class SchedulerState(Struct, kw_only=True):
-    """`located` is what its program told it last. `questions` are those that are open, by the id of their message; `question_count` counts
-    them, and `news_count` the news. `subscribers`: until when, by address. `started_at`: when it was started last. `until_ready`: requests
-    that need the map, by message id."""
+    """The state of a Scheduler. `located`: the latest notice of its program. `questions`: the open requests to the Task Manager, by message
+    id; `question_count`: the number of requests so far, and `news_count` of news. `subscribers`: the ends of their leases, by address.
+    `started_at`: the time of the last start. `until_ready`: the requests that wait for the map, by message id."""
 
     address: str = ""
     located: Located

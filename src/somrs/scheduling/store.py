@@ -1,4 +1,4 @@
-"""The Scheduler's file: the journal of its inputs, and what the file was like before."""
+"""The Scheduler's file: the journal of its inputs, and the migration from the earlier format."""
 
 from __future__ import annotations
 
@@ -24,22 +24,28 @@ FILE = "orders.sqlite"
 
 
 def orders_journal(path: Path) -> Journal:
-    """Open a Scheduler's file, or make it; its folder must be there. Raises UsageError for a file that is damaged, is somebody else's,
-    or cannot be written."""
+    """Open a Scheduler's file, or create it in an existing folder.
+
+    Raises:
+        UsageError: the file is damaged, is not a Scheduler's, or cannot be written.
+    """
     return Journal(path, SCHEMA, disk=Disk(path, KIND))
 
 
 def _journaled(db: sqlite3.Connection) -> None:
-    """The book was in tables; it becomes a snapshot."""
+    """Migrate a file whose data is in tables to a journal that begins with a snapshot."""
     state = _state(db)
     execute(db, "DROP TABLE templates; DROP TABLE orders; DROP TABLE runs;" + journal.KIND.tables)
     journal.begin_with(db, JournaledComponent(Scheduler.restored(state), SCHEMA), JournalCodec(SCHEMA))
 
 
 def _state(db: sqlite3.Connection) -> SchedulerState:
-    """Where the other parts are, it hears when it is started. Questions were not kept: of each run that was open, the Task Manager is asked
-    what became of it."""
-    # All rows at once: a cursor that is left amid them, at one that is damaged, would go on holding the file.
+    """The state in the tables of the earlier format.
+
+    The program sends the addresses of the other components at the start. The format has no requests: the state gets one for each open run,
+    which reads the state of its task.
+    """
+    # All rows are read at once, since a cursor that stops at a damaged row would keep the file open.
     templates = db.execute("SELECT document FROM templates ORDER BY name").fetchall()
     orders = db.execute("SELECT document FROM orders ORDER BY rowid").fetchall()
     runs: dict[str, tuple[Run, ...]] = {}

@@ -18,7 +18,7 @@ PROBLEM = Problem(file="a.yaml", line=3, subject="Jar", rule="types", message="t
     "error",
     [
         FormulaError("Jar001 isOn\n  Nothing", 14, "there is no Nothing", "did you mean Table001?"),
-        UsageError("that moment is over; give one that is to come"),
+        UsageError("that time is in the past; give a time in the future"),
         NotFound("there is no order 7"),
         ModelError([PROBLEM, Problem(file="b.yaml", line=None, subject="Box", rule="size", message="it has none")]),
         Refused(Rejected(problems=("Jar001: it is too heavy", "and so is Jar002"), broken=(BROKEN,))),

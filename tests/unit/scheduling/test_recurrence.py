@@ -103,12 +103,12 @@ def _is_due(recurrence: Schedule, moment: float) -> bool:
 @pytest.mark.parametrize(
     ("recurrence", "wrong"),
     [
-        (Once(at=9.0), "that moment is over"),
-        (Every(minutes=0), "every 0.1 minutes at the most"),
-        (Every(minutes=float("nan")), "or no number"),
-        (Daily(at="24:00"), "'24:00' is no time of day"),
-        (Daily(at="8"), "is no time of day"),
-        (Daily(at="08:00", days=(7,)), "7 is no day of the week"),
+        (Once(at=9.0), "that time is in the past"),
+        (Every(minutes=0), "a number of minutes, at least 0.1; 0 is not"),
+        (Every(minutes=float("nan")), "nan is not"),
+        (Daily(at="24:00"), "'24:00' is not a time of day"),
+        (Daily(at="8"), "is not a time of day"),
+        (Daily(at="08:00", days=(7,)), "7 is not a day of the week"),
     ],
 )
 def test_what_is_no_time_is_refused(recurrence: Schedule, wrong: str) -> None:
