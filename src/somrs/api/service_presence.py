@@ -12,7 +12,7 @@ from somrs.protocol.messages.directory import Offer, ServicesJoined, ServicesLef
 MAX_CHANGES = 200
 """Maximum number of arrivals and departures in the log."""
 
-UNSEEN = "left while nobody heard of it"
+UNSEEN = "its departure was not reported"
 """The reason of a departure that was not reported."""
 
 

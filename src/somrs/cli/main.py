@@ -140,7 +140,7 @@ def plan(
     data: Data = DEFAULT_FOLDER,
     json: Json = False,
 ) -> None:
-    """Show the plan for a goal without executing it, or why there is none."""
+    """Show the plan for a goal without executing it. Shows why there is none if planning fails."""
     from somrs.cli.preview import plan as run
     from somrs.protocol.messages.clients import Policy, Preview
 

@@ -68,7 +68,7 @@ def world(
     port: PortOption = 0,
     speed: Annotated[str, typer.Option(help="At speed 1, a service of cost 1 takes 1 s; at `max`, no time.")] = "1",
 ) -> None:
-    """The symbolic world, which executes the services of devices without a simulated body."""
+    """The symbolic world of devices without a simulated body."""
     from somrs.client.client import Addresses
     from somrs.deployment.programs import run_program, run_world, speed_of
 
