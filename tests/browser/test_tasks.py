@@ -274,7 +274,7 @@ def test_a_question_of_a_task_is_answered_on_its_page(with_anna: RunningSystem, 
         page.wait_for_timeout(300)
         take_screenshot(page, f"task-question-{size}")
         assert fits(page)
-    answer = question.get_by_label("What is so")
+    answer = question.get_by_label("Situation")
     answer.fill("Jar002 isOn Platfrom001")
     answer.press("Enter")
     expect(page.get_by_text("did you mean Platform001")).to_be_visible()
@@ -282,7 +282,7 @@ def test_a_question_of_a_task_is_answered_on_its_page(with_anna: RunningSystem, 
     answer.fill("Jar002 isOn Platform001")  # Anna took it there herself
     question.get_by_role("button", name="Answer").click()
     expect(question).to_have_count(0)
-    expect(page.get_by_text("Thank you: the answer was taken.")).to_be_visible()
+    expect(page.get_by_text("Answer sent.")).to_be_visible()
     expect(page.locator("header").filter(has_text="Jar002 isOn Platform001")).to_contain_text("Accomplished", timeout=WORK_TIME)
     expect(panel(page, "Story")).to_contain_text("Anna")
     assert formula_holds(with_anna, "Jar002 isOn Platform001")

@@ -1,1 +1,1 @@
-"""The two windows, in the browser: the Repository's (ontology, map) and the Task Manager's (define, watch, fleet, history)."""
+"""The two web windows: the Repository's (ontology, map) and the Task Manager's (new task, tasks, fleet, history)."""

@@ -1,8 +1,8 @@
-"""What never changes, served out of memory: the many small files of a page, which NiceGUI reads and compresses anew for each browser.
+"""An in-memory cache for static files: a page has many small ones, which NiceGUI reads and compresses again for each browser.
 
-NiceGUI says so itself: addresses that hold its version are `immutable` (RFC 8246). But each of its answers also sets the session's cookie,
-and is said to vary with that, so that a browser asks for every file again with every page. Nothing of a file depends on who asks: what is
-kept here says nothing of cookies, and browsers may keep it, too.
+NiceGUI marks addresses that contain its version as `immutable` (RFC 8246). But each response also sets the session cookie and varies by it,
+so that browsers request every file again with every page. These files do not depend on the client. Cached responses therefore omit cookies,
+and browsers may cache them too.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 FILES = "/_nicegui/"
-"""Addresses below which there are only files."""
+"""Prefix of the addresses that serve only files."""
 
 MAX_BYTES = 32 * 2**20
-"""Bytes that are kept in all: a file has more addresses than one, as with `/./` in it, and somebody may try them all."""
+"""Limit of the cache in bytes. One file has many addresses (with `/./` in them), which a client might try out."""
 
 CONDITIONS = ("range", "if-none-match", "if-modified-since", "if-match", "if-unmodified-since", "if-range")
-"""Headers with which a request asks for something else than the whole file."""
+"""Headers that request something other than the whole file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ class _Answer:
 
 
 class Cache:
-    """An ASGI application before another one."""
+    """ASGI middleware that caches files below `FILES`."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
@@ -69,7 +69,7 @@ class Cache:
 
 
 def _patient_receive() -> Receive:
-    """One who asks and does not leave: else a file would end where the first who asked for it closed the page."""
+    """Return a `receive` that never disconnects: otherwise a file would be cut off when the first client closes its page."""
     pending_messages: list[Message] = [{"type": "http.request", "body": b"", "more_body": False}]
 
     async def receive() -> Message:
@@ -83,7 +83,7 @@ def _is_immutable(start: Message) -> bool:
 
 
 def _without_private_headers(start: Message) -> Message:
-    """Without what concerns only the one who asked."""
+    """Return the message without headers that concern only one client."""
     headers = MutableHeaders(raw=[*start["headers"]])
     del headers["set-cookie"]
     vary = [name for name in headers.get("vary", "").split(",") if name.strip() and name.strip().lower() != "cookie"]

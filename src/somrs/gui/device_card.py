@@ -1,4 +1,4 @@
-"""One device on the Fleet page: what it is, whether it takes part, what it does, how it has done, and its faults."""
+"""One device on the Fleet page: type, presence, current work, services with their statistics, faults."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ ICONS = {
     "StationaryManipulator": "precision_manufacturing",
     "MobileRobot": "smart_toy",
 }
-"""By type; that of the nearest type above counts."""
+"""Icons by type; the nearest ancestor type in this mapping decides."""
 
 FAULTS = {
-    Fault.DRIVE: ("Break the drive", "Mend the drive"),
-    Fault.GRIPPER: ("Jam the gripper", "Free the gripper"),
-    Fault.SILENT: ("Make it silent", "Let it speak again"),
-    Fault.LINK: ("Cut the link", "Mend the link"),
+    Fault.DRIVE: ("Break the drive", "Repair the drive"),
+    Fault.GRIPPER: ("Jam the gripper", "Repair the gripper"),
+    Fault.SILENT: ("Stop its messages", "Resume its messages"),
+    Fault.LINK: ("Cut the link", "Restore the link"),
 }
-"""How a fault is made, and how it is mended."""
+"""Labels for causing a fault and for repairing it."""
 
 SIGNS = {
     DeviceState.READY: ("check_circle", "good"),
@@ -38,15 +38,15 @@ SIGNS = {
     DeviceState.NOTHING_ON_OFFER: ("cloud_off", "busy"),
     DeviceState.DEPARTED: ("logout", "plain"),
 }
-"""The icon and the tone of each state."""
+"""Icon and tone of each state."""
 
-LEAVING = {"expired": "fell silent", "retracted": "withdrew its services"}
-"""The Registry's words for going, as people say it."""
+LEAVING = {"expired": "stopped responding", "retracted": "withdrew its services"}
+"""Labels for the Registry's reasons of departure."""
 
 NO_BREAK = "\N{NO-BREAK SPACE}"
 
 Break = Callable[[str, Fault, bool], Awaitable[None]]
-"""Breaks something of a robot, or, if True, mends it."""
+"""Causes a fault of a robot or, if True, repairs it."""
 
 
 def icon(device: DeviceView) -> str:
@@ -54,13 +54,13 @@ def icon(device: DeviceView) -> str:
 
 
 def state(device: DeviceView) -> Sign:
-    """The one word that says most of a device."""
+    """The device's main state."""
     icon, tone = SIGNS[device.state]
     return Sign(icon, LABELS[device.state], tone)
 
 
 class DeviceCard:
-    """Changed in place, so that an open menu and the focus stay."""
+    """The card is updated in place, so that an open menu and the focus stay."""
 
     def __init__(self, device: DeviceView, break_or_mend: Break) -> None:
         self._break = break_or_mend
@@ -78,9 +78,9 @@ class DeviceCard:
             self._faults = ui.element("div").classes("somrs-device-faults")
             self._activities = ui.element("div").classes("somrs-device-doing")
             with ui.element("div").classes("somrs-device-gauges"):
-                self._work = Gauge("Step", "How much of the step is done")
-                self._load = Gauge("Load", "How much of the last 10 minutes it was busy")
-                self._charge = Gauge("Battery", "How much charge is left")
+                self._work = Gauge("Step", "Progress of the step")
+                self._load = Gauge("Load", "Share of the last 10 minutes in which it was busy")
+                self._charge = Gauge("Battery", "Remaining charge")
             self._services = ui.element("div").classes("somrs-device-services").props('role="list" aria-label="Services"')
         self.show_device(device)
 
@@ -112,7 +112,7 @@ class DeviceCard:
         self._charge.show_share(charge / 100, f"{charge:.0f} %", "bad" if charge < 15 else "good")
 
     def _refill_if_changed(self, part: str, value: object, fill: Callable[[], None]) -> None:
-        """Make a part anew when it changed."""
+        """Rebuild a part of the card if its value changed."""
         if part not in self._shown_values or self._shown_values[part] != value:
             self._shown_values[part] = value
             fill()
@@ -123,7 +123,7 @@ class DeviceCard:
             return
         with self._menu, ui.button(icon="bolt").props(f'flat round dense aria-label="Faults of {self.device.name}"') as button:
             button.classes("somrs-turn")
-            ui.tooltip("Break or mend something of this simulated robot").props('anchor="top middle" self="bottom middle"')
+            ui.tooltip("Cause or repair a fault of this simulated robot").props('anchor="top middle" self="bottom middle"')
             with ui.menu():
                 for fault, (breaks, mends) in FAULTS.items():
                     broken = fault in faults
@@ -144,7 +144,7 @@ class DeviceCard:
         with self._activities:
             for activity in self.device.assignments:
                 with ui.element("div"):
-                    ui.label("now" if activity.state in BUSY else "then").classes("somrs-soft somrs-device-when")
+                    ui.label("now" if activity.state in BUSY else "next").classes("somrs-soft somrs-device-when")
                     with ui.link(target=f"/tasks/{activity.task}").classes("somrs-device-task"):
                         ui.label(_activity_text(activity))
                         ui.label(f"for {activity.effect}").classes("somrs-formula somrs-soft")
@@ -155,13 +155,13 @@ class DeviceCard:
             for service in self.device.services:
                 _service(service)
             if not self.device.services:
-                ui.label("It offers no service.").classes("somrs-soft")
+                ui.label("No services.").classes("somrs-soft")
 
 
 def _service(service: ServiceView) -> None:
     price = f"{service.price:g} EUR" if service.price is not None else ""
     with ui.element("div").props('role="listitem"').classes("somrs-device-service"):
-        ui.label(service.type).classes("somrs-device-service-name").tooltip(f"brings about: {service.effect}")
+        ui.label(service.type).classes("somrs-device-service-name").tooltip(f"effect: {service.effect}")
         ui.label(price if service.on_offer else "not on offer").classes("somrs-soft")
         tally = service.tally.in_words()
         if service.tally.started:
@@ -185,7 +185,7 @@ def _position_text(device: DeviceView) -> str:
 
 
 def _note(device: DeviceView) -> str:
-    """What else is to be known of it just now."""
+    """Departure, held objects and current command, in sentences; empty if there is nothing to report."""
     parts: list[str] = []
     if device.departed_at is not None:
         parts.append(f"It {LEAVING.get(device.reason, device.reason)} at {format_time(device.departed_at)}.")
@@ -208,4 +208,4 @@ COMMAND_LABELS = {
     "LookAround": "looking around",
     "Stop": "stopping",
 }
-"""The robot link's commands, as people say them."""
+"""Labels of the robot link's commands."""

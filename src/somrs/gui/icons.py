@@ -1,4 +1,4 @@
-"""Small signs that pages share: states with an icon and a word, bars with a text, moments and lengths of time."""
+"""Small shared elements: status badges, gauges, and formats for times and durations."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from somrs.protocol.messages.frp import Outcome
 
 @dataclass(frozen=True, slots=True)
 class Sign:
-    """`tone`: good, bad, busy or plain; an icon and a word say the same without colour."""
+    """`tone`: good, bad, busy or plain. Icon and text convey the status without colour."""
 
     icon: str
     text: str
@@ -29,7 +29,7 @@ OUTCOMES = {
 
 
 class Badge:
-    """A sign that can be changed."""
+    """A status badge that can be updated."""
 
     def __init__(self, sign: Sign) -> None:
         with ui.element("span") as self.element:
@@ -47,7 +47,7 @@ class Badge:
 
 
 class Gauge:
-    """A bar from nothing to all, with its meaning before and its value behind it."""
+    """A horizontal bar from 0 to 100 %, with a label before and a value after it."""
 
     def __init__(self, label: str, tip: str) -> None:
         with ui.element("div").classes("somrs-gauge") as self.element:
@@ -68,13 +68,13 @@ class Gauge:
 
 
 def format_time(timestamp: float) -> str:
-    """With the date, unless it is today."""
+    """Format a local time; the date is included unless it is today."""
     moment = datetime.fromtimestamp(timestamp)
     return f"{moment:%H:%M:%S}" if moment.date() == datetime.now().date() else f"{moment:%Y-%m-%d %H:%M}"
 
 
 def format_duration(seconds: float) -> str:
-    """So long, as people say it."""
+    """Format a duration: `4.2 s`, `15 s`, `3 min`, `2 h 5 min`."""
     if seconds < 10:
         return f"{seconds:.1f} s"
     if seconds < 120:

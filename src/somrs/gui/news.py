@@ -1,4 +1,4 @@
-"""How a page that is open hears of what happens."""
+"""Subscriptions of open pages to the API's news."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ NewsHandler = Callable[[News], Awaitable[None]]
 
 
 def follow(hub: Hub, topic: str, begin: Callable[[], Awaitable[None]], hear: NewsHandler) -> None:
-    """Have `begin` called once the page of this moment is in its browser, and `hear` with all news of the topic from then on, until the
-    page is closed. What cannot be read, as a part of the system is away, is read with the next news: after it was away, there are some."""
+    """Call `begin` once the current page is open in its browser, then `hear` with each news of the topic until the page is closed. If
+    `begin` fails because a component is unavailable, it is called again with the next news."""
     client = ui.context.client
 
     async def following() -> None:
@@ -40,6 +40,6 @@ async def _try_read(topic: str, read: Callable[[], Awaitable[None]]) -> bool:
     try:
         await read()
     except SomrsError as error:
-        log.info("the news of %s could not be shown: %s", topic, error)
+        log.info("cannot show news of %s: %s", topic, error)
         return False
     return True

@@ -1,4 +1,4 @@
-"""A part of a page with a title, that can be folded away; it stays so in this browser."""
+"""A collapsible part of a page with a title; its state is kept in the browser."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from nicegui import app, ui
 from nicegui.events import GenericEventArguments
 
 FOLDED = "folded"
-"""In the browser's settings: the keys of panels that are folded."""
+"""Key in the browser's settings: the panels that are collapsed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """`note` stands beside the title, and is seen when the panel is folded, too."""
+    """`note` is shown beside the title, also when the panel is collapsed."""
 
     element: ui.element
     note: ui.label
@@ -23,7 +23,7 @@ class Panel:
 
 @contextmanager
 def panel(title: str, icon: str, key: str, classes: str = "") -> Iterator[Panel]:
-    """What is made inside is what can be folded. `key` names it among all panels of this browser."""
+    """Add a panel; the elements made inside are its content. `key` identifies the panel in the browser's settings."""
     folded = key in app.storage.user.get(FOLDED, ())
     with ui.element("details").classes(f"somrs-sheet somrs-panel {classes}").props("" if folded else "open") as element:
         with ui.element("summary").classes("somrs-panel-head"):

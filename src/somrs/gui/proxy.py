@@ -1,4 +1,4 @@
-"""`/api` below the windows' own address, for browsers: requests and WebSockets are passed on to the API, and its answers back."""
+"""A proxy for `/api` at the windows' own address: it forwards requests and WebSockets of browsers to the API."""
 
 from __future__ import annotations
 
@@ -21,20 +21,21 @@ from somrs.runtime.wire import Unanswered
 HOP_HEADERS = frozenset(
     ("connection", "keep-alive", "proxy-authenticate", "proxy-authorization", "te", "trailer", "transfer-encoding", "upgrade")
 )
-"""Headers that concern one connection only (RFC 9110, 7.6.1)."""
+"""Hop-by-hop headers (RFC 9110, 7.6.1)."""
 
 DROPPED_HEADERS = HOP_HEADERS | {"host", "cookie", "accept-encoding"}
-"""Of a request: also who is asked, what the pages keep in the browser; and between two programs of one machine nothing is compressed."""
+"""Request headers that are not forwarded: the host, and the cookies of the pages. Without compression, as both programs usually run on one
+machine."""
 
 CHUNK_SIZE = 2**16
-"""Bytes that are passed on at once."""
+"""Bytes forwarded at once."""
 
 UNAVAILABLE_CODE = 1013
-"""The WebSocket's code for: it is not there now."""
+"""WebSocket close code "Try again later"."""
 
 
 class Proxy:
-    """An ASGI application, mounted where the API is to be seen."""
+    """An ASGI application, mounted at the path of the API."""
 
     def __init__(self, api: ApiClient) -> None:
         self._api = api
@@ -91,7 +92,7 @@ class Proxy:
 
 
 async def _forward_to_api(browser: WebSocket, api: aiohttp.ClientWebSocketResponse) -> None:
-    """What the browser says, until it is gone."""
+    """Forward the browser's messages until it disconnects."""
     with contextlib.suppress(aiohttp.ClientError, ConnectionError, RuntimeError, WebSocketDisconnect):
         while (message := await browser.receive())["type"] == "websocket.receive":
             if (text := message.get("text")) is not None:
@@ -101,7 +102,8 @@ async def _forward_to_api(browser: WebSocket, api: aiohttp.ClientWebSocketRespon
 
 
 async def _forward_to_browser(api: aiohttp.ClientWebSocketResponse, browser: WebSocket) -> None:
-    """What the API says, until it is gone: then the browser's connection ends, too. Who is slow holds it up, so that it skips ticks."""
+    """Forward the API's messages until it disconnects; then close the browser's connection. A slow browser delays the API's connection, so
+    that ticks are skipped."""
     with contextlib.suppress(RuntimeError, WebSocketDisconnect):
         while True:
             message = await api.receive()

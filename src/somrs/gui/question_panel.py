@@ -1,4 +1,4 @@
-"""Open questions to people, with a place for the answer."""
+"""Open questions to people, with fields for the answers."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from somrs.gui.shell import guarded, notify
 
 
 class QuestionPanel:
-    """The open questions, while the page is open; `about`: only those about one of these objects. What was typed stays while other
-    questions come and go."""
+    """The open questions, kept up to date. `object_names`: show only questions about these objects. A typed answer stays while other
+    questions are added and removed."""
 
     def __init__(self, api: LiveApi, object_names: frozenset[str] | None = None, empty_text: str = "") -> None:
         self._api, self._object_names = api, object_names
@@ -30,7 +30,7 @@ class QuestionPanel:
         follow(api.context.hub, "questions", self._read, self._handle_news)
 
     def set_objects(self, object_names: frozenset[str]) -> None:
-        """Those about one of these objects from now on."""
+        """Show only questions about these objects."""
         if object_names != self._object_names:
             self._object_names = object_names
             self._render(self._open_questions)
@@ -75,11 +75,11 @@ class _QuestionCard:
                 ui.label(f"{question.person} is asked")
                 self._time_left = ui.label().classes("somrs-soft")
             ui.label(question.text)
-            self._formula = ui.input("What is so", placeholder=f"such as {question.about} isOn Table001").props("outlined dense")
+            self._formula = ui.input("Situation (formula)", placeholder=f"e.g. {question.about} isOn Table001").props("outlined dense")
             self._formula.classes("somrs-formula").on("keydown.enter", guarded(self._answer))
             with ui.element("div").classes("somrs-question-ways"):
                 ui.button("Answer", on_click=guarded(self._answer)).props("unelevated dense no-caps color=primary")
-                ui.button("I cannot tell", on_click=guarded(self._answer_unknown)).props("flat dense no-caps")
+                ui.button("I don't know", on_click=guarded(self._answer_unknown)).props("flat dense no-caps")
         self.tick()
 
     def tick(self) -> None:
@@ -88,7 +88,7 @@ class _QuestionCard:
     async def _answer(self) -> None:
         if not str(self._formula.value or "").strip():
             self._formula.run_method("focus")
-            notify("Say what is so as a formula, or that you cannot tell.", bad=True)
+            notify("Enter the situation as a formula, or choose “I don't know”.", bad=True)
             return
         await self._send_answer(str(self._formula.value))
 
@@ -98,5 +98,5 @@ class _QuestionCard:
     async def _send_answer(self, formula: str | None) -> None:
         page = ui.context.client
         await self._api.questions.answer(self._question.number, Answer(formula=formula))
-        with page:  # this panel may be gone by now: the question is open no more
-            notify("Thank you: the answer was taken.")
+        with page:  # the question may be closed and this panel removed by now
+            notify("Answer sent.")

@@ -1,5 +1,5 @@
-"""The windows' server: the pages, and, below `/api`, the API, which runs elsewhere. Browsers ask nobody else, and it binds the loopback
-address unless told otherwise."""
+"""The windows' server: the pages and, below `/api`, a proxy to the API. Browsers connect to this server only. It listens on the loopback
+address by default."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ if TYPE_CHECKING:
     from fastapi import FastAPI
 
 SECRET_FILE = "gui.secret"
-"""In the data folder: what the cookies of browsers are signed with, so that a restart does not forget their settings."""
+"""File in the data folder with the key that signs browser cookies, so that browser settings survive a restart."""
 
 RECONNECT_TIME = 60.0
-"""Seconds for which a page is kept whose browser is silent, as one that is busy with drawing may be: 0.4 of them until it counts as gone,
-and all of them until it is forgotten. A page that was forgotten is loaded anew, and what people were doing on it is lost."""
+"""Seconds for which a page is kept when its browser does not respond, e.g. while it draws a large scene. It counts as disconnected after
+0.4 of this time. A page that was dropped is reloaded, and unsaved input is lost."""
 
 
 async def run_gui(data: Path, addresses: Addresses, host: str, port: int) -> None:
-    """Serve the windows until this process is to end."""
-    os.environ.setdefault("NICEGUI_STORAGE_PATH", str((data / "gui").resolve()))  # read when NiceGUI is imported
+    """Serve the windows until the process is stopped."""
+    os.environ.setdefault("NICEGUI_STORAGE_PATH", str((data / "gui").resolve()))  # NiceGUI reads this when it is imported
     listener = bound(host, port)
     async with live_api(address_of(addresses)) as api:
         config = uvicorn.Config(
@@ -70,7 +70,7 @@ def _application(api: LiveApi, data: Path) -> FastAPI:
         show_welcome_message=False,
         reconnect_timeout=RECONNECT_TIME,
         language="en-US",
-        tailwind=False,  # the look is all in look.css; Tailwind would read every page anew at each of its changes
+        tailwind=False,  # all styles are in look.css; Tailwind would parse the page again at each change
     )
     return pages
 

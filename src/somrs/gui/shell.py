@@ -1,4 +1,4 @@
-"""What all pages have around them: the way to the others, light and dark, who sits there, and messages."""
+"""The frame of all pages: navigation, colour theme, author and notifications."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ R = TypeVar("R")
 
 
 class Focusable(Protocol):
-    """An element of a page that can be typed into, or pressed."""
+    """An element that can take the focus."""
 
     @property
     def id(self) -> int: ...
@@ -28,7 +28,7 @@ class Focusable(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class PageLink:
-    """A page that one can go to."""
+    """A page in the navigation."""
 
     path: str
     label: str
@@ -48,14 +48,14 @@ PAGE_LINKS = (
 STYLESHEET = "/look/look.css"
 
 for popup in (ui.select, ui.menu, ui.dialog):
-    # Lists, menus and dialogs come and go at once. While one moves, Quasar holds back where the focus is to go, and takes it there
-    # afterwards, from wherever somebody types by then.
+    # Lists, menus and dialogs appear without animation: during one, Quasar delays setting the focus, and may take it from the field in
+    # which the user types by then.
     popup.default_props("transition-duration=0")
 
 
 @contextmanager
 def page(title: str, path: str, api: LiveApi) -> Iterator[None]:
-    """The frame of a page; what is made inside is its content. `path`: the place that it belongs to."""
+    """Add the frame of a page; the elements made inside are its content. `path`: the navigation entry to highlight."""
     ui.page_title(f"{title} · SO-MRS")
     ui.add_head_html(f'<link rel="stylesheet" href="{STYLESHEET}">')
     dark = ui.dark_mode(value=app.storage.user.get("dark"))
@@ -71,7 +71,7 @@ def page(title: str, path: str, api: LiveApi) -> Iterator[None]:
             ui.icon("api")
             ui.label("API").classes("somrs-way-label")
         button = ui.button().props("flat round dense").classes("somrs-turn")
-        button.props(f"icon={_icon(dark.value)} aria-label='Light or dark'").tooltip("Light, dark, or as the system")
+        button.props(f"icon={_icon(dark.value)} aria-label='Colour theme'").tooltip("Colour theme: light, dark, or as in the system")
         button.on_click(lambda: _switch_theme(dark, button))
     with ui.element("main").classes("somrs-main") as content:
         yield
@@ -101,20 +101,19 @@ def _switch_theme(dark: ui.dark_mode, button: ui.button) -> None:
 
 
 def author() -> str:
-    """Who sits in front of the page, as histories record them: what was said in this browser, or the user of this machine. `person` shows
-    them."""
+    """The user's name as histories record it: the one entered in this browser, or the user of this machine. `person_name` formats it."""
     return str(app.storage.user.get("author") or client_name())
 
 
 def notify(text: str, *, bad: bool = False) -> None:
-    """A message that stays until it is read, when it is a bad one."""
+    """Show a message. An error (`bad`) stays until it is closed."""
     kind: Literal["negative", "positive"] = "negative" if bad else "positive"
     ui.notify(text, type=kind, timeout=0 if bad else 4000, close_button="Close" if bad else False, multi_line=True)
 
 
 def focus(field: Focusable, *, unless_left: Focusable | None = None) -> None:
-    """Have what is typed go into the field, at once: Quasar's own `focus` waits until lists have closed, and takes what is typed by then
-    from where it is meant to go. With `unless_left`, only for who is still there, or nowhere."""
+    """Focus a field at once: Quasar's own `focus` waits until lists have closed. With `unless_left`, only if the focus is still in that
+    element or nowhere."""
     script = f"const field = getHtmlElement({field.id}); (field?.querySelector('input, textarea') ?? field)?.focus();"
     if unless_left is not None:
         focus_check = f"[document.body, null].includes(at) || getHtmlElement({unless_left.id})?.contains(at)"
@@ -123,7 +122,7 @@ def focus(field: Focusable, *, unless_left: Focusable | None = None) -> None:
 
 
 def guarded(action: Callable[P, Awaitable[R]]) -> Callable[P, Awaitable[R | None]]:
-    """The action, with what cannot be done told to whoever asked for it; nothing of what they wrote is lost."""
+    """Wrap an action so that its SomrsErrors are shown as notifications; the user's input stays."""
 
     @wraps(action)
     async def guard(*args: P.args, **kwargs: P.kwargs) -> R | None:

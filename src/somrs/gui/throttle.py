@@ -1,4 +1,4 @@
-"""Changing a page not for every piece of news, but for all that come within a moment."""
+"""Combining several pieces of news into one update of a page."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from collections.abc import Callable
 from nicegui import background_tasks, ui
 
 PAUSE = 0.2
-"""Seconds; what happens within is one change of the page."""
+"""Seconds; all news within this time make one update."""
 
 
 class Throttle:
-    """Called as often as one likes, it calls the action a moment after the first time, in the page of now, and then is ready again."""
+    """A callable that runs the action at most once in each `pause`, in the page in which it was made."""
 
     def __init__(self, action: Callable[[], None], pause: float = PAUSE) -> None:
         self._action, self._pause = action, pause

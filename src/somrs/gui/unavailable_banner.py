@@ -1,4 +1,4 @@
-"""A line that says that a part of the system does not answer, as long as that is so."""
+"""Banners that report that a part of the system does not answer."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from somrs.gui.news import follow
 
 
 class UnavailableBanner:
-    """Of the `part`, as the system's page names it."""
+    """Banner for one part, by its name in the system overview."""
 
     def __init__(self, api: LiveApi, part: str) -> None:
         self._part = part
@@ -25,7 +25,7 @@ class UnavailableBanner:
         follow(api.context.hub, "system", self._begin, self._handle_news)
 
     async def _begin(self) -> None:
-        """It is as it was until it is heard."""
+        """Do nothing: the banner stays as it is until news arrive."""
 
     async def _handle_news(self, news: News) -> None:
         if not isinstance(news.value, SystemView):
@@ -33,7 +33,7 @@ class UnavailableBanner:
         silent = any(part.name == self._part and part.milliseconds is None for part in news.value.parts)
         if silent:
             self._label.set_text(
-                f"The {self._part} does not answer. This is as it was at {format_time(self._answered_at)}, and goes on by itself."
+                f"The {self._part} does not answer. Data from {format_time(self._answered_at)}; updates resume automatically."
             )
         else:
             self._answered_at = time.time()
@@ -41,7 +41,7 @@ class UnavailableBanner:
 
 
 class ApiUnavailableBanner:
-    """Of the API: while it is not there, nothing on any page changes."""
+    """Banner for the API, without which no page is updated."""
 
     def __init__(self, hub: LiveHub) -> None:
         self._hub = hub
@@ -59,6 +59,6 @@ class ApiUnavailableBanner:
     def _update(self) -> None:
         if not self._hub.connected and not self._label.visible:
             self._label.set_text(
-                f"The API does not answer. What is shown is as it was at {format_time(time.time())}, and goes on by itself."
+                f"The API does not answer. Data from {format_time(time.time())}; updates resume automatically."
             )
         self._label.visible = not self._hub.connected

@@ -1,7 +1,7 @@
-"""What pages are made of and NiceGUI does not bring: components of our own, in JavaScript, each with its Python side.
+"""UI components that NiceGUI does not provide: JavaScript elements, each with its Python class.
 
-A folder for each kind of thing that they draw. Beside an element (`NAME.js`, or `NAME.py` and `NAME.js`) are the `modules` that it is made
-of, which the browser finds as `somrs-FOLDER/NAME.js`.
+One folder for each subject. An element is `NAME.js`, or `NAME.py` and `NAME.js`; its `modules` are imported in the browser as
+`somrs-FOLDER/NAME.js`.
 """
 
 from __future__ import annotations
@@ -9,4 +9,4 @@ from __future__ import annotations
 from pathlib import Path
 
 LIVE = Path(__file__).with_name("live.js")
-"""News from the API, for elements that follow it by themselves."""
+"""JavaScript module that subscribes to the API's news."""

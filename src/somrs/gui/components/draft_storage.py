@@ -1,4 +1,4 @@
-"""Keeps what is written in forms in the browser's tab, so that it outlives the page and the server."""
+"""Form drafts kept in the browser tab, so that they survive a reload of the page and a restart of the server."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from nicegui.events import GenericEventArguments
 
 
 class DraftStorage(Element, component="draft_storage.js"):
-    """`on_restore` gets what was kept on the `shelf` when the page was made: JSON objects with the form's values in `form`."""
+    """An invisible element that stores drafts. After the page has loaded, `on_restore` receives the drafts stored under `storage_key`: JSON
+    objects whose `form` holds the values."""
 
     def __init__(self, storage_key: str, on_restore: Callable[[list[Any]], None]) -> None:
         super().__init__()
@@ -29,6 +30,6 @@ class DraftStorage(Element, component="draft_storage.js"):
         self.run_method("forget", key)
 
     def mirror(self, element: Element, event: str, key: str, path: str, value: str = "value") -> None:
-        """Keep what is written into the element as it is written; `value`: how to say it in JavaScript, of the event's `value`."""
+        """Store the element's value on each `event`. `value`: the JavaScript expression that yields it from the event's `value`."""
         store_script = f"getElement({self.id})?.put({json.dumps(key)}, {json.dumps(path)}, {value})"
         element.on(event, js_handler=f"(value) => {store_script}")

@@ -1,1 +1,1 @@
-"""What is chosen from: by typing a part of a name, or in a tree."""
+"""Fields for choosing: by typing part of a name, or in a tree."""

@@ -1,4 +1,4 @@
-"""A field in which one of many is chosen by typing a part of its name: of a list, or of the things on the map.
+"""A field for choosing an item by typing part of its name: from a list, or from the objects on the map.
 
 Picker("Thing", source=things(), on_pick=picked)
 Picker("Colour", options=[Choice(value="Red"), Choice(value="Blue")], value="Red", on_pick=picked)
@@ -14,7 +14,7 @@ from nicegui.events import GenericEventArguments
 
 
 class Choice(TypedDict):
-    """`text` is shown instead of the value; `symbol`: a Material icon; those of a `group` stand together under its name."""
+    """`text` is shown instead of the value. `symbol`: name of a Material icon. Choices of the same `group` are listed together."""
 
     value: str
     text: NotRequired[str]
@@ -24,15 +24,15 @@ class Choice(TypedDict):
 
 
 def things(*, type: str | None = None, relation: str | None = None, place: int = 0) -> dict[str, Any]:
-    """All things on the map, those of a type, or those that fit a place of a relation, counted from 0."""
+    """Source of all objects on the map, of those of a type, or of those that fit an argument of a relation (`place`, counted from 0)."""
     if relation is not None:
         return {"relation": relation, "place": place}
     return {"type": type} if type is not None else {"place": 0}
 
 
 class Picker(Element, component="picker.js"):
-    """`label`: what it is called for those who do not see it; `source` as `things` has it, or `options`. What is chosen is the `value`, and
-    `on_pick` hears of it."""
+    """`label`: the accessible name. Choices come from `source` (see `things`) or `options`. `value` is the chosen one; `on_pick` is called
+    when the user chooses."""
 
     def __init__(
         self,
@@ -56,15 +56,15 @@ class Picker(Element, component="picker.js"):
         self.on("pick", picked)
 
     def choose(self, value: str) -> None:
-        """Have another one chosen; nobody is told."""
+        """Set the chosen value without calling `on_pick`."""
         self.value = self._props["value"] = value
 
     def offer(self, *, options: Sequence[Choice] | None = None, source: dict[str, Any] | None = None) -> None:
-        """Have others to choose from."""
+        """Replace the choices."""
         self._props.update({"options": list(options or ()), "source": source})
 
     def blame(self, problem: str) -> None:
-        """Show that what is chosen is not right, and why; an empty text ends that."""
+        """Show an error at the field; an empty text clears it."""
         if self._props.get("problem", "") != problem:
             self._props["problem"] = problem
 

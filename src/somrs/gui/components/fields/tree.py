@@ -1,4 +1,4 @@
-"""A tree of names that is found in by typing, walked by arrow keys, and rearranged by dragging: what Quasar's own tree does not do."""
+"""A searchable tree of names with keyboard navigation and drag and drop, which Quasar's tree lacks."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from nicegui.events import GenericEventArguments
 
 
 class Node(TypedDict):
-    """`problem`: what is wrong with it, in a line; `count`: how many of it there are; `draft`: something was written and not saved."""
+    """`problem`: an error message in one line. `count`: number of instances. `draft`: has unsaved changes."""
 
     id: str
     label: str
@@ -21,7 +21,7 @@ class Node(TypedDict):
 
 
 class Tree(Element, component="tree.js"):
-    """`pick` hears which node was chosen; `move`, if given, which node is to go below which."""
+    """`pick` is called with the id of the chosen node; `move`, if given, with a dragged node and its new parent."""
 
     def __init__(
         self,
@@ -46,7 +46,7 @@ class Tree(Element, component="tree.js"):
             self.on("move", moved)
 
     def show_nodes(self, nodes: Sequence[Node]) -> None:
-        """These nodes from now on; what is open and what is searched for stay."""
+        """Replace the nodes; the expanded nodes and the search text stay."""
         if self._props["nodes"] != nodes:
             self._props["nodes"] = list(nodes)
 

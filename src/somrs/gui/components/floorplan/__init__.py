@@ -1,23 +1,22 @@
-"""The floor plan of a storey, drawn to scale from the objects of the map: an element for any page.
+"""The floor plan of a storey, drawn to scale from the objects of the map.
 
-It reads the map and its news from the API by itself, and where things are that move, so a page only says what to show and hears what
-people do:
+The element reads the map, its changes and the poses of moving objects from the API. The page sets what to show and handles the events:
 
     plan = FloorPlan(mode="edit")
     plan.on_select(lambda at: ...)
 
-Modes: in `view`, things are only chosen. In `pick`, a thing (or a robot) is dragged to where it should be; it stays where it is, and
-the page hears `dropped`. In `edit`, objects are moved and turned, by mouse, finger or keys; the page hears `moved`, changes the map, and
-says `settled(name, version)`, or `back(name)` when that was refused.
+Modes: in `view`, objects can only be selected. In `pick`, the user drags a thing or a robot to where it should be; the object stays where
+it is, and the element emits `dropped`. In `edit`, the user moves and turns objects by mouse, touch or keys; the element emits `moved`, and
+the page changes the map and calls `confirm_move(name, version)`, or `reject_move(name)` if the change is refused.
 
 Events, each with a dict:
-- `select {name}`: what was chosen, None for nothing. Say so with `choose`, also for what was chosen elsewhere.
-- `moved {name, x, y, turned, target, version}`: where to (metres, radians), what would be below it (a thing only), and of which version
-  the map was when it was taken. `unanswered {names}`: they went back, for nobody said whether they may stay.
+- `select {name}`: the selected object, None for nothing. The page confirms it with `choose`, which also selects from elsewhere.
+- `moved {name, x, y, turned, target, version}`: the new position (metres, radians), the object below it (for things only), and the version
+  of the map when the drag began. `unanswered {names}`: these objects were moved back because the page did not answer.
 - `dropped {thing, target, x, y}` and `picked {name, x, y, target}`, in `pick`. `target`: the highest support, place or floor there.
-- `placed {type, x, y, turned, target, storey}`: where something new goes, after `place(type)`; `stopped {}`: nowhere.
+- `placed {type, x, y, turned, target, storey}`: the position of a new object, after `place(type)`; `stopped {}`: placing was cancelled.
 - `open {name}` (Enter, double click), `remove {name}` (Delete), `undo {}` (Ctrl+Z).
-- `storey {name, alone}`: which one is shown, and whether there is no other; `loaded {version, objects}`: a map was read.
+- `storey {name, alone}`: the storey shown, and whether it is the only one; `loaded {version, objects}`: a map was read.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ EventHandler = Callable[[dict[str, Any]], Awaitable[None] | None]
 
 
 class FloorPlan(Element, component="floorplan.js", dependencies=[LIVE], esm={"somrs-floorplan": "modules", "somrs-scene": str(MODULES)}):
-    """`storey`: which one to show, else the first; `snap`: metres between the points that dragged objects snap to, 0 for none."""
+    """`storey`: the storey to show, by default the first. `snap`: grid size for dragged objects in metres, 0 for none."""
 
     def __init__(self, *, mode: Mode = "view", storey: str | None = None, snap: float = 0.0, legend: bool = False) -> None:
         super().__init__()
@@ -65,11 +64,11 @@ class FloorPlan(Element, component="floorplan.js", dependencies=[LIVE], esm={"so
         self._set_prop("snap", metres)
 
     def choose(self, name: str | None) -> None:
-        """Frame an object as the chosen one."""
+        """Show an object as selected."""
         self._set_prop("selected", name)
 
     def highlight(self, marks: Mapping[str, str] | Iterable[str]) -> None:
-        """Ring objects; with a mapping, write something behind each name, such as the variable that it is."""
+        """Mark objects with a ring. A mapping gives the text to append to each label, such as the variable that the object is bound to."""
         pairs = marks.items() if isinstance(marks, Mapping) else ((name, "") for name in marks)
         self._set_prop("highlighted", [{"name": name, "mark": mark} for name, mark in pairs])
 
@@ -78,7 +77,7 @@ class FloorPlan(Element, component="floorplan.js", dependencies=[LIVE], esm={"so
         self._set_prop("relations", list(relations))
 
     def point(self, ways: Iterable[tuple[str, str | tuple[float, float]]]) -> None:
-        """Draw arrows: from a thing to the object or the spot where it is to be."""
+        """Draw arrows from things to the objects or positions where they should be."""
         arrows = [
             {"thing": thing, "target": target} if isinstance(target, str) else {"thing": thing, "x": target[0], "y": target[1]}
             for thing, target in ways
@@ -86,34 +85,35 @@ class FloorPlan(Element, component="floorplan.js", dependencies=[LIVE], esm={"so
         self._set_prop("arrows", arrows)
 
     def show_version(self, version: int | None) -> None:
-        """Show the map as it was at a version; None for as it is, and goes on to be."""
+        """Show a past version of the map; None: the current one, with updates."""
         self._set_prop("version", version)
 
     def fit(self) -> None:
         self.run_method("fit")
 
     def show_object(self, name: str) -> None:
-        """Have an object in view."""
+        """Scroll the plan so that an object is visible."""
         self.run_method("show", name)
 
-    # What becomes of what was done
+    # Responses to moves
 
     def confirm_move(self, name: str, version: int) -> None:
-        """What was moved is so on the map since the version."""
+        """Report that the map contains the move since this version."""
         self.run_method("settled", name, version)
 
     def reject_move(self, name: str) -> None:
-        """What was moved may not stay there."""
+        """Move the object back: the move was refused."""
         self.run_method("back", name)
 
     def place(self, type_name: str | None, values: Mapping[str, object] | None = None) -> None:
-        """Have people click where a new object of the type goes; None stops that. `values`: what it has beside the type's defaults."""
+        """Let the user click where a new object of the type goes; None cancels. `values`: attributes that differ from the type's
+        defaults."""
         self.run_method("place", type_name, dict(values or {}))
 
     def focus(self) -> None:
         self.run_method("focus")
 
-    # What people do
+    # Events
 
     def _add_handler(self, event: str, handler: EventHandler) -> FloorPlan:
         def handle(arguments: GenericEventArguments) -> Awaitable[None] | None:

@@ -1,18 +1,18 @@
-"""A field for a formula: completion while one types, mistakes underlined and said beneath, several lines, Ctrl+Enter submits.
+"""A field for a formula of one or several lines, with completion, checking and submission by Ctrl+Enter.
 
-    field = FormulaField("What is to be", value="Jar002 isOn Platform001", variables={"Self": "Room"},
+    field = FormulaField("Goal", value="Jar002 isOn Platform001", variables={"Self": "Room"},
                          on_change=changed, on_checked=checked, on_submit=submitted)
 
-- `value` is what is written; set it to write something else. `on_change` hears of each change (`.value`), also of one that Python made.
-- `variables`: types of variables, beside those in the text, as constraints (`Self`) and services (`Provider`) have them; `types` count
-  as if they were in the ontology already: what somebody is writing.
-- `on_checked` hears, a moment after the last change and whenever the map or the ontology changed, what is wrong: a `Report`, whose `text`
-  is the text that was checked. `report` is the last one; `ok` says whether the text as it is now was checked and is right.
-- `on_submit` hears Ctrl+Enter.
-- `good`: what is said when nothing is wrong.
-- `insert(text)` writes at the cursor, `focus()` goes there, `await recheck()` checks now.
+- `value` is the text; it can be set. `on_change` is called after each change, including changes made by Python.
+- `variables`: types of variables that the text does not declare, as constraints (`Self`) and services (`Provider`) have them. `types`:
+  types that the user is editing; they count as part of the ontology.
+- `on_checked` receives a `Report` shortly after the last change, and whenever the map or the ontology changes. `Report.text` is the text
+  that was checked. `report` is the last one; `ok` is True if the current text was checked and is valid.
+- `on_submit` is called on Ctrl+Enter.
+- `good`: the message shown for a valid text.
+- `insert(text)` inserts at the cursor, `focus()` focuses the field, `await recheck()` checks now.
 
-It asks `/api/formulas` by itself; what is written in it does not wait for the page's own connection, and stays when that is lost.
+The element calls `/api/formulas` itself, so that it works, and keeps its text, while the page's own connection is lost.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from somrs.ontology.types import ObjectType
 
 
 class Report(CheckResult, frozen=True, kw_only=True):
-    """What was found in `text`."""
+    """The result of checking `text`."""
 
     text: str
 
@@ -72,12 +72,12 @@ class FormulaField(ValueElement[str], DisableableElement, component="formula.js"
     def _handle_value_change(self, value: Any) -> None:
         super()._handle_value_change(value)
         if self._send_update_on_value_change:
-            # What the browser has as its value may be this one already, while something else was typed.
+            # The browser may have reported this value already and received more input since.
             self.run_method("write", value)
 
     @property
     def ok(self) -> bool:
-        """Whether what is written now was checked, and is right."""
+        """Whether the current text was checked and is valid."""
         return self.report is not None and self.report.ok and self.report.text == self.value
 
     @property
@@ -96,5 +96,5 @@ class FormulaField(ValueElement[str], DisableableElement, component="formula.js"
         self.run_method("focus")
 
     def recheck(self) -> Any:
-        """Can be awaited: then what is wrong was heard."""
+        """Check now. Can be awaited; `report` is up to date afterwards."""
         return self.run_method("recheck")

@@ -1,7 +1,7 @@
-"""The 3D view of the building, with the robots moving, as an element for pages: `Scene3D(height="70vh")`.
+"""The 3D view of the building with moving robots: `Scene3D(height="70vh")`.
 
-It reads what there is from `/api/scene`, follows changes at `/api/live` and poses at `/api/poses` by itself, and draws only when something
-changed. How it is made is in `modules`.
+The element reads the scene from `/api/scene`, its changes from `/api/live` and poses from `/api/poses`. It draws only when something
+changed. The parts of its implementation are in `modules`.
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ from nicegui.element import Element
 from nicegui.events import GenericEventArguments
 
 THREE = Path(nicegui.__file__).parent / "elements" / "scene" / "dist"
-"""NiceGUI's own three.js, of the version that it brings along."""
+"""The three.js that NiceGUI bundles."""
 MODULES = Path(__file__).parent / "modules"
-"""What the view is made of; the floor plan moves robots as it does."""
+"""Modules of the view. The floor plan uses the one that interpolates motion."""
 
 EventHandler = Callable[[dict[str, Any]], Awaitable[None] | None]
 
 
 class Scene3D(Element, component="scene3d.js", esm={"nicegui-scene": str(THREE), "somrs-scene": str(MODULES)}):
-    """`height`: as CSS has it. `follow`: the object that the camera stays with. `version`: the map of that version, at rest; None: as it
-    is now.
+    """`height`: as in CSS. `follow`: the object that the camera follows. `version`: show this version of the map, without updates; None:
+    the current one.
 
-    Events: `select {name}`, what somebody chose, None for nothing; what was chosen elsewhere, say with `choose`. `storey {name}`: what the
-    storey is called that somebody looks at, None for all of them; have another one shown with `set_storey`.
+    Events: `select {name}`: the object that the user selected, None for nothing; use `choose` to select from elsewhere. `storey {name}`:
+    the label of the storey shown, None for all; use `set_storey` to show another one.
     """
 
     def __init__(self, *, height: str = "60vh", follow: str | None = None, version: int | None = None) -> None:
@@ -41,24 +41,24 @@ class Scene3D(Element, component="scene3d.js", esm={"nicegui-scene": str(THREE),
         self.update()
 
     def choose(self, name: str | None) -> None:
-        """Frame an object as the chosen one."""
+        """Show an object as selected."""
         self._set_prop("chosen", name)
 
     def highlight(self, marks: Mapping[str, str] | Iterable[str]) -> None:
-        """Mark objects with a ring and a pin, and name them; with a mapping, write something behind each name."""
+        """Mark objects with a ring, a pin and a label. A mapping gives the text to append to each label."""
         pairs = marks.items() if isinstance(marks, Mapping) else ((name, "") for name in marks)
         self._set_prop("highlighted", [{"name": name, "mark": mark} for name, mark in pairs])
 
     def follow(self, name: str | None) -> None:
-        """Have the camera stay with an object; None: with none."""
+        """Let the camera follow an object; None stops it."""
         self._set_prop("follow", name)
 
     def set_storey(self, storey_label: str | None) -> None:
-        """Show the storey that is called so; None: all of them."""
+        """Show the storey with this label; None: all storeys."""
         self._set_prop("storey", storey_label or "")
 
     def show_version(self, version: int | None) -> None:
-        """Show the map of a version; None: as it is now."""
+        """Show a version of the map; None: the current one."""
         self._set_prop("version", version)
 
     def on_select(self, handler: EventHandler) -> None:

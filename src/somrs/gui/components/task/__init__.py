@@ -1,4 +1,4 @@
-"""A task: its plan, messages, timeline, story and terms, each an element of its own."""
+"""Elements that show a task: plan, messages, timeline, story, terms and the list of tasks."""
 
 MODULES = {"somrs-task": "modules"}
-"""What they are made of, as the browser finds it."""
+"""JavaScript modules shared by these elements, by import name."""

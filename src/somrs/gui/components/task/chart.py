@@ -1,4 +1,4 @@
-"""The messages of a task, drawn as they pass between the Task Manager and services (the paper's "Sequence of transaction messages")."""
+"""Sequence chart of the messages between Task Manager and services (the paper's "Sequence of transaction messages")."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from somrs.gui.components.task import MODULES
 
 
 class MessageChart(Element, component="chart.js", dependencies=[LIVE], esm=MODULES):
-    """Of the task with this whole id, which it follows by itself."""
+    """`task`: the full id. The element follows the task itself."""
 
     def __init__(self, task: str, *, empty: str = "No messages have passed yet") -> None:
         super().__init__()

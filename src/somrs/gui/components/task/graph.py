@@ -1,4 +1,4 @@
-"""A plan as a graph: of a task, coloured and marked by how its steps go; or of what would be done."""
+"""A plan as a graph: of a task, with the state of each step; or of a preview."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from somrs.protocol.messages.clients import StepView
 
 
 class PlanGraph(Element, component="graph.js", dependencies=[LIVE], esm=MODULES):
-    """With a `task` (its whole id) it shows that task's plan, and follows it by itself; otherwise the `steps`."""
+    """With `task` (the full id), the element shows and follows that task's plan; otherwise it shows `steps`."""
 
     def __init__(
         self, *, task: str | None = None, steps: Sequence[StepView] = (), label: str = "The plan", empty: str = "No plan yet"
@@ -22,5 +22,5 @@ class PlanGraph(Element, component="graph.js", dependencies=[LIVE], esm=MODULES)
         self._props.update({"task": task, "plan": msgspec.to_builtins(list(steps)), "label": label, "empty": empty})
 
     def show_steps(self, steps: Sequence[StepView]) -> None:
-        """These steps from now on."""
+        """Replace the steps."""
         self._props["plan"] = msgspec.to_builtins(list(steps))

@@ -1,5 +1,4 @@
-"""The list of tasks as a table. Its rows stay the same elements while what is in them changes, so that whoever is about to click or press
-a key meets what they aimed at."""
+"""The list of tasks as a table. Updates keep the row elements, so that focus and clicks stay on the intended row."""
 
 from __future__ import annotations
 
@@ -10,7 +9,7 @@ from nicegui.element import Element
 
 
 class TaskList(Element, component="list.js"):
-    """`nothing`: what is said as long as there are no rows."""
+    """`empty_text`: shown while there are no rows."""
 
     def __init__(self, columns: Sequence[dict[str, Any]], empty_text: str) -> None:
         super().__init__()

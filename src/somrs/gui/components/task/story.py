@@ -1,4 +1,4 @@
-"""The story of a task, chapter by chapter, and all its events."""
+"""The story of a task in chapters, and all its events."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from somrs.gui.components.task import MODULES
 
 
 class RecoveryLine(TypedDict):
-    """Something that was done about a failure."""
+    """One recovery action after a failure, as texts."""
 
     rung: str
     text: str
@@ -21,7 +21,7 @@ class RecoveryLine(TypedDict):
 
 
 class Part(TypedDict):
-    """A chapter, in words."""
+    """A chapter of the story, as texts."""
 
     icon: str
     title: str
@@ -39,7 +39,7 @@ class Part(TypedDict):
 
 
 class StoryBook(Element, component="story.js", dependencies=[LIVE], esm=MODULES):
-    """The chapters are given; the events of the task it follows by itself."""
+    """`show_chapters` sets the chapters. The element follows the task's events itself."""
 
     def __init__(self, task: str) -> None:
         super().__init__()

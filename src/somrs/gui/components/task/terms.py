@@ -1,4 +1,4 @@
-"""Who was asked for each step of a task, on which terms, and what became of that."""
+"""The services asked for each step of a task, their terms, and the result."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from nicegui.element import Element
 
 
 class Bid(TypedDict):
-    """A row, in words."""
+    """A row of the table, as texts."""
 
     key: str
     step: str

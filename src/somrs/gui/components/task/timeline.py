@@ -1,4 +1,4 @@
-"""Who does what when in a task: bars by device over time, with what was promised."""
+"""Work in a task over time: bars by device, with the promised times."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from somrs.gui.components.task import MODULES
 
 
 class DeviceTimeline(Element, component="timeline.js", dependencies=[LIVE], esm=MODULES):
-    """Of the task with this whole id, which it follows by itself."""
+    """`task`: the full id. The element follows the task itself."""
 
-    def __init__(self, task: str, *, empty: str = "Nobody is at work yet") -> None:
+    def __init__(self, task: str, *, empty: str = "No work has begun yet") -> None:
         super().__init__()
         self._props.update({"task": task, "empty": empty})
