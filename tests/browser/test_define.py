@@ -36,13 +36,13 @@ def open_page(system: RunningSystem, window: Callable[..., Page]) -> Callable[..
 
 
 def field(page: Page) -> Locator:
-    return page.get_by_role("textbox", name="As a formula")
+    return page.get_by_role("textbox", name="Formula")
 
 
 def write(page: Page, text: str) -> None:
     field(page).fill(text)
     page.keyboard.press("Escape")
-    expect(page.get_by_text("This can be understood.")).to_be_visible()
+    expect(page.get_by_text("The formula is valid.")).to_be_visible()
 
 
 def middle(page: Page, name: str) -> tuple[float, float]:
@@ -77,8 +77,8 @@ def test_a_formula_is_written_with_what_is_offered(open_page: Callable[..., Page
     expect(field(page)).to_have_value("Jar003 isOn Platform001 ")
     page.keyboard.press("Escape")
     expect(offered).to_be_hidden()
-    expect(page.get_by_text("This can be understood.")).to_be_visible()
-    expect(page.get_by_role("combobox", name="Of which")).to_have_value("Platform001")
+    expect(page.get_by_text("The formula is valid.")).to_be_visible()
+    expect(page.get_by_role("combobox", name="Related object")).to_have_value("Platform001")
 
 
 def test_what_is_wrong_is_underlined_and_can_be_mended(open_page: Callable[..., Page]) -> None:
@@ -113,7 +113,7 @@ def test_a_thing_that_goes_while_one_writes_is_missed_at_once(system: RunningSys
     expect(page.locator(".somrs-fe-wrong")).to_have_text(["Cup77"])
     expect(page.locator(".somrs-fe-said").first).to_contain_text("there is no object Cup77 on the map")
     page.get_by_role("button", name="Start").click()
-    expect(page.get_by_text("This is no wish yet: there is no object Cup77 on the map")).to_be_visible()
+    expect(page.get_by_text("The goal is not valid: there is no object Cup77 on the map")).to_be_visible()
     expect(field(page)).to_have_value("Cup77 isOn Platform001")
     assert page.url.endswith("/define")
 
@@ -132,16 +132,16 @@ def choose(page: Page, label: str, typed: str, number: int = 0) -> None:
 def test_lines_and_the_formula_stay_in_step(open_page: Callable[..., Page]) -> None:
     page = open_page()
     choose(page, "Thing", "Jar003")
-    choose(page, "Of which", "Platform001")
+    choose(page, "Related object", "Platform001")
     expect(field(page)).to_have_value("Jar003 isOn Platform001")
-    page.get_by_role("button", name="And also").click()
+    page.get_by_role("button", name="Add a line").click()
     choose(page, "Thing", "Door001", 1)
-    choose(page, "What of it", "Open", 1)
+    choose(page, "Property", "Open", 1)
     choose(page, "Value", "TRUE")
-    page.get_by_role("button", name="And also").click()
+    page.get_by_role("button", name="Add a line").click()
     choose(page, "Thing", "Robot1", 2)
-    choose(page, "What of it", "Charge", 2)
-    choose(page, "How it compares", ">=", 1)
+    choose(page, "Property", "Charge", 2)
+    choose(page, "Comparison", ">=", 1)
     page.get_by_role("textbox", name="Value").fill("20")
     expect(field(page)).to_have_value("Jar003 isOn Platform001\nAND Door001.Open = TRUE\nAND Robot1.Charge >= 20 %")
     take_screenshot(page, "define-lines-1280-light")
@@ -149,12 +149,12 @@ def test_lines_and_the_formula_stay_in_step(open_page: Callable[..., Page]) -> N
     field(page).fill("NOT Jar002 isHeldBy Robot2")
     page.keyboard.press("Escape")
     expect(page.get_by_role("combobox", name="Thing")).to_have_count(1)
-    expect(page.get_by_role("combobox", name="Of which")).to_have_value("Robot2")
-    expect(page.get_by_role("button", name="Not so")).to_have_attribute("aria-pressed", "true")
+    expect(page.get_by_role("combobox", name="Related object")).to_have_value("Robot2")
+    expect(page.get_by_role("button", name="Negate")).to_have_attribute("aria-pressed", "true")
     field(page).fill("Jar002 isOn Table001 OR Jar002 isOn Table002")
-    expect(page.get_by_text("says more than lines can show")).to_be_visible()
+    expect(page.get_by_text("cannot be shown as lines")).to_be_visible()
     field(page).fill("Jar002 isOn Table001")
-    expect(page.get_by_role("combobox", name="Of which")).to_have_value("Table001")
+    expect(page.get_by_role("combobox", name="Related object")).to_have_value("Table001")
 
 
 # On the plan
@@ -190,8 +190,8 @@ def test_pointing_at_a_thing_and_then_at_a_place_says_the_same(open_page: Callab
 def test_a_preview_says_what_would_be_done_and_what_it_costs(open_page: Callable[..., Page]) -> None:
     page = open_page()
     write(page, "Carton001 isOn Shelf001")
-    page.get_by_role("textbox", name="As a formula").press("Control+Enter")
-    plan = page.get_by_role("group", name="What would be done")
+    page.get_by_role("textbox", name="Formula").press("Control+Enter")
+    plan = page.get_by_role("group", name="Plan preview")
     expect(plan).to_contain_text("TransferObject")
     expect(plan.get_by_text("Carton001, Shelf001")).to_have_count(1)
     quotes = page.get_by_role("table")
@@ -202,7 +202,7 @@ def test_a_preview_says_what_would_be_done_and_what_it_costs(open_page: Callable
     expect(page.locator(".somrs-define-totals")).to_contain_text("10 EUR")
     # Who wants it sooner gets another preview, and is told that this one is of another task.
     page.get_by_role("button", name="Soonest").click()
-    expect(page.get_by_text("The task was changed since.")).to_be_visible()
+    expect(page.get_by_text("The task has changed since this preview.")).to_be_visible()
     page.get_by_role("button", name="Preview again").click()
     expect(page.locator(".somrs-define-totals")).to_contain_text("25 EUR")
     assert page.url.endswith("/define"), "nothing was started"
@@ -213,7 +213,7 @@ def test_an_impossible_wish_says_why(open_page: Callable[..., Page]) -> None:
     write(page, "Door001.Open = FALSE")
     page.get_by_role("button", name="Preview").click()
     refused = page.get_by_role("alert")
-    expect(refused).to_contain_text("There is no way to do this now")
+    expect(refused).to_contain_text("No plan is possible now")
     expect(refused).to_contain_text("Door001.Open = FALSE does not hold on the map, and no service type brings it about")
     expect(refused).to_contain_text("?Object isOn ?Destination")
     take_screenshot(page, "define-impossible-1280-light")
@@ -226,19 +226,19 @@ def test_a_template_is_kept_and_used(open_page: Callable[..., Page]) -> None:
     page = open_page()
     write(page, "Carton001 isOn Shelf001")
     page.get_by_role("button", name="Templates").click()
-    page.get_by_text("Keep this task as a template").click()
+    page.get_by_text("Save this task as a template").click()
     page.get_by_role("textbox", name="Name").fill("To the store")
     page.get_by_role("checkbox", name="Carton001").click()
-    choose(page, "What may stand for Carton001", "Graspable")
+    choose(page, "Type for Carton001", "Graspable")
     take_screenshot(page, "define-template-1280-light")
-    page.get_by_role("button", name="Keep", exact=True).click()
-    expect(page.get_by_text("To the store is kept among the templates.")).to_be_visible()
+    page.get_by_role("button", name="Save", exact=True).click()
+    expect(page.get_by_text("Template To the store saved.")).to_be_visible()
     page.get_by_role("button", name="Clear").click()
     expect(field(page)).to_have_value("")
     page.get_by_role("button", name="Templates").click()
     page.get_by_role("group", name="Templates").get_by_text("To the store").click()
     choose(page, "Graspable", "Jar002")
-    page.get_by_role("button", name="Write it").click()
+    page.get_by_role("button", name="Use it").click()
     expect(field(page)).to_have_value("Jar002 isOn Shelf001")
     expect(page.get_by_role("combobox", name="Thing")).to_have_value("Jar002")
     page.get_by_role("button", name="Templates").click()
@@ -251,21 +251,21 @@ def test_a_template_is_kept_and_used(open_page: Callable[..., Page]) -> None:
 def test_an_order_is_given_and_rests_and_goes(open_page: Callable[..., Page]) -> None:
     page = open_page()
     write(page, "Carton001 isOn Table002")
-    choose(page, "When", "Every so often")
+    choose(page, "When", "At intervals")
     page.get_by_role("textbox", name="Minutes").fill("0")
     page.get_by_role("textbox", name="Name of the order").fill("Tidy up")
-    page.get_by_role("button", name="Give the order").click()
-    expect(page.get_by_text("a number above 0, and 0 is none")).to_be_visible()
+    page.get_by_role("button", name="Create the order").click()
+    expect(page.get_by_text("a number of minutes above 0, not 0")).to_be_visible()
     expect(field(page)).to_have_value("Carton001 isOn Table002")
     page.get_by_role("textbox", name="Minutes").fill("600")
-    page.get_by_role("button", name="Give the order").click()
+    page.get_by_role("button", name="Create the order").click()
     order = page.get_by_role("region", name="Tidy up")
     expect(order).to_contain_text("every 10 h")
-    page.get_by_role("button", name="Let Tidy up rest").click()
-    expect(order).to_contain_text("rests")
-    page.get_by_role("button", name="Change Tidy up").click()
+    page.get_by_role("button", name="Pause Tidy up").click()
+    expect(order).to_contain_text("paused")
+    page.get_by_role("button", name="Edit Tidy up").click()
     expect(field(page)).to_have_value("Carton001 isOn Table002")
-    expect(page.get_by_role("button", name="Change the order")).to_be_visible()
+    expect(page.get_by_role("button", name="Update the order")).to_be_visible()
     page.get_by_role("button", name="Remove Tidy up").click()
     page.get_by_role("button", name="Remove", exact=True).click()
     expect(order).to_be_hidden()
@@ -274,7 +274,7 @@ def test_an_order_is_given_and_rests_and_goes(open_page: Callable[..., Page]) ->
 def test_a_link_opens_the_page_with_a_wish(open_page: Callable[..., Page]) -> None:
     page = open_page(effect="Carton001 isOn Shelf001")
     expect(field(page)).to_have_value("Carton001 isOn Shelf001")
-    expect(page.get_by_role("combobox", name="Of which")).to_have_value("Shelf001")
+    expect(page.get_by_role("combobox", name="Related object")).to_have_value("Shelf001")
 
 
 def test_what_was_typed_outlives_the_server(system: RunningSystem, open_page: Callable[..., Page]) -> None:

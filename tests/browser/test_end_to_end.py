@@ -66,7 +66,7 @@ def test_a_wish_that_is_dragged_comes_true_though_a_robot_breaks(system: Running
     page.wait_for_url("**/tasks/*")
     task = page.url.rpartition("/")[2]
     story = panel(page, "Story")
-    expect(story).to_contain_text("Rung 1: replace", timeout=WORK_TIME)
+    expect(story).to_contain_text("Replacement", timeout=WORK_TIME)
     take_screenshot(page, "task-recovering-1280-light")
     assert wait_for_task(system, task, is_ended)["view"]["outcome"] == "accomplished"
     expect(page.get_by_text("Accomplished").first).to_be_visible()

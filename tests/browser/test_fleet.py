@@ -135,14 +135,14 @@ def test_who_joins_is_shown_at_once_and_who_leaves_is_not_dropped_in_silence(sys
     expect(device(page, "Visitor").get_by_text("Gone")).to_be_visible()
     expect(device(page, "Visitor")).to_contain_text("It withdrew its services at")
     expect(log).to_contain_text("Visitor withdrew its services")
-    expect(page.get_by_role("status").first).to_contain_text("1 gone lately")
+    expect(page.get_by_role("status").first).to_contain_text("1 left recently")
     take_screenshot(page, "fleet-gone")
 
 
 def test_a_question_is_answered_where_it_is_shown(system: RunningSystem, window: OpenPage) -> None:
     """The person's program is the test: it refuses the first answer, and takes the second."""
     page = window(f"{system.url}/fleet")
-    expect(page.get_by_text("Nobody is asked anything.")).to_be_visible()
+    expect(page.get_by_text("No open questions.")).to_be_visible()
     questions = Questions(system.data)
     number = questions.ask("Person001", "Jar002", "Where is Jar002 now?", 60.0)
     question_region = page.get_by_role("region", name=f"Question {number}")

@@ -59,22 +59,22 @@ def test_tasks_that_are_over_are_listed_with_how_they_ended(system: RunningSyste
 
 def test_filters_narrow_the_list_and_are_in_the_address(system: RunningSystem, window: OpenPage, ended: list[str]) -> None:
     page = window(f"{system.url}/history")
-    page.get_by_label("Wish contains").fill("building001")
+    page.get_by_label("Goal contains").fill("building001")
     expect(page.get_by_text(FAILS)).to_have_count(0)
     expect(page.locator("tbody tr")).to_have_count(1)
-    page.get_by_label("End", exact=True).click()
+    page.get_by_label("Outcome", exact=True).click()
     page.get_by_role("option", name="Failed").click()
-    expect(page.get_by_text("No task that is over fits these filters.")).to_be_visible()
+    expect(page.get_by_text("No ended task matches these filters.")).to_be_visible()
     take_screenshot(page, "history-nothing")
     expect(page).to_have_url(re.compile("text=building001"))
     expect(page).to_have_url(re.compile("outcome=failed"))
     page.reload()
-    expect(page.get_by_label("Wish contains")).to_have_value("building001")
+    expect(page.get_by_label("Goal contains")).to_have_value("building001")
     page.get_by_role("button", name="Show all").click()
     expect(page.locator("tbody tr").first).to_contain_text(FAILS)
-    page.get_by_label("Who worked").fill("Nobody7")
+    page.get_by_label("Device", exact=True).fill("Nobody7")
     page.keyboard.press("Enter")
-    expect(page.get_by_text("No task that is over fits these filters.")).to_be_visible()
+    expect(page.get_by_text("No ended task matches these filters.")).to_be_visible()
 
 
 def test_pages_go_on_and_back_without_losing_any(system: RunningSystem, window: OpenPage, ended: list[str]) -> None:
@@ -107,7 +107,7 @@ def test_what_is_listed_can_be_exported(system: RunningSystem, window: OpenPage,
     expect(page.locator("tbody tr").first).to_be_visible()
     page.get_by_role("button", name="Export").first.click()
     with page.expect_download() as download:
-        page.get_by_text("CSV, a row a task").click()
+        page.get_by_text("CSV, a row for each task").click()
     text = Path(download.value.path()).read_text("utf-8")
     records = list(csv.DictReader(io.StringIO(text)))
     assert {row["outcome"] for row in records} == {"failed"}

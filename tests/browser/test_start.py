@@ -69,7 +69,7 @@ requestAnimationFrame(look);
         ("/define", re.compile("Robot2")),
         ("/tasks", re.compile(r"There are no tasks yet|ago|just now|Jar00")),
         ("/fleet", re.compile("Robot2")),
-        ("/history", re.compile("No task is over|Jar00")),
+        ("/history", re.compile("No task has ended|Jar00")),
     ],
     ids=["start", "map", "ontology", "define", "tasks", "fleet", "history"],
 )

@@ -94,7 +94,7 @@ def test_a_record_without_reasons_shows_its_explanation_whole(old_record: TaskRe
 
 def test_of_a_record_without_structs_the_events_are_told_as_they_are(old_record: TaskRecord) -> None:
     chapters = story(view(old_record), old_record.events)
-    assert [chapter.title for chapter in chapters] == ["client stated the task", "What was kept of it", "Failed"]
+    assert [chapter.title for chapter in chapters] == ["client submitted the task", "Recorded events", "Failed"]
     text_events = old_record.events[1:-1]
     assert [line.text for line in chapters[1].lines] == [
         f"{event.step}: {event.text}" if event.step else event.text for event in text_events

@@ -38,7 +38,7 @@ def test_a_task_without_failures_is_stated_planned_done_and_over() -> None:
     system = VirtualSystem(Robot("Robot1", 10, 60))
     system.finish(system.submit(GOAL))
     chapters = finished_story(system)
-    assert [chapter.title for chapter in chapters] == ["client stated the task", "Planned: 1 step", "step1 is done", "Accomplished"]
+    assert [chapter.title for chapter in chapters] == ["client submitted the task", "Planned: 1 step", "step1 is done", "Accomplished"]
     assert summary(chapters) == "no failures"
 
 
@@ -51,8 +51,8 @@ def test_another_takes_over_and_does_it() -> None:
         "failed: it slipped",
         "Jar002 isOn Floor001",
     )
-    assert rungs(failure) == ["Rung 1: replace"]
-    assert (failure.result, failure.result_tone) == ("Robot2.TransferObject did it: Jar002 isOn Platform001", "good")
+    assert rungs(failure) == ["Replacement"]
+    assert (failure.result, failure.result_tone) == ("Robot2.TransferObject completed the step: Jar002 isOn Platform001", "good")
     assert failure.ended is not None
     assert 59 < failure.ended - failure.at < 62
 
@@ -63,10 +63,10 @@ def test_what_was_laid_down_goes_before_the_ladder_and_its_plan_is_not_the_tasks
     system.finish(system.submit(GOAL, handlers=(tidy,)))
     chapters = finished_story(system)
     (failure,) = failures(chapters)
-    assert rungs(failure) == ["As laid down", "Rung 1: replace"]
+    assert rungs(failure) == ["Handler", "Replacement"]
     assert "Robot2.TransferObject: Jar002 isOn Cupboard001" in [line.text for line in failure.lines]
     assert [chapter.title for chapter in chapters].count("Planned: 1 step") == 1
-    assert summary(chapters) == "1 failure, answered by: as laid down, replace"
+    assert summary(chapters) == "1 failure; recovery: handler, replacement"
 
 
 def test_silence_is_one_failure_from_the_first_sign_to_what_was_seen() -> None:
@@ -77,8 +77,8 @@ def test_silence_is_one_failure_from_the_first_sign_to_what_was_seen() -> None:
     (failure,) = failures(finished_story(system))
     assert failure.text == "is silent; asking for its state"
     assert failure.step == "step1"
-    assert rungs(failure) == ["Look"]
-    assert failure.result == "It was done after all."
+    assert rungs(failure) == ["Observation"]
+    assert failure.result == "The step was completed after all."
 
 
 def test_questions_about_what_is_looked_at_are_the_tasks() -> None:
@@ -96,8 +96,8 @@ def test_a_new_plan_ends_the_failure_that_it_is_for() -> None:
     system = VirtualSystem(Robot("Robot1", 10, 60, works=holding("Robot1"), undoes=restore_object), Robot("Robot2", 25, 60))
     system.finish(system.submit(GOAL))
     (failure,) = failures(finished_story(system))
-    assert rungs(failure) == ["Rung 2: plan anew", "Rung 3: undo"]
-    assert failure.result == "The task goes on by a new plan of 1 step."
+    assert rungs(failure) == ["New plan", "Compensation"]
+    assert failure.result == "The task continues with a plan of 1 step."
 
 
 def test_undoing_because_the_task_ends_is_no_rung_of_a_failure() -> None:
@@ -105,8 +105,8 @@ def test_undoing_because_the_task_ends_is_no_rung_of_a_failure() -> None:
     system.finish(system.submit(GOAL))
     chapters = finished_story(system)
     (failure,) = failures(chapters)
-    assert failure.result == "Nothing helped: rung 4, the task was given up."
-    (undoing,) = [chapter for chapter in chapters if chapter.title == "Undoing what was done"]
+    assert failure.result == "Recovery failed: the task was given up."
+    (undoing,) = [chapter for chapter in chapters if chapter.title == "Compensation"]
     assert undoing.lines[0].text == "step1: other services are to restore Jar002 isOn Cupboard001"
     assert undoing.tone == "bad"
     assert chapters[-1].title == "Failed"
@@ -116,15 +116,15 @@ def test_undoing_because_the_task_ends_is_no_rung_of_a_failure() -> None:
 def test_before_a_task_is_cancelled_it_is_said_what_will_be_undone() -> None:
     system = VirtualSystem(Robot("Robot1", 10, 60, undoes=restore_object))
     task = system.submit(BOTH_JARS)
-    assert cancel_consequences(system.view(task)) == ["Nothing was done yet, so nothing has to be undone."]
+    assert cancel_consequences(system.view(task)) == ["Nothing has been done yet, so nothing needs to be undone."]
     run_until_step_done(system, task)
     sentences = cancel_consequences(system.view(task))
     assert sentences[0].startswith("Robot1.TransferObject is stopped (step2, ")
-    assert sentences[-1].startswith("What Robot1.TransferObject did is undone: again Jar001 isOn Cupboard002")
+    assert sentences[-1].startswith("What Robot1.TransferObject did is undone: Jar001 isOn Cupboard002")
     system.ask(CancelTask(task=task))
     system.finish(task)
     assert system.map.has_fact("isOn", ("Jar001", "Cupboard002"))
-    assert [chapter.title for chapter in finished_story(system)][-2:] == ["Undoing what was done", "Cancelled"]
+    assert [chapter.title for chapter in finished_story(system)][-2:] == ["Compensation", "Cancelled"]
 
 
 def test_figures_are_left_out_where_more_is_said_than_they_say() -> None:
@@ -146,4 +146,4 @@ def test_what_became_of_each_bid_is_known_without_reading_why() -> None:
         "Robot3.TransferObject": "Refused",
     }
     old_contracts = [structs.replace(contract, refused=None) for contract in record.contracts if contract.refused]
-    assert [bid_status(contract, steps).text for contract in old_contracts] == ["Let go"]
+    assert [bid_status(contract, steps).text for contract in old_contracts] == ["Released"]

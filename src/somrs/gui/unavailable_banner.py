@@ -58,7 +58,5 @@ class ApiUnavailableBanner:
 
     def _update(self) -> None:
         if not self._hub.connected and not self._label.visible:
-            self._label.set_text(
-                f"The API does not answer. Data from {format_time(time.time())}; updates resume automatically."
-            )
+            self._label.set_text(f"The API does not answer. Data from {format_time(time.time())}; updates resume automatically.")
         self._label.visible = not self._hub.connected

@@ -1,1 +1,1 @@
-"""The pages, one module each. `register(desk)` of a module puts it at its path."""
+"""The pages, one module each. Its `register(api)` registers the page at its path."""

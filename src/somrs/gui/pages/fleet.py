@@ -1,4 +1,4 @@
-"""Fleet: devices and their services as they come, work and go; questions to people; faults of simulated robots."""
+"""Fleet: devices and services with their current work, questions to people, and faults of simulated robots."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from somrs.gui.question_panel import QuestionPanel
 from somrs.gui.shell import guarded, notify, page
 
 MAX_LOG_ENTRIES = 30
-"""Comings and goings that are listed."""
+"""Number of arrivals and departures in the list."""
 
 
 def register(api: LiveApi) -> None:
@@ -32,7 +32,7 @@ def register(api: LiveApi) -> None:
 
 
 class _Fleet:
-    """The page's content, changed in place."""
+    """The page's content, updated in place."""
 
     def __init__(self, api: LiveApi) -> None:
         self._api = api
@@ -46,13 +46,13 @@ class _Fleet:
                 self._trouble = ui.label().classes("somrs-trouble").props('role="alert"')
                 self._trouble.visible = False
                 self._devices = ui.element("div").classes("somrs-fleet-devices")
-                self._empty_label = ui.label("There is no device on the map, and nobody offers a service.").classes("somrs-soft")
+                self._empty_label = ui.label("There are no devices on the map, and no services on offer.").classes("somrs-soft")
             with ui.element("aside").classes("somrs-fleet-side"):
                 with ui.element("section").classes("somrs-sheet").props('aria-label="Questions"'):
                     ui.label("Questions to people").classes("somrs-fleet-subtitle").props('role="heading" aria-level="2"')
-                    QuestionPanel(api, empty_text="Nobody is asked anything.")
-                with ui.element("section").classes("somrs-sheet").props('aria-label="Came and went"'):
-                    ui.label("Came and went").classes("somrs-fleet-subtitle").props('role="heading" aria-level="2"')
+                    QuestionPanel(api, empty_text="No open questions.")
+                with ui.element("section").classes("somrs-sheet").props('aria-label="Arrivals and departures"'):
+                    ui.label("Arrivals and departures").classes("somrs-fleet-subtitle").props('role="heading" aria-level="2"')
                     self._log_list = ui.element("div").classes("somrs-fleet-log").props('role="log"')
 
     async def read(self) -> None:
@@ -71,7 +71,7 @@ class _Fleet:
                 await self.read()
 
     def _show_trouble(self, wrong: ErrorReport) -> None:
-        self._trouble.set_text(f"What is shown may be old: {wrong.problem}")
+        self._trouble.set_text(f"The data may be outdated: {wrong.problem}")
         self._trouble.visible = True
 
     def _show_devices(self, devices: Devices) -> None:
@@ -97,12 +97,12 @@ class _Fleet:
                 for entry in devices.log[:MAX_LOG_ENTRIES]:
                     _log_row(entry)
                 if not devices.log:
-                    ui.label("Nobody came or went since this window's server was started.").classes("somrs-soft")
+                    ui.label("No arrivals or departures since the windows' server was started.").classes("somrs-soft")
 
     async def _break(self, robot: str, fault: Fault, repair: bool) -> None:
         await self._api.fleet.fault(robot, fault, repair)
         name = FAULT_LABELS[fault]
-        notify(f"{robot}: mended ({name})" if repair else f"{robot}: {name}")
+        notify(f"{robot}: repaired ({name})" if repair else f"{robot}: {name}")
         await self.read()
 
 
@@ -118,7 +118,7 @@ def _summary(devices: tuple[DeviceView, ...]) -> str:
             *count_text(sum(device.presence is Presence.OFFERS for device in present_devices), "on offer"),
             *count_text(sum(any(activity.state in BUSY for activity in device.assignments) for device in present_devices), "busy"),
             *count_text(broken, LABELS[DeviceState.NOT_WORKING].lower()),
-            *count_text(len(devices) - len(present_devices), "gone lately"),
+            *count_text(len(devices) - len(present_devices), "left recently"),
         ]
     )
 

@@ -1,4 +1,4 @@
-"""History: tasks that are over, found by how and when they ended, what was wished for and who worked; and their export."""
+"""History: search and export of tasks that have ended."""
 
 from __future__ import annotations
 
@@ -22,27 +22,27 @@ from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.records import Records, TaskRecord
 
 PAGE = 50
-"""Tasks on a page."""
+"""Tasks per page."""
 
 ARCHIVE_DELAY = 0.5
-"""Seconds after which a task that ended is kept."""
+"""Seconds after which an ended task is in the records."""
 
 ANY_VALUE = ""
 TIMES = {ANY_VALUE: "Any time", "1h": "The last hour", "1d": "The last day", "7d": "The last 7 days", "30d": "The last 30 days"}
-ENDS = {ANY_VALUE: "Any end", **{outcome.value: sign.text for outcome, sign in OUTCOMES.items()}}
+ENDS = {ANY_VALUE: "Any outcome", **{outcome.value: sign.text for outcome, sign in OUTCOMES.items()}}
 EXPORTS = (
-    ("Tasks", "CSV, a row a task", {"format": "csv", "table": "tasks"}),
-    ("Work", "CSV, a row for each thing that a service did", {"format": "csv", "table": "work"}),
-    ("Terms", "CSV, a row for everybody who was asked", {"format": "csv", "table": "contracts"}),
+    ("Tasks", "CSV, a row for each task", {"format": "csv", "table": "tasks"}),
+    ("Work", "CSV, a row for each piece of work of a service", {"format": "csv", "table": "work"}),
+    ("Terms", "CSV, a row for each service asked", {"format": "csv", "table": "contracts"}),
     ("Events", "CSV, a row for each event", {"format": "csv", "table": "events"}),
     ("Messages", "CSV, a row for each message", {"format": "csv", "table": "messages"}),
-    ("Everything", "JSON lines, a task a line", {"format": "jsonl"}),
+    ("Everything", "JSON lines, a line for each task", {"format": "jsonl"}),
 )
 
 COLUMNS = [
-    {"name": "outcome", "label": "End", "field": "outcome", "align": "left"},
-    {"name": "effect", "label": "Wish", "field": "effect", "align": "left"},
-    {"name": "devices", "label": "Who worked", "field": "devices", "align": "left"},
+    {"name": "outcome", "label": "Outcome", "field": "outcome", "align": "left"},
+    {"name": "effect", "label": "Goal", "field": "effect", "align": "left"},
+    {"name": "devices", "label": "Devices", "field": "devices", "align": "left"},
     {"name": "ended", "label": "Ended", "field": "ended", "align": "left"},
     {"name": "took", "label": "Took", "field": "took", "align": "right"},
 ]
@@ -71,28 +71,28 @@ class _History:
     def __init__(self, api: LiveApi, rows: int) -> None:
         self._api, self._rows = api, rows
         self._cursors: list[str | None] = [None]
-        """The task behind which each page up to this one begins."""
+        """For each page up to this one, the task after which it begins."""
         self._next_cursor: str | None = None
         self._counts: list[int] = []
-        """Tasks on each of the pages before this one."""
+        """Number of tasks on each of the previous pages."""
         self._request_number = 0
         self._shown_filters: dict[str, str] = {}
-        """The filters as they were when what is shown was asked for."""
+        """The filters of the request whose result is shown."""
         self._total: int | None = None
         with ui.element("div").classes("somrs-history"):
             with ui.element("div").classes("somrs-history-head"):
                 ui.label("History").classes("somrs-title").props('role="heading" aria-level="1"')
-                ui.label("Tasks that are over").classes("somrs-soft")
+                ui.label("Tasks that have ended").classes("somrs-soft")
                 ui.space()
                 with ui.dropdown_button("Export", icon="download", auto_close=True).props("flat no-caps dense"), ui.element("q-list"):
                     for name, description, parameters in EXPORTS:
                         self._export_item(name, description, parameters)
             with ui.element("search").classes("somrs-history-filters").props('aria-label="Filters"'):
                 on_change = guarded(self._changed)
-                self._text = ui.input("Wish contains", on_change=on_change).props("outlined dense clearable debounce=300")
-                self._outcome = ui.select(ENDS, value=ANY_VALUE, label="End", on_change=on_change).props("outlined dense")
+                self._text = ui.input("Goal contains", on_change=on_change).props("outlined dense clearable debounce=300")
+                self._outcome = ui.select(ENDS, value=ANY_VALUE, label="Outcome", on_change=on_change).props("outlined dense")
                 self._period = ui.select(TIMES, value=ANY_VALUE, label="Ended in", on_change=on_change).props("outlined dense")
-                self._device = ui.select([], label="Who worked", with_input=True, new_value_mode="add-unique", on_change=on_change)
+                self._device = ui.select([], label="Device", with_input=True, new_value_mode="add-unique", on_change=on_change)
                 self._device.props("outlined dense clearable")
             self._table = ui.table(rows=[], columns=COLUMNS, row_key="task").classes("somrs-history-table")
             self._table.props("flat wrap-cells hide-pagination :rows-per-page-options=[0]")
@@ -107,12 +107,12 @@ class _History:
                 self._older = ui.button("Older", on_click=guarded(self._show_older)).props("flat dense no-caps icon-right=chevron_right")
 
     async def choices(self) -> None:
-        """The devices that there are now; others can be typed."""
+        """Load the names of the current devices as choices; other names can be typed."""
         devices = [device.name for device in (await self._api.fleet.devices()).devices]
         self._device.set_options([*dict.fromkeys([*devices, *([self._device.value] if self._device.value else [])])])
 
     def set_filters(self, text: str, outcome: str, period: str, service: str) -> None:
-        """Set the filters, as the page's address says them."""
+        """Set the filters from the page's address."""
         self._text.value = text
         self._outcome.value = outcome if outcome in ENDS else ANY_VALUE
         if period not in TIMES:
@@ -128,13 +128,13 @@ class _History:
             await self.begin()
 
     def _update_address(self) -> None:
-        """Have the page's address say the filters, so that it can be kept, sent and loaded again."""
+        """Put the filters into the page's address, so that it can be bookmarked and shared."""
         rows = {"rows": str(self._rows)} if self._rows != PAGE else {}
         query = urlencode({**self._filters(), **rows})
         ui.navigate.history.replace(f"/history?{query}" if query else "/history")
 
     async def hear(self, news: News) -> None:
-        """Show a task that ended, if the latest are in view."""
+        """Show a task that ended, if the first page is shown."""
         shown_tasks = {row["task"] for row in self._table.rows}
         rows = news.value.rows if isinstance(news.value, TasksChanged) else ()
         if len(self._cursors) == 1 and any(row.phase is Phase.ENDED and row.task not in shown_tasks for row in rows):
@@ -142,11 +142,11 @@ class _History:
             await guarded(self.begin)()
 
     async def begin(self) -> None:
-        """The first page of what the filters ask for now."""
+        """Show the first page for the current filters."""
         self._request_number = request_number = self._request_number + 1
         self._shown_filters = self._filters()
         result = await self._read(None)
-        if request_number == self._request_number:  # otherwise the filters were changed meanwhile, and another answer is on its way
+        if request_number == self._request_number:  # otherwise the filters have changed, and another request is under way
             self._cursors, self._counts, self._total = [None], [], result.total
             self._show_result(result)
 
@@ -195,14 +195,14 @@ class _History:
     def _show_empty_state(self) -> None:
         ui.icon("history_toggle_off").classes("somrs-history-icon").props('aria-hidden="true"')
         if self._filters():
-            ui.label("No task that is over fits these filters.")
+            ui.label("No ended task matches these filters.")
             ui.button("Show all", on_click=guarded(self._clear)).props("flat no-caps")
         else:
-            ui.label("No task is over yet.")
-            ui.link("State one", "/define")
+            ui.label("No task has ended yet.")
+            ui.link("New task", "/define")
 
     def _filters(self) -> dict[str, str]:
-        """The filters that are set, as the API calls them."""
+        """The filters that are set, by the names of the API's parameters."""
         filter_values = {
             "text": self._text.value,
             "outcome": self._outcome.value,
@@ -225,11 +225,11 @@ class _History:
 
 
 async def read_nothing() -> None:
-    """What is shown was read when the page was made."""
+    """Do nothing: the page's content was read when it was made."""
 
 
 def _open(event: Any) -> None:
-    """A click anywhere in a row; the wish in it is a link, for the keyboard."""
+    """Open the task of a clicked row. The goal in the row is also a link, for keyboard users."""
     ui.navigate.to(f"/tasks/{event.args[1]['task']}")
 
 
@@ -238,7 +238,7 @@ def _row(record: TaskRecord) -> dict[str, object]:
     devices = list(dict.fromkeys(device_of(work.service) for work in record.work))
     failed = sum(work.result in (State.FAILED, State.UNREACHABLE) for work in record.work)
     reason = next(iter(reasons(record)), "") if record.outcome is not Outcome.ACCOMPLISHED else ""
-    recovered = f"{failed} step{'s' if failed != 1 else ''} failed on the way" if failed and not reason else ""
+    recovered = f"{failed} step{'s' if failed != 1 else ''} failed" if failed and not reason else ""
     return {
         "task": record.task,
         "outcome": sign.text,
@@ -246,7 +246,7 @@ def _row(record: TaskRecord) -> dict[str, object]:
         "tone": sign.tone,
         "effect": record.effect,
         "why": reason or recovered,
-        "devices": ", ".join(devices) or "nobody",
+        "devices": ", ".join(devices) or "none",
         "ended": format_time(record.ended_at),
         "took": format_duration(record.ended_at - record.submitted_at),
     }

@@ -1,4 +1,4 @@
-"""The first page: what runs here, what it does just now, and the ways on."""
+"""The start page: the site, what currently runs, and links to the other pages."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from somrs.gui.pages.task_text import task_sign
 from somrs.gui.shell import PAGE_LINKS, page
 
 MOST_TASKS = 6
-"""Tasks that are shown here."""
+"""Number of tasks shown."""
 
 DESCRIPTIONS = {
-    "/map": "The floor plan and the scene as they are, and as they were: look, search, edit.",
-    "/ontology": "The words that things, devices and services are described with.",
-    "/define": "Say what is to be so, see the plan and what it costs, and start it.",
-    "/tasks": "What is under way: who does what, what failed, and how it was answered.",
-    "/fleet": "Devices and services, as they come and go.",
-    "/history": "Tasks that are over: find them, read them, export them.",
+    "/map": "Floor plan and 3D view, now and in the past: view, search, edit.",
+    "/ontology": "Types of objects, attributes, relations and services.",
+    "/define": "Enter a goal, preview the plan and its price, and start it.",
+    "/tasks": "Running tasks: who does what, what failed, and how the system recovered.",
+    "/fleet": "Devices, their services and their current work.",
+    "/history": "Ended tasks: search, read, export.",
 }
 
 
@@ -40,7 +40,7 @@ def register(api: LiveApi) -> None:
                             ui.label(place.label).classes("somrs-start-label")
                             ui.label(DESCRIPTIONS[place.path]).classes("somrs-soft")
             with ui.element("div").classes("somrs-start-now"):
-                tasks, fleet, parts = (_sheet(title) for title in ("Under way", "Fleet", "Parts of the system"))
+                tasks, fleet, parts = (_sheet(title) for title in ("Running tasks", "Fleet", "Parts of the system"))
 
         async def show_system(news: News | None = None) -> None:
             system = news.value if news is not None and isinstance(news.value, SystemView) else await api.system.read()
@@ -62,7 +62,7 @@ def register(api: LiveApi) -> None:
                         Badge(task_sign(task.phase, task.outcome))
                         ui.label(task.effect).classes("somrs-formula")
                 if not task_list.rows:
-                    ui.label("No task is under way.").classes("somrs-soft")
+                    ui.label("No task is running.").classes("somrs-soft")
 
         async def show_fleet(news: News | None = None) -> None:
             device_list = news.value if news is not None and isinstance(news.value, Devices) else await api.fleet.devices()
@@ -74,7 +74,7 @@ def register(api: LiveApi) -> None:
                         ui.label(device.name)
                         ui.label(", ".join(dict.fromkeys(service.type for service in device.services))).classes("somrs-soft")
                 if not device_list.devices:
-                    ui.label("There are no devices on the map, and nobody offers anything.").classes("somrs-soft")
+                    ui.label("There are no devices on the map, and no services on offer.").classes("somrs-soft")
 
         for topic, refresh in (("system", show_system), ("tasks", show_tasks), ("fleet", show_fleet)):
             follow(api.context.hub, topic, refresh, refresh)
@@ -88,6 +88,6 @@ def _sheet(title: str) -> ui.element:
 
 def _part(part: PartView) -> None:
     with ui.element("div").classes("somrs-start-row"):
-        Badge(Sign("check_circle", "Answers", "good") if part.milliseconds is not None else Sign("error", "Silent", "bad"))
+        Badge(Sign("check_circle", "Responds", "good") if part.milliseconds is not None else Sign("error", "No response", "bad"))
         ui.label(part.name)
         ui.label(f"{part.milliseconds:g} ms" if part.milliseconds is not None else part.problem).classes("somrs-soft")

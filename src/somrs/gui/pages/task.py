@@ -1,4 +1,4 @@
-"""The page of one task, as it goes on or as it was: its plan, the scene, its story, who bid what, the times, and the messages."""
+"""The page of one task, running or ended: plan, scene, story, terms, timeline and messages."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ from somrs.protocol.messages.clients import ContractView, TaskEvent, TaskView
 from somrs.protocol.messages.frp import State
 
 FIRST_READ_TIME = 2.0
-"""Seconds for which the page waits for the task before it is sent without it."""
+"""Seconds for which the page waits for the task before it is shown without it."""
 
 RETRY_DELAY = 2.0
-"""Seconds after which a Task Manager that does not answer is asked again."""
+"""Seconds after which a request to a Task Manager that does not answer is repeated."""
 
 
 def register(api: LiveApi) -> None:
@@ -44,7 +44,7 @@ def register(api: LiveApi) -> None:
 
 
 class _TaskLoader:
-    """Until the task was read."""
+    """Shows a message until the task has been read."""
 
     def __init__(self, api: LiveApi, id: str) -> None:
         self._api, self._id = api, id
@@ -63,7 +63,7 @@ class _TaskLoader:
         except NotFound as error:
             self._show_message("search_off", str(error))
         except SomrsError as error:
-            self._wait(f"{error}; asking again")
+            self._wait(f"{error}; retrying")
         else:
             self._place.clear()
             with self._place:
@@ -83,7 +83,7 @@ class _TaskLoader:
 
 
 class _TaskPage:
-    """The page of a task that was read: kept up to date until it is closed."""
+    """The page of a task that has been read; it is kept up to date."""
 
     def __init__(self, api: LiveApi, snapshot: TaskDetails) -> None:
         self._api, self._id = api, snapshot.view.task
@@ -101,7 +101,7 @@ class _TaskPage:
                     PlanGraph(task=self._id, label=f"The plan of task {task_key(self._id)[:8]}", empty="There is no plan.")
                 with panel("Terms", "handshake", "task terms", "somrs-task-terms") as terms:
                     self._bids = BidPanel(terms)
-                with panel("Times", "view_timeline", "task times", "somrs-task-times"):
+                with panel("Timeline", "view_timeline", "task times", "somrs-task-times"):
                     DeviceTimeline(self._id)
             with ui.element("div").classes("somrs-task-column"):
                 with panel("Scene", "map", "task scene", "somrs-task-scene"):
@@ -116,7 +116,7 @@ class _TaskPage:
         follow(api.context.hub, f"task {self._id}", self._read, self._handle_news)
 
     async def _read(self) -> None:
-        """Everything, anew."""
+        """Read the whole task again."""
         try:
             snapshot = await self._api.tasks.read(self._id)
         except SomrsError:
@@ -153,6 +153,6 @@ class _TaskPage:
 
 
 def observed_objects(view: TaskView) -> frozenset[str]:
-    """Of what somebody is to find out now how it is: questions about it are the task's."""
+    """The objects that the task currently has observed; questions about them belong to the task."""
     observations = (work for work in view.work if work.state is State.EXECUTING and work.step.startswith("look"))
     return frozenset(thing for work in observations for thing in work.inputs.values())

@@ -1,4 +1,4 @@
-"""Who was asked for each step of a task, what they wanted, who got it, and why: a table that grows."""
+"""The services asked for each step of a task, with their terms and the result."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ CONTRACT_SIGNS = {
     State.COMPENSATING: Sign("undo", "Chosen, undoing", "busy"),
     State.COMPENSATED: Sign("undo", "Chosen, undone", "plain"),
     State.STRANDED: Sign("error", "Chosen, not undone", "bad"),
-    State.UNREACHABLE: Sign("help", "Chosen, fell silent", "bad"),
+    State.UNREACHABLE: Sign("help", "Chosen, stopped responding", "bad"),
 }
-"""Of those whose terms were accepted."""
+"""Status of services whose terms were accepted."""
 
 REQUESTED = Sign("more_horiz", "Asked", "busy")
 OFFERS = Sign("sell", "Offers", "busy")
 LOST = Sign("remove_circle_outline", "Not chosen", "plain")
 SILENT = Sign("help", "Did not answer", "bad")
 REFUSED = Sign("block", "Refused", "bad")
-RELEASED = Sign("logout", "Let go", "plain")
+RELEASED = Sign("logout", "Released", "plain")
 
 DASH = "–"
 
 
 def bid_status(contract: ContractView, chosen: Collection[str]) -> Sign:
-    """What became of a bid. `chosen`: the steps for which terms were accepted."""
+    """The status of a bid. `chosen`: the steps for which terms were accepted."""
     if contract.accepted:
         return CONTRACT_SIGNS.get(contract.state, RELEASED)
     match contract.state:
@@ -55,7 +55,7 @@ def reason_text(contract: ContractView) -> str:
 
 
 class BidPanel:
-    """In `panel`, beside whose title stands how many were asked."""
+    """Contents of `panel`; the panel's note shows the number of services asked."""
 
     def __init__(self, panel: Panel) -> None:
         self._panel = panel

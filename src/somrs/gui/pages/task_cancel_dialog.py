@@ -1,4 +1,4 @@
-"""Ending a task before it is done: the question whether that is meant, which says what will be undone."""
+"""The dialog that confirms cancelling a task and lists what will be undone."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ FINISHED_STATES = (State.COMPLETED, State.FAILED, State.STOPPED, State.UNREACHAB
 
 
 def cancel_consequences(view: TaskView) -> list[str]:
-    """What cancelling the task now means, a sentence each."""
+    """The consequences of cancelling the task now, a sentence each."""
     if view.phase is Phase.ENDED:
-        return ["The task is over: there is nothing left to cancel."]
+        return ["The task has ended: there is nothing to cancel."]
     at_work = [work for work in view.work if work.state is State.EXECUTING]
     arranged = [step for step in view.steps if step.state is State.COMMITTED]
     sentences = [f"{work.service} is stopped ({work.step}{_object(work)})." for work in at_work]
-    sentences += [f"What {work.service} did is undone: again {work.before}." for work in _undone(view)]
+    sentences += [f"What {work.service} did is undone: {work.before} holds again." for work in _undone(view)]
     if arranged:
-        sentences.append(f"Services that are arranged for {', '.join(step.step for step in arranged)} are sent home.")
-    return sentences or ["Nothing was done yet, so nothing has to be undone."]
+        sentences.append(f"Services arranged for {', '.join(step.step for step in arranged)} are released.")
+    return sentences or ["Nothing has been done yet, so nothing needs to be undone."]
 
 
 def _undone(view: TaskView) -> Iterator[WorkView]:
-    """What will be undone, last things first; of work that one took over from another, the whole in one go."""
+    """Work that will be undone, latest first. Work that several services did one after another for one step is undone at once."""
     restored_situations: set[str] = set()
     for work in reversed(view.work):
         if (
@@ -46,7 +46,7 @@ def _object(work: WorkView) -> str:
 
 
 class CancelDialog:
-    """A dialog. While it is open it follows the task: what cancelling means changes with each step."""
+    """The dialog. While it is open, it shows the consequences for the current state of the task."""
 
     def __init__(self, api: LiveApi, view: TaskView) -> None:
         self._api, self._view = api, view
@@ -55,10 +55,10 @@ class CancelDialog:
             ui.label("Cancel this task?").classes("somrs-title").props('role="heading" aria-level="2"')
             self._goal = ui.label(view.effect).classes("somrs-formula")
             self._consequence_list = ui.element("ul").classes("somrs-consequences").props('aria-live="polite"')
-            self._reason = ui.input("Reason, kept with the task", placeholder="not needed any more").props("outlined dense autofocus")
+            self._reason = ui.input("Reason, recorded with the task", placeholder="not needed any more").props("outlined dense autofocus")
             self._reason.classes("somrs-wide").on("keydown.enter", guarded(self._cancel))
             with ui.element("div").classes("somrs-dialog-ways"):
-                ui.button("Let it go on", on_click=self._dialog.close).props("flat no-caps")
+                ui.button("Keep running", on_click=self._dialog.close).props("flat no-caps")
                 self._button = ui.button("Cancel the task", icon="stop_circle", on_click=guarded(self._cancel))
                 self._button.props("unelevated no-caps color=negative")
 
@@ -82,8 +82,8 @@ class CancelDialog:
 
     async def _cancel(self) -> None:
         if self._view.phase is Phase.ENDED:
-            notify("The task is over already.")
+            notify("The task has already ended.")
         else:
             await self._api.tasks.cancel(self._view.task, str(self._reason.value or "").strip() or "cancelled by the client")
-            notify("Cancelling: what runs is stopped, and what was done is undone.")
+            notify("Cancelling: running steps are stopped, and completed work is undone.")
         self._dialog.close()

@@ -1,4 +1,4 @@
-"""The parts of which the story of a task is made: its chapters and the lines in them. `task_story.py` makes them of events."""
+"""The parts of a task's story: its chapters and their lines. `task_story.py` makes them from events."""
 
 from __future__ import annotations
 
@@ -9,30 +9,30 @@ from somrs.gui.pages.task_text import count_text
 from somrs.protocol.messages.events import EventKind
 
 ANSWERS = {
-    EventKind.HANDLER: "as laid down",
-    EventKind.LOOK: "look",
-    EventKind.REPLACE: "replace",
-    EventKind.REPLAN: "plan anew",
-    EventKind.UNDO: "undo",
+    EventKind.HANDLER: "handler",
+    EventKind.LOOK: "observation",
+    EventKind.REPLACE: "replacement",
+    EventKind.REPLAN: "new plan",
+    EventKind.UNDO: "compensation",
 }
-"""The rungs of the ladder (docs/explanation/recovery.md), and what goes before them, in a sentence."""
+"""Names of the recovery ladder's actions (docs/explanation/recovery.md) within a sentence."""
 
 LABELS = {
-    EventKind.HANDLER: "As laid down",
-    EventKind.LOOK: "Look",
-    EventKind.REPLACE: "Rung 1: replace",
-    EventKind.REPLAN: "Rung 2: plan anew",
-    EventKind.UNDO: "Rung 3: undo",
+    EventKind.HANDLER: "Handler",
+    EventKind.LOOK: "Observation",
+    EventKind.REPLACE: "Replacement",
+    EventKind.REPLAN: "New plan",
+    EventKind.UNDO: "Compensation",
     EventKind.SETBACK: "Setback",
     EventKind.WAIT: "Wait",
     EventKind.END: "End",
 }
-"""What kinds of events are called before a line; plain news need no name."""
+"""Labels of events before a line; other kinds have no label."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Line:
-    """Something that was done about a failure. `kind`: what kind of thing, in the first line of each kind."""
+    """One recovery action after a failure. `kind` is set on the first line of each kind."""
 
     at: float
     text: str
@@ -45,9 +45,9 @@ class Line:
 
 @dataclass(slots=True, kw_only=True)
 class Chapter:
-    """A part of the story. `tone`: good, bad, busy or plain. Of a failure, `number` counts from 1, `service` is the one that failed,
-    `silent` that it has only been silent so far, `situation` the situation that it left, `lines` what was done about it, and `result` what
-    came of that. `unblocking`: what failures left is undone so that there may be a plan."""
+    """A part of the story. `tone`: good, bad, busy or plain. For a failure: `number` counts from 1; `service` is the one that failed;
+    `silent` is True while the service has only stopped responding; `situation` is the situation that it left; `lines` are the recovery
+    actions, and `result` their result. `unblocking`: work is undone so that a plan becomes possible."""
 
     at: float
     icon: str
@@ -66,7 +66,7 @@ class Chapter:
     ended: float | None = None
 
     def add(self, at: float, text: str, kind: EventKind | None = None) -> None:
-        """A line. Its kind is said unless the lines before are of that kind."""
+        """Add a line. Its kind is shown only if it differs from the kind of the line before."""
         last_kind = next((line.kind for line in reversed(self.lines) if line.kind is not None), None)
         self.lines.append(Line(at=at, text=text, kind=kind if kind is not last_kind else None))
 
@@ -83,10 +83,10 @@ def failures(chapters: Sequence[Chapter]) -> Iterator[Chapter]:
 
 
 def summary(chapters: Sequence[Chapter]) -> str:
-    """In a line: how much went wrong, and how that was answered."""
+    """The number of failures and how the system recovered, in one line."""
     failed_chapters = [*failures(chapters)]
     if not failed_chapters:
         setbacks = sum(line.kind is EventKind.SETBACK for chapter in chapters for line in chapter.lines)
         return count_text(setbacks, "setback") if setbacks else "no failures"
     answers = dict.fromkeys(ANSWERS[line.kind] for failure in failed_chapters for line in failure.lines if line.kind in ANSWERS)
-    return count_text(len(failed_chapters), "failure") + (f", answered by: {', '.join(answers)}" if answers else "")
+    return count_text(len(failed_chapters), "failure") + (f"; recovery: {', '.join(answers)}" if answers else "")

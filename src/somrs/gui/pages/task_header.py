@@ -1,4 +1,4 @@
-"""The head of a task's page: what was wished for by whom, how far it is or how it ended and why, and what can be done about it."""
+"""The head of a task's page: goal, client, progress or outcome with its reasons, and actions."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ POLICIES = {Policy.PRICE: "the cheapest", Policy.TIME: "the soonest", Policy.WEI
 
 
 class TaskHeader:
-    """Changed in place as the task goes on."""
+    """Updated in place as the task changes."""
 
     def __init__(self, api: LiveApi, view: TaskView) -> None:
         self._view = view
@@ -35,12 +35,12 @@ class TaskHeader:
             with ui.element("dl").classes("somrs-task-facts"):
                 self._steps = _fact("Steps")
                 self._elapsed = _fact("Time")
-                _fact("Stated").set_text(f"{format_time(view.submitted_at)} by {person_name(view.client)}")
+                _fact("Submitted").set_text(f"{format_time(view.submitted_at)} by {person_name(view.client)}")
                 self._due = _fact("Deadline")
                 _fact("Priority").set_text(str(view.priority))
-                _fact("Chosen by").set_text(POLICIES[view.policy])
+                _fact("Policy").set_text(POLICIES[view.policy])
                 if view.precondition:
-                    _fact("From").set_text(view.precondition)
+                    _fact("Precondition").set_text(view.precondition)
                 _fact("Id").set_text(task_key(view.task)[:8])
             self._reason_list = ui.element("ul").classes("somrs-task-why").props('role="status"')
         self._shown_reasons: tuple[str, ...] | None = None
@@ -96,12 +96,12 @@ class TaskHeader:
 
 
 def reason_text(reason: str) -> str:
-    """A reason as it stands in the list."""
+    """The reason as a list item."""
     return gist(reason[:1].upper() + reason[1:])
 
 
 def progress(view: TaskView) -> tuple[int, float]:
-    """How many steps are done, and how much of all of them together."""
+    """The number of completed steps, and the share of all steps that is done (0 to 1)."""
     completed_count = sum(step.state is State.COMPLETED for step in view.steps)
     share = completed_count + sum(step.fraction for step in view.steps if step.state is State.EXECUTING)
     return completed_count, share / len(view.steps) if view.steps else float(view.outcome == "accomplished")
@@ -116,7 +116,7 @@ def _fact(name: str) -> ui.label:
 
 
 def _file(target: str, name: str, icon: str, text: str) -> ui.element:
-    """A way in a menu to a file that is kept under this name."""
+    """A menu item that downloads a file under this name."""
     with ui.element("a").props(f'href="{target}" download="{name}"').classes("somrs-file") as link:
         ui.icon(icon).props('aria-hidden="true"')
         ui.label(text)

@@ -1,5 +1,4 @@
-"""Where a task takes place: the scene, or the floor plan, with whoever is at work and the things that they handle marked, and, on the plan,
-an arrow to where things are wanted."""
+"""The 3D view or floor plan of a task: working devices and the things that they handle are marked; on the plan, arrows show the goal."""
 
 from __future__ import annotations
 
@@ -18,18 +17,18 @@ from somrs.protocol.messages.frp import State
 
 SPACE, PLAN = "3d", "plan"
 VIEW_SETTING = "task view"
-"""In the browser's settings: which of the two."""
+"""Key in the browser's settings: which of the two views is shown."""
 
 HEIGHT = "340px"
 
 SCENE_DELAY = 0.3
-"""Seconds after which the scene is made: all else on the page is there first."""
+"""Seconds after which the scene is made, so that the rest of the page appears first."""
 
 WORKING = (State.EXECUTING, State.STOPPING, State.COMPENSATING)
 
 
 class TaskScene:
-    """One of two views, as somebody likes it; that is remembered in this browser."""
+    """One of two views; the user's choice is kept in the browser."""
 
     def __init__(self) -> None:
         self._marks: dict[str, str] = {}
@@ -72,7 +71,7 @@ class TaskScene:
 
 
 def _work_marks(view: TaskView) -> Iterator[tuple[str, str]]:
-    """Names of objects, with what is to be said of them."""
+    """Names of objects, each with the text to append to its label."""
     for work in view.work:
         if work.state in WORKING:
             yield next(iter(work.inputs.values()), ""), ""
@@ -80,7 +79,7 @@ def _work_marks(view: TaskView) -> Iterator[tuple[str, str]]:
 
 
 def _goal_arrows(view: TaskView) -> Iterator[tuple[str, str | tuple[float, float]]]:
-    """From things to where the wish wants them."""
+    """Arrows from things to their places in the goal."""
     for part in conjuncts(parse(view.effect)):
         match part:
             case Relation(_, (Name(thing), Name(place))):

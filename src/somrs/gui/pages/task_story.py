@@ -1,5 +1,5 @@
-"""The story of a task, made of its events: what was begun, each failure with what was done about it and what came of that, what was
-undone, and the end. Its parts are in `task_chapters.py`, how it looks in `task_story_panel.py`."""
+"""The story of a task, made from its events: plans, each failure with the recovery actions and their result, compensation, and the end. The
+parts are defined in `task_chapters.py` and shown by `task_story_panel.py`."""
 
 from __future__ import annotations
 
@@ -20,36 +20,36 @@ from somrs.protocol.messages.people import person_name
 LOST = (State.FAILED, State.STOPPED, State.UNREACHABLE)
 
 ENDINGS = {
-    Outcome.ACCOMPLISHED: (state_labels.OUTCOMES[Outcome.ACCOMPLISHED], "good", "The task was accomplished all the same."),
-    Outcome.FAILED: (state_labels.OUTCOMES[Outcome.FAILED], "bad", "Nothing helped: rung 4, the task was given up."),
-    Outcome.CANCELLED: (state_labels.OUTCOMES[Outcome.CANCELLED], "plain", "The task was cancelled before anything came of it."),
+    Outcome.ACCOMPLISHED: (state_labels.OUTCOMES[Outcome.ACCOMPLISHED], "good", "The task was accomplished nevertheless."),
+    Outcome.FAILED: (state_labels.OUTCOMES[Outcome.FAILED], "bad", "Recovery failed: the task was given up."),
+    Outcome.CANCELLED: (state_labels.OUTCOMES[Outcome.CANCELLED], "plain", "The task was cancelled before recovery was complete."),
 }
-"""For each outcome the title of the last chapter, its tone, and what came of failures that were not answered until then."""
+"""For each outcome: the title of the last chapter, its tone, and the result of failures that are still open then."""
 
 
 class _StoryBuilder:
-    """Takes a task's events one by one. `entry` in its methods is an event as it was recorded, `event` what happened."""
+    """Processes a task's events one by one. In its methods, `entry` is an event of the log and `event` its data."""
 
     def __init__(self, view: TaskView) -> None:
         self._view = view
         self.chapters: list[Chapter] = []
         self._open: list[Chapter] = []
-        """Failures of which nothing came yet."""
+        """Failures without a result so far."""
         self._undoing: Chapter | None = None
-        """What is undone because the task ends."""
+        """The chapter for what is undone because the task ends."""
         self._aside: Chapter | None = None
-        """The failure for which something beside the plan is pursued: a look, or what was laid down."""
+        """The failure for which an additional goal is executed: an observation or a handler."""
         self._plans_aside = False
-        """The next plan is for that, or for undoing, and not the task's."""
+        """Whether the next plan is for that or for compensation, and not for the task's goal."""
 
     def add_event(self, entry: TaskEvent, event: Event) -> None:
         match event:
             case events.WaitsForDevice():
-                pass  # it is said of every second step, and means that devices are busy
+                pass  # ordinary: devices are often busy
             case events.WaitsForTasks():
-                self._add_chapter(entry, "hourglass_empty", "It waits", "busy", entry.text)
+                self._add_chapter(entry, "hourglass_empty", "Waiting", "busy", entry.text)
             case events.GoesOn():
-                self._add_chapter(entry, "hourglass_empty", "It goes on", "busy", entry.text)
+                self._add_chapter(entry, "hourglass_empty", "Continuing", "busy", entry.text)
             case events.TaskEnded(outcome=outcome, reasons=end_reasons):
                 self.end(entry, outcome, end_reasons)
             case events.Planned(steps=steps):
@@ -62,8 +62,8 @@ class _StoryBuilder:
                 self._add_news(entry, event)
 
     def add_text_entries(self, entries: Sequence[TaskEvent]) -> None:
-        """Events of which a record has the sentences only."""
-        chapter = self._add_chapter(entries[0], "history", "What was kept of it", "plain")
+        """Add events of which a record has only the texts."""
+        chapter = self._add_chapter(entries[0], "history", "Recorded events", "plain")
         for event in entries:
             chapter.lines.append(Line(at=event.at, text=_of_step(event), kind=event.kind if event.kind in LABELS else None))
 
@@ -81,7 +81,7 @@ class _StoryBuilder:
             known_failure.situation = known_failure.situation or self._situation_left(entry, event)
             return
         for earlier in [chapter for chapter in self._open if chapter.step == entry.step and entry.step is not None]:
-            self._close(earlier, "It failed again.", "bad", entry.at)
+            self._close(earlier, "The step failed again.", "bad", entry.at)
         self._open.append(self._add_failure(entry, event))
 
     def _add_failure(self, entry: TaskEvent, event: Event) -> Chapter:
@@ -95,7 +95,7 @@ class _StoryBuilder:
         return chapter
 
     def _related_failure(self, event: Event) -> Chapter | None:
-        """The failure that the setback is part of: one more sign of it, or that what was tried about it did not help."""
+        """The earlier failure that this setback belongs to: the same failure observed again, or a recovery action for it that failed."""
         match event:
             case events.GoalFailed(step=step):
                 return next((chapter for chapter in reversed(self._open) if chapter.step == step), None)
@@ -106,11 +106,11 @@ class _StoryBuilder:
         return None
 
     def _silent_failure(self, service: str) -> Chapter | None:
-        """The failure that was only a silence of the service so far."""
+        """The open failure in which the service has only stopped responding."""
         return next((chapter for chapter in self._open if chapter.silent and not chapter.step and chapter.service == service), None)
 
     def _situation_left(self, entry: TaskEvent, event: Event) -> str:
-        """What the service that failed left, if it is known."""
+        """The situation that the failed service left; empty if it is unknown."""
         if not isinstance(event, events.ServiceFailure):
             return ""
         for work in reversed(self._view.work):
@@ -119,7 +119,7 @@ class _StoryBuilder:
                 return gist(work.situation) if work.situation and work.state is not State.UNREACHABLE else ""
         return ""
 
-    # What is done about them
+    # Recovery actions
 
     def _add_answer(self, entry: TaskEvent, event: Event) -> None:
         kind = kind_of(event)
@@ -135,17 +135,17 @@ class _StoryBuilder:
                 self._aside = chapter
 
     def _answered_failures(self, entry: TaskEvent, kind: EventKind) -> list[Chapter]:
-        """The failures about which this is done; if there is none, a chapter for it."""
+        """The failures for which this action is taken; if there are none, a new chapter for it."""
         chapters = [chapter for chapter in self._open if entry.step is None or chapter.step == entry.step]
         if not chapters and self._open and kind is EventKind.UNDO:
-            chapters = self._open[-1:]  # what stands in the way may be of another step
+            chapters = self._open[-1:]  # the obstacle may be the work of another step
         if not chapters:
             chapters = [self._add_chapter(entry, "alt_route" if kind is EventKind.REPLAN else "sync", LABELS[kind], "busy")]
             self._open += chapters
         return chapters
 
     def _is_unblocking(self, event: Event) -> bool:
-        """Whether a failure is undone so that the task can go on, and not because it ends."""
+        """Whether work is undone so that the task can continue, not because it ends."""
         if self._undoing is not None:
             return False
         is_unblocking = any(chapter.unblocking for chapter in self._open)
@@ -153,14 +153,14 @@ class _StoryBuilder:
 
     def _add_undoing(self, entry: TaskEvent) -> None:
         if self._undoing is None:
-            self._undoing = self._add_chapter(entry, "undo", "Undoing what was done", "busy")
+            self._undoing = self._add_chapter(entry, "undo", "Compensation", "busy")
         self._undoing.add(entry.at, _of_step(entry))
 
     def _close(self, chapter: Chapter, result: str, tone: str, at: float) -> None:
         chapter.close(result, tone, at)
         self._open.remove(chapter)
 
-    # All else
+    # Other events
 
     def _add_news(self, entry: TaskEvent, event: Event) -> None:
         match event:
@@ -171,14 +171,14 @@ class _StoryBuilder:
                 | events.StepCompleted(service=service)
                 | events.StepStopped(service=service)
             ) if (silent_failure := self._silent_failure(service)) is not None:
-                self._close(silent_failure, "It was heard again.", "good", entry.at)
+                self._close(silent_failure, "The service responded again.", "good", entry.at)
         chapters = self._concerned_failures(entry)
         match event:
             case events.StepCompleted():
                 self._add_completion(entry, event, chapters)
             case events.FoundSo():
                 for chapter in [chapter for chapter in self._open if chapter.step == entry.step]:
-                    self._close(chapter, "It was done after all.", "good", entry.at)
+                    self._close(chapter, "The step was completed after all.", "good", entry.at)
             case events.StepStopped(service=service) if not chapters:
                 self._add_chapter(entry, "stop_circle", f"{service} stopped", "plain", entry.step or "")
             case events.ServiceChosen() | events.MayTryAgain() | events.ServiceRefused() | events.StepStopped():
@@ -186,7 +186,7 @@ class _StoryBuilder:
                     chapter.add(entry.at, entry.text)
 
     def _concerned_failures(self, entry: TaskEvent) -> list[Chapter]:
-        """The failures that are being answered, of which this news is."""
+        """The failures under recovery that this event belongs to."""
         chapters = [chapter for chapter in self._open if chapter.step == entry.step and chapter.lines]
         return [self._aside] if not chapters and _is_aside(entry) and self._aside is not None else chapters
 
@@ -200,7 +200,7 @@ class _StoryBuilder:
                 chapters[0].add(entry.at, f"{event.service}: {situation}")
         else:
             for chapter in [chapter for chapter in chapters if chapter in self._open]:
-                self._close(chapter, f"{event.service} did it: {situation}", "good", entry.at)
+                self._close(chapter, f"{event.service} completed the step: {situation}", "good", entry.at)
         if not chapters:
             self._add_chapter(entry, "check_circle", f"{entry.step} is done", "good", f"by {event.service}: {situation}")
 
@@ -209,9 +209,7 @@ class _StoryBuilder:
             self._plans_aside = False
             return
         replanned_chapters = [chapter for chapter in self._open if chapter.is_answered_by(EventKind.REPLAN, EventKind.UNDO)]
-        result = (
-            f"The task goes on by a new plan of {count_text(steps, 'step')}." if steps else "There is nothing left to do: it is so already."
-        )
+        result = f"The task continues with a plan of {count_text(steps, 'step')}." if steps else "Nothing is left to do: the goal holds."
         for chapter in replanned_chapters:
             self._close(chapter, result, "good", entry.at)
         if not replanned_chapters:
@@ -233,7 +231,7 @@ class _StoryBuilder:
 
 
 def story(view: TaskView, entries: Sequence[TaskEvent]) -> list[Chapter]:
-    """The chapters in the order in which they began."""
+    """The chapters of a task's story, in order of their beginning."""
     builder = _StoryBuilder(view)
     for is_text, group in groupby(entries[1:], lambda entry: entry.event is None and entry.kind is not EventKind.END):
         if is_text:
@@ -244,17 +242,17 @@ def story(view: TaskView, entries: Sequence[TaskEvent]) -> list[Chapter]:
                 builder.add_event(entry, entry.event)
             else:
                 builder.end(entry, view.outcome, reasons(view))
-    first_chapter = Chapter(at=view.submitted_at, icon="add_task", title=f"{person_name(view.client)} stated the task", text=view.effect)
+    first_chapter = Chapter(at=view.submitted_at, icon="add_task", title=f"{person_name(view.client)} submitted the task", text=view.effect)
     return [first_chapter, *builder.chapters]
 
 
 def _is_aside(entry: TaskEvent) -> bool:
-    """Whether it is of a step that is not of the task's own plan."""
+    """Whether the event belongs to a goal other than the task's own."""
     return entry.goal not in (None, events.GoalKind.TASK)
 
 
 def _of_step(entry: TaskEvent) -> str:
-    """The event with its step, and the gist of a situation in it."""
+    """The event's text with its step, and situations shortened."""
     return f"{entry.step}: {gist(entry.text)}" if entry.step else gist(entry.text)
 
 

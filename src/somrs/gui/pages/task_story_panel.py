@@ -1,4 +1,4 @@
-"""The story of a task on its page: the chapters, in words."""
+"""The story of a task as a panel of its page."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TONES = {"good": "check_circle", "bad": "cancel", "busy": "pending", "plain": "i
 
 
 class StoryPanel:
-    """In `panel`, beside whose title stands how much went wrong."""
+    """Contents of `panel`; the panel's note shows the number of failures."""
 
     def __init__(self, panel: Panel, task: str) -> None:
         self._panel = panel
@@ -47,7 +47,7 @@ def _part(chapter: Chapter, start: float) -> Part:
             )
             for line in chapter.lines
         ],
-        result=chapter.result or "Something is being done about it.",
+        result=chapter.result or "Recovery is under way.",
         result_tone=chapter.result_tone,
         result_icon=TONES[chapter.result_tone],
         took=f"after {format_duration(chapter.ended - chapter.at)}" if chapter.ended is not None else "",

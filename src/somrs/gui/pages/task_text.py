@@ -1,4 +1,4 @@
-"""Words for tasks: phases and outcomes with their signs, ids and names as people need them, situations without figures."""
+"""Texts for tasks: badges of phases and outcomes, ids and names for display, shortened situations."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ PHASES = {
 PLACE = re.compile(r"(\w+)\.PositionX = (\S+) AND \1\.PositionY = (\S+)(?: AND \1\.PositionZ = \S+)?")
 FIGURES = re.compile(r" AND \w+\.(?:Position|Rotation)\w* = \S+")
 NEARBY_POSITION = re.compile(r" AND \w+ at \S+, \S+ m")
-"""Where something is in figures, when something else was said before: that says more."""
+"""A position in numbers after another statement about the place, which is more informative."""
 
 
 def task_sign(phase: Phase, outcome: Outcome | None) -> Sign:
-    """How far a task is, or how it ended."""
+    """The badge for a task's phase or outcome."""
     return OUTCOMES[outcome] if outcome is not None else PHASES[phase]
 
 
 def task_key(task: str) -> str:
-    """A task's id without what all ids begin with: as it stands in the address of its page."""
+    """A task's id without the common prefix, as in the address of its page."""
     return task.rpartition(":")[2]
 
 
@@ -44,7 +44,7 @@ def device_name(service: str) -> str:
 
 
 def gist(text: str) -> str:
-    """A situation, or a text that ends with one, with as few figures as will do."""
+    """Shorten a situation, or a text that ends with one: fewer numbers."""
     placed = FIGURES.sub("", PLACE.sub(r"\1 at \2, \3 m", text))
     return NEARBY_POSITION.sub("", placed).replace(" AND ", " and ")
 
@@ -54,10 +54,10 @@ def count_text(count: int, noun: str) -> str:
 
 
 def due_text(submitted_at: float, deadline: float | None, is_ended: bool, now: float) -> str:
-    """How much time a task has left, or had."""
+    """The time that a task has left until its deadline, or had."""
     if deadline is None:
         return "none"
     remaining = submitted_at + deadline - now
     if is_ended:
         return f"within {format_duration(deadline)}"
-    return f"in {format_duration(remaining)}" if remaining > 0 else f"{format_duration(-remaining)} over"
+    return f"in {format_duration(remaining)}" if remaining > 0 else f"{format_duration(-remaining)} overdue"

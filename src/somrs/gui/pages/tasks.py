@@ -1,4 +1,4 @@
-"""All tasks that the Task Manager has in mind, newest first, as they go on."""
+"""All tasks in the Task Manager's memory, newest first."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ from somrs.protocol.messages.clients import Phase, TaskRow
 from somrs.protocol.messages.people import person_name
 
 TASK_LIMIT = 200
-"""Tasks that are shown: as many as the Task Manager has in mind when they are over."""
+"""Limit of tasks shown, which is also the number of ended tasks that the Task Manager keeps."""
 
 RETRY_DELAY = 2.0
-"""Seconds after which a Task Manager that does not answer is asked again."""
+"""Seconds after which a request to a Task Manager that does not answer is repeated."""
 
 ALL_TASKS, RUNNING = "all", "running"
 
 COLUMNS: list[dict[str, Any]] = [
-    {"name": "far", "label": "How far", "field": "far", "align": "left"},
-    {"name": "effect", "label": "Wish", "field": "effect", "align": "left"},
-    {"name": "stated", "label": "Stated", "field": "at", "align": "left"},
+    {"name": "far", "label": "Status", "field": "far", "align": "left"},
+    {"name": "effect", "label": "Goal", "field": "effect", "align": "left"},
+    {"name": "stated", "label": "Submitted", "field": "at", "align": "left"},
     {"name": "took", "label": "Time", "field": "seconds", "align": "left"},
     {"name": "due", "label": "Deadline", "field": "due", "align": "left"},
     {"name": "priority", "label": "Priority", "field": "priority", "align": "left"},
@@ -64,7 +64,7 @@ class _Tasks:
         with ui.element("div").classes("somrs-tasks-head"):
             ui.label("Tasks").classes("somrs-title").props('role="heading" aria-level="1"')
             self._filter = ui.toggle(_choices([]), value=ALL_TASKS, on_change=self._render).props("no-caps dense unelevated")
-            self._search_field = ui.input(placeholder="Find in wishes, people, services", on_change=self._render).props(
+            self._search_field = ui.input(placeholder="Find in goals, people, services", on_change=self._render).props(
                 'dense outlined clearable type=search aria-label="Find"'
             )
             self._search_field.classes("somrs-tasks-find")
@@ -85,7 +85,7 @@ class _Tasks:
                 task_list = await self._api.tasks.list(limit=TASK_LIMIT)
                 break
             except SomrsError as error:
-                self._table.set_empty_text(f"{error}; asking again")
+                self._table.set_empty_text(f"{error}; retrying")
                 await asyncio.sleep(RETRY_DELAY)
         self._rows = {row.task: row for row in task_list.rows}
         self._render()
@@ -116,7 +116,7 @@ class _Tasks:
         self._filter.set_options(_choices(rows), value=self._filter.value)
         now = time.time()
         self._table.show_rows([_table_row(row, self._asked_people, now) for row in rows if self._matches_filter(row)])
-        self._table.set_empty_text("No task is like that." if rows else "There are no tasks yet. State one with “New task”.")
+        self._table.set_empty_text("No matching tasks." if rows else "There are no tasks yet. Create one with “New task”.")
 
     def _matches_filter(self, row: TaskRow) -> bool:
         words = str(self._search_field.value or "").lower().split()
@@ -125,10 +125,10 @@ class _Tasks:
 
 
 def _choices(rows: Sequence[TaskRow]) -> dict[str, str]:
-    """Which tasks can be shown, and how many each are; before any were read, there are none."""
+    """The filter's options with the number of tasks for each."""
     count = Counter(_kind(row) for row in rows)
     outcomes = {outcome.value: f"{label} {count[outcome.value]}" for outcome, label in OUTCOMES.items()}
-    return {ALL_TASKS: f"All {len(rows)}", RUNNING: f"Under way {count[RUNNING]}", **outcomes}
+    return {ALL_TASKS: f"All {len(rows)}", RUNNING: f"Running {count[RUNNING]}", **outcomes}
 
 
 def _kind(row: TaskRow) -> str:
@@ -136,7 +136,7 @@ def _kind(row: TaskRow) -> str:
 
 
 def _table_row(row: TaskRow, asked_people: frozenset[str], now: float) -> dict[str, Any]:
-    """A row as the table shows it."""
+    """A row of the table."""
     row_sign = task_sign(row.phase, row.outcome)
     seconds = (row.ended_at if row.ended_at is not None else now) - row.submitted_at
     return {
@@ -163,6 +163,6 @@ def _table_row(row: TaskRow, asked_people: frozenset[str], now: float) -> dict[s
 def _notes(row: TaskRow, asked_people: frozenset[str]) -> Iterator[str]:
     working = [name for name in dict.fromkeys(device_name(service) for service in row.services) if name not in asked_people]
     if row.outcome is None and working:
-        yield f"{join_names(working)} at work"
+        yield f"{join_names(working)} working"
     for reason in reasons(row)[:1]:
         yield gist(reason[:1].upper() + reason[1:])

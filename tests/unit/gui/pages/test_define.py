@@ -117,10 +117,10 @@ def test_a_task_on_the_page_is_the_task(task: Submit) -> None:
 @pytest.mark.parametrize(
     ("draft", "problem"),
     [
-        (Draft(effect="a isOn b", deadline="soon"), "the deadline is a number above 0, and soon is none"),
-        (Draft(effect="a isOn b", deadline="-3"), "the deadline is a number above 0"),
-        (Draft(effect="a isOn b", policy=Policy.WEIGHTED, time_value=""), "what a second is worth is a number of EUR, and nothing is none"),
-        (Draft(effect="a isOn b", procedures=[Procedure(effect="a isOn")]), "the procedure for failure: the formula ends too early"),
+        (Draft(effect="a isOn b", deadline="soon"), "the deadline must be a number above 0, not soon"),
+        (Draft(effect="a isOn b", deadline="-3"), "the deadline must be a number above 0"),
+        (Draft(effect="a isOn b", policy=Policy.WEIGHTED, time_value=""), "the cost per second must be a number of EUR, not empty"),
+        (Draft(effect="a isOn b", procedures=[Procedure(effect="a isOn")]), "the handler for failure: the formula ends too early"),
     ],
 )
 def test_what_is_none_is_said(draft: Draft, problem: str) -> None:
@@ -165,5 +165,5 @@ def test_the_time_of_an_order_on_the_page_is_its_time(schedule: Every | Daily | 
 
 
 def test_an_order_without_a_time_is_none() -> None:
-    with pytest.raises(UsageError, match="say the day"):
+    with pytest.raises(UsageError, match="enter the date"):
         schedule_of(Repeat(recurrence="once", time=""))

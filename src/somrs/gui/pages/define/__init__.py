@@ -1,4 +1,4 @@
-"""New task: state a wish, say how it is to be done, see what that would mean, and start it."""
+"""New task: enter a goal and execution options, preview the plan, and start the task."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from somrs.gui.shell import guarded, notify, page
 from somrs.protocol.messages.clients import Submit
 
 SETTLED = 0.4
-"""Seconds within which the browser says what it kept."""
+"""Seconds within which the browser sends its stored draft."""
 
 
 def register(api: LiveApi) -> None:
@@ -34,7 +34,7 @@ def register(api: LiveApi) -> None:
 
 
 class _DefinePage:
-    """The page. `effect`: the wish that it is opened with."""
+    """The page. `effect`: the initial goal."""
 
     def __init__(self, api: LiveApi, effect: str) -> None:
         self._api = api
@@ -67,7 +67,7 @@ class _DefinePage:
 
     def _refresh(self) -> None:
         repeat = self._form.draft.repeat
-        self._start_button.set_text("Start" if repeat.recurrence == NOW else "Change the order" if repeat.order else "Give the order")
+        self._start_button.set_text("Start" if repeat.recurrence == NOW else "Update the order" if repeat.order else "Create the order")
 
     def _clear(self) -> None:
         self._form.clear()
@@ -80,13 +80,13 @@ class _DefinePage:
         draft = self._form.draft
         if not draft.effect.strip():
             self._goal_panel.field.focus()
-            notify("Say first what is to be.", bad=True)
+            notify("Enter a goal first.", bad=True)
             return
         checked = await self._api.formulas.check(CheckFormula(text=draft.effect))
         if not checked.ok:
             self._goal_panel.field.focus()
             problem = checked.problems[0]
-            notify(f"This is no wish yet: {problem.problem}" + (f"; {problem.hint}" if problem.hint else ""), bad=True)
+            notify(f"The goal is not valid: {problem.problem}" + (f"; {problem.hint}" if problem.hint else ""), bad=True)
             return
         if draft.repeat.recurrence != NOW:
             await save_order(self._form)
@@ -97,7 +97,7 @@ class _DefinePage:
             self._last_attempt = task, uuid.uuid4().hex
         self._start_button.disable()
         try:
-            # With the same word until it was taken: then it is not stated twice when an answer is lost.
+            # The same key for each retry: the task is submitted only once even if a reply is lost.
             submitted = await self._api.tasks.submit(task, once=self._last_attempt[1], by=app.storage.user.get("author"))
         except SomrsError:
             self._start_button.enable()

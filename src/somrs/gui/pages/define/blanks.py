@@ -1,4 +1,4 @@
-"""Templates made of tasks: things that are named in a task become blanks, which are filled in each time it is used."""
+"""Templates made from tasks: names of things become blanks, which are filled in at each use."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _LEXEME = re.compile(r'"(?:[^"\\\n]|\\.)*"|#[^\n]*|\?[\w-]+|[^\W\d][\w-]*(?:\.[\
 
 
 def formula_texts(task: Submit) -> Iterator[str]:
-    """The formulas of a task."""
+    """Yield the formulas of a task."""
     yield task.effect
     yield task.precondition or ""
     for handler in task.handlers:
@@ -27,18 +27,18 @@ def formula_texts(task: Submit) -> Iterator[str]:
 
 
 def mentioned_things(task: Submit, map: Map) -> list[str]:
-    """The things on the map that a task names, in the order in which it does."""
+    """The things on the map that a task names, in order of occurrence."""
     thing_names: dict[str, None] = {}
     for text in formula_texts(task):
         try:
             thing_names.update(dict.fromkeys(name for name in names(parse(text)) if name in map.objects))
         except FormulaError:
-            continue  # what is empty, or no formula, names nothing
+            continue  # not a formula: it names nothing
     return [*thing_names]
 
 
 def replace_with_blanks(task: Submit, blanks: Mapping[str, str]) -> Submit:
-    """The task with blanks, such as `{Thing}`, instead of names."""
+    """The task with blanks, such as `{Thing}`, in place of names."""
 
     def with_blanks(text: str) -> str:
         return _LEXEME.sub(lambda match: _replace_name(match[0], blanks), text)
@@ -60,7 +60,7 @@ def _replace_name(word: str, blanks: Mapping[str, str]) -> str:
 
 
 def propose_blank_names(types: Mapping[str, str]) -> dict[str, str]:
-    """A name for the blank of each thing: of the type that may stand there, numbered where that would not tell them apart."""
+    """A name for each thing's blank: its allowed type, numbered where several blanks would have the same name."""
     blank_names: dict[str, str] = {}
     for thing, type_name in types.items():
         count = sum(1 for earlier_thing in blank_names if types[earlier_thing] == type_name)
@@ -69,5 +69,5 @@ def propose_blank_names(types: Mapping[str, str]) -> dict[str, str]:
 
 
 def types_of(thing: str, map: Map, ontology: Ontology) -> list[str]:
-    """The types that may stand in the blank of a thing: its own, and those above it."""
+    """The types that a thing's blank may allow: the thing's own type and its ancestors."""
     return [*ontology.ancestors(map.objects[thing].type)]

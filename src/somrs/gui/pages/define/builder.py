@@ -1,4 +1,4 @@
-"""Wishes put together by choosing: line by line, a thing and what is to be so of it."""
+"""An editor for goals, line by line: each line states a relation or an attribute value of a thing."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from somrs.gui.pages.define.form import Form
 from somrs.gui.pages.define.goal_lines import ORDERS, Line, is_same_formula, lines_of, text_of
 from somrs.ontology.types import ABSTRACT, Kind
 
-GROUPS = ("Services can bring it about", "Other relations", "Attributes")
+GROUPS = ("Achievable by services", "Other relations", "Attributes")
 ORDER_WORDS = {"=": "is", "!=": "is not", "<": "is less than", "<=": "is at most", ">": "is more than", ">=": "is at least"}
 
 FIXED = ("BuildingElement", ABSTRACT)
-"""What nobody means who points at the plan to say which thing is to be brought somewhere."""
+"""Types that a click on the plan does not take as the thing to move."""
 
 
 class Builder:
-    """The lines of the wish, as far as it is of that form; where it is not, that is said, and nothing is changed."""
+    """The lines of the goal. If the formula cannot be written as lines, a note says so and the formula stays unchanged."""
 
     def __init__(self, form: Form) -> None:
         self._form = form
@@ -31,9 +31,9 @@ class Builder:
         self._complex_note = ui.element("div").classes("somrs-define-other").props('role="note"')
         with self._complex_note:
             ui.icon("info").props('aria-hidden="true"')
-            ui.label("This formula says more than lines can show, such as OR, or variables. Change it above; what you drag is added to it.")
-        self._list = ui.element("div").classes("somrs-define-lines").props('role="group" aria-label="Lines of the wish"')
-        self._add_button = ui.button("And also", icon="add", on_click=self._add).props("flat dense no-caps").classes("somrs-define-more")
+            ui.label("This formula cannot be shown as lines, e.g. because of OR or variables. Edit it above; dragged things are added.")
+        self._list = ui.element("div").classes("somrs-define-lines").props('role="group" aria-label="Lines of the goal"')
+        self._add_button = ui.button("Add a line", icon="add", on_click=self._add).props("flat dense no-caps").classes("somrs-define-more")
         self._refresh()
         form.on_change(self._refresh)
 
@@ -44,7 +44,7 @@ class Builder:
     def _refresh(self) -> None:
         text = self._form.draft.effect
         goal_lines = lines_of(text, self._form.api.context.ontology) if text.strip() else []
-        # While a formula is being typed it is none for moments; the lines wait for what it becomes.
+        # While the user types a formula, it is invalid at times; the lines then stay unchanged.
         is_editable = goal_lines is not None or not self._rows
         self._complex_note.visible = goal_lines is None and not _may_become_lines(text)
         self._list.visible = self._add_button.visible = not self._complex_note.visible
@@ -66,7 +66,7 @@ class Builder:
         return row
 
     async def point(self, name: str) -> None:
-        """Somebody pointed at a thing: it fills the first field of a line that waits for one."""
+        """Fill the first line that misses a thing with an object that the user clicked on the plan."""
         for row in self._rows:
             if await row.fill(name):
                 return
@@ -88,26 +88,26 @@ class Builder:
 
 
 def _may_become_lines(text: str) -> bool:
-    """Whether it may become lines yet."""
+    """Whether the text may become a formula that lines can show."""
     return not re.search(r"\bOR\b|[?(+*]| - ", text)
 
 
 class _Row:
-    """One line, and the fields in which it is chosen."""
+    """One line with its fields."""
 
     def __init__(self, form: Form, line: Line, changed: Callable[[], None], remove: Callable[[_Row], None], *, first: bool) -> None:
         self._form, self.line, self._changed = form, line, changed
         self._sayable: Sayable | None = None
         with ui.element("div").classes("somrs-define-line") as self.element:
             ui.label("" if first else "and").classes("somrs-define-and").props('aria-hidden="true"')
-            self._thing_picker = Picker("Thing", value=line.thing, placeholder="Which thing", source=things(), on_pick=self._pick_thing)
+            self._thing_picker = Picker("Thing", value=line.thing, placeholder="Thing", source=things(), on_pick=self._pick_thing)
             self._predicate_picker = Picker(
-                "What of it", value=_predicate_of(line), placeholder="What of it", options=[], on_pick=self._pick_predicate
+                "Property", value=_predicate_of(line), placeholder="Relation or attribute", options=[], on_pick=self._pick_predicate
             )
             self._rest = ui.element("div").classes("somrs-define-rest")
             with ui.element("div").classes("somrs-define-line-ways"):
-                self._not_button = ui.button("not", on_click=self._deny).props('flat dense no-caps size=sm aria-label="Not so"')
-                self._not_button.classes("somrs-define-not").tooltip("It is not to be so")
+                self._not_button = ui.button("not", on_click=self._deny).props('flat dense no-caps size=sm aria-label="Negate"')
+                self._not_button.classes("somrs-define-not").tooltip("This must not hold")
                 remove_button = ui.button(icon="close", on_click=lambda: remove(self)).props("flat dense round size=sm")
                 remove_button.props('aria-label="Remove this line"')
         self._show_denied()
@@ -119,7 +119,7 @@ class _Row:
         self._thing_picker.focus()
 
     async def fill(self, name: str) -> bool:
-        """Take a thing that was pointed at, if one is missing here that it can be."""
+        """Use an object that the user clicked, if the line misses a thing and the object fits. Returns whether the line used the click."""
         context = self._form.api.context
         object = context.map.objects.get(name)
         if object is None or (self.line.thing and (not self.line.relation or self.line.related_thing)):
@@ -136,7 +136,7 @@ class _Row:
         await self._pick_thing(name)
         return True
 
-    # What was chosen
+    # Choices
 
     async def _pick_thing(self, name: str) -> None:
         self.line = structs.replace(self.line, thing=name)
@@ -144,7 +144,7 @@ class _Row:
         self._changed()
 
     async def _learn(self) -> None:
-        """What can be said of the thing; of what was said, what cannot is left out."""
+        """Load the relations and attributes of the thing; clear a choice that the thing does not have."""
         try:
             sayable = await self._form.api.formulas.sayable(self.line.thing)
         except SomrsError as error:
@@ -198,20 +198,22 @@ class _Row:
         )
 
     def _fill(self) -> None:
-        """The fields for the rest of the line: another thing, or a value."""
+        """Rebuild the fields for the rest of the line: a related thing, or a value."""
         self._rest.clear()
         with self._rest:
             if self.line.path:
                 self._fill_value()
             elif self.line.relation:
                 source = things(relation=self.line.relation, place=1)
-                Picker("Of which", value=self.line.related_thing, placeholder="Which one", source=source, on_pick=self._pick_related_thing)
+                Picker(
+                    "Related object", value=self.line.related_thing, placeholder="Object", source=source, on_pick=self._pick_related_thing
+                )
 
     def _fill_value(self) -> None:
         attribute, line = self._attribute(self.line.path), self.line
         orders = ORDERS if line.kind is Kind.NUMBER else ORDERS[:2]
         choices = [Choice(value=order, text=ORDER_WORDS[order], detail=order) for order in orders]
-        Picker("How it compares", value=line.order, options=choices, on_pick=self._pick_order).classes("somrs-define-order")
+        Picker("Comparison", value=line.order, options=choices, on_pick=self._pick_order).classes("somrs-define-order")
         match line.kind:
             case Kind.ENUMERATION | Kind.TRUTH:
                 values = (attribute.values if attribute is not None else ()) or ("TRUE", "FALSE")
@@ -255,7 +257,7 @@ def _predicate_of(line: Line) -> str:
 
 
 def _words(name: str) -> str:
-    """`isHeldBy`: is held by."""
+    """Split a name in camel case: `isHeldBy` gives "is held by"."""
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", " ", name).lower()
 
 

@@ -1,4 +1,4 @@
-"""Asking once more before something goes that others may want."""
+"""Confirmation of actions that affect other users."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from nicegui import ui
 
 
 async def confirm(text: str, label: str) -> bool:
-    """Whether whoever sits there wants it, after they read what it means; the button that says so is called `label`."""
+    """Ask the user to confirm. `text` describes the consequences; `label` names the confirming button. Returns whether the user
+    confirmed."""
     with ui.dialog() as dialog, ui.card().classes("somrs-dialog"):
         ui.label(text)
         with ui.element("div").classes("somrs-dialog-ways"):

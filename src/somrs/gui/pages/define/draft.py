@@ -1,4 +1,4 @@
-"""What is written on the page: a task that is not stated yet. It is kept in the browser, so that it outlives the page and the server."""
+"""The form's content: a task that is not submitted yet. The browser keeps it, so that it survives reloads and server restarts."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from somrs.ontology.services import Handler, Occasion
 from somrs.protocol.messages.clients import Policy, Preview, Submit
 
 UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0}
-"""Seconds of the units in which deadlines are written."""
+"""Seconds of each unit for deadlines."""
 
 NOW, ONE_TIME, INTERVAL, DAILY = "now", "once", "every", "daily"
 
 
 class Procedure(msgspec.Struct, kw_only=True):
-    """What is laid down for a failure, or for undoing. Without a `service_type`, for all steps."""
+    """A handler for failures or for compensation. Without a `service_type`, it applies to all steps."""
 
     on: Occasion = Occasion.FAILURE
     service_type: str = ""
@@ -25,8 +25,8 @@ class Procedure(msgspec.Struct, kw_only=True):
 
 
 class Repeat(msgspec.Struct, kw_only=True):
-    """When the task is stated: `now`, or as a standing order of this name `once` (`date`, `time`), `every` so many minutes, or `daily` at
-    `time` on `days` (0 is Monday). `order`: the id of the order that is being changed, of which the `version` was seen."""
+    """When the task is submitted: `now`, or by a standing order with this name `once` (`date`, `time`), `every` so many minutes, or `daily`
+    at `time` on `days` (0 is Monday). `order`: the id of the order that is being edited; `version`: its version when it was read."""
 
     recurrence: str = msgspec.field(default=NOW, name="how")
     name: str = ""
@@ -40,7 +40,7 @@ class Repeat(msgspec.Struct, kw_only=True):
 
 
 class Draft(msgspec.Struct, kw_only=True):
-    """Numbers are as they were typed. `link`: the wish that the page was opened with; `template`: the one that it was made from."""
+    """Numbers are kept as typed. `link`: the initial goal from the page's address; `template`: the template that was used."""
 
     effect: str = ""
     precondition: str = ""
@@ -55,7 +55,7 @@ class Draft(msgspec.Struct, kw_only=True):
     template: str = ""
 
     def task(self) -> Submit:
-        """The task. Raises UsageError where something that was written is none."""
+        """The task. Raises UsageError if an input is invalid."""
         return Submit(
             effect=self.effect.strip(),
             precondition=self.precondition.strip() or None,
@@ -78,12 +78,12 @@ class Draft(msgspec.Struct, kw_only=True):
         )
 
     def deadline_seconds(self) -> float | None:
-        """Of the deadline. Raises UsageError."""
+        """The deadline in seconds, None if there is none. Raises UsageError."""
         if not self.deadline.strip():
             return None
         amount = number(self.deadline)
         if amount is None or amount <= 0:
-            raise UsageError(f"the deadline is a number above 0, and {self.deadline.strip()} is none; leave it empty if there is none")
+            raise UsageError(f"the deadline must be a number above 0, not {self.deadline.strip()}; leave it empty for no deadline")
         return amount * UNITS[self.deadline_unit]
 
     def _parse_time_value(self) -> float:
@@ -91,11 +91,11 @@ class Draft(msgspec.Struct, kw_only=True):
         if amount is None or amount < 0:
             if self.policy is not Policy.WEIGHTED:
                 return 0.01
-            raise UsageError(f"what a second is worth is a number of EUR, and {self.time_value.strip() or 'nothing'} is none")
+            raise UsageError(f"the cost per second must be a number of EUR, not {self.time_value.strip() or 'empty'}")
         return amount
 
     def load_task(self, task: Submit) -> None:
-        """Write what a task says."""
+        """Fill the draft from a task."""
         self.effect, self.precondition = task.effect, task.precondition or ""
         self.policy, self.time_value, self.priority = task.policy, f"{task.time_value:g}", task.priority
         self.deadline, self.deadline_unit = "", "min"
@@ -109,7 +109,7 @@ class Draft(msgspec.Struct, kw_only=True):
 
 
 def number(text: str) -> float | None:
-    """With a point or a comma."""
+    """Parse a number with a decimal point or comma; None if it is invalid."""
     try:
         value = float(text.strip().replace(",", "."))
     except ValueError:
@@ -123,7 +123,7 @@ def _handler(procedure: Procedure) -> Handler:
             try:
                 parse(text)
             except FormulaError as error:
-                raise UsageError(f"the procedure for {procedure.on.value}: {error}") from None
+                raise UsageError(f"the handler for {procedure.on.value}: {error}") from None
     return Handler(
         on=procedure.on, service_type=procedure.service_type or None, effect=procedure.effect.strip(), when=procedure.when.strip() or None
     )

@@ -1,4 +1,4 @@
-"""How the task is to be done: whose offer is taken, how urgent it is, until when, and how often."""
+"""Execution options of a task: choice of services, priority, deadline and schedule."""
 
 from __future__ import annotations
 
@@ -18,28 +18,28 @@ from somrs.gui.panel import panel
 from somrs.protocol.messages.clients import Policy
 
 POLICIES = {
-    Policy.PRICE: ("Cheapest", "The cheapest offer is taken; of two that cost the same, the quicker one."),
-    Policy.TIME: ("Soonest", "The offer that is done first is taken; of two as quick, the cheaper one."),
-    Policy.WEIGHTED: ("Weighed", "The offer with the least price is taken, where every second until it is done costs, too:"),
+    Policy.PRICE: ("Cheapest", "The lowest price; at equal prices, the earliest completion."),
+    Policy.TIME: ("Soonest", "The earliest completion; at equal times, the lowest price."),
+    Policy.WEIGHTED: ("Weighted", "The lowest sum of the price and a cost for each second until completion:"),
 }
 PRIORITIES = {-1: "Low", 0: "Normal", 1: "High", 2: "Urgent"}
-REPEATS = {NOW: "Now", ONE_TIME: "Once, later", INTERVAL: "Every so often", DAILY: "On days of the week"}
+REPEATS = {NOW: "Now", ONE_TIME: "Once, later", INTERVAL: "At intervals", DAILY: "On days of the week"}
 DAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
 
 
 class ExecutionOptions:
     def __init__(self, form: Form) -> None:
         self._form = form
-        with panel("How", "tune", "define how", "somrs-define-how") as self._panel:
-            with _field("Offers"):
-                self._policy = _toggle({policy: word for policy, (word, _) in POLICIES.items()}, "Which offer is taken")
+        with panel("Execution options", "tune", "define how", "somrs-define-how") as self._panel:
+            with _field("Services"):
+                self._policy = _toggle({policy: word for policy, (word, _) in POLICIES.items()}, "Choice of services")
             self._policy_line = ui.label().classes("somrs-soft")
             with ui.element("div").classes("somrs-define-inline") as self._time_value_row:
-                self._time_value = _input("What a second is worth", "0.01").classes("somrs-define-short")
-                ui.label("EUR for a second").classes("somrs-soft")
+                self._time_value = _input("Cost per second", "0.01").classes("somrs-define-short")
+                ui.label("EUR per second").classes("somrs-soft")
             with _field("Priority"):
                 self._priority = _toggle(PRIORITIES, "Priority")
-            ui.label("Of tasks that wait for the same thing or device, the more urgent one goes first; nothing is interrupted.").classes(
+            ui.label("Among tasks waiting for the same thing or device, the highest priority goes first. No step is interrupted.").classes(
                 "somrs-soft"
             )
             with _field("Deadline"):
@@ -48,15 +48,15 @@ class ExecutionOptions:
                 self._unit = Picker("Unit of the deadline", options=units, on_pick=self._make_setter("deadline_unit")).classes(
                     "somrs-define-unit"
                 )
-            ui.label("From when it is stated. What is not done by then is given up, and undone.").classes("somrs-soft")
+            ui.label("Counted from submission. A task that misses its deadline fails and is undone.").classes("somrs-soft")
             self._repeat = _Repeating(form)
-            with _fold("Beginning", "Only if the task makes sense from a certain situation: if it does not hold, nothing is begun."):
+            with _fold("Precondition", "The task starts only if this formula holds. Leave it empty to start it in any situation."):
                 self._precondition = FormulaField(
-                    "The situation that it begins from",
+                    "Precondition",
                     placeholder="Jar002 isOn Cupboard001",
                     on_change=lambda event: self._set_value("precondition", event.value),
                 )
-            with _fold("If something goes wrong", "What is to be brought about first when a step fails, or is to be undone."):
+            with _fold("Handlers", "Formulas to make true first when a step fails or is to be undone."):
                 self._procedures = Procedures(form)
         self._policy.on_value_change(lambda event: self._set_value("policy", event.value))
         self._priority.on_value_change(lambda event: self._set_value("priority", event.value))
@@ -98,7 +98,7 @@ class ExecutionOptions:
 
 
 class _Repeating:
-    """When the task is stated: now, or again and again."""
+    """When the task is submitted: now, or by a standing order."""
 
     def __init__(self, form: Form) -> None:
         self._form = form
@@ -150,12 +150,12 @@ class _Repeating:
             with ui.element("div").classes("somrs-define-days").props('role="group" aria-label="Days"'):
                 for day, name in enumerate(DAYS):
                     ui.checkbox(name, value=day in repeat.days, on_change=self._day(day)).props("dense")
-            ui.label("Without a day: on all of them.").classes("somrs-soft")
+            ui.label("No day selected: every day.").classes("somrs-soft")
         with ui.element("div").classes("somrs-define-inline"):
-            ui.label("called").classes("somrs-soft")
-            self._field("Name of the order", "name", 'placeholder="what people call it"').classes("somrs-define-name")
+            ui.label("Name").classes("somrs-soft")
+            self._field("Name of the order", "name", 'placeholder="name of the standing order"').classes("somrs-define-name")
         if repeat.recurrence != ONE_TIME:
-            skip = ui.checkbox("Leave a time out while the task before still runs", value=repeat.skip).props("dense")
+            skip = ui.checkbox("Skip a run while the previous task is running", value=repeat.skip).props("dense")
             skip.on_value_change(lambda event: self._set_value("skip", event.value))
 
     def _field(self, label: str, name: str, props: str) -> ui.input:
@@ -178,7 +178,7 @@ class _Repeating:
 
 
 def _summary(draft: Draft) -> str:
-    """All of it in a few words, for when the panel is folded."""
+    """The options in a few words, shown while the panel is collapsed."""
     parts = [POLICIES[draft.policy][0].lower()]
     parts += [f"{PRIORITIES.get(draft.priority, draft.priority)} priority".lower()] if draft.priority else []
     parts += [f"within {draft.deadline} {draft.deadline_unit}"] if draft.deadline.strip() else []

@@ -1,4 +1,4 @@
-"""What is written on the page, who is told when it changes, and the browser that keeps it."""
+"""The state of the page: the draft, its change callbacks, and its copy in the browser."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ KEY = "task"
 
 
 class Form:
-    """The rooms of the page change the `draft` and say so; each then shows what the others wrote."""
+    """The panels of the page edit `draft` and call `changed`; each panel then shows the new draft."""
 
     def __init__(self, api: LiveApi, draft: Draft) -> None:
         self.api, self.draft = api, draft
@@ -27,27 +27,27 @@ class Form:
         self._storage = DraftStorage(STORAGE_KEY, self._restore)
 
     def on_change(self, refresh: Callable[[], None]) -> None:
-        """Have a room show the draft whenever another one changed it."""
+        """Call `refresh` whenever the draft changes."""
         self._listeners.append(refresh)
 
     def changed(self) -> None:
-        """The draft is another one."""
+        """Report a change of the draft to all panels."""
         if not self._is_submitted:
             self._storage.save(KEY, {"form": msgspec.to_builtins(self.draft)})
         for refresh in self._listeners:
             refresh()
 
     def mirror(self, element: Element, path: str) -> None:
-        """Keep what is typed into the element as it is typed, also while the server is away."""
+        """Store the element's input in the browser as it is typed, also while the server is away."""
         self._storage.mirror(element, "update:value", KEY, path)
 
     def begin(self) -> None:
-        """Once the page is in its browser: keep what it began with, unless something was kept already."""
+        """Store the initial draft, unless the browser already has one. Called once the page is open in the browser."""
         if not self._restored:
             self.changed()
 
     def end(self) -> None:
-        """The task was stated: nothing is to be kept."""
+        """Remove the stored draft: the task was submitted."""
         self._is_submitted = True
         self._storage.forget(KEY)
 
@@ -59,7 +59,7 @@ class Form:
         try:
             draft = msgspec.convert(stored_drafts[0].get("form"), Draft)
         except (msgspec.ValidationError, AttributeError):
-            return  # kept by another version of this page
+            return  # stored by another version of this page
         if not self.draft.link or draft.link == self.draft.link:
             self._restored = True
             self.draft = draft

@@ -1,4 +1,4 @@
-"""What is to be: as a formula, by choosing, or by dragging things on the plan. All three show the same wish."""
+"""The goal: as a formula, as lines, or by dragging things on the plan. All three show the same goal."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from somrs.gui.panel import panel
 
 
 class GoalPanel:
-    """`submit` is called by Ctrl+Enter in the formula."""
+    """`submit` is called on Ctrl+Enter in the formula."""
 
     def __init__(self, form: Form, submit: Callable[[], Awaitable[None]]) -> None:
         self._form = form
-        with panel("What is to be", "flag", "define wish", "somrs-define-wish") as formula_panel:
-            formula_panel.note.set_text("Ctrl+Space: what can come. Ctrl+Enter: preview.")
+        with panel("Goal", "flag", "define wish", "somrs-define-wish") as formula_panel:
+            formula_panel.note.set_text("Ctrl+Space: completion. Ctrl+Enter: preview.")
             self.field = FormulaField(
-                "As a formula",
+                "Formula",
                 value=form.draft.effect,
                 placeholder="Jar002 isOn Platform001",
                 rows=2,
-                good="This can be understood.",
+                good="The formula is valid.",
                 on_change=self._typed,
                 on_submit=lambda _: submit(),
             )
             form.mirror(self.field, "effect")
-            ui.label("Or line by line").classes("somrs-define-label somrs-define-or")
+            ui.label("Or by choosing").classes("somrs-define-label somrs-define-or")
             self._builder = Builder(form)
-        with panel("On the plan", "map", "define plan", "somrs-define-where"):
-            ui.label("Drag a thing to where it is to be; or click the thing, then the place.").classes("somrs-soft")
+        with panel("Floor plan", "map", "define plan", "somrs-define-where"):
+            ui.label("Drag a thing to its destination, or click the thing and then the destination.").classes("somrs-soft")
             self._plan = GoalFloorPlan(form, self._builder)
         form.on_change(self._refresh)
 

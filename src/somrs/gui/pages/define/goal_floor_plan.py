@@ -1,4 +1,4 @@
-"""Wishes on the plan: a thing is dragged to where it is to be, or clicked, and then the place."""
+"""Goals on the floor plan: the user drags a thing to its destination, or clicks the thing and then the destination."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from somrs.gui.shell import guarded, notify
 
 
 class GoalFloorPlan:
-    """The plan, with arrows for what is wished."""
+    """The plan, with arrows for the goal."""
 
     def __init__(self, form: Form, builder: Builder) -> None:
         self._form, self._builder = form, builder
@@ -24,7 +24,7 @@ class GoalFloorPlan:
         form.on_change(self._refresh)
 
     def _loaded(self, _: dict[str, Any]) -> None:
-        """Arrows can be drawn to what is on the plan."""
+        """Draw the arrows once the plan has its objects."""
         self._arrows = []
         self._refresh()
 
@@ -36,18 +36,18 @@ class GoalFloorPlan:
     async def _dropped(self, event: dict[str, Any]) -> None:
         thing, target = event["thing"], event.get("target")
         if not target:
-            notify(f"There is nothing there that {thing} could be on. Drop it on furniture, a place, a robot or a floor.", bad=True)
+            notify(f"{thing} cannot be put there. Drop it on furniture, a place, a robot or a floor.", bad=True)
             return
         placements = await guarded(self._form.api.formulas.placings)(thing, target)
         if placements is None:
             return
         if not placements.formulas:
-            notify(f"{thing} cannot be at {target}: no relation of the ontology joins the two.", bad=True)
+            notify(f"{thing} cannot be at {target}: the ontology has no relation between the two.", bad=True)
             return
         self._add_to_goal(placements.formulas[0])
 
     def _add_to_goal(self, formula: str) -> None:
-        """Have this in the wish, too, instead of what cannot be so at the same time."""
+        """Add a formula to the goal; it replaces the parts that contradict it."""
         ontology = self._form.api.context.ontology
         effect = self._form.draft.effect.strip()
         lines = lines_of(effect, ontology) if effect else []

@@ -1,5 +1,4 @@
-"""Wishes as lines that are put together by choosing: a thing and what is to be so of it. Which formulas are of that form, and which text
-they are."""
+"""Goals as lines: which formulas can be shown as lines, and the formula of given lines."""
 
 from __future__ import annotations
 
@@ -17,8 +16,8 @@ ORDERS = ("=", "!=", "<", "<=", ">", ">=")
 
 
 class Line(msgspec.Struct, frozen=True, kw_only=True):
-    """That `thing` stands in `relation` to `related_thing`; or that its attribute (`path`, of that `kind`) compares with `value`, which is
-    written in `unit`. `denied`: that it does not. What was not chosen yet is empty."""
+    """States that `thing` stands in `relation` to `related_thing`, or that its attribute (`path`, of this `kind`) compares with `value` in
+    `unit`. `denied` negates the line. Fields that were not chosen yet are empty."""
 
     thing: str = ""
     relation: str = ""
@@ -32,7 +31,7 @@ class Line(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def text(self) -> str | None:
-        """As a formula; None while something is missing."""
+        """The line as a formula; None while it is incomplete."""
         denied = "NOT " if self.denied else ""
         if self.relation:
             return f"{denied}{self.thing} {self.relation} {self.related_thing}" if self.thing and self.related_thing else None
@@ -54,12 +53,12 @@ class Line(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def text_of(lines: list[Line]) -> str:
-    """The formula that the lines are, each that is complete on a line of its own."""
+    """The formula of the complete lines, one per text line."""
     return "\nAND ".join(text for line in lines if (text := line.text) is not None)
 
 
 def lines_of(text: str, ontology: Ontology) -> list[Line] | None:
-    """The lines that a formula is; None when it is not of that form, or no formula."""
+    """The lines of a formula; None if the text is invalid or cannot be shown as lines."""
     try:
         parts = conjuncts(parse(text))
     except FormulaError:
@@ -98,7 +97,7 @@ def is_same_formula(first_text: str, second_text: str) -> bool:
 
 
 def add_placement(lines: list[Line], line: Line, ontology: Ontology) -> list[Line]:
-    """The lines, with one of where a thing is to be: in the place of those that cannot be so at the same time."""
+    """The lines with the placement `line`, which replaces the lines that contradict it."""
     relation = ontology.relations.get(line.relation)
     group = relation.excludes if relation is not None else None
     remaining_lines = []

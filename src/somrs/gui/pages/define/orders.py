@@ -1,4 +1,4 @@
-"""Standing orders: tasks that are stated by themselves. Those there are, and the one that is being written on the page."""
+"""Standing orders: tasks that the Scheduler submits. The list of existing orders, and the one edited on the page."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from somrs.protocol.messages.orders import Daily, Every, Filled, Once, OrderSave
 from somrs.scheduling.recurrence import in_words
 
 RUNS = {
-    RunState.SUBMITTING: Sign("hourglass_empty", "Is being stated", "busy"),
-    RunState.SUBMITTED: Sign("play_circle", "Runs", "busy"),
-    RunState.SKIPPED: Sign("skip_next", "Left out", "plain"),
+    RunState.SUBMITTING: Sign("hourglass_empty", "Being submitted", "busy"),
+    RunState.SUBMITTED: Sign("play_circle", "Running", "busy"),
+    RunState.SKIPPED: Sign("skip_next", "Skipped", "plain"),
     RunState.MISSED: Sign("event_busy", "Missed", "bad"),
     RunState.REFUSED: Sign("block", "Refused", "bad"),
 }
 
 
 class Orders:
-    """All standing orders, while the page is open."""
+    """The list of all standing orders, kept up to date."""
 
     def __init__(self, form: Form) -> None:
         self._form = form
@@ -51,7 +51,7 @@ class Orders:
         self._list.clear()
         with self._list:
             if not orders:
-                ui.label("There are none. A task is stated again and again by giving it a time under How, When.").classes("somrs-soft")
+                ui.label("There are none. To create one, set a time under Execution options, When.").classes("somrs-soft")
             for order in orders:
                 self._row(order)
 
@@ -59,21 +59,21 @@ class Orders:
         with ui.element("section").classes("somrs-define-order-row").props(f'aria-label="{order.name}"'):
             with ui.element("div").classes("somrs-define-order-what"):
                 ui.label(order.name).classes("somrs-define-template-name")
-                ui.label(in_words(order.when) + ("" if order.enabled else ", rests")).classes("somrs-soft")
+                ui.label(in_words(order.when) + ("" if order.enabled else ", paused")).classes("somrs-soft")
                 if order.next is not None:
                     ui.label(f"next: {format_time(order.next)}").classes("somrs-soft")
                 if order.last is not None:
                     _run(order.last)
             with ui.element("div").classes("somrs-define-line-ways"):
                 if order.enabled:
-                    _action_button("pause", f"Let {order.name} rest", partial(self._form.api.orders.pause_order, order.id, author()))
+                    _action_button("pause", f"Pause {order.name}", partial(self._form.api.orders.pause_order, order.id, author()))
                 else:
-                    _action_button("play_arrow", f"Let {order.name} go on", partial(self._form.api.orders.resume_order, order.id, author()))
-                _action_button("edit", f"Change {order.name}", partial(self._change, order))
+                    _action_button("play_arrow", f"Resume {order.name}", partial(self._form.api.orders.resume_order, order.id, author()))
+                _action_button("edit", f"Edit {order.name}", partial(self._change, order))
                 _action_button("delete", f"Remove {order.name}", partial(self._remove, order))
 
     async def _change(self, order: StandingOrder) -> None:
-        """Write the order on the page."""
+        """Load the order into the form."""
         task = order.task
         if task is None and order.template is not None:
             task = await self._form.api.orders.fill_template(order.template, Filled(values=order.values))
@@ -83,12 +83,12 @@ class Orders:
         self._form.changed()
 
     async def _remove(self, order: StandingOrder) -> None:
-        if await confirm(f"The order {order.name} is taken back. Its task, if one runs, goes on.", "Remove"):
+        if await confirm(f"The standing order {order.name} will be removed. A running task of it continues.", "Remove"):
             await self._form.api.orders.remove_order(order.id, order.version)
 
 
 async def save_order(form: Form) -> None:
-    """Give the order that is written on the page, or change the one that it was."""
+    """Create the standing order that the draft describes, or update the one that is edited."""
     draft, orders = form.draft, form.api.orders
     saved = OrderSaved(
         name=draft.repeat.name.strip() or " ".join(draft.effect.replace("/", " ").split())[:60],
@@ -99,16 +99,16 @@ async def save_order(form: Form) -> None:
         expected_version=draft.repeat.version if draft.repeat.order else None,
     )
     order = await (orders.save_order(draft.repeat.order, saved) if draft.repeat.order else orders.add_order(saved))
-    notify(f"The order {order.name} is given: {in_words(order.when)}.")
+    notify(f"Standing order {order.name} saved: {in_words(order.when)}.")
 
 
 def schedule_of(repeat: Repeat) -> Schedule:
-    """Raises UsageError where it is no time."""
+    """The schedule of the inputs. Raises UsageError if an input is invalid."""
     match repeat.recurrence:
         case "every":
             minutes = number(repeat.minutes)
             if minutes is None or minutes <= 0:
-                raise UsageError(f"every so many minutes: a number above 0, and {repeat.minutes.strip() or 'nothing'} is none")
+                raise UsageError(f"the interval must be a number of minutes above 0, not {repeat.minutes.strip() or 'empty'}")
             return Every(minutes=minutes)
         case "daily":
             return Daily(at=repeat.time, days=tuple(repeat.days))
@@ -116,7 +116,7 @@ def schedule_of(repeat: Repeat) -> Schedule:
             try:
                 return Once(at=datetime.fromisoformat(f"{repeat.date}T{repeat.time}").timestamp())
             except ValueError:
-                raise UsageError("say the day and the time at which it is to be stated") from None
+                raise UsageError("enter the date and the time") from None
 
 
 def repeat_of(order: StandingOrder) -> Repeat:

@@ -1,4 +1,4 @@
-"""What would be done, and what it would cost, before anything is started; or why it cannot be."""
+"""The preview of a task: its plan, price and duration, or the reasons why there is no plan."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from somrs.protocol.messages.clients import Obstacle, Previewed, Quotation, Step
 from somrs.protocol.messages.clients import Preview as PreviewRequest
 
 ADVICE = {
-    Obstacle.NO_SERVICE_TYPE: "Nothing that this system knows of can do this. Wish for something that a service brings about:",
-    Obstacle.NOT_OFFERED: "Start a device that offers it, or wait until one joins; the Fleet page shows who is there.",
-    Obstacle.PROMISED: "Wait until the other tasks are done, or state this one with a higher priority.",
-    Obstacle.PRECONDITION: "Change the situation that it begins from, or leave it out, under How, Beginning.",
-    Obstacle.NO_OBJECT: "Write the name of a thing that is on the map; the Map page shows them all.",
-    Obstacle.TWO_PLACES: "Wish for less at once: what cannot be so at one moment takes several tasks, one after the other.",
+    Obstacle.NO_SERVICE_TYPE: "No service type has such an effect. Choose a goal that a service can achieve:",
+    Obstacle.NOT_OFFERED: "Start a device that offers the service, or wait for one; the Fleet page shows the available devices.",
+    Obstacle.PROMISED: "Wait until the other tasks are done, or give this one a higher priority.",
+    Obstacle.PRECONDITION: "Change or remove the precondition under Execution options, Precondition.",
+    Obstacle.NO_OBJECT: "Use the name of an object on the map; the Map page shows all objects.",
+    Obstacle.TWO_PLACES: "Split the goal: parts that cannot hold at the same time need several tasks, one after the other.",
 }
-"""What can be done about what stands in the way of a plan."""
-OTHERWISE = "Wish for less at once, or for another thing or place; the Map page shows how things are."
+"""What the user can do about each obstacle to a plan."""
+OTHERWISE = "Choose a smaller goal, or another thing or place; the Map page shows the current state."
 
 
 class Preview:
@@ -36,14 +36,14 @@ class Preview:
         self._running: asyncio.Task[None] | None = None
         self._previewed_request: PreviewRequest | None = None
         with panel("Preview", "preview", "define preview", "somrs-define-preview") as self._panel:
-            self._hint = ui.label("See what would be done, by whom and at what price, before anything is started.").classes("somrs-soft")
+            self._hint = ui.label("Shows the plan, the services and the price before the task is started.").classes("somrs-soft")
             with ui.element("div").classes("somrs-define-progress").props('role="status"') as self._progress:
                 ui.spinner(size="20px")
                 self._waiting = ui.label()
                 ui.button("Stop", on_click=self.stop).props("flat dense no-caps")
             with ui.element("div").classes("somrs-define-stale").props('role="status"') as self._stale:
                 ui.icon("update").props('aria-hidden="true"')
-                ui.label("The task was changed since.")
+                ui.label("The task has changed since this preview.")
                 ui.button("Preview again", on_click=self.begin).props("flat dense no-caps")
             self._result = ui.element("div").classes("somrs-define-found")
         self._progress.visible = self._stale.visible = False
@@ -51,10 +51,10 @@ class Preview:
         form.on_change(self._changed)
 
     def begin(self) -> None:
-        """Ask; the page goes on meanwhile."""
+        """Request a preview in the background."""
         self.stop()
         self._panel.element.props("open")
-        # On a narrow screen it is below what one sees.
+        # On a narrow screen, the preview is below the visible part.
         ui.run_javascript(f"getHtmlElement({self._panel.element.id}).scrollIntoView({{block: 'nearest'}})")
         self._running = background_tasks.create(self._run(), name="preview", context=self._result)
 
@@ -73,7 +73,7 @@ class Preview:
             checked = await self._form.api.formulas.check(CheckFormula(text=request.effect))
             if not checked.ok:
                 self._refused(
-                    "This is no wish yet",
+                    "The goal is not valid",
                     [problem.problem + (f"; {problem.hint}" if problem.hint else "") for problem in checked.problems],
                     [],
                 )
@@ -82,7 +82,7 @@ class Preview:
             self._previewed_request = request
             await self._show_preview(preview)
         except SomrsError as error:
-            self._refused("There is no preview", str(error).splitlines(), [])
+            self._refused("The preview failed", str(error).splitlines(), [])
         finally:
             self._progress.visible = False
             self._tick.deactivate()
@@ -90,13 +90,13 @@ class Preview:
 
     def _ticked(self) -> None:
         seconds = time.monotonic() - self._start_time
-        self._waiting.set_text("Planning, and asking for terms" + (f", {seconds:.0f} s" if seconds >= 1 else ""))
+        self._waiting.set_text("Planning and requesting terms" + (f", {seconds:.0f} s" if seconds >= 1 else ""))
 
     def _changed(self) -> None:
         if self._previewed_request is not None:
             self._stale.visible = not _is_same_request(self._form.draft, self._previewed_request)
 
-    # What was found
+    # Results
 
     async def _show_preview(self, preview: Previewed) -> None:
         if not preview.steps and preview.reasons:
@@ -105,14 +105,14 @@ class Preview:
         self._result.clear()
         with self._result:
             if not preview.steps:
-                _show_notice("check_circle", "good", "It is so already: nothing is to be done.")
-                self._panel.note.set_text("nothing to be done")
+                _show_notice("check_circle", "good", "The goal already holds: nothing needs to be done.")
+                self._panel.note.set_text("nothing to do")
                 return
             if preview.waits:
                 _show_notice("hourglass_empty", "busy", preview.waits)
             if preview.quotations or preview.unserved:
                 self._totals(preview)
-            PlanGraph(steps=preview.steps, label="What would be done").classes("somrs-define-graph")
+            PlanGraph(steps=preview.steps, label="Plan preview").classes("somrs-define-graph")
             if preview.quotations or preview.unserved:
                 _quotes(preview)
 
@@ -135,13 +135,13 @@ class Preview:
         advice = [ADVICE[obstacle] for obstacle in preview.obstacles] or [OTHERWISE]
         if Obstacle.NO_SERVICE_TYPE in preview.obstacles:
             advice[preview.obstacles.index(Obstacle.NO_SERVICE_TYPE)] += f" {await self._offered_effects()}"
-        self._refused("There is no way to do this now", preview.reasons, advice)
+        self._refused("No plan is possible now", preview.reasons, advice)
 
     async def _offered_effects(self) -> str:
-        """What the services that are on offer now bring about."""
+        """The effects of the services that are currently on offer, as a text."""
         offers = (await self._form.api.fleet.services()).offers
         effects = dict.fromkeys(offer.service_type.effect for offer in offers)
-        return ", or ".join(effects) + "." if effects else "nobody offers anything now."
+        return ", or ".join(effects) + "." if effects else "no service is on offer now."
 
     def _refused(self, title: str, reasons: Sequence[str], advice: Sequence[str]) -> None:
         self._previewed_request = self._current_request()
@@ -177,13 +177,13 @@ def _show_notice(icon: str, tone: str, text: str) -> None:
 
 
 def _quotes(preview: Previewed) -> None:
-    """Who offers each step, and who would get it."""
+    """The terms of the services for each step, and which would be chosen."""
     by_step: dict[str, list[Quotation]] = {}
     for quotation in preview.quotations:
         by_step.setdefault(quotation.step, []).append(quotation)
     with ui.element("div").classes("somrs-terms-view"), ui.element("table").classes("somrs-terms"):
         with ui.element("thead"), ui.element("tr"):
-            for name in ("Service", "Price", "From – until", "Would become"):
+            for name in ("Service", "Price", "From – until", "Result"):
                 with ui.element("th").props('scope="col"'):
                     ui.label(name)
         for step in preview.steps:
@@ -216,7 +216,7 @@ def _quote(quote: Quotation) -> None:
         with ui.element("td").classes("somrs-define-became"):
             ui.icon(icon).props('aria-hidden="true"')
             with ui.element("div"):
-                ui.label(word + (", by what it asked last" if quote.estimate else "")).classes("somrs-terms-word")
+                ui.label(word + (", estimated from earlier terms" if quote.estimate else "")).classes("somrs-terms-word")
                 if quote.reason:
                     ui.label(quote.reason).classes("somrs-soft")
 

@@ -1,4 +1,4 @@
-"""What is laid down for failures and for undoing: brought about before the task is recovered in other ways."""
+"""Handlers of the task: formulas to make true first when a step fails or is to be undone."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Procedures:
         self._form = form
         self._shown_procedures: list[Procedure] = []
         self._list = ui.element("div").classes("somrs-define-procedures")
-        ui.button("Add a procedure", icon="add", on_click=self._add).props("flat dense no-caps")
+        ui.button("Add a handler", icon="add", on_click=self._add).props("flat dense no-caps")
         form.on_change(self._refresh)
         self._refresh()
 
@@ -49,24 +49,24 @@ class Procedures:
         with ui.element("fieldset").classes("somrs-define-procedure"):
             with ui.element("div").classes("somrs-define-inline"):
                 occasions = [Choice(value=occasion.value, text=text) for occasion, text in OCCASIONS.items()]
-                Picker("When it is called for", value=procedure.on.value, options=occasions, on_pick=partial(self._set_occasion, procedure))
+                Picker("Event", value=procedure.on.value, options=occasions, on_pick=partial(self._set_occasion, procedure))
                 ui.label("of").classes("somrs-soft")
                 types = [Choice(value="", text="any step"), *(Choice(value=name, detail=service.doc) for name, service in services.items())]
                 Picker(
-                    "Of which step",
+                    "Step type",
                     value=procedure.service_type,
                     options=types,
                     on_pick=lambda name: self._set_service_type(procedure, name, fields),
                 )
                 remove_button = ui.button(icon="close", on_click=lambda: self._remove(procedure)).props("flat dense round size=sm")
-                remove_button.props('aria-label="Remove this procedure"')
+                remove_button.props('aria-label="Remove this handler"')
             fields = [
                 FormulaField(
                     label, value=getattr(procedure, name), placeholder=example, variables=self._variables(procedure), on_change=on_change
                 )
                 for label, name, example in (
-                    ("Bring about", "effect", "?Object isOn Table001"),
-                    ("If this is so (else always)", "when", "?Object isOn Floor001"),
+                    ("Make true", "effect", "?Object isOn Table001"),
+                    ("Only if (optional)", "when", "?Object isOn Floor001"),
                 )
                 for on_change in (partial(self._typed, procedure, name),)
             ]

@@ -1,4 +1,4 @@
-"""Tasks that are kept as templates: chosen from a menu, with their blanks filled in; and what is on the page kept as one."""
+"""Task templates: a menu to use one with its blanks filled in, and a dialog to save the current task as one."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class TemplateMenu:
         with ui.button("Templates", icon="bookmarks").props("flat dense no-caps"), ui.menu().classes("somrs-define-menu") as self._menu:
             self._list = ui.element("div").classes("somrs-define-templates").props('role="group" aria-label="Templates"')
             ui.separator()
-            ui.menu_item("Keep this task as a template", on_click=guarded(self._save_as_template)).classes("somrs-define-keep")
+            ui.menu_item("Save this task as a template", on_click=guarded(self._save_as_template)).classes("somrs-define-keep")
         follow(form.api.context.hub, "templates", self._read, lambda _: self._read())
 
     async def _read(self) -> None:
@@ -35,7 +35,7 @@ class TemplateMenu:
         self._list.clear()
         with self._list:
             if not self._templates:
-                ui.label("There are none yet. What is on the page can be kept as one.").classes("somrs-soft somrs-define-empty")
+                ui.label("There are none yet. You can save the current task as one.").classes("somrs-soft somrs-define-empty")
             for template in self._templates:
                 self._row(template)
 
@@ -48,7 +48,7 @@ class TemplateMenu:
             remove_button = ui.button(icon="delete", on_click=partial(guarded(self._remove), template)).props("flat dense round size=sm")
             remove_button.props(f'aria-label="Remove the template {template.name}"')
 
-    # Using one
+    # Using a template
 
     async def _use(self, template: Template) -> None:
         self._menu.close()
@@ -67,7 +67,7 @@ class TemplateMenu:
                     _blank_field(blank, values)
             with ui.element("div").classes("somrs-dialog-ways"):
                 ui.button("Cancel", on_click=self._dialog.close).props("flat no-caps")
-                fill = ui.button("Write it", on_click=guarded(partial(self._fill, template, values)))
+                fill = ui.button("Use it", on_click=guarded(partial(self._fill, template, values)))
                 fill.props("unelevated no-caps color=primary")
         self._dialog.open()
 
@@ -79,13 +79,13 @@ class TemplateMenu:
         self._form.changed()
         self._dialog.close()
 
-    # Keeping one
+    # Saving a template
 
     async def _save_as_template(self) -> None:
         self._menu.close()
         task = self._form.draft.task()
         if not task.effect:
-            notify("Say first what is to be: then it can be kept.", bad=True)
+            notify("Enter a goal first.", bad=True)
             return
         context = self._form.api.context
         thing_names = mentioned_things(task, context.map)
@@ -93,18 +93,18 @@ class TemplateMenu:
         types = {thing: context.map.objects[thing].type for thing in thing_names}
         self._dialog.clear()
         with self._dialog, ui.card().classes("somrs-dialog"):
-            ui.label("Keep as a template").classes("somrs-title")
-            name_field = _line("Name", self._form.draft.template, "What people call it")
-            note = _line("Note", "", "What it is for")
+            ui.label("Save as a template").classes("somrs-title")
+            name_field = _line("Name", self._form.draft.template, "Name of the template")
+            note = _line("Note", "", "Purpose")
             if thing_names:
-                ui.label("What is asked for each time it is used").classes("somrs-define-label somrs-define-or")
+                ui.label("Blanks to fill in at each use").classes("somrs-define-label somrs-define-or")
             for thing in thing_names:
                 with ui.element("div").classes("somrs-define-blank"):
                     ui.checkbox(thing, on_change=lambda event, thing=thing: blank_choices.update({thing: bool(event.value)})).props("dense")
                     ui.label("any").classes("somrs-soft")
                     options = [Choice(value=type_name) for type_name in types_of(thing, context.map, context.ontology)]
                     pick = partial(types.__setitem__, thing)
-                    Picker(f"What may stand for {thing}", value=types[thing], options=options, on_pick=pick)
+                    Picker(f"Type for {thing}", value=types[thing], options=options, on_pick=pick)
             with ui.element("div").classes("somrs-dialog-ways"):
                 ui.button("Cancel", on_click=self._dialog.close).props("flat no-caps")
 
@@ -118,7 +118,7 @@ class TemplateMenu:
                     )
                     await self._save((name_field.value or "").strip(), saved)
 
-                ui.button("Keep", on_click=guarded(save)).props("unelevated no-caps color=primary")
+                ui.button("Save", on_click=guarded(save)).props("unelevated no-caps color=primary")
         self._dialog.open()
 
     async def _save(self, name: str, saved: TemplateSaved) -> None:
@@ -126,16 +126,16 @@ class TemplateMenu:
             notify("A template needs a name.", bad=True)
             return
         is_existing = any(template.name == name for template in self._templates)
-        if is_existing and not await confirm(f"There is a template {name} already. What it says is replaced.", "Replace"):
+        if is_existing and not await confirm(f"There is a template {name} already. It will be replaced.", "Replace"):
             return
         await self._form.api.orders.save_template(name, saved)
         self._form.draft.template = name
         self._dialog.close()
-        notify(f"{name} is kept among the templates.")
+        notify(f"Template {name} saved.")
 
     async def _remove(self, template: Template) -> None:
         self._menu.close()
-        if await confirm(f"The template {template.name} is removed for everybody. Tasks that were made from it stay.", "Remove"):
+        if await confirm(f"The template {template.name} will be removed for all users. Tasks made from it stay.", "Remove"):
             await self._form.api.orders.remove_template(template.name, template.version)
 
 
