@@ -354,7 +354,7 @@ def test_what_would_break_a_rule_cannot_be_removed(restored_system: RunningSyste
     dialog = page.get_by_role("alertdialog", name="Remove Floor001?")
     expect(dialog).to_contain_text("exactly 1 of type Floor")
     expect(dialog.get_by_role("button", name="Remove", exact=True)).to_have_count(0)
-    dialog.get_by_role("button", name="Keep it").click()
+    dialog.get_by_role("button", name="Cancel").click()
     assert "Floor001" in MapState(restored_system).objects
 
 
@@ -406,7 +406,7 @@ def test_a_drag_that_was_overtaken_goes_back(restored_system: RunningSystem, win
     page.wait_for_timeout(500)
     page.mouse.move(start[0] + 120, start[1] - 60, steps=3)
     page.mouse.up()
-    expect(page.get_by_text("Somebody else changed Chair003 while you moved")).to_be_visible()
+    expect(page.get_by_text("Another user changed Chair003 while you moved")).to_be_visible()
     wait_until(page, lambda: is_close_to(page, "Chair003", start), "the chair is back where it was")
     assert MapState(restored_system).position("Chair003") == (4, 3.1)
 
@@ -423,7 +423,7 @@ def test_an_object_that_others_remove_says_so_to_whoever_has_it_open(restored_sy
 def test_what_a_formula_finds_is_ringed_and_listed(system: RunningSystem, window: OpenWindow) -> None:
     page = open_map(window, system)
     tab(page, "Find")
-    formula = page.get_by_label("For which objects")
+    formula = page.get_by_label("Query formula")
     formula.fill("?Thing isOn Cupboard001")
     formula.press("Control+Enter")
     expect(page.get_by_role("cell", name="Jar002")).to_be_visible()
@@ -452,7 +452,7 @@ def test_the_history_shows_the_map_as_it_was(restored_system: RunningSystem, win
     page.get_by_role("button", name="Back to now").click()
     wait_until(page, lambda: is_close_to(page, "Jar003", platform, 8), "the jar is where it is now")
     tab(page, "Changes")
-    entry = page.get_by_role("list", name="What happened to the map").get_by_role("listitem").first
+    entry = page.get_by_role("list", name="Changes of the map").get_by_role("listitem").first
     expect(entry).to_contain_text("Jar003 moved to")
     expect(entry).to_contain_text("put on Platform001")
 
@@ -491,7 +491,7 @@ def test_relations_are_drawn_listed_and_added(restored_system: RunningSystem, wi
     page.get_by_role("option", name="Table001").first.click()
     page.get_by_role("button", name="Add", exact=True).click()
     wait_until(page, lambda: ("isAdjacentTo", "Chair001", "Table001") in MapState(restored_system).facts, "the relation is on the map")
-    page.get_by_role("button", name="Take away: Chair001 isAdjacentTo Table001").click()
+    page.get_by_role("button", name="Delete Chair001 isAdjacentTo Table001").click()
     wait_until(page, lambda: ("isAdjacentTo", "Chair001", "Table001") not in MapState(restored_system).facts, "it is taken away again")
 
 

@@ -19,7 +19,7 @@ def test_every_page_is_one_click_away_and_fits_every_window(system: RunningSyste
     page = window(system.url)
     with urllib.request.urlopen(f"{system.url}/api/map") as answer:
         version = json.load(answer)["version"]
-    for text in (f"version {version}", "No task is under way.", "Robot2", "simulator"):
+    for text in (f"version {version}", "No task is running.", "Robot2", "simulator"):
         expect(page.get_by_text(text).first).to_be_visible()
     for look in every_look(page):
         take_screenshot(page, f"start-{look}")

@@ -171,7 +171,7 @@ def test_changes_are_told_in_words(site: tuple[Map, Ontology]) -> None:
     ]
     assert describe_changes([ObjectRemoved("Jar002")], ontology) == ["Jar002 removed"]
     assert describe_changes([ValueSet("Door001", "Open", False)], ontology) == ["Door001 Open set to no"]
-    assert describe_changes([ValueSet("Jar002", "Unknown", True)], ontology) == ["Jar002 is unknown: nobody knows where and how it is"]
+    assert describe_changes([ValueSet("Jar002", "Unknown", True)], ontology) == ["Jar002 has an unknown position and state"]
     assert format_value(math.pi, ontology.attributes["RotationZ"]) == "180°"
 
 

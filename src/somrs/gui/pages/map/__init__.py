@@ -1,9 +1,9 @@
-"""Map: the floor plan of the environment, read, searched, changed, and looked back at.
+"""Map: view, search and edit the map, and show its history.
 
-`page.py` is the page; on its right side `sheet.py` shows the object that is chosen (with `form.py`, `fields.py`, `relations.py`),
-`add_panel.py` what new objects are made with, `search_panel.py` what is looked for, `changes.py` what happened; below the plan are
-`version_slider.py`. `moves.py` and `proposals.py` say what moving and adding change on the map, `value_input.py` and `change_text.py` how
-values and changes are written."""
+`page.py` is the page. Its right side has `sheet.py` for the selected object (with `form.py`, `fields.py`, `relations.py`), `add_panel.py`
+for new objects, `search_panel.py` for queries and `changes.py` for the history; `version_slider.py` is below the plan. `moves.py` and
+`proposals.py` compute the changes of moving and adding objects; `value_input.py` and `change_text.py` format values and changes.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Adding an object: its type is found in the tree, a click on the plan says where it goes, and a name is proposed."""
+"""Adding an object: choose a type in the tree, click a position on the plan, confirm the proposed name and values."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ ChangeMap = Callable[[tuple[Change, ...], str], Awaitable[int | None]]
 
 
 class AddPanel:
-    """`added` hears of the new object's name."""
+    """`on_created` is called with the new object's name and the map version that contains it."""
 
     def __init__(self, api: LiveApi, plan: FloorPlan, change: ChangeMap, on_created: Callable[[str, int], Awaitable[None]]) -> None:
         self._api, self._plan, self._change, self._on_created = api, plan, change, on_created
         self._type: str | None = None
-        ui.label("Choose what it is, then click on the plan where it goes.").classes("somrs-soft")
+        ui.label("Choose a type, then click a position on the plan.").classes("somrs-soft")
         self._tree = Tree("Types", "Find a type", self._pick, None, self._nodes())
         self._tree.classes("somrs-map-types")
         self._type_details = ui.element("div").classes("somrs-map-new")
         self._frame()
 
     def refresh(self) -> None:
-        """The types, and how many objects of each there are, as they are now."""
+        """Update the types and the number of objects of each."""
         self._tree.show_nodes(self._nodes())
 
     def _nodes(self) -> list[Node]:
@@ -65,14 +65,16 @@ class AddPanel:
             doc = self._api.context.ontology.types[self._type].doc
             ui.label(f"{self._type}: {doc}" if doc else self._type).classes("somrs-soft")
             if self._placeable(self._type):
-                ui.label("Click on the plan where it goes. R turns it, Escape stops.").classes("somrs-map-now").props('role="status"')
-            add_button = ui.button("Add without a place", on_click=lambda: self.open_dialog(str(self._type), None)).props(
+                ui.label("Click a position on the plan. R turns the object, Escape cancels.").classes("somrs-map-now").props(
+                    'role="status"'
+                )
+            add_button = ui.button("Add without a position", on_click=lambda: self.open_dialog(str(self._type), None)).props(
                 "flat dense no-caps"
             )
             add_button.props('icon="add_location_alt"' if self._placeable(self._type) else 'icon="add"')
 
     def place_object(self, event: dict[str, Any]) -> None:
-        """Somebody clicked on the plan."""
+        """Handle a click on the plan."""
         spot = Spot(x=event["x"], y=event["y"], turned=event["turned"], target=event["target"], storey=event["storey"] or "")
         self.open_dialog(event["type"], spot)
 
@@ -83,7 +85,7 @@ class AddPanel:
         self._frame()
 
     def open_dialog(self, type_name: str, spot: Spot | None) -> None:
-        """A form with what it has to have, and a name."""
+        """Open a form for the name and the required attributes."""
         _NewObjectDialog(self._api, type_name, spot, self._change, self._finish)
 
     async def _finish(self, name: str, version: int) -> None:
@@ -123,7 +125,7 @@ class _NewObjectDialog:
         self._dialog.open()
 
     def _missing(self, ontology: Ontology, proposed: set[str]) -> list[str]:
-        """What it must have, and nobody proposed."""
+        """The required attributes for which there is no proposal."""
         attributes = ontology.attributes_of(self._type)
         missing_names = []
         for ancestor in ontology.ancestors(self._type):
@@ -164,7 +166,7 @@ class _NewObjectDialog:
         name = str(self._name.value or "").strip()
         map, ontology = self._api.context.map, self._api.context.ontology
         if not name or name in map.objects:
-            self._name.error = "there is an object of this name already" if name else "it needs a name"
+            self._name.error = "there is already an object with this name" if name else "enter a name"
             focus(self._name)
             return
         changes = creation_changes(self._type, name, values, self._spot, map, ontology)

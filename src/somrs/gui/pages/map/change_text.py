@@ -1,4 +1,4 @@
-"""What happened to the map, in words."""
+"""Changes of the map as texts."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from somrs.protocol.messages.knowledge import Event
 
 PLACEMENT_WORDS = {ON_RELATION: "put on", IN_RELATION: "put into", HELD_RELATION: "taken by"}
 MAX_OBJECTS = 6
-"""So many objects are spoken of one by one."""
+"""Limit of objects that are listed individually."""
 
 
 def describe_event(event: Event, ontology: Ontology) -> list[str]:
-    """What an event did, a sentence for each object."""
-    lines = [f"{renaming.name} is called {renaming.to} now" for renaming in event.renamed]
+    """Describe an event, a sentence for each object."""
+    lines = [f"{renaming.name} was renamed to {renaming.to}" for renaming in event.renamed]
     if event.revision is not None:
         names = [definition.name for definition in event.revision.after.all_definitions()] or [
             definition.name for definition in event.revision.before.all_definitions()
@@ -27,12 +27,12 @@ def describe_event(event: Event, ontology: Ontology) -> list[str]:
     lines += describe_changes(event.changes, ontology)
     total = event.all_changes if event.all_changes is not None else len(event.changes)
     if total > len(event.changes):
-        lines.append(f"and more: {total} changes in all")
+        lines.append(f"{total} changes in total")
     return lines
 
 
 def describe_changes(changes: Iterable[Change], ontology: Ontology) -> list[str]:
-    """What the changes do, a sentence for each object."""
+    """Describe changes, a sentence for each object."""
     by_object: dict[str, list[Change]] = {}
     for change in changes:
         by_object.setdefault(objects_of(change)[0], []).append(change)
@@ -59,7 +59,7 @@ def _change_phrases(name: str, changes: list[Change], ontology: Ontology) -> lis
     if X in values or Y in values:
         axes = ((axis, values.get(path)) for axis, path in (("x", X), ("y", Y)))
         position_text = ", ".join(f"{axis} {value:.2f} m" for axis, value in axes if isinstance(value, int | float))
-        phrases.insert(0, f"moved to {position_text}" if position_text else "has no place any more")
+        phrases.insert(0, f"moved to {position_text}" if position_text else "no longer has a position")
     if isinstance(angle := values.get(TURNED), int | float):
         phrases.append(f"turned to {format_degrees(angle)}")
     for path, value in values.items():
@@ -67,7 +67,7 @@ def _change_phrases(name: str, changes: list[Change], ontology: Ontology) -> lis
             phrases.append(_value_phrase(path, value, ontology))
     replaced = any(isinstance(change, FactAdded) for change in changes)
     phrases += [
-        f"no more {fact.relation} {', '.join(fact.arguments[1:])}"
+        f"no longer {fact.relation} {', '.join(fact.arguments[1:])}"
         for fact in removed_facts
         if not (replaced and fact.relation in PLACEMENT_WORDS)
     ]
@@ -76,15 +76,15 @@ def _change_phrases(name: str, changes: list[Change], ontology: Ontology) -> lis
 
 def _value_phrase(path: str, value: Value | None, ontology: Ontology) -> str:
     if path == UNKNOWN:
-        return "is unknown: nobody knows where and how it is" if value is True else "is known again"
+        return "has an unknown position and state" if value is True else "has a known position and state again"
     if path == WORKING and isinstance(value, bool):
         return "works" if value else "is not working"
     attribute = ontology.attributes.get(path.rpartition(".")[2])
-    return f"{path} taken away" if value is None else f"{path} set to {format_value(value, attribute)}"
+    return f"{path} removed" if value is None else f"{path} set to {format_value(value, attribute)}"
 
 
 def format_value(value: Value, attribute: AttributeType | None) -> str:
-    """A value as people read it, with its unit."""
+    """Format a value with its unit."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, str):
@@ -100,7 +100,7 @@ def format_degrees(angle: float) -> str:
 
 
 def format_time(seconds: float, *, exactly: bool = True) -> str:
-    """A time, with the day where it is another one than today."""
+    """Format a local time; the date is included unless it is today."""
     moment = datetime.fromtimestamp(seconds)
     clock = f"{moment:%H:%M:%S}" if exactly else f"{moment:%H:%M}"
     return clock if moment.date() == datetime.now().date() else f"{moment:%d %b %Y}, {clock}"

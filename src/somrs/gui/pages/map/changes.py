@@ -1,4 +1,4 @@
-"""All that happened to the map, newest first."""
+"""The history of the map, newest first."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ PAGE = 30
 
 
 class ChangeList:
-    """`look` shows a version on the plan, `undo` undoes one."""
+    """`show_version` shows a version on the plan; `undo` undoes it."""
 
     def __init__(self, api: LiveApi, show_version: Callable[[int], Awaitable[None]], undo: Callable[[int], Awaitable[None]]) -> None:
         self._api, self._show_version, self._undo = api, show_version, undo
-        self._list = ui.element("ol").classes("somrs-map-events").props('aria-label="What happened to the map"')
+        self._list = ui.element("ol").classes("somrs-map-events").props('aria-label="Changes of the map"')
         self._older_button = ui.button("Show older", on_click=guarded(self._load_older)).props("flat dense no-caps")
         self._older_button.visible = False
         self._oldest: int | None = None
         self._newest = -1
 
     async def refresh(self) -> None:
-        """What happened since."""
+        """Add the events since the last call."""
         if self._newest == self._api.context.version:
             return
         self._oldest = None
@@ -38,7 +38,7 @@ class ChangeList:
         with self._list:
             show_events(event_page.events, self._api.context.ontology, self._show_version, self._undo)
             if not event_page.events and self._oldest is None:
-                ui.label("Nothing was changed since the map was given.").classes("somrs-soft")
+                ui.label("No changes since the map was loaded.").classes("somrs-soft")
         if event_page.events:
             self._oldest = event_page.events[-1].version
         self._older_button.visible = event_page.more

@@ -1,4 +1,4 @@
-"""What happened, as a list: who, when, what; each can be looked at on the plan, and undone."""
+"""Events of the map as a list: time, author, changes; with buttons to show a version on the plan and to undo it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def show_events(
     show_version: Callable[[int], Awaitable[None] | None],
     undo: Callable[[int], Awaitable[None]] | None = None,
 ) -> None:
-    """The events, into the current element."""
+    """Add the events to the current element."""
     event_list = [*events]
     undone = {event.undoes for event in event_list}
     for event in event_list:

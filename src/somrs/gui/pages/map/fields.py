@@ -1,4 +1,4 @@
-"""The fields of an object's form: one for each attribute that its type has, as it is meant to be written."""
+"""Form fields for the attributes of an object, one input per attribute."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from somrs.gui.shell import focus
 from somrs.ontology.types import AttributeType, Kind, Ontology, Value
 
 Raw = str | bool | None
-"""What is in a field: a text as it was typed, a switch's state, or nothing, which means the type's default."""
+"""The content of a field: typed text, a switch's state, or None for the type's default."""
 
 
 @dataclass(frozen=True, slots=True)
 class Spot:
-    """An attribute of a type: where it is, and what the type says of it."""
+    """An attribute of a type: its path and definition."""
 
     path: str
     attribute: AttributeType
@@ -43,13 +43,13 @@ class Spot:
         return self.attribute.name + (" *" if self.required else "")
 
     def raw(self, value: Value | None) -> Raw:
-        """What a field shows of a value."""
+        """The field content for a value."""
         if value is None or isinstance(value, bool):
             return value
         return text_of(value, self.attribute)
 
     def read(self, raw: Raw) -> Value | None:
-        """The value that was written. Raises InputError."""
+        """The value of a field content. Raises InputError."""
         if raw is None or isinstance(raw, bool):
             return raw
         text = raw.strip()
@@ -64,8 +64,7 @@ class Spot:
 
 
 class Field:
-    """`changed` hears what is in the field once somebody changed it; what is put into it by `show_value` is not heard. `mirror` has what is
-    typed kept in the browser."""
+    """`changed` is called after the user edits the field, not by `show_value`. `mirror` stores typed text in the browser."""
 
     def __init__(self, spot: Spot, changed: Callable[[str, Raw], None], mirror: Callable[[Element, str], None] | None = None) -> None:
         self.spot = spot
@@ -82,14 +81,14 @@ class Field:
                     mirror(self._input, spot.path)
 
     def show_value(self, value: Value | None, *, edited: Raw = None, is_edited: bool = False) -> None:
-        """Put in what the object has, or what somebody wrote before."""
+        """Show the object's value, or an edited one."""
         self._raw = edited if is_edited else self.spot.raw(value)
         self._fill(self._raw)
         self.mark(is_edited)
         self.show_problem("")
 
     def mark(self, edited: bool) -> None:
-        """Show whether it says something else than the map."""
+        """Show whether the content differs from the map."""
         self.element.classes(add="somrs-map-edited" if edited else "", remove="" if edited else "somrs-map-edited")
 
     def show_problem(self, text: str) -> None:
@@ -99,7 +98,7 @@ class Field:
             self._input.error = text or None
 
     def check(self) -> bool:
-        """Say what is wrong with what was written, if something is."""
+        """Show an error if the content is invalid. Returns whether it is valid."""
         try:
             self.spot.read(self._raw)
         except InputError as error:
@@ -114,7 +113,7 @@ class Field:
     def enable(self, is_enabled: bool) -> None:
         self._input.set_enabled(is_enabled)
 
-    # How it looks
+    # Inputs by kind of attribute
 
     def _text(self) -> None:
         spot = self.spot
@@ -146,7 +145,7 @@ class Field:
             self._input = ui.switch(spot.label(), on_change=self._typed).props("dense")
             self._by_default = ui.label("default").classes("somrs-soft")
             self._clear = ui.button(icon="backspace", on_click=lambda: self._set(None)).props(
-                f'flat round dense size=sm aria-label="Take {spot.attribute.name} away, so that the default holds"'
+                f'flat round dense size=sm aria-label="Reset {spot.attribute.name} to its default"'
             )
             self._problem_label = ui.label().classes("somrs-map-wrong")
             self._problem_label.visible = False
@@ -159,7 +158,7 @@ class Field:
             with self._input:
                 ui.tooltip(text).props("delay=600")
 
-    # What is in it
+    # Content
 
     def _fill(self, raw: Raw) -> None:
         if isinstance(self._input, ui.switch):

@@ -1,4 +1,4 @@
-"""The attributes of one object as a form: written, checked, saved; and what others change meanwhile, without losing what was written."""
+"""The form for the attributes of one object: editing, validation, saving, and merging with changes of other users."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ from somrs.protocol.messages.people import person_name
 PLACE = ("Position", "Rotation")
 FORM = "Shape.Form"
 SIZES = {"Box": {"Width", "Depth", "Height"}, "Cylinder": {"Radius", "Height"}, "Polygon": {"Outline", "Height"}}
-"""Which sizes a form has."""
+"""The sizes that each form has."""
 VERSION_CONFLICT = "overtaken"
-"""The rule that is broken when somebody else was quicker."""
+"""The rule that the Repository reports when another client changed the object first."""
 
 
 @dataclass(frozen=True, slots=True)
 class ValueConflict:
-    """A value that was changed by others while somebody wrote another one."""
+    """A value that another user changed while the field was edited."""
 
     value: Value | None
     author_name: str
 
 
 class ObjectForm:
-    """`writing` keeps what is written, and has what was written before. `saved` hears of the version that it is in."""
+    """`drafts` stores the edits, and provides those of an earlier visit. `saved` is called with the version that contains them."""
 
     def __init__(self, api: LiveApi, object: Object, drafts: ObjectDrafts, saved: Callable[[int], None]) -> None:
         self._api, self._drafts, self._saved = api, drafts, saved
@@ -98,7 +98,7 @@ class ObjectForm:
         inherited = self._ontology.attributes_of("PhysicalObject") if self._ontology.is_subtype(self.type, "PhysicalObject") else {}
         return "" if first in (*object_type.attributes, *object_type.required) or first not in inherited or first == "Label" else "More"
 
-    # Writing
+    # Editing
 
     @property
     def dirty(self) -> bool:
@@ -118,7 +118,7 @@ class ObjectForm:
         self._changed()
 
     def _fit_form(self) -> None:
-        """Only the sizes that the form has are shown."""
+        """Show only the sizes that the object's form has."""
         if FORM not in self._fields:
             return
         form = self.typed.get(FORM, self._map_values.get(FORM)) or self._fields[FORM].spot.default
@@ -134,7 +134,7 @@ class ObjectForm:
         self._unsaved_label.text = f"{count} not saved" if count else ""
 
     def discard(self) -> None:
-        """Forget what was written."""
+        """Drop the edits."""
         self.typed.clear()
         self._conflicts.clear()
         for path, field in self._fields.items():
@@ -151,11 +151,11 @@ class ObjectForm:
     # Saving
 
     async def save(self) -> None:
-        """Bring what was written onto the map; what is wrong is said where it is."""
+        """Save the edits to the map; errors are shown at their fields."""
         if self._is_removed or not self.typed:
             return
         if self._conflicts:
-            notify("Others changed some of the same attributes. Decide for each which value is to stay, then save.", bad=True)
+            notify("Other users changed some of the same attributes. Choose a value for each, then save.", bad=True)
             return
         changes = self._changes()
         if changes is None:
@@ -168,7 +168,7 @@ class ObjectForm:
             self._refused(error)
             return
         except SomrsError as error:
-            notify(f"{error}. What you wrote is still here.", bad=True)
+            notify(f"{error}. Your input is kept.", bad=True)
             return
         for change in changes:
             if change.value is None:
@@ -182,11 +182,11 @@ class ObjectForm:
                 self._fields[path].show_value(self._map_values.get(path))
         self._mark()
         self._changed()
-        notify(f"{self.name} was saved")
+        notify(f"{self.name} saved")
         self._saved(version)
 
     def _changes(self) -> list[ValueSet] | None:
-        """What was written, as changes; None when something in it is wrong."""
+        """The edits as changes of the map; None if one is invalid."""
         changes, wrong = [], [path for path in self.typed if not self._fields[path].check()]
         if wrong:
             self._fields[wrong[0]].focus()
@@ -201,14 +201,14 @@ class ObjectForm:
 
     def _refused(self, error: Refused) -> None:
         if any(broken_rule.rule == VERSION_CONFLICT for broken_rule in error.broken):
-            notify(f"Somebody changed {self.name} at this moment. What you wrote is still here: look at it, and save again.", bad=True)
+            notify(f"Another user changed {self.name} at the same time. Your input is kept: check it and save again.", bad=True)
             return
         messages = [broken_rule.message for broken_rule in error.broken if not self._show_in_field(broken_rule)]
         if messages or not error.broken:
             notify("\n".join(messages) or str(error), bad=True)
 
     def _show_in_field(self, broken: BrokenRule) -> bool:
-        """Whether there is a field to say it in."""
+        """Show a broken rule at its field. Returns whether there is such a field."""
         field = self._fields.get(broken.path) if broken.subject == self.name else None
         if field is None:
             return False
@@ -216,10 +216,10 @@ class ObjectForm:
         field.focus()
         return True
 
-    # What others do
+    # Changes of other users
 
     async def apply_changes(self, object: Object | None, changes: tuple[Change, ...], version: int) -> None:
-        """The object is so now: fields in which nothing was written follow; what was written stays, and is told what others wrote."""
+        """Adopt a new state of the object: unedited fields show the new values; edited fields keep their content and show the conflict."""
         if object is None or object.type != self.type:
             await self.mark_removed()
             return
@@ -282,7 +282,7 @@ class ObjectForm:
         self._changed()
 
     async def mark_removed(self) -> None:
-        """The object is on the map no more."""
+        """Show that the object has been removed from the map."""
         if self._is_removed:
             return
         self._is_removed = True
@@ -290,7 +290,7 @@ class ObjectForm:
         self._news.clear()
         with self._news, ui.element("div").classes("somrs-map-clash somrs-map-gone"):
             ui.icon("delete").props('aria-hidden="true"')
-            draft_note = " What you wrote is still below." if self.typed else ""
+            draft_note = " Your input is kept below." if self.typed else ""
             ui.label(f"{self.name} is not on the map any more: {author_name} removed or renamed it.{draft_note}")
         for field in self._fields.values():
             field.enable(False)

@@ -1,4 +1,4 @@
-"""What the page shows of the map: the floor plan, or the same in three dimensions."""
+"""The view of the map: floor plan or 3D scene."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from somrs.gui.components.scene import Scene3D
 
 PLAN, SCENE = "Plan", "3D"
 VIEWS = {PLAN: "plan", SCENE: "3d"}
-"""As addresses have them."""
+"""Names of the views in addresses."""
 ALL_STOREYS = "all"
-"""All storeys, in addresses: in the scene, they can be looked at together."""
+"""Value of the address parameter `storey` for all storeys, which only the scene can show."""
 
 
 class MapView:
-    """`plan` is always there; the scene is made when it is first asked for. What is chosen, found and looked back at is so in both, and
-    the storey is the same. `turned` is called when another view or storey is shown."""
+    """`plan` always exists; the scene is created on first use. Selection, marks, version and storey are the same in both. `on_view_change`
+    is called when another view or storey is shown."""
 
     def __init__(
         self, api: LiveApi, plan: FloorPlan, holder: ui.element, on_choice: Callable[[str | None], None], on_view_change: Callable[[], None]
@@ -38,7 +38,7 @@ class MapView:
         plan.on_storey(self._on_plan_storey)
 
     def begin(self, storey: str | None) -> None:
-        """Start at the storey that an address asks for."""
+        """Start at the storey of the page's address."""
         if storey == ALL_STOREYS:
             self._shows_all_storeys, self._is_only_storey = True, False
         elif storey is not None:
@@ -46,13 +46,13 @@ class MapView:
             self.plan.set_storey(storey)
 
     def address_parameters(self) -> dict[str, str]:
-        """What an address would have to ask for to get to see the same."""
+        """The address parameters that lead to the current view."""
         view = {"view": VIEWS[self._view]} if self._view != PLAN else {}
         storey = ALL_STOREYS if self._shows_all_storeys and self._view == SCENE else self._storey
         return view | ({"storey": storey} if storey is not None and not self._is_only_storey else {})
 
     def switch(self, view: str) -> None:
-        """Show one of the two."""
+        """Switch to the view."""
         self._view = view
         if view == SCENE and self._scene is None:
             with self._holder:
@@ -93,7 +93,7 @@ class MapView:
         self._on_view_change()
 
     def _storey_label(self, storey: str) -> str:
-        """As the scene has it."""
+        """The storey's label in the scene."""
         object = self._api.context.map.objects.get(storey)
         return str(object.values.get("Label", storey)) if object is not None else storey
 

@@ -1,4 +1,4 @@
-"""What changes on a map when somebody moves an object: what goes along with it, and on what it stands then."""
+"""The changes of the map when a user moves an object: the objects that move with it, and its new support."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from somrs.ontology.values import value_of
 ON_RELATION, IN_RELATION, HELD_RELATION, AT_RELATION = "isOn", "isIn", "isHeldBy", "isAt"
 X, Y, Z, TURNED = "PositionX", "PositionY", "PositionZ", "RotationZ"
 DIGITS = 4
-"""Of metres: a tenth of a millimetre is finer than anybody measures."""
+"""In metres: a tenth of a millimetre, finer than any measurement."""
 STAND_TOLERANCE = 0.02
-"""A thing whose underside is so near a height stands on it, m."""
+"""Tolerance for a thing to stand on a surface at this height, m."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Move:
-    """Where an object is to be, m and rad; `target`: what it would stand on then, if that matters."""
+    """The new pose of an object, m and rad; `target`: its new support, None to leave it unchanged."""
 
     name: str
     x: float
@@ -30,7 +30,7 @@ class Move:
 
 
 def move_changes(map: Map, ontology: Ontology, move: Move) -> tuple[Change, ...]:
-    """The changes that move an object, and with it all that stands on it, is in it, is held by it, or is part of it."""
+    """The changes that move an object with everything that stands on it, is in it, is held by it, or is part of it."""
     x, y = number(map, ontology, move.name, X), number(map, ontology, move.name, Y)
     old_heading = number(map, ontology, move.name, TURNED) or 0.0
     turn = normalize_angle(move.turned - old_heading)
@@ -60,7 +60,7 @@ def move_changes(map: Map, ontology: Ontology, move: Move) -> tuple[Change, ...]
 
 
 def riders(map: Map, ontology: Ontology, name: str) -> list[str]:
-    """All that goes along when the object is moved, and has a position."""
+    """The objects that move with an object and have a position."""
     rider_names: dict[str, None] = {}
     waiting = [name]
     while waiting:
@@ -74,7 +74,7 @@ def riders(map: Map, ontology: Ontology, name: str) -> list[str]:
 
 
 def put_on_target(map: Map, ontology: Ontology, name: str, target: str) -> Iterator[Change]:
-    """The facts change so that the object stands on the target, and nowhere else."""
+    """The changes of facts after which the object stands on the target only."""
     support_fact = Fact(ON_RELATION, (name, target))
     if map.has_fact(support_fact.relation, support_fact.arguments):
         return
@@ -88,12 +88,12 @@ def put_on_target(map: Map, ontology: Ontology, name: str, target: str) -> Itera
 
 
 def top(map: Map, ontology: Ontology, name: str) -> float:
-    """The height at which things stand that are put on an object, m. On a place, that is the floor's."""
+    """The height of an object's upper surface, m. For a place, this is the floor's height."""
     return (number(map, ontology, name, Z) or 0.0) + (number(map, ontology, name, "Shape.Height") or 0.0)
 
 
 def normalize_angle(angle: float) -> float:
-    """The same heading, between half a turn to the right and to the left."""
+    """The angle between -pi and pi."""
     return math.remainder(angle, math.tau)
 
 
@@ -113,12 +113,12 @@ def _heading_changes(map: Map, ontology: Ontology, name: str, old_heading: float
 
 
 def _is_thing(map: Map, ontology: Ontology, name: str) -> bool:
-    """Whether it is put on things: what can be carried, and what stands on something already."""
+    """Whether the object stands on others: graspable things, and objects that already stand on something."""
     return ontology.is_subtype(map.objects[name].type, "Graspable") or bool(map.facts_with(ON_RELATION, 0, name))
 
 
 def _leave_places(map: Map, ontology: Ontology, move: Move) -> Iterator[Change]:
-    """A device that is moved off the place it was at is not at it any more."""
+    """The changes that remove a device from the place that it is moved away from."""
     for fact in [Fact(AT_RELATION, arguments) for arguments in map.facts_with(AT_RELATION, 0, move.name)]:
         place = fact.arguments[1]
         x, y = number(map, ontology, place, X), number(map, ontology, place, Y)

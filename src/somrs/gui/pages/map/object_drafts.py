@@ -1,4 +1,4 @@
-"""What people wrote in the forms of objects, and did not save: kept in the browser too, so that it outlives the page and the server."""
+"""Unsaved edits of objects, kept also in the browser so that they survive reloads and server restarts."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from somrs.gui.pages.map.fields import Raw
 from somrs.ontology.types import Value
 
 PATH_SEPARATOR = "/"
-"""Between the names of an attribute's path, where the browser keeps it: it takes points for something else."""
+"""Separates the names of an attribute's path in the browser's storage, where a dot has another meaning."""
 
 
 class ObjectDraft(msgspec.Struct, frozen=True, kw_only=True):
-    """What was written for an object, by path (`form`, as the browser keeps it), and what the map said of it then (`map_values`)."""
+    """Edits of an object by path (`form`, as the browser keeps it), and the map's values when editing began (`map_values`)."""
 
     name: str
     form: dict[str, Raw] = {}
@@ -28,7 +28,7 @@ class ObjectDraft(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ObjectDrafts:
-    """`on_restored` gets the names of the objects that have a draft when the page is loaded again."""
+    """`on_restored` is called with the objects that have stored edits after the page was reloaded."""
 
     def __init__(self, on_restored: Callable[[list[str]], None]) -> None:
         self._on_restored = on_restored
@@ -46,24 +46,24 @@ class ObjectDrafts:
             self._on_restored(names)
 
     def names(self) -> list[str]:
-        """The objects for which something is not saved."""
+        """The objects with unsaved edits."""
         return [name for name, draft in self._drafts.items() if draft.form]
 
     def draft_of(self, name: str) -> ObjectDraft:
         return self._drafts.get(name) or ObjectDraft(name=name)
 
     def save(self, name: str, typed: dict[str, Raw], map_values: dict[str, Value]) -> None:
-        """This is written now."""
+        """Store the edits of an object."""
         form = {path.replace(".", PATH_SEPARATOR): raw for path, raw in typed.items()}
         self._drafts[name] = ObjectDraft(name=name, form=form, map_values=map_values)
         self._storage.save(name, msgspec.to_builtins(self._drafts[name]))
 
     def forget(self, name: str) -> None:
-        """The form is closed; what was written in it stays."""
+        """Drop the entry of a closed form if it has no edits."""
         if not self.draft_of(name).form:
             self._drafts.pop(name, None)
             self._storage.forget(name)
 
     def mirror(self, name: str, element: Element, path: str) -> None:
-        """Keep each letter of a field, also while the server is away."""
+        """Store each keystroke of a field, also while the server is away."""
         self._storage.mirror(element, "update:model-value", name, path.replace(".", PATH_SEPARATOR))

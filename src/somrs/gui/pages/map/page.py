@@ -1,4 +1,4 @@
-"""The map's page: what is open in it, and what happens to it."""
+"""The Map page: its panels and the actions on the map."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ from somrs.protocol.messages.knowledge import UpdateMap
 
 PATH = "/map"
 SNAP = 0.05
-"""Metres between the points that dragged objects snap to."""
+"""Grid size for dragged objects, m."""
 CHANGE_TIMEOUT = 5.0
-"""Seconds that a change of one's own is waited for."""
+"""Seconds to wait until this page's copy of the map contains its own change."""
 LINKED = ("isOn", "isIn", "isHeldBy", "isAt")
-"""Relations that are offered first to be drawn as links."""
+"""Relations listed first in the menu of links."""
 OBJECT, ADD, SEARCH, CHANGES = "Object", "Add", "Find", "Changes"
 
 
@@ -49,16 +49,16 @@ def register(api: LiveApi) -> None:
 
 
 class MapPage:
-    """One browser's page."""
+    """The page in one browser."""
 
     def __init__(self, api: LiveApi) -> None:
         self._api = api
         self._selected: str | None = None
         self._drafts = ObjectDrafts(self._on_drafts_restored)
         self._mine: list[int] = []
-        """The versions that were made in this page, newest last, to be undone."""
+        """Versions made on this page, newest last, for undo."""
         self._undoing = asyncio.Lock()
-        """Held while the last change is undone: which one is next is known when it is."""
+        """Held during an undo: only then is the next version to undo known."""
         self._sheet: Sheet | None = None
         with ui.element("div").classes("somrs-map"):
             self._bar()
@@ -77,12 +77,12 @@ class MapPage:
         with ui.element("div").classes("somrs-map-bar"):
             ui.label("Map").classes("somrs-title").props('role="heading" aria-level="1"')
             self._views = ui.toggle([PLAN, SCENE], value=PLAN, on_change=lambda event: self._map_view.switch(str(event.value)))
-            self._views.props('dense no-caps unelevated toggle-color=primary aria-label="How to show it"').classes("somrs-map-views")
+            self._views.props('dense no-caps unelevated toggle-color=primary aria-label="View"').classes("somrs-map-views")
             self._count = ui.label().classes("somrs-soft")
             ui.space()
             self._links()
             snap = ui.switch("Snap", value=True, on_change=lambda event: self._plan.set_snap(SNAP if event.value else 0.0)).props("dense")
-            snap.tooltip("Dragged objects snap to every 5 cm, and turn by 15°; Alt while dragging does without")
+            snap.tooltip("Dragged objects snap to 5 cm and 15°; hold Alt to disable")
             self._undo_button = ui.button("Undo", icon="undo", on_click=guarded(self._undo)).props("flat dense no-caps")
             self._undo_button.tooltip("Undo my last change (Ctrl+Z)")
             with ui.link(target="/api/map/export.yaml").classes("somrs-map-export").props('aria-label="Save as a file"'):
@@ -90,7 +90,7 @@ class MapPage:
                 ui.tooltip("The whole site as a file")
 
     def _links(self) -> None:
-        """A menu of the relations that can be drawn as links."""
+        """Add a menu of the relations that can be drawn as links."""
         relations = sorted(
             self._api.context.ontology.relations, key=lambda name: (LINKED.index(name) if name in LINKED else len(LINKED), name)
         )
@@ -131,12 +131,12 @@ class MapPage:
         plan.on_stopped(lambda event: self._add_panel.stop())
         plan.on_remove(lambda event: self._remove_guarded(event["name"]))
         plan.on_undo(lambda event: self._undo_guarded())
-        # In fields, the same keys take back what was typed; the plan has them itself while it is in focus.
+        # In fields, the same keys undo typing; the plan handles them itself while it has the focus.
         ui.keyboard(on_key=self._pressed, ignore=["input", "select", "textarea"], repeating=False)
-        plan.on_unanswered(lambda event: notify(f"{', '.join(event['names'])} went back: no answer came. Try again.", bad=True))
+        plan.on_unanswered(lambda event: notify(f"{', '.join(event['names'])} moved back: no reply. Try again.", bad=True))
 
     def begin(self, query: str) -> None:
-        """Open what the address asks for."""
+        """Open what the page's address specifies."""
         parameters = {key: values[0] for key, values in parse_qs(query).items()}
         if named := parameters.get("object"):
             self._selected = named
@@ -150,20 +150,20 @@ class MapPage:
             self._views.value = SCENE
 
     def _update_address(self) -> None:
-        """Have the page's address say what is looked at, so that it is so again when the page is loaded anew."""
+        """Put the current view into the page's address, so that a reload restores it."""
         parameters = self._map_view.address_parameters() | ({"object": self._selected} if self._selected is not None else {})
         ui.navigate.history.replace(f"{PATH}?{urlencode(parameters, quote_via=quote)}" if parameters else PATH)
 
-    # What is chosen
+    # Selection
 
     def _chosen(self, name: str | None) -> None:
-        """Somebody chose an object on the plan, or none."""
+        """Handle a selection on the plan."""
         self._select(name)
         if name is not None:
             self._tabs.value = OBJECT
 
     def open_object(self, name: str | None) -> None:
-        """Open an object that was named elsewhere, and have it in view."""
+        """Open an object and scroll it into view."""
         self._chosen(name)
         if name is not None and name in self._api.context.map.objects:
             self._plan.show_object(name)
@@ -185,7 +185,7 @@ class MapPage:
             if self._selected is None:
                 with ui.element("div").classes("somrs-map-empty"):
                     ui.icon("touch_app").props('aria-hidden="true"')
-                    ui.label("Choose an object on the plan, or find one by its name. With the plan in focus, Page down goes through them.")
+                    ui.label("Select an object on the plan, or find one by its name. Page down on the plan selects the next one.")
                 self._unsaved()
                 return
             if self._version_slider.shown_version is not None:
@@ -198,17 +198,17 @@ class MapPage:
             self._sheet = Sheet(self._api, self._selected, actions, self._drafts)
 
     def _turn_to(self, version: int | None) -> None:
-        """Show the map as it was at a version; None: as it is."""
+        """Show a version of the map; None: the current one."""
         self._map_view.show_version(version)
         self._show_object()
 
     def _on_drafts_restored(self, names: list[str]) -> None:
-        """The page was loaded again, and something had not been saved."""
-        notify(f"What you wrote for {', '.join(names)} and did not save is still here.")
+        """Report edits that were restored after a reload."""
+        notify(f"Unsaved edits restored: {', '.join(names)}")
         self._show_object()
 
     def _unsaved(self) -> None:
-        """What was written elsewhere and not saved."""
+        """Show links to objects with unsaved edits."""
         for name in self._drafts.names():
             ui.button(f"{name}: not saved yet", icon="edit", on_click=lambda name=name: self.open_object(name)).props("flat dense no-caps")
 
@@ -221,7 +221,7 @@ class MapPage:
     # Changing the map
 
     async def change(self, changes: tuple[Change, ...], message: str, expected_version: int | None = None) -> int | None:
-        """Change the map, and say what was done, or why it was not."""
+        """Change the map and notify the user of the result. Returns the new version; None if the change was refused."""
         try:
             update = UpdateMap(changes=changes, author=author(), expected_version=expected_version)
             version = (await self._api.map.change(update)).version
@@ -236,12 +236,12 @@ class MapPage:
         self._mine.append(version)
 
     async def _moved(self, event: dict[str, Any]) -> None:
-        """An object was moved or turned on the plan: it stays there once the map says so."""
+        """Handle a move on the plan: change the map, then confirm or reject the move."""
         name = str(event["name"])
         map, ontology = self._api.context.map, self._api.context.ontology
         if name not in map.objects:
             self._plan.reject_move(name)
-            notify(f"{name} is not on the map any more: somebody removed or renamed it.", bad=True)
+            notify(f"{name} is no longer on the map: another user removed or renamed it.", bad=True)
             return
         move = Move(name=name, x=event["x"], y=event["y"], turned=event["turned"], target=event["target"])
         update = UpdateMap(changes=move_changes(map, ontology, move), author=author(), expected_version=event["version"])
@@ -252,15 +252,14 @@ class MapPage:
             if any(broken_rule.rule == VERSION_CONFLICT for broken_rule in error.broken):
                 subjects = ", ".join(dict.fromkeys(broken_rule.subject for broken_rule in error.broken))
                 notify(
-                    f"Somebody else changed {subjects} while you moved {name}. It is where they left it; "
-                    "move it again if you still want to.",
+                    f"Another user changed {subjects} while you moved {name}. The other change is kept; move it again if needed.",
                     bad=True,
                 )
             else:
-                notify(f"{name} went back to where it was. {_refusal_text(error)}", bad=True)
+                notify(f"{name} was moved back. {_refusal_text(error)}", bad=True)
         except SomrsError as error:
             self._plan.reject_move(name)
-            notify(f"{name} went back to where it was. {_refusal_text(error)}", bad=True)
+            notify(f"{name} was moved back. {_refusal_text(error)}", bad=True)
         else:
             self._record_version(version)
             self._plan.confirm_move(name, version)
@@ -270,7 +269,7 @@ class MapPage:
         self.open_object(name)
 
     async def _wait_for_version(self, version: int) -> None:
-        """Wait until a version is known here."""
+        """Wait until this page's copy of the map contains a version."""
         deadline = asyncio.get_running_loop().time() + CHANGE_TIMEOUT
         while self._api.context.version < version and asyncio.get_running_loop().time() < deadline:
             await asyncio.sleep(0.02)
@@ -282,14 +281,14 @@ class MapPage:
     async def _remove_guarded(self, name: str) -> None:
         await guarded(self._remove)(name)
 
-    # Undoing
+    # Undo
 
     async def _undo(self) -> None:
-        """Undo the last change that was made here, or else the last one that is by whoever sits here."""
+        """Undo the latest change made on this page, or else the latest change of this user."""
         async with self._undoing:
             version = self._mine[-1] if self._mine else await self._last_of_mine()
             if version is None:
-                notify("There is nothing of yours to undo.")
+                notify("You have no change to undo.")
             else:
                 await self._undo_version(version)
 
@@ -310,9 +309,9 @@ class MapPage:
         await self._api.map.undo(version, author())
         if version in self._mine:
             self._mine.remove(version)
-        notify(f"Version {version} was undone")
+        notify(f"Version {version} undone")
 
-    # What happens
+    # News
 
     async def _read(self) -> None:
         await self._version_slider.begin()
@@ -344,10 +343,10 @@ class MapPage:
 
 
 def _refusal_text(error: SomrsError) -> str:
-    """Why a change was refused, as people read it."""
+    """The reason of a refusal, as a text."""
     if isinstance(error, Refused) and error.broken:
         if any(broken_rule.rule == VERSION_CONFLICT for broken_rule in error.broken):
             subjects = ", ".join(dict.fromkeys(broken_rule.subject for broken_rule in error.broken))
-            return f"Somebody else changed {subjects} meanwhile; look at it and try again."
+            return f"Another user changed {subjects} in the meantime; check it and try again."
         return "\n".join(f"{broken_rule.subject}: {broken_rule.message}" for broken_rule in error.broken)
     return str(error)

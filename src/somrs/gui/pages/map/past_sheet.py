@@ -1,4 +1,4 @@
-"""The object that is chosen, as it was at a version of the map: to be read, not to be changed."""
+"""The selected object at a past version of the map, read-only."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from somrs.gui.shell import guarded
 
 
 class PastSheet:
-    """In the element that is current when it is made. `go` opens another object."""
+    """Added to the current element. `open_object` opens another object."""
 
     def __init__(self, api: LiveApi, name: str, version: int, open_object: Callable[[str | None], None]) -> None:
         self._api, self._name, self._version, self._open_object = api, name, version, open_object
@@ -32,7 +32,7 @@ class PastSheet:
         facts = [fact for fact in map_state.facts if self._name in fact.arguments]
         with self._body:
             if object is None:
-                ui.label(f"There was no {self._name} on the map then.").props('role="status"')
+                ui.label(f"{self._name} was not on the map at this version.").props('role="status"')
                 return
             self._type.text = object.type
             attributes = self._api.context.ontology.attributes
@@ -49,4 +49,4 @@ class PastSheet:
                         with ui.element("li").classes("somrs-map-fact"):
                             ui.label(str(fact))
                 if not facts:
-                    ui.label("It was in no relation.").classes("somrs-soft")
+                    ui.label("No relations.").classes("somrs-soft")

@@ -1,4 +1,4 @@
-"""Choosing an object by typing part of its name: what fits comes from the server, so that a map may have thousands of them."""
+"""Choosing an object by typing part of its name; the server searches, so that maps may have thousands of objects."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ MAX_OPTIONS = 30
 
 
 class ObjectPicker:
-    """A field for an object that fits a place of a relation, counted from 0."""
+    """A field for an object that fits an argument of a relation (`place`, counted from 0)."""
 
     def __init__(self, api: LiveApi, label: str, relation: str, place: int) -> None:
         self._api, self._relation, self._place = api, relation, place

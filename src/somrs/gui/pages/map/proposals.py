@@ -1,4 +1,4 @@
-"""What a new object is proposed to be like: its name, its place, its sizes, and on what it stands."""
+"""Proposals for a new object: name, position, sizes, and the object below it."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from somrs.ontology.objects import Change, Fact, FactAdded, Map, Object, ObjectA
 from somrs.ontology.types import PART_OF, PHYSICAL, Ontology, Value
 
 DIGITS = 3
-"""Of the number in a name such as Jar004."""
+"""Minimum digits of the number in a name such as Jar004."""
 CEILING = 2.2
-"""At what height a camera is hung, m."""
+"""Height of a new camera, m."""
 
 _NUMBERED = re.compile(r"(.*?)(\d+)$")
 
@@ -33,12 +33,12 @@ FORMS: tuple[tuple[str, dict[str, Value]], ...] = (
     ("Graspable", {"Shape.Form": "Cylinder", "Shape.Radius": 0.04, "Shape.Height": 0.12}),
     (PHYSICAL, {"Shape.Form": "Box", "Shape.Width": 0.4, "Shape.Depth": 0.4, "Shape.Height": 0.4}),
 )
-"""What things are like of which neither their type nor another of their kind says it; the first type that fits."""
+"""Sizes of new objects for which neither their type nor another object of it gives any; the first type that fits."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spot:
-    """Where on the plan somebody clicked; `target`: on what it would stand, `storey`: on which storey."""
+    """The position on the plan that the user clicked. `target`: the object below it; `storey`: the storey."""
 
     x: float
     y: float
@@ -48,7 +48,7 @@ class Spot:
 
 
 def name_for(type_name: str, map: Map) -> str:
-    """A name that nobody has, counted on from those of its kind."""
+    """An unused name that continues the numbering of its type."""
     matches = [match for name in map.of_type(type_name) if (match := _NUMBERED.match(name))]
     prefixes = Counter(match[1] for match in matches)
     prefix = prefixes.most_common(1)[0][0] if prefixes else type_name
@@ -61,7 +61,7 @@ def name_for(type_name: str, map: Map) -> str:
 
 
 def form_for(type_name: str, map: Map, ontology: Ontology) -> dict[str, Value]:
-    """The sizes of a new object, where its type has no default: those of the last of its kind, or usual ones."""
+    """The sizes of a new object whose type has no default form: those of the latest object of the type, or usual ones."""
     if "Shape" not in {path.partition(".")[0] for path in ontology.attributes_of(type_name)}:
         return {}
     if ontology.default(type_name, "Shape.Form") is not None or not _is_required(type_name, "Shape", ontology):
@@ -80,7 +80,7 @@ def _is_required(type_name: str, attribute: str, ontology: Ontology) -> bool:
 def creation_changes(
     type_name: str, name: str, values: dict[str, Value], spot: Spot | None, map: Map, ontology: Ontology
 ) -> tuple[Change, ...]:
-    """The changes that add an object of the type, where it was clicked, if anywhere."""
+    """The changes that add an object of the type at the position, if any."""
     attributes = ontology.attributes_of(type_name)
     facts: list[Fact] = []
     if spot is not None:
@@ -97,7 +97,7 @@ def creation_changes(
         if ontology.is_subtype(type_name, "BuildingElement") and (whole := _whole(type_name, spot, map, ontology)) is not None:
             facts.append(Fact(PART_OF, (name, whole)))
     elif (root := next(iter(map.roots()), None)) is not None:
-        facts.append(Fact(PART_OF, (name, root)))  # else it would be nowhere at all
+        facts.append(Fact(PART_OF, (name, root)))  # otherwise it would be in no building
     known_values = {path: value for path, value in values.items() if path in attributes}
     return (ObjectAdded(Object(name=name, type=type_name, values=known_values)), *(FactAdded(fact) for fact in facts))
 
@@ -116,7 +116,7 @@ def _elevation(storey: str, map: Map, ontology: Ontology) -> float:
 
 
 def _whole(type_name: str, spot: Spot, map: Map, ontology: Ontology) -> str | None:
-    """What a wall or a door is made a part of: what the floor there is a part of; a floor, of its storey."""
+    """The object of which a new wall or door becomes a part: the whole of the floor below it; of a floor, the storey."""
     if not ontology.is_subtype(type_name, "Floor") and spot.target in map.objects and spot.target is not None:
         floor = spot.target
         while floor is not None and floor in map.objects and not ontology.is_subtype(map.objects[floor].type, "AbstractObject"):

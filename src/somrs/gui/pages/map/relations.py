@@ -1,4 +1,4 @@
-"""The relations that an object is in: read, added, taken away."""
+"""The relations of an object: list, add, remove."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map
 from somrs.ontology.types import Ontology, RelationType
 
 MAX_FACTS = 40
-"""So many facts of an object are listed."""
+"""Limit of facts listed."""
 
 ChangeMap = Callable[[tuple[Change, ...], str], Awaitable[int | None]]
-"""Changes the map, and says what was done; None when that was refused."""
+"""Changes the map and notifies the user; returns the new version, None if the change was refused."""
 
 
 @dataclass(frozen=True, slots=True)
 class RelationRole:
-    """A relation that an object of a type can be in, and as which of its arguments, counted from 0."""
+    """A relation that objects of a type can be in, and the argument (`place`, counted from 0) that they can be."""
 
     relation: RelationType
     place: int
@@ -32,7 +32,7 @@ class RelationRole:
         return f"{self.relation.name} {self.place}"
 
     def text(self) -> str:
-        """The relation as one reads it, with the object as `this`."""
+        """The relation as a text, with `this` for the object."""
         words = ["this" if n == self.place else type_name for n, type_name in enumerate(self.relation.joins)]
         if len(words) == 2:
             return f"{words[0]} {self.relation.name} {words[1]}"
@@ -45,7 +45,7 @@ class RelationRole:
 
 
 def relation_roles(type_name: str, ontology: Ontology) -> list[RelationRole]:
-    """All that objects of the type can be in; of a symmetric relation, one way round will do."""
+    """The roles that objects of the type can have; of a symmetric relation, one."""
     candidates = [
         RelationRole(relation, place)
         for relation in ontology.relations.values()
@@ -56,7 +56,7 @@ def relation_roles(type_name: str, ontology: Ontology) -> list[RelationRole]:
 
 
 def fact_changes(fact: Fact, map: Map, ontology: Ontology) -> Iterator[Change]:
-    """The changes that make a fact hold: what cannot hold along with it goes."""
+    """The changes that make a fact hold and remove facts that exclude it."""
     relation = ontology.relations[fact.relation]
     for old_fact in map.facts_about(fact.arguments[0]):
         if old_fact.arguments[0] != fact.arguments[0] or old_fact == fact:
@@ -69,7 +69,7 @@ def fact_changes(fact: Fact, map: Map, ontology: Ontology) -> Iterator[Change]:
 
 
 class Relations:
-    """What is in the list follows the map; `go` opens another object."""
+    """The list follows the map; `open_object` opens another object."""
 
     def __init__(self, api: LiveApi, name: str, change: ChangeMap, open_object: Callable[[str], None]) -> None:
         self._api, self._name, self._change, self._open_object = api, name, change, open_object
@@ -96,7 +96,7 @@ class Relations:
             if len(facts) > MAX_FACTS:
                 ui.label(f"and {len(facts) - MAX_FACTS} more").classes("somrs-soft")
             if not facts:
-                ui.label("It is in no relation.").classes("somrs-soft")
+                ui.label("No relations.").classes("somrs-soft")
 
     def _row(self, fact: Fact) -> None:
         with ui.element("li").classes("somrs-map-fact"):
@@ -110,7 +110,7 @@ class Relations:
                     for argument in fact.arguments:
                         self._word(argument)
             button = ui.button(icon="link_off", on_click=guarded(lambda: self._remove(fact)))
-            button.props(f'flat round dense size=sm aria-label="Take away: {fact}"').tooltip("Take it away")
+            button.props(f'flat round dense size=sm aria-label="Delete {fact}"').tooltip("Delete")
 
     def _word(self, name: str) -> None:
         if name == self._name:
@@ -119,7 +119,7 @@ class Relations:
             ui.button(name, on_click=lambda: self._open_object(name)).props("flat dense no-caps").classes("somrs-map-link")
 
     async def _remove(self, fact: Fact) -> None:
-        await self._change((FactRemoved(fact),), f"{fact} does not hold any more")
+        await self._change((FactRemoved(fact),), f"{fact} removed")
 
     # Adding
 
@@ -151,18 +151,18 @@ class Relations:
             async def add() -> None:
                 role = options.get(str(choice.value))
                 if role is None or any(picker.value is None for picker in pickers):
-                    notify("Choose the relation, and what it joins this with.", bad=True)
+                    notify("Choose the relation and the other objects.", bad=True)
                     return
                 fact = role.fact(self._name, [picker.value or "" for picker in pickers])
                 now = self._api.context
-                if await self._change(tuple(fact_changes(fact, now.map, now.ontology)), f"{fact} holds now") is not None:
+                if await self._change(tuple(fact_changes(fact, now.map, now.ontology)), f"{fact} added") is not None:
                     self._close()
 
             choice.on_value_change(chosen)
             form.on("submit.prevent", guarded(add))
             with ui.element("div").classes("somrs-map-buttons"):
                 ui.button("Add", icon="check").props("unelevated dense no-caps type=submit")
-                ui.button("Not now", on_click=self._close).props("flat dense no-caps")
+                ui.button("Cancel", on_click=self._close).props("flat dense no-caps")
 
     def _close(self) -> None:
         self._form.clear()

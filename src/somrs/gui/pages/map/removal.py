@@ -1,4 +1,4 @@
-"""Removing an object, with what would come of it shown before."""
+"""Removing an object after showing the consequences."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MAX_NAMES = 8
 
 
 async def remove(api: LiveApi, name: str, change: ChangeMap) -> bool:
-    """Ask whether an object is to go, and remove it. Whether it is gone."""
+    """Ask the user to confirm, and remove the object. Returns whether it was removed."""
     map = api.context.map
     if name not in map.objects:
         return False
@@ -39,11 +39,11 @@ async def remove(api: LiveApi, name: str, change: ChangeMap) -> bool:
             if parts:
                 _line(f"its {_count_text(len(parts), 'part')} with it: {_join_names(parts)}")
             if standing:
-                _line(f"{_join_names(standing)} {'stands' if len(standing) == 1 else 'stand'} on it, and would stand on nothing")
+                _line(f"{_join_names(standing)} {'stands' if len(standing) == 1 else 'stand'} on it, and would lose support")
             if facts:
                 _line(f"it is in {_count_text(len(facts), 'relation')}: {_join_names([str(fact) for fact in facts])}")
         if considered.broken:
-            ui.label("It has to stay, for the map would break its rules:").classes("somrs-map-wrong").props('role="alert"')
+            ui.label("It cannot be removed, because the map would break these rules:").classes("somrs-map-wrong").props('role="alert"')
             with ui.element("ul").classes("somrs-map-consequences"):
                 for broken in considered.broken[:MAX_NAMES]:
                     _line(f"{broken.subject}: {broken.message}")
@@ -52,16 +52,16 @@ async def remove(api: LiveApi, name: str, change: ChangeMap) -> bool:
                 ui.button("Remove", icon="delete", on_click=lambda: dialog.submit(True)).props(
                     "unelevated no-caps color=negative autofocus"
                 )
-            keep_button = ui.button("Keep it", on_click=lambda: dialog.submit(False)).props("flat no-caps")
+            keep_button = ui.button("Cancel", on_click=lambda: dialog.submit(False)).props("flat no-caps")
             if considered.broken:
                 keep_button.props("autofocus")
     dialog.on("hide", dialog.delete)
     answer = await dialog
-    return bool(answer) and await change(changes, f"{name} was removed") is not None
+    return bool(answer) and await change(changes, f"{name} removed") is not None
 
 
 def _parts(map: Map, name: str) -> list[str]:
-    """The parts, and their parts, wholes before parts."""
+    """The parts of an object and their parts, each whole before its parts."""
     part_names: list[str] = []
     waiting = [name]
     while waiting:

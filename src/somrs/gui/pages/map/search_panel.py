@@ -1,4 +1,4 @@
-"""Finding objects: by a formula, whose bindings are ringed on the plan and listed; or by their names."""
+"""Finding objects: by a formula, whose bindings are marked on the plan and listed, or by name."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ NAMES = 60
 
 
 class SearchPanel:
-    """`go` opens an object."""
+    """`open_object` opens an object."""
 
     def __init__(self, api: LiveApi, map_view: MapView, open_object: Callable[[str], None]) -> None:
         self._api, self._map_view, self._open_object = api, map_view, open_object
         self._query = ""
         with ui.element("section").props('aria-label="Find by a formula"'):
-            self._field = FormulaField("For which objects is it so?", placeholder="?Thing isOn Cupboard001", on_submit=self._submitted)
+            self._field = FormulaField("Query formula", placeholder="?Thing isOn Cupboard001", on_submit=self._submitted)
             with ui.element("div").classes("somrs-map-buttons"):
                 ui.button("Find", icon="search", on_click=guarded(self.run_query)).props("unelevated dense no-caps")
                 self._clear = ui.button("Clear", on_click=self.clear).props("flat dense no-caps")
@@ -45,7 +45,7 @@ class SearchPanel:
         await guarded(self.run_query)()
 
     async def run_query(self) -> None:
-        """Ask, and show what is found."""
+        """Run the query and show the result."""
         text = str(self._field.value or "").strip()
         if not text:
             self._field.focus()
@@ -77,7 +77,7 @@ class SearchPanel:
         self._map_view.highlight({})
 
     async def refresh(self) -> None:
-        """The map changed: what was found may be otherwise."""
+        """Repeat the query after a change of the map."""
         if self._query and self._query == str(self._field.value or "").strip():
             try:
                 self._show_rows(await self._api.map.query(self._query, LIMIT))
@@ -132,15 +132,15 @@ class SearchPanel:
                     details = thing.type + (f", {thing.label}" if thing.label else "") + (f", {thing.location}" if thing.location else "")
                     ui.label(details).classes("somrs-soft")
             if result.is_truncated:
-                ui.label("There are more; type more of the name.").classes("somrs-soft")
+                ui.label("There are more: type more of the name.").classes("somrs-soft")
             if not result.things:
-                ui.label("Nothing is called so.").classes("somrs-soft")
+                ui.label("No matches.").classes("somrs-soft")
 
 
 def _status_text(result: Rows, variables: bool) -> str:
     if not variables:
-        return "It is so." if result.rows else "It is not so."
+        return "True." if result.rows else "False."
     count = len(result.rows)
     if not count:
-        return "There is nothing of which it is so."
-    return f"{'The first ' if result.more else ''}{count} {'way' if count == 1 else 'ways'} in which it is so"
+        return "No results."
+    return f"{'The first ' if result.more else ''}{count} {'result' if count == 1 else 'results'}"

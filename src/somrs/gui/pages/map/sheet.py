@@ -1,4 +1,4 @@
-"""The object that is chosen: what it is, its attributes, its relations, its history; renaming and removing it."""
+"""The selected object: type, attributes, relations and history; renaming and removing it."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ HISTORY = 25
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SheetActions:
-    """What the sheet asks of the page: open another object, `change` the map, `remove` this one, have it in view, look at a version,
-    undo one; and `record_version` when the map was changed."""
+    """The page's actions for the sheet: open another object, change the map, remove the object, show it on the plan, show a version, undo
+    one. `record_version` is called with each version that the sheet made."""
 
     open_object: Callable[[str | None], None]
     change: Callable[[tuple[Change, ...], str], Awaitable[int | None]]
@@ -34,7 +34,7 @@ class SheetActions:
 
 
 class Sheet:
-    """The sheet of one object, in the element that is current when it is made."""
+    """The sheet of one object, added to the current element."""
 
     def __init__(self, api: LiveApi, name: str, actions: SheetActions, drafts: ObjectDrafts) -> None:
         self._api, self.name, self._actions = api, name, actions
@@ -72,7 +72,7 @@ class Sheet:
             ui.link(type_name, f"/ontology?type={type_name}").classes("somrs-map-type").tooltip("The type, in the ontology")
             ui.space()
             for icon, label, action in (
-                ("center_focus_strong", "Show it on the plan", lambda: self._actions.show_on_plan(self.name)),
+                ("center_focus_strong", "Show on the plan", lambda: self._actions.show_on_plan(self.name)),
                 ("drive_file_rename_outline", "Rename it", guarded(self._rename)),
                 ("delete", "Remove it", guarded(lambda: self._actions.remove(self.name))),
                 ("close", "Close", lambda: self._actions.open_object(None)),
@@ -80,7 +80,7 @@ class Sheet:
                 ui.button(icon=icon, on_click=action).props(f'flat round dense size=sm aria-label="{label}"').tooltip(label)
 
     async def apply_changes(self, changes: tuple[Change, ...], version: int) -> None:
-        """The map changed. No changes: anything may have."""
+        """Update the sheet after changes of the map. Without changes, everything may have changed."""
         if self._form is None or (changes and not any(self.name in objects_of(change) for change in changes)):
             return
         await self._form.apply_changes(self._api.context.map.objects.get(self.name), changes, version)
@@ -104,7 +104,7 @@ class Sheet:
         with self._event_list:
             show_events(event_page.events, self._api.context.ontology, self._actions.show_version, self._actions.undo)
             if not event_page.events:
-                ui.label("Nothing happened to it since the map was given.").classes("somrs-soft")
+                ui.label("No changes since the map was loaded.").classes("somrs-soft")
 
     # Renaming
 
@@ -122,6 +122,6 @@ class Sheet:
         new_name = await dialog
         if new_name and new_name != self.name:
             result = await self._api.map.rename(RenameObject(name=self.name, to=str(new_name), author=author()))
-            notify(f"{self.name} is called {new_name} now, everywhere")
+            notify(f"{self.name} renamed to {new_name}")
             self._actions.record_version(result.version)
             self._actions.open_object(str(new_name))

@@ -1,4 +1,4 @@
-"""Values as people write them into fields, and back."""
+"""Parsing and formatting attribute values in fields."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from somrs.ontology.units import convert_unit
 
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*$")
 UNIT_SYMBOLS = {"rad": "°", "percent": "%"}
-"""Units that people read otherwise than they are stored."""
+"""Units that fields show instead of the stored ones."""
 ANGLE_DIGITS = 3
-"""Of degrees, as they are shown: finer than anybody turns a table."""
+"""Rounding of degrees in fields."""
 UNIT_NAMES = {"°": "deg", "%": "percent", "€": "EUR"}
 
 
 def unit(attribute: AttributeType) -> str:
-    """The unit that a field shows, and that a number without one is taken in."""
+    """The unit that a field shows, and that is assumed for a number without a unit."""
     return UNIT_SYMBOLS.get(attribute.unit or "", attribute.unit or "")
 
 
 def text_of(value: Value | None, attribute: AttributeType) -> str:
-    """A value as a field shows it, without its unit."""
+    """A value as text, without its unit."""
     if value is None:
         return ""
     if isinstance(value, bool):
@@ -36,7 +36,7 @@ def text_of(value: Value | None, attribute: AttributeType) -> str:
 
 
 def read(text: str, attribute: AttributeType) -> Value:
-    """What was written as a value of the attribute. Raises InputError, which says what is wrong."""
+    """Parse a value of the attribute. Raises InputError with the reason."""
     value: Value = text if attribute.kind is not Kind.NUMBER else _number(text, attribute)
     if problem := value_problem(attribute, value):
         raise InputError(_in_shown_unit(problem, attribute))
@@ -67,7 +67,7 @@ def _in_shown_unit(problem: str, attribute: AttributeType) -> str:
 
 
 def limits(path: str, attribute: AttributeType, type_name: str, ontology: Ontology) -> str:
-    """The range of a number, as far as attribute and type set one: `0 to 5 kg`."""
+    """The range that attribute and type allow for a number, such as `0 to 5 kg`."""
     rules = [rule for ancestor in ontology.ancestors(type_name) for rule in ontology.types[ancestor].constraints if rule.attribute == path]
     rules.append(Constraint(minimum=attribute.minimum, maximum=attribute.maximum))
     low = max((rule.minimum for rule in rules if rule.minimum is not None), default=None)
@@ -84,7 +84,7 @@ def limits(path: str, attribute: AttributeType, type_name: str, ontology: Ontolo
 
 
 def in_limits(path: str, value: Value, type_name: str, ontology: Ontology) -> str:
-    """What a type's own ranges and lists have against the value; empty when nothing."""
+    """The reason why a type's own ranges and lists forbid the value; empty if they allow it."""
     if isinstance(value, bool):
         return ""
     for ancestor in ontology.ancestors(type_name):

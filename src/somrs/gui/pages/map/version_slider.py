@@ -1,4 +1,4 @@
-"""The map's history as a slider: what the map was at each of its versions, who made it so, and back to now."""
+"""A slider over the versions of the map, with a description of each and a replay."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from somrs.protocol.messages.knowledge import Event
 from somrs.protocol.messages.people import person_name
 
 STEP_TIME = 0.9
-"""Seconds between two versions, when the history is played."""
+"""Seconds per version during a replay."""
 
 
 class VersionSlider:
-    """`on_version` shows a version of the map; None stands for the present."""
+    """`on_version` is called with the version to show; None for the current one."""
 
     def __init__(self, api: LiveApi, on_version: Callable[[int | None], None]) -> None:
         self._api, self._on_version = api, on_version
@@ -46,11 +46,11 @@ class VersionSlider:
 
     @property
     def shown_version(self) -> int | None:
-        """The version that is looked at; None for now."""
+        """The version shown; None for the current one."""
         return self._shown_version
 
     async def begin(self) -> None:
-        """Find out how far back the map is known."""
+        """Read the first version that the Repository has."""
         try:
             self._first_version = (await self._api.map.events(limit=1, brief=True)).since
         except SomrsError:
@@ -58,7 +58,7 @@ class VersionSlider:
         self.refresh()
 
     def refresh(self) -> None:
-        """There is a new version."""
+        """Update after a new version."""
         latest = self._api.context.version
         self._slider.props(f"min={self._first_version} max={max(latest, self._first_version + 1)}")
         self._slider.set_enabled(latest > self._first_version)
@@ -84,7 +84,7 @@ class VersionSlider:
         self.refresh()
 
     async def show_version(self, version: int) -> None:
-        """Show the map as it was at a version."""
+        """Show the map at a version."""
         if version >= self._api.context.version:
             self.show_present()
             return
@@ -100,7 +100,7 @@ class VersionSlider:
         if self._shown_version != version:
             return
         if event is None:
-            self._status_label.text = f"Version {version}: as the map was given"
+            self._status_label.text = f"Version {version}: the initial map"
             return
         description = "; ".join(describe_event(event, self._api.context.ontology))
         self._status_label.text = f"Version {version} · {format_time(event.at)} · {person_name(event.author)}: {description}"
@@ -123,7 +123,7 @@ class VersionSlider:
         self._stop()
         await self.show_version(self._current_version + offset)
 
-    # Playing
+    # Replay
 
     async def _toggle(self) -> None:
         if self._playing:

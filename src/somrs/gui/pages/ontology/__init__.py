@@ -1,8 +1,8 @@
-"""Ontology: what kinds of things there are, read and changed.
+"""Ontology: view and edit the definitions of types, attributes, relations, functions and services.
 
-`page.py` is the page; `index.py` its left side, `sheet.py` what is read of a definition, `editor.py` (with `forms.py`, `fields.py`,
-`drafts.py`, `form_parser.py`) how one is written, `actions.py` what is done without a form, `history_dialog.py` the history,
-`import_export.py` files."""
+`page.py` is the page. `index.py` is its left side, `sheet.py` shows a definition, `editor.py` (with `forms.py`, `fields.py`, `drafts.py`,
+`form_parser.py`) edits one, `actions.py` has the actions without a form, `history_dialog.py` the history, `import_export.py` the files.
+"""
 
 from __future__ import annotations
 

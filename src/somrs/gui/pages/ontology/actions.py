@@ -1,4 +1,4 @@
-"""What is done to a definition without its form: renaming, moving, removing; and undoing. Always with the consequences shown before."""
+"""Actions on a definition without a form: rename, move, remove, undo. Each shows its consequences first."""
 
 from __future__ import annotations
 
@@ -24,35 +24,35 @@ from somrs.protocol.messages.knowledge import Define, Event, by_kind
 from somrs.protocol.messages.people import person_name
 
 OpenDefinition = Callable[[Section, str, int], Awaitable[None]]
-"""Go to this definition, once this version is there."""
+"""Opens a definition once the page's ontology has the version."""
 
 
 class Actions:
-    """`done` hears under which name a definition is to be seen then."""
+    """`open_definition` is called after a definition was changed."""
 
     def __init__(self, api: LiveApi, view: OntologyView, open_definition: OpenDefinition) -> None:
         self._api, self._view, self._open_definition = api, view, open_definition
         self.client = ui.context.client
         self._undoing = asyncio.Lock()
-        """Held while the Repository undoes a change: what is to be undone next is known when it has."""
+        """Held during an undo: only then is the next change to undo known."""
 
     @in_page_context
     @guarded
     async def rename(self, section: Section, name: str) -> None:
-        """Ask for the name, show what is renamed along, and rename."""
+        """Ask for the new name, show the consequences, and rename."""
         new_name = await _ask_for_text(f"Rename {name}", "New name", name)
         if not new_name or new_name == name:
             return
         renamed = (Renaming(section=Naming(section.key), name=name, to=new_name),)
         change = Define(renamed=renamed, author=author(), expected_version=self._view.version)
         if (version := await self._carry_out(change, f"Rename {name} to {new_name}", "Rename")) is not None:
-            notify(f"{name} is called {new_name} now, everywhere")
+            notify(f"{name} renamed to {new_name}")
             await self._open_definition(section, new_name, version)
 
     @in_page_context
     @guarded
     async def ask_move(self, section: Section, name: str) -> None:
-        """Ask below which other one it is to go, and move it there."""
+        """Ask for a new parent, and move the definition below it."""
         definitions: Mapping[str, ObjectType | ServiceType] = (
             self._view.ontology.types if section is TYPES else self._view.ontology.services
         )
@@ -72,7 +72,7 @@ class Actions:
             await self.move(section, name, answer[0])
 
     def _is_descendant(self, section: Section, candidate: str, name: str) -> bool:
-        """Whether the one is what is called so, or below it."""
+        """Whether the candidate is the definition or one of its descendants."""
         if section is TYPES:
             return name in self._view.ontology.ancestors(candidate)
         visited: set[str] = set()
@@ -87,30 +87,30 @@ class Actions:
     @in_page_context
     @guarded
     async def move(self, section: Section, name: str, parent: str | None) -> None:
-        """Give it another parent."""
+        """Change the parent of a definition."""
         definition = self._view.definition(section, name)
         if section not in (TYPES, SERVICES) or not isinstance(definition, ObjectType | ServiceType):
             raise InputError(f"{name} has no parent")
         moved = structs.replace(definition, parent=parent)
         change = Define(definitions=by_kind([moved]), author=author(), expected_version=self._view.version)
         if (version := await self._carry_out(change, f"Move {name} below {parent or 'none'}", "Move")) is not None:
-            notify(f"{name} is below {parent or 'none'} now")
+            notify(f"{name} moved below {parent or 'none'}")
             await self._open_definition(section, name, version)
 
     @in_page_context
     @guarded
     async def remove(self, section: Section, name: str) -> bool:
-        """Show what would break, and remove it if nothing does."""
+        """Show the consequences, and remove the definition if no rule is broken. Returns whether it was removed."""
         change = Define(
             removed=(DefinitionKey(section=Naming(section.key), name=name),), author=author(), expected_version=self._view.version
         )
         if await self._carry_out(change, f"Remove the {section.singular} {name}", "Remove") is None:
             return False
-        notify(f"The {section.singular} {name} is removed; it can be brought back by Undo")
+        notify(f"The {section.singular} {name} removed; Undo restores it")
         return True
 
     async def _carry_out(self, change: Define, title: str, verb: str) -> int | None:
-        """The version that has it; None when the person went back."""
+        """Show the consequences and make the change. Returns the new version; None if the user cancelled."""
         consequences = await self._api.ontology.consider(change)
         if not await confirm_change(title, verb, consequences, change.renamed):
             return None
@@ -119,7 +119,7 @@ class Actions:
     @in_page_context
     @guarded
     async def undo(self, event: Event) -> None:
-        """Bring back what an event of the history changed."""
+        """Undo an event of the history."""
         consequences = await self._api.ontology.consider_undo(event.version)
         description = f"{person_name(event.author)} changed it: {summary(definition_changes(event.revision, event.renamed))}"
         if await confirm_change("Undo", "Undo", consequences, explanation=description):
@@ -139,18 +139,18 @@ class Actions:
 
 
 def last_to_undo(events: tuple[Event, ...]) -> Event | None:
-    """The newest change that was not undone and undid nothing: so undoing again goes further back."""
+    """The newest change that is neither undone nor an undo, so that repeated undo goes further back."""
     undone = {event.undoes for event in events}
     return next((event for event in events if event.undoes is None and event.version not in undone), None)
 
 
 async def _ask_for_text(title: str, label: str, value: str) -> str | None:
-    """A line that the person writes; None when they go back."""
+    """Ask the user for a text; None if the user cancelled."""
     with titled_dialog(title) as dialog, ui.card().classes("somrs-onto-dialog somrs-onto-small"):
         TextTag("h2", title)
         field = ui.input(label, value=value).props("outlined dense autofocus").classes("somrs-onto-full")
         field.on("keydown.enter", lambda: dialog.submit(field.value.strip()))
-        _buttons(dialog, "Go on", lambda: field.value.strip())
+        _buttons(dialog, "Continue", lambda: field.value.strip())
     answer: str | None = await dialog
     if not dialog.is_deleted:
         dialog.delete()
@@ -159,5 +159,5 @@ async def _ask_for_text(title: str, label: str, value: str) -> str | None:
 
 def _buttons(dialog: ui.dialog, verb: str, answer: Callable[[], object]) -> None:
     with ui.row().classes("somrs-onto-buttons"):
-        ui.button("Go back", on_click=lambda: dialog.submit(None)).props("flat no-caps")
+        ui.button("Cancel", on_click=lambda: dialog.submit(None)).props("flat no-caps")
         ui.button(verb, on_click=lambda: dialog.submit(answer())).props("unelevated no-caps")

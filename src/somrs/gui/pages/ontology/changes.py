@@ -1,4 +1,4 @@
-"""Changes of the ontology put into words: what was before, what is after, and what happens on the map with it."""
+"""Changes of the ontology as texts: old and new values, and the effects on the map."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ FIELDS = {
     "name": "Name",
     "parent": "Parent",
     "attributes": "Attributes",
-    "required": "Must have",
+    "required": "Required",
     "parts": "Parts",
     "constraints": "Rules",
     "defaults": "Defaults",
     "driver": "Driver",
-    "doc": "Meaning",
+    "doc": "Description",
     "kind": "Kind",
     "unit": "Unit",
     "tolerance": "Equal within",
@@ -31,24 +31,24 @@ FIELDS = {
     "maximum": "At most",
     "values": "Values",
     "joins": "Joins",
-    "symmetric": "Either way round",
-    "functional": "One at a time",
+    "symmetric": "Symmetric",
+    "functional": "Functional",
     "excludes": "Group",
-    "parameters": "Of",
+    "parameters": "Parameters",
     "attribute": "Reads",
-    "precondition": "Holds before it",
-    "effect": "Holds after it",
+    "precondition": "Precondition",
+    "effect": "Effect",
     "inputs": "Inputs",
     "outputs": "Outputs",
     "handlers": "Handlers",
-    "cost": "Costs",
+    "cost": "Cost",
 }
-"""What the fields of definitions are called on the page."""
+"""Labels of the fields of definitions."""
 
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """One field of a definition that changed; empty where there was, or is, nothing."""
+    """A changed field of a definition; `before` or `after` is empty if the field had or has no value."""
 
     field: str
     before: str
@@ -57,7 +57,7 @@ class Difference:
 
 @dataclass(frozen=True, slots=True)
 class DefinitionChange:
-    """What happened to one definition: `verb` is added, removed, renamed or changed. `name` is the one it has after."""
+    """A change of one definition: `verb` is added, removed, renamed or changed; `name` is the new name."""
 
     section: Section
     name: str
@@ -67,7 +67,7 @@ class DefinitionChange:
 
 
 def definition_changes(revision: Revision | None, renamings: Iterable[Renaming] = ()) -> list[DefinitionChange]:
-    """What a revision does, definition by definition; the ones that are renamed first."""
+    """The changes of a revision, one per definition; renamed definitions first."""
     if revision is None:
         return []
     new_names = {(renaming.section.value, renaming.name): renaming.to for renaming in renamings}
@@ -78,7 +78,7 @@ def definition_changes(revision: Revision | None, renamings: Iterable[Renaming] 
         new_name = new_names.get((key, name), name)
         new = definitions_after.pop((key, new_name), None)
         verb = "removed" if new is None else "renamed" if new_name != name else "changed"
-        # A definition that goes and one that comes are told by their names alone.
+        # For added and removed definitions, the name is enough.
         other_differences = (
             tuple(difference for difference in differences(old, new) if difference.field != FIELDS["name"]) if new is not None else ()
         )
@@ -138,11 +138,11 @@ def _text(value: object) -> str:
             return str(value)
 
 
-# On the map
+# Changes of the map
 
 
 def map_change_lines(changes: Iterable[Change]) -> list[str]:
-    """How the map changes, a line for each kind of change and not for each object."""
+    """The changes of the map as lines; objects with the same change share a line."""
     names_by_text: dict[str, list[str]] = {}
     for change in changes:
         match change:
@@ -164,7 +164,7 @@ def _names(names: list[str]) -> str:
 
 
 def summary(changes: Iterable[DefinitionChange]) -> str:
-    """All of it in a line: `Jar changed (Defaults: Weight)`."""
+    """All changes in one line: `Jar changed (Defaults: Weight)`."""
     phrases = []
     for change in changes:
         match change.verb:

@@ -1,4 +1,4 @@
-"""What would come of a change, shown before anything is done."""
+"""The consequences of a change of the ontology, shown for confirmation."""
 
 from __future__ import annotations
 
@@ -16,13 +16,14 @@ from somrs.ontology.naming import Renaming
 USERS = {WordUserKind.TASK: "running task", WordUserKind.ORDER: "standing order", WordUserKind.TEMPLATE: "template"}
 
 LINE_LIMIT = 100
-"""So many lines are shown of one list."""
+"""Limit of lines shown per list."""
 
 
 async def confirm_change(
     title: str, verb: str, consequences: Consequences, renamings: Sequence[Renaming] = (), explanation: str = ""
 ) -> bool:
-    """Show what would come of it, and let the person go on or back. What breaks a rule can only be gone back from."""
+    """Show the consequences and ask for confirmation. A change that breaks a rule can only be cancelled. Returns whether it was
+    confirmed."""
     possible = not consequences.broken
     with titled_dialog(title) as dialog, ui.card().classes("somrs-onto-dialog"):
         TextTag("h2", title)
@@ -31,7 +32,7 @@ async def confirm_change(
         with ui.element("div").classes("somrs-onto-dialog-body"):
             show_consequences(consequences, renamings)
         with ui.row().classes("somrs-onto-buttons"):
-            ui.button("Go back", on_click=lambda: dialog.submit(False)).props("flat no-caps" + ("" if possible else " autofocus"))
+            ui.button("Cancel", on_click=lambda: dialog.submit(False)).props("flat no-caps" + ("" if possible else " autofocus"))
             if possible:
                 ui.button(verb, on_click=lambda: dialog.submit(True)).props("unelevated no-caps autofocus")
     answer = await dialog
@@ -41,12 +42,12 @@ async def confirm_change(
 
 
 def show_consequences(consequences: Consequences, renamings: Sequence[Renaming] = ()) -> None:
-    """All consequences, into the current element."""
+    """Show all consequences in the current element."""
     if consequences.broken:
         _show_broken_rules(consequences)
     if consequences.offers:
         with ui.element("section"):
-            _heading("warning", f"{_count(len(consequences.offers), 'service')} on offer could not be planned with any more", "busy")
+            _heading("warning", f"{_count(len(consequences.offers), 'service')} on offer could no longer be used in plans", "busy")
             with table("Service", "Device", "Why"):
                 for offer in consequences.offers[:LINE_LIMIT]:
                     with row():
@@ -74,8 +75,8 @@ def show_consequences(consequences: Consequences, renamings: Sequence[Renaming] 
 def _show_broken_rules(consequences: Consequences) -> None:
     total = max(consequences.all_broken, len(consequences.broken))
     with ui.element("section").props('role="alert"'):
-        _heading("error", f"This cannot be: {_count(total, 'rule')} would be broken", "bad")
-        with table("What would not conform", "Why", "Rule"):
+        _heading("error", f"Not possible: {_count(total, 'rule')} would be broken", "bad")
+        with table("Subject", "Why", "Rule"):
             for broken_rule in consequences.broken[:LINE_LIMIT]:
                 with row():
                     with cell():
@@ -89,10 +90,10 @@ def _show_broken_rules(consequences: Consequences) -> None:
 
 
 def _show_affected(users: Sequence[WordUse]) -> None:
-    """Who keeps words that would be gone, and what that means."""
+    """The tasks, standing orders and templates that use removed names."""
     with ui.element("section"):
-        _heading("warning", "Tasks, orders and templates use words that would be gone", "busy")
-        with table("What", "Which", "Why"):
+        _heading("warning", "Tasks, orders and templates use names that would be removed", "busy")
+        with table("Kind", "Name", "Reason"):
             for affected in users[:LINE_LIMIT]:
                 with row():
                     TextTag("td", USERS[affected.user_kind])
@@ -102,13 +103,13 @@ def _show_affected(users: Sequence[WordUse]) -> None:
         if len(users) > LINE_LIMIT:
             note(f"and {len(users) - LINE_LIMIT} more")
         note(
-            "They keep the words that they have. A task fails when it has to look at its formula again, and an order is refused when it is "
+            "They keep the old names. A task fails when its formula is evaluated again, and a standing order is refused when it is "
             "due. Change orders and templates on the page New task."
         )
 
 
 def _show_user(affected: WordUse) -> None:
-    """A task by its wish, which leads to its page; that is another tab, for the dialog waits here."""
+    """A row for one user of a name. A task links to its page in a new tab, so that the dialog stays open."""
     if affected.user_kind is WordUserKind.TASK:
         with ui.link(target=task_path(affected.id), new_tab=True).classes("somrs-onto-way"):
             TextTag("code", affected.name)
@@ -118,7 +119,7 @@ def _show_user(affected: WordUse) -> None:
 
 
 def show_revision(revised: Sequence[DefinitionChange]) -> None:
-    """What changes in the ontology, definition by definition."""
+    """The changes of the ontology, one per definition."""
     with ui.element("ul").classes("somrs-onto-changes"):
         for change in revised[:LINE_LIMIT]:
             with ui.element("li"):

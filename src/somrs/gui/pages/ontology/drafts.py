@@ -1,7 +1,6 @@
-"""What a person writes in a form, between its first letter and its being saved: plain values that a browser can keep, too.
+"""The content of a form while it is edited: plain values that a browser can store.
 
-Numbers are kept as they were typed (`30 cm`), so that nothing is lost of what is not yet right; rows stand for mappings, so that one may
-be half filled in.
+Numbers are kept as typed (`30 cm`), so that invalid input is not lost. Lists of rows stand for mappings, so that a row may be incomplete.
 """
 
 from __future__ import annotations
@@ -16,12 +15,12 @@ from somrs.ontology.types import AttributeType, Definition, FunctionType, Object
 Form = dict[str, Any]
 
 LIMITS, FORMULA = "limits", "formula"
-"""What a rule of a type is."""
+"""Kinds of rules of a type."""
 READ, TABLE, COMPUTED = "attribute", "table", "computed"
-"""Where a function's value comes from."""
+"""Sources of a function's value."""
 
 ROW_NAMES = {"attributes": "attribute", "parts": "type", "defaults": "path", "inputs": "name", "outputs": "name", "values": "key"}
-"""What rows are told apart by."""
+"""The field that identifies the rows of each list."""
 
 BLANK: dict[str, Form] = {
     "types": {"name": "", "parent": "Object", "doc": "", "driver": "", "attributes": [], "parts": [], "defaults": [], "constraints": []},
@@ -38,8 +37,8 @@ BLANK: dict[str, Form] = {
 
 
 class Draft(msgspec.Struct, kw_only=True):
-    """`name`: of the definition that is rewritten, None for a new one; `original_data`: what it was at `version` of the ontology, and
-    `base` what the form said then."""
+    """`name`: the definition that is edited, None for a new one. `original_data`: the definition at `version` of the ontology; `base`: its
+    form."""
 
     section_key: str
     name: str | None
@@ -50,7 +49,7 @@ class Draft(msgspec.Struct, kw_only=True):
 
     @property
     def original(self) -> Definition | None:
-        """The definition that is rewritten, as it was."""
+        """The definition that is edited, before the edits."""
         return msgspec.convert(self.original_data, self.section.struct) if self.original_data is not None else None
 
     @property
@@ -67,7 +66,7 @@ class Draft(msgspec.Struct, kw_only=True):
 
 
 def start_draft(section: Section, definition: Definition | None, version: int, **initial_values: object) -> Draft:
-    """A draft of a definition as it is; of a new one, with what is given already."""
+    """A draft of an existing definition, or of a new one with initial values."""
     base = form_of(definition) if definition is not None else {**_copy_form(BLANK[section.key]), **initial_values}
     original_data = msgspec.to_builtins(definition) if definition is not None else None
     name = definition.name if definition is not None else None
@@ -75,7 +74,7 @@ def start_draft(section: Section, definition: Definition | None, version: int, *
 
 
 def merge_forms(base: Form, mine: Form, theirs: Form) -> tuple[Form, list[str]]:
-    """Mine, with what only they changed taken over; and what both changed, in which mine stays: fields, or rows of them
+    """Merge `theirs` into `mine`. Returns the merged form and the conflicts, in which `mine` wins: fields, or rows of them
     (`defaults.Weight`)."""
     result, conflicts = _copy_form(mine), []
     for key, value in theirs.items():
@@ -92,7 +91,7 @@ def merge_forms(base: Form, mine: Form, theirs: Form) -> tuple[Form, list[str]]:
 
 
 def _merge_rows(base: list[Form], mine: list[Form], theirs: list[Form], name: str) -> tuple[list[Form], list[str]]:
-    """Rows are the same that have the same name; in my order, with theirs that are new behind."""
+    """Merge rows by name: in my order, followed by their new rows."""
     base_rows, my_rows, their_rows = ({str(row[name]): row for row in rows} for rows in (base, mine, theirs))
     result, conflicts = [], []
     for key in {**my_rows, **their_rows}:

@@ -1,4 +1,4 @@
-"""Writing a definition: the form, what is wrong in it, what others changed meanwhile, and saving."""
+"""The editor of a definition: form, errors, concurrent changes of other users, and saving."""
 
 from __future__ import annotations
 
@@ -30,19 +30,20 @@ from somrs.protocol.messages.people import person_name
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EditorCallbacks:
-    """What the page does when writing ends: `on_saved` under a name, `on_dropped`; and when something was written, `on_changed`."""
+    """Callbacks of the editor: `on_saved` after saving, with the definition's name; `on_dropped` after discarding; `on_changed` after each
+    edit."""
 
     on_saved: Callable[[Draft, str, int], Awaitable[None]]
     on_dropped: Callable[[Draft], Awaitable[None]]
     on_changed: Callable[[], None]
     make_attribute: Callable[[Callable[[str], None]], None]
-    """Have a new attribute made, and hear its name."""
+    """Let the user create an attribute; the argument is called with its name."""
     on_problems: Callable[[Draft, Consequences | None], None]
-    """The draft would break something, or nothing any more."""
+    """Called with the rules that the draft breaks, None if there are none."""
 
 
 class Editor:
-    """The form of one draft, in the element that is current when it is made."""
+    """The form of one draft, added to the current element."""
 
     def __init__(self, api: LiveApi, view: OntologyView, draft: Draft, draft_storage: DraftStorage, callbacks: EditorCallbacks) -> None:
         self._api, self._view, self.draft, self._draft_storage, self._callbacks = api, view, draft, draft_storage, callbacks
@@ -86,10 +87,10 @@ class Editor:
     async def _discard(self) -> None:
         await self._callbacks.on_dropped(self.draft)
 
-    # What others do meanwhile
+    # Changes of other users
 
     def check_for_changes(self) -> None:
-        """See whether the definition is still as it was when this was begun."""
+        """Check whether the definition has changed since the draft was begun."""
         current = self._current_definition()
         if self.draft.name is None or (current is not None and form_of(current) == self.draft.base):
             self._news.clear()
@@ -100,11 +101,11 @@ class Editor:
         return self._view.definition(self.draft.section, self.draft.name) if self.draft.name is not None else None
 
     async def _show_news(self) -> None:
-        """Say who changed what, and offer what can be done about it."""
+        """Show the changes of other users and the choices."""
         try:
             events = (await self._api.ontology.history(limit=30)).events
         except SomrsError:
-            events = ()  # who it was is not known, but what was changed is
+            events = ()  # the author is unknown, but the change is shown
         if self._news.is_deleted:
             return
         current = self._current_definition()
@@ -115,22 +116,22 @@ class Editor:
             with ui.element("div"):
                 TextTag(
                     "b",
-                    "Somebody else changed this meanwhile." if current is not None else "Somebody else removed or renamed this meanwhile.",
+                    "Another user changed this meanwhile." if current is not None else "Another user removed or renamed this meanwhile.",
                 )
                 for event in theirs:
                     ui.label(f"{person_name(event.author)}, {datetime.fromtimestamp(event.at):%H:%M:%S}").classes("somrs-soft")
                 if current is not None:
                     for line in self._their_changes(current):
                         ui.label(line)
-                ui.label("What you wrote is still here.").classes("somrs-soft")
+                ui.label("Your input is kept.").classes("somrs-soft")
                 with ui.row().classes("somrs-onto-buttons"):
                     if current is not None:
-                        ui.button("Take theirs over where I wrote nothing", on_click=self._merge).props("flat dense no-caps")
-                        ui.button("Keep all of mine", on_click=self._keep_mine).props("flat dense no-caps")
-                        ui.button("Drop mine, show theirs", on_click=self._discard).props("flat dense no-caps")
+                        ui.button("Merge their changes", on_click=self._merge).props("flat dense no-caps")
+                        ui.button("Keep all mine", on_click=self._keep_mine).props("flat dense no-caps")
+                        ui.button("Discard mine, show theirs", on_click=self._discard).props("flat dense no-caps")
                     else:
                         ui.button("Save mine as new", on_click=self._as_new).props("flat dense no-caps")
-                        ui.button("Drop mine", on_click=self._discard).props("flat dense no-caps")
+                        ui.button("Discard mine", on_click=self._discard).props("flat dense no-caps")
 
     def _is_about_draft(self, event: Event) -> bool:
         if event.revision is None:
@@ -158,7 +159,7 @@ class Editor:
         self._rebase(current)
         if conflicts:
             self._show_message(
-                f"You both changed {', '.join(_label(path) for path in conflicts)}: yours is in the form", icon="group", bad=False
+                f"You both changed {', '.join(_label(path) for path in conflicts)}: your values are in the form", icon="group", bad=False
             )
 
     def _keep_mine(self) -> None:
@@ -166,7 +167,7 @@ class Editor:
             self._rebase(current)
 
     def _rebase(self, current: Definition) -> None:
-        """What is in the form is a change of the definition as it is now."""
+        """Base the draft on the current definition; the form stays."""
         fresh = start_draft(self.draft.section, current, self._view.version)
         self.draft.base, self.draft.original_data = fresh.base, fresh.original_data
         self._refresh_form()
@@ -187,7 +188,7 @@ class Editor:
 
     @in_page_context
     async def save(self) -> None:
-        """Check, show what would come of it, and do it. Whatever stands in the way, what was written stays."""
+        """Validate the draft, show its consequences, and save it. The input is kept on any error."""
         if self._saving:
             return
         self._saving = True
@@ -217,7 +218,7 @@ class Editor:
             return
         section = self.draft.section
         if self.draft.name != definition.name and self._view.definition(section, definition.name) is not None:
-            message = f"{definition.name} is the name of another {section.singular}; take another one"
+            message = f"{definition.name} is the name of another {section.singular}; choose another one"
             self._show_problems([BrokenRule(subject=definition.name, rule="duplicate", message=message, path="name")], focus=True)
             return
         change = self._change(definition)
@@ -234,9 +235,7 @@ class Editor:
                 return
         has_other_changes = len([*consequences.revision.before.all_definitions()]) > 1 if consequences.revision is not None else False
         if consequences.broken or consequences.offers or consequences.affected or consequences.changes or has_other_changes:
-            title = (
-                f"Save {definition.name}: what comes of it" if not consequences.broken else f"{definition.name} cannot be saved like this"
-            )
+            title = f"Save {definition.name}: consequences" if not consequences.broken else f"{definition.name} cannot be saved like this"
             if not await confirm_change(title, "Save", consequences, change.renamed) or consequences.broken:
                 return
         try:
@@ -256,7 +255,7 @@ class Editor:
         return Define(definitions=definitions, renamed=renamed, author=author(), expected_version=self.draft.version)
 
     def _show_problems(self, broken: list[BrokenRule], *, focus: bool) -> None:
-        """What is wrong, in the fields where it is; above the form what is in none of them."""
+        """Show problems at their fields; those without a field above the form."""
         homeless = [
             broken_rule
             for broken_rule in broken
@@ -268,7 +267,7 @@ class Editor:
             self._fields.focus_problem()
 
     def _show_message(self, text: str, *, icon: str = "error", bad: bool = True) -> None:
-        """Above the form, where it is seen and hides nothing."""
+        """Show a message above the form."""
         with self._trouble, ui.element("div").classes("somrs-onto-banner" + (" somrs-onto-bad" if bad else "")):
             ui.icon(icon)
             ui.label(text).classes("somrs-onto-pre" if "\n" in text else "")
@@ -276,6 +275,6 @@ class Editor:
 
 
 def _label(path: str) -> str:
-    """A field, or a row of one, in words."""
+    """The label of a field, or of one of its rows."""
     field, _, name = path.partition(".")
     return f"{FIELDS.get(field, field)} ({name})" if name else FIELDS.get(field, field)

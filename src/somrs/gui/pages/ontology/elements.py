@@ -1,4 +1,4 @@
-"""Small things that the page is made of: links to definitions, tables, headings."""
+"""Small elements of the page: links to definitions, tables, headings."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ R = TypeVar("R")
 OpenDefinition = Callable[[Section, str], None]
 
 STAY = "(event) => { if (event.ctrlKey || event.metaKey || event.shiftKey) return; event.preventDefault(); emit(); }"
-"""A link that is followed in the page; with a key held, as browsers do."""
+"""Handles a click on a link in the page; with a modifier key, the browser handles it."""
 
 
 class TextTag(TextElement):
-    """A text in an element of its own: `Word("td", "3 kg")`."""
+    """A text in an element of its own: `TextTag("td", "3 kg")`."""
 
     def __init__(self, tag: str, text: str = "", classes: str = "") -> None:
         super().__init__(tag=tag, text=text)
@@ -32,13 +32,13 @@ class TextTag(TextElement):
 
 
 def definition_link(open_definition: OpenDefinition, section: Section, name: str, text: str | None = None) -> None:
-    """A link to a definition."""
+    """Add a link to a definition."""
     link = ui.link(text or name, section.link(name)).classes("somrs-onto-way")
     link.on("click", lambda: open_definition(section, name), js_handler=STAY)
 
 
 def definition_links(open_definition: OpenDefinition, section: Section, names: list[str]) -> None:
-    """Links behind one another."""
+    """Add links to definitions, one after the other."""
     with ui.element("span").classes("somrs-onto-ways"):
         for name in names:
             definition_link(open_definition, section, name)
@@ -46,7 +46,7 @@ def definition_links(open_definition: OpenDefinition, section: Section, names: l
 
 @contextmanager
 def chapter(title: str, count: int | None = None) -> Iterator[Element]:
-    """A part of a sheet, under a heading."""
+    """A section of a sheet with a heading."""
     with ui.element("section").classes("somrs-onto-chapter").props(f'aria-label="{title}"') as section:
         with TextTag("h3", title):
             if count is not None:
@@ -56,7 +56,7 @@ def chapter(title: str, count: int | None = None) -> Iterator[Element]:
 
 @contextmanager
 def table(*headings: str) -> Iterator[Element]:
-    """A table; what is made inside are its rows."""
+    """A table; the elements made inside are its rows."""
     with ui.element("div").classes("somrs-onto-scroll"), ui.element("table").classes("somrs-onto-table"):
         with ui.element("thead"), ui.element("tr"):
             for heading in headings:
@@ -82,7 +82,7 @@ def note(text: str) -> None:
 
 
 def icon_button(icon: str, label: str, on_click: Callable[..., object]) -> ui.button:
-    """A button without words, which says to those who do not see it, and to the mouse, what it does."""
+    """Add an icon button with an accessible name and a tooltip."""
     button = ui.button(icon=icon, on_click=on_click).props(f'flat round dense aria-label="{label}"').classes("somrs-onto-icon")
     with button:
         ui.tooltip(label)
@@ -90,12 +90,12 @@ def icon_button(icon: str, label: str, on_click: Callable[..., object]) -> ui.bu
 
 
 def titled_dialog(title: str) -> ui.dialog:
-    """A dialog that says to those who do not see it what it is."""
+    """A dialog with an accessible name."""
     return ui.dialog().props(f'aria-label="{title}"')
 
 
 class OnPage(Protocol):
-    """Something that belongs to one browser's page."""
+    """An object that belongs to a page in one browser."""
 
     @property
     def client(self) -> Client: ...
@@ -105,7 +105,7 @@ S = TypeVar("S", bound=OnPage)
 
 
 def in_page_context(action: Callable[Concatenate[S, P], Awaitable[R]]) -> Callable[Concatenate[S, P], Awaitable[R]]:
-    """The action, done for the page and not for the button that asked for it, which may be gone before it is done."""
+    """Run the action in the context of the page, since the button that started it may be removed meanwhile."""
 
     @wraps(action)
     async def run_in_page(self: S, /, *args: P.args, **kwargs: P.kwargs) -> R:

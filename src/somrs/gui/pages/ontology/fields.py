@@ -1,4 +1,4 @@
-"""The fields of a form: each shows and changes one value of a draft, at a path, and shows what is wrong with it where it is."""
+"""The fields of a form: each edits one value of a draft, at a path, and shows its errors."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from somrs.ontology.types import ObjectType
 F = TypeVar("F", ui.input, ui.textarea, ui.select)
 
 CHOSEN = "value && typeof value === 'object' ? value.label : value"
-"""The name that was chosen of several."""
+"""JavaScript for the value chosen in a select."""
 ALL_CHOSEN = "(value ?? []).map((one) => typeof one === 'object' ? one.label : one)"
 
 
 class ErrorField(Protocol):
-    """A field that can say what is wrong with it."""
+    """A field that can show an error."""
 
     error: str | None
 
@@ -38,7 +38,7 @@ class ErrorField(Protocol):
 
 
 class Formula:
-    """A formula, with what the server found wrong in it when it was to be saved."""
+    """A formula field that also shows errors found by the server when saving."""
 
     def __init__(self, field: FormulaField, hint: str) -> None:
         self.field = field
@@ -66,7 +66,7 @@ class Formula:
 
 
 class Fields:
-    """`changed` hears of every change."""
+    """`on_change` is called after each edit."""
 
     def __init__(self, draft: Draft, draft_storage: DraftStorage, on_change: Callable[[], None]) -> None:
         self.draft, self._draft_storage, self._on_change = draft, draft_storage, on_change
@@ -88,17 +88,18 @@ class Fields:
         self._on_change()
 
     def add_callback(self, path: str, callback: Callable[[], None]) -> None:
-        """Do this, too, when what is at the path changes."""
+        """Call `callback` when the value at the path changes."""
         self._callbacks[path] = callback
 
     def store_draft(self) -> None:
-        """All of the draft, after rows came or went."""
+        """Store the whole draft, after rows were added or removed."""
         self._draft_storage.save(self.draft.key, msgspec.to_builtins(self.draft))
 
-    # What is shown where
+    # Errors
 
     def show_problem(self, path: str, message: str) -> bool:
-        """Show what is wrong in the field at the path, the first of its row, or the nearest one above it. False if there is none."""
+        """Show an error at the field of the path, the first field of its row, or the nearest ancestor. Returns False if there is no such
+        field."""
         while path:
             for field_path, element in self._elements.items():
                 if (field_path == path or field_path.startswith(f"{path}.")) and not element.is_deleted:
@@ -113,7 +114,7 @@ class Fields:
                 element.error = None
 
     def focus_problem(self) -> None:
-        """Go to the first field that something is wrong with."""
+        """Focus the first field with an error."""
         for element in self._elements.values():
             if not element.is_deleted and element.error:
                 focus(element)
@@ -136,7 +137,7 @@ class Fields:
         return self._register_field(field, path, "", "full", "update:value")
 
     def formula(self, path: str, label: str, variables: Mapping[str, str], *, hint: str = "", types: Sequence[ObjectType] = ()) -> Formula:
-        """`variables` are of these types; `types` are being written here."""
+        """`variables`: types of variables, by name. `types`: types that the user is editing."""
         with ui.element("div").classes("somrs-onto-full"):
             inner = FormulaField(
                 label, value=self.value_at(path), variables=dict(variables), types=types, on_change=self._change_handler(path)
@@ -150,11 +151,11 @@ class Fields:
         self, path: str, label: str, options: Sequence[str] | Mapping[str | None, str], *, hint: str = "", width: str = "wide",
         callback: Callable[[], None] | None = None,
     ) -> ui.select:  # fmt: skip
-        """One of the options; a mapping says what each is called."""
+        """A field to choose one option; a mapping gives the labels."""
         value = self.value_at(path)
         choices: Any = dict(options) if isinstance(options, Mapping) else [*options]
         if value not in choices and value not in (None, ""):
-            # What is chosen and is not there any more is to be seen all the same.
+            # Keep a chosen value that no longer exists visible.
             choices = {**choices, value: str(value)} if isinstance(choices, dict) else [*choices, value]
         field = ui.select(
             choices,
@@ -168,7 +169,7 @@ class Fields:
         return self._register_field(field, path, hint, width, "update:model-value", mirror)
 
     def multiple_choice(self, path: str, label: str, options: Iterable[str]) -> ui.select:
-        """Any number of the options."""
+        """A field to choose any number of options."""
         value = self.value_at(path)
         choices = [*dict.fromkeys([*options, *value])]
         field = ui.select(choices, label=label, value=value, multiple=True, with_input=True, on_change=self._change_handler(path))
@@ -208,8 +209,8 @@ class Fields:
         hint: str = "",
         make_buttons: Callable[[], object] | None = None,
     ) -> Callable[[], None]:
-        """A list of rows that can be added and removed; `make_row` makes the fields of the row at a path, `make_buttons` other
-        buttons. Returns what makes them anew."""
+        """A list of rows that can be added and removed. `make_row` makes the fields of the row at a path, `make_buttons` additional
+        buttons. Returns a function that rebuilds the rows."""
         with ui.element("fieldset").classes("somrs-onto-rows"):
             with TextTag("legend", title):
                 pass
@@ -257,5 +258,5 @@ class Fields:
 
 
 def line(*, classes: str = "") -> Element:
-    """Fields beside each other."""
+    """A container for fields side by side."""
     return ui.element("div").classes(f"somrs-onto-line {classes}")

@@ -1,4 +1,4 @@
-"""From what is written in a form to a definition; and where in the form something is that is wrong."""
+"""Converting a form to a definition, and the Repository's error paths to paths of the form."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _QUANTITY = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)", re
 
 
 class Mistakes(Exception):
-    """What cannot be made a definition yet, by the path of the field."""
+    """Errors that prevent a definition, by path of the field."""
 
     def __init__(self, messages: dict[str, str]) -> None:
         self.messages = messages
@@ -26,7 +26,7 @@ class Mistakes(Exception):
 
 
 def definition_of(draft: Draft, ontology: Ontology) -> Definition:
-    """The definition that the form says. Raises Mistakes."""
+    """The definition of a draft. Raises Mistakes."""
     parser = _FormParser(draft.form, ontology)
     plain = {
         TYPES.key: parser.type,
@@ -37,24 +37,24 @@ def definition_of(draft: Draft, ontology: Ontology) -> Definition:
     }[draft.section_key]()
     if parser.mistakes:
         raise Mistakes(parser.mistakes)
-    # What is left out is as it is by default; only a parent has none.
+    # Fields that are left out have their defaults; `parent` may be None.
     return msgspec.convert({key: value for key, value in plain.items() if value is not None or key == "parent"}, draft.section.struct)
 
 
 def type_from_form(form: Form, name: str) -> ObjectType:
-    """The type that the form is about, as far as it says which attributes its objects may have."""
+    """The type that the form describes, with its parent and attributes only."""
     return ObjectType(
         name=name, parent=form["parent"], attributes=tuple(row["attribute"] for row in form["attributes"] if row["attribute"])
     )
 
 
 def attributes_with(form: Form, ontology: Ontology) -> dict[str, AttributeType]:
-    """By path: what objects of that type may have."""
-    return dict(ontology.extended([type_from_form(form, "")]).attributes_of(""))  # no definition has an empty name
+    """The attributes that objects of the form's type may have, by path."""
+    return dict(ontology.extended([type_from_form(form, "")]).attributes_of(""))  # "" is no name of a definition
 
 
 class _FormParser:
-    """One reading of a form."""
+    """Parses one form."""
 
     def __init__(self, form: Form, ontology: Ontology) -> None:
         self.form, self.ontology = form, ontology
@@ -63,7 +63,7 @@ class _FormParser:
             self.mistakes["name"] = "give it a name: a letter, then letters, digits, _ or -"
 
     def plain(self, *keys: str) -> Form:
-        """What is as it is in the form; nothing for what is empty."""
+        """The values of the form that need no conversion; empty ones are left out."""
         return {key: (value.strip() if isinstance(value := self.form[key], str) else value) or None for key in ("name", "doc", *keys)}
 
     def number(self, text: str, path: str, unit: str | None = None) -> float | None:
@@ -142,7 +142,7 @@ class _FormParser:
         }
 
     def value(self, text: str, attribute: AttributeType | None, path: str) -> Value | None:
-        """What was typed, as a value of the attribute."""
+        """Parse a value of the attribute."""
         if attribute is None or attribute.kind is Kind.NUMBER:
             return self.number(text, path, attribute.unit if attribute is not None else None)
         if attribute.kind is Kind.TRUTH:
@@ -188,7 +188,7 @@ class _FormParser:
                 name = row["name"].strip().removeprefix("?")
                 sides[side].append({"name": name, "type": self.require_choice(row["type"], f"{path}.type", "a type")})
         if not self.form["effect"].strip():
-            self.mistakes["effect"] = "say what holds after the service"
+            self.mistakes["effect"] = "enter the effect of the service"
         handlers = [
             {"on": row["on"], "when": row["when"].strip() or None, "effect": row["effect"].strip()} for row in self.form["handlers"]
         ]
@@ -196,12 +196,12 @@ class _FormParser:
 
 
 def _split_list(text: str) -> list[str]:
-    """What is written with commas between."""
+    """Split a comma-separated list."""
     return [word for item in text.split(",") if (word := item.strip())]
 
 
 def form_path(path: str, form: Form) -> str:
-    """Where in the form the backend's path is: rows stand for what it names by key."""
+    """The form's path for a path of the Repository, where rows are addressed by name."""
     key, _, rest = path.partition(".")
     row_key = {"defaults": "path", "inputs": "name", "outputs": "name", "values": "key"}.get(key)
     if row_key is not None and isinstance(form.get(key), list):

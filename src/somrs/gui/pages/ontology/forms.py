@@ -1,4 +1,4 @@
-"""The form of each kind of definition: which fields there are, and what can be chosen in them."""
+"""The form for each kind of definition: its fields and their choices."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ KINDS: dict[str | None, str] = {
     Kind.TEXT.value: "a text",
     Kind.TRUTH.value: "yes or no",
     Kind.ENUMERATION.value: "one of a list",
-    Kind.COMPLEX.value: "made of other attributes",
+    Kind.COMPLEX.value: "group of other attributes",
 }
-SOURCES: dict[str | None, str] = {READ: "reads an attribute", TABLE: "is a table", COMPUTED: "is worked out by SO-MRS"}
+SOURCES: dict[str | None, str] = {READ: "reads an attribute", TABLE: "is a table", COMPUTED: "is computed by SO-MRS"}
 
 
 def build_form(fields: Fields, view: OntologyView, make_attribute: MakeAttribute) -> None:
-    """The form of the draft's kind, into the current element."""
+    """Add the form for the draft's kind to the current element."""
     ontology = view.ontology
     builders: dict[str, Callable[[Fields, Ontology], None]] = {
         ATTRIBUTES.key: _attribute,
@@ -47,7 +47,7 @@ def build_form(fields: Fields, view: OntologyView, make_attribute: MakeAttribute
         TypeForm(fields, view, make_attribute)
     else:
         builders[fields.draft.section_key](fields, ontology)
-    fields.lines("doc", "What it means")
+    fields.lines("doc", "Description")
 
 
 def _parent(fields: Fields, ontology: Ontology) -> None:
@@ -55,7 +55,7 @@ def _parent(fields: Fields, ontology: Ontology) -> None:
     if fields.draft.section is TYPES:
         if own_name != ROOT:
             subtypes = {type_name for type_name in ontology.types if own_name is not None and ontology.is_subtype(type_name, own_name)}
-            fields.choice("parent", "Parent", sorted(ontology.types.keys() - subtypes), hint="What it inherits from")
+            fields.choice("parent", "Parent", sorted(ontology.types.keys() - subtypes), hint="Type from which it inherits")
     else:
         none_option: dict[str | None, str] = {None: "none"}
         fields.choice("parent", "Parent", {**none_option, **{name: name for name in sorted(ontology.services) if name != own_name}})
@@ -76,7 +76,7 @@ def _attribute(fields: Fields, ontology: Ontology) -> None:
                         fields.text("maximum", "At most", width="narrow")
                         fields.text("tolerance", "Equal within", width="narrow")
                 case Kind.ENUMERATION.value:
-                    fields.text("values", "Values", hint="With commas between them", width="full")
+                    fields.text("values", "Values", hint="Separated by commas", width="full")
                 case Kind.COMPLEX.value:
                     other_attributes = sorted(name for name in ontology.attributes if name != fields.draft.name)
                     fields.multiple_choice("attributes", "Made of", other_attributes)
@@ -100,10 +100,10 @@ def _type_choice(fields: Fields, path: str, types: list[str]) -> None:
 
 def _relation(fields: Fields, ontology: Ontology) -> None:
     _type_rows(fields, "joins", "Joins", ontology)
-    fields.flag("symmetric", "Either way round: A to B is B to A")
-    fields.flag("functional", "An object stands in it to one other at a time")
+    fields.flag("symmetric", "Symmetric: A to B is B to A")
+    fields.flag("functional", "Functional: an object has this relation to one other at a time")
     groups = sorted({relation.excludes for relation in ontology.relations.values() if relation.excludes})
-    hint = "An object stands in one relation of a group at a time" + (f"; there is {', '.join(groups)}" if groups else "")
+    hint = "An object has one relation of a group at a time" + (f"; there is {', '.join(groups)}" if groups else "")
     fields.text("excludes", "Group of relations that exclude each other", hint=hint, width="full")
 
 
@@ -123,14 +123,14 @@ def _function(fields: Fields, ontology: Ontology) -> None:
                     )
                     fields.choice("attribute", "Attribute", paths)
                 case "table":
-                    hint = "By the names of the objects, with a space between two."
+                    hint = "By the names of the objects, separated by spaces."
                     fields.rows("values", "Table", "value", value, lambda: {"key": "", "value": ""}, hint)
 
     def value(path: str) -> None:
         fields.text(f"{path}.key", "Of")
         fields.text(f"{path}.value", "Value", width="narrow")
 
-    _type_rows(fields, "parameters", "Of", ontology)
+    _type_rows(fields, "parameters", "Parameters", ontology)
     with line():
         fields.choice("source", "Its value", SOURCES, callback=show_source_fields)
         fields.text("unit", "Unit", width="middle")
@@ -142,7 +142,7 @@ def _function(fields: Fields, ontology: Ontology) -> None:
 
 
 def _variable_types(fields: Fields, ontology: Ontology) -> dict[str, str]:
-    """The types of the variables that a service's formulas have."""
+    """The types of the variables in a service's formulas."""
     device = {PROVIDER: DEVICE} if DEVICE in ontology.types else {}
     rows = [*fields.value_at("inputs"), *fields.value_at("outputs")]
     return {**device, **{row["name"].strip().removeprefix("?"): row["type"] for row in rows if row["name"].strip() and row["type"]}}
@@ -162,18 +162,21 @@ def _service(fields: Fields, ontology: Ontology) -> None:
     def handler(path: str) -> None:
         fields.choice(f"{path}.on", "On", {occasion.value: occasion.value for occasion in Occasion}, width="middle")
         fields.formula(f"{path}.when", "When (always, if empty)", _variable_types(fields, ontology))
-        fields.formula(f"{path}.effect", "Bring about", _variable_types(fields, ontology))
+        fields.formula(f"{path}.effect", "Make true", _variable_types(fields, ontology))
 
     fields.choice("kind", "Kind", {kind.value: kind.value for kind in ServiceKind})
     blank = {"name": "", "type": None}
     fields.rows("inputs", "Inputs", "input", parameter, lambda: dict(blank))
     fields.rows("outputs", "Outputs", "output", parameter, lambda: dict(blank))
     precondition_field = fields.formula(
-        "precondition", "Holds before it", _variable_types(fields, ontology), hint="What must be so; ?Provider is the device"
+        "precondition",
+        "Precondition",
+        _variable_types(fields, ontology),
+        hint="Must hold before the service begins; ?Provider is the device",
     )
-    effect_field = fields.formula("effect", "Holds after it", _variable_types(fields, ontology))
-    fields.text("cost", "Costs", hint="A number, or a term over the inputs and ?Provider: km(?From, ?To)", width="full")
+    effect_field = fields.formula("effect", "Effect", _variable_types(fields, ontology))
+    fields.text("cost", "Cost", hint="A number, or a term over the inputs and ?Provider: km(?From, ?To)", width="full")
     fields.rows(
         "handlers", "Handlers", "handler", handler, lambda: {"on": Occasion.FAILURE.value, "when": "", "effect": ""},
-        "What is brought about when a step of the type fails, or is to be undone.",
+        "Formulas to make true when a step of the type fails or is to be undone.",
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""What stands above a definition: its name, where it belongs, what it means, and what can be done with it."""
+"""The heading of a definition: name, ancestors, description and actions."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ DefinitionAction = Callable[[Section, str], Awaitable[object] | None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DefinitionActions:
-    """What can be done with a definition. `add_below`: something new below it."""
+    """Actions on a definition. `add_below` creates a definition below it."""
 
     edit: DefinitionAction
     add_below: DefinitionAction
@@ -29,7 +29,7 @@ class DefinitionActions:
 
 
 def show_heading(definition: Definition, view: OntologyView, problem: str, actions: DefinitionActions) -> None:
-    """The head of a definition's sheet, into the current element."""
+    """Add the heading of a definition to the current element."""
     section, name = section_of(definition), definition.name
     _trail(section, name, view, actions.open_definition)
     with ui.element("div").classes("somrs-onto-head"):
@@ -65,7 +65,7 @@ def _buttons(section: Section, name: str, is_system: bool, actions: DefinitionAc
         if disabled:
             element.disable()
             with element:
-                ui.tooltip("SO-MRS itself relies on it")
+                ui.tooltip("Required by SO-MRS")
 
     with ui.element("div").classes("somrs-onto-buttons"):
         ui.button("Edit", icon="edit", on_click=lambda: actions.edit(section, name)).props("unelevated dense no-caps").classes(
@@ -81,7 +81,7 @@ def _buttons(section: Section, name: str, is_system: bool, actions: DefinitionAc
 
 
 def show_missing(section: Section, name: str, history: Callable[[], object]) -> None:
-    """What was asked for is not there."""
+    """Show that a definition does not exist."""
     with ui.element("div").classes("somrs-onto-head"):
         ui.icon("search_off")
         TextTag("h2", name)
@@ -91,11 +91,11 @@ def show_missing(section: Section, name: str, history: Callable[[], object]) -> 
 
 
 def show_overview(view: OntologyView, open_definition: OpenDefinition) -> None:
-    """What there is, while nothing is open."""
+    """The page's content while no definition is open."""
     with ui.element("div").classes("somrs-onto-head"):
         ui.icon("account_tree")
-        TextTag("h2", "What kinds of things there are")
-    note("The words that the map, the tasks and the services are written in. Choose one on the left to read or change it.")
+        TextTag("h2", "Definitions")
+    note("Types, attributes, relations, functions and services of the map and the tasks. Select one on the left to view or edit it.")
     with ui.element("dl").classes("somrs-onto-facts"):
         for section in SECTIONS:
             TextTag("dt", section.label)

@@ -1,4 +1,4 @@
-"""What happened to the ontology: who, when, what was before and what is after; and undoing any of it."""
+"""The history of the ontology: time, author, old and new definitions; and undo."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from somrs.protocol.messages.knowledge import Event
 from somrs.protocol.messages.people import person_name
 
 PAGE = 40
-"""So many events are shown at once."""
+"""Events per page."""
 
 
 class HistoryDialog:
-    """The history as a dialog: all of it, or of one definition."""
+    """A dialog with the history of the ontology or of one definition."""
 
     def __init__(self, api: LiveApi, actions: Actions) -> None:
         self._api, self._actions = api, actions
@@ -64,7 +64,7 @@ class HistoryDialog:
                 load_older = guarded(lambda: self._load_page(body, foot, section, name, last_version, dialog))
                 ui.button("Show older", on_click=load_older).props("flat no-caps")
             elif not shown_events and before_version is None:
-                note("Nothing was changed since the system was set up.")
+                note("No changes since the system was set up.")
 
     def _entry(self, event: Event, is_undone: bool, dialog: ui.dialog) -> None:
         event_time = datetime.fromtimestamp(event.at)
@@ -94,4 +94,4 @@ class HistoryDialog:
             if changes:
                 show_revision(changes)
             else:
-                note("What changed is too long to be told here.")
+                note("The change is too long to be shown here.")

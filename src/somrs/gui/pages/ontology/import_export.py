@@ -1,4 +1,4 @@
-"""Files: definitions taken over from YAML or OWL, with their problems and what would come of them shown before; and written to them."""
+"""Import of definitions from YAML or OWL, with problems and consequences shown first; export to these formats."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from somrs.gui.shell import author, notify
 MOST_BYTES = 20_000_000
 
 KINDS = {".yaml": "yaml", ".yml": "yaml", ".ttl": "owl", ".owl": "owl", ".rdf": "owl", ".xml": "owl"}
-"""What a file is, by how its name ends."""
+"""Kind of a file by its extension."""
 
 
 def export_menu() -> None:
-    """A button with the files that the ontology can be written to."""
+    """Add a button with a menu of the export formats."""
     files = (
-        ("YAML: what is beyond the upper ontology", "/api/ontology/export.yaml"),
-        ("YAML: all of it", "/api/ontology/export.yaml?whole=true"),
+        ("YAML: without the upper ontology", "/api/ontology/export.yaml"),
+        ("YAML: with the upper ontology", "/api/ontology/export.yaml?whole=true"),
         ("OWL 2 with SHACL (Turtle)", "/api/ontology/export.ttl"),
         ("OWL 2 with SHACL (RDF/XML)", "/api/ontology/export.ttl?format=xml"),
         ("OWL 2 with SHACL and the map (Turtle)", "/api/ontology/export.ttl?map=true"),
@@ -35,7 +35,7 @@ def export_menu() -> None:
 
 
 class Import:
-    """The dialog that takes a file over."""
+    """The dialog for an import."""
 
     def __init__(self, api: LiveApi) -> None:
         self._api = api
@@ -43,7 +43,7 @@ class Import:
         self._version: int | None = None
         with titled_dialog("Import definitions") as self._dialog, ui.card().classes("somrs-onto-dialog"):
             TextTag("h2", "Import definitions")
-            note("A YAML file (ontology or map file) or an OWL file (Turtle, RDF/XML). Nothing is changed before you say so.")
+            note("A YAML file (ontology or map file) or an OWL file (Turtle, RDF/XML). You can review the changes before the import.")
             self._upload = ui.upload(
                 label="Choose or drop a file", auto_upload=True, max_file_size=MOST_BYTES, on_upload=self._receive_file
             ).props('accept=".yaml,.yml,.ttl,.owl,.rdf,.xml" flat bordered hide-upload-btn')
@@ -53,8 +53,8 @@ class Import:
             self._map = ui.checkbox("", on_change=self._consider)
             self._map.visible = False
             with ui.row().classes("somrs-onto-buttons"):
-                ui.button("Go back", on_click=self._dialog.close).props("flat no-caps")
-                self._import_button = ui.button("Take over", on_click=self._carry_out).props("unelevated no-caps")
+                ui.button("Cancel", on_click=self._dialog.close).props("flat no-caps")
+                self._import_button = ui.button("Import", on_click=self._carry_out).props("unelevated no-caps")
                 self._import_button.visible = False
         self._dialog.on("hide", self._dialog.delete)
         self._dialog.open()
@@ -69,13 +69,13 @@ class Import:
             self._text = (await event.file.read()).decode()
         except UnicodeDecodeError:
             self._show_problems(
-                [Problem(file=self._file, line=None, subject="file", rule="encoding", message="is no text in UTF-8; save it as such")]
+                [Problem(file=self._file, line=None, subject="file", rule="encoding", message="is not UTF-8 text; save it as UTF-8")]
             )
             return
         await self._consider()
 
     async def _consider(self) -> None:
-        """Show what would come of the file."""
+        """Show the consequences of the import."""
         if not self._text:
             return
         self._import_button.visible = False
@@ -96,19 +96,19 @@ class Import:
             self._import_button.visible = not (preview.consequences.broken or is_empty)
 
     def _show_unmapped(self, preview: OwlImportResult) -> None:
-        """What else is in an OWL file: objects, and what there are no words for."""
+        """Show what else an OWL file contains: objects, and statements that cannot be imported."""
         self._map.visible = preview.objects > 0
         individuals = f"{preview.objects} individuals" if preview.objects != 1 else "one individual"
-        self._map.text = f"Put its {individuals} on the map, too: what the file says of them counts"
+        self._map.text = f"Also add its {individuals} to the map; values in the file replace those on the map"
         if self._map.value:
             note(f"Changes of the map by its individuals: {preview.all_on_map}.")
         if preview.notes:
-            TextTag("h3", f"Not taken over: {len(preview.notes)}").classes("somrs-onto-heading")
+            TextTag("h3", f"Not imported: {len(preview.notes)}").classes("somrs-onto-heading")
             self._list(preview.notes, "What to do")
 
     def _run(self, *, dry: bool) -> Awaitable[ImportResult]:
         ending = self._file[self._file.rfind(".") :].lower()
-        # What was shown is what is done: not if somebody changed the same definitions since.
+        # Import only what was shown: not if the same definitions have changed since.
         version = None if dry else self._version
         body = ImportOntology(text=self._text, file=self._file, author=author(), expected_version=version)
         if KINDS.get(ending) == "owl":
@@ -121,7 +121,7 @@ class Import:
         except SomrsError as error:
             self._show_refusal(str(error))
             return
-        notify(f"{self._file} is taken over, in version {reply.version}")
+        notify(f"{self._file} imported, version {reply.version}")
         self._dialog.close()
 
     def _show_refusal(self, text: str) -> None:
@@ -131,17 +131,17 @@ class Import:
             ui.label(text).classes("somrs-onto-pre")
 
     def _show_problems(self, problems: list[Problem]) -> None:
-        """Problems where they are: each with its line, and what stands there."""
+        """Show problems with their lines in the file."""
         self._body.clear()
         with self._body, ui.element("div").props('role="alert"'):
             with TextTag("h3", "").classes("somrs-onto-heading somrs-onto-bad"):
                 ui.icon("error")
-                TextTag("span", f"{len(problems)} {'problem' if len(problems) == 1 else 'problems'}: nothing was taken over")
+                TextTag("span", f"{len(problems)} {'problem' if len(problems) == 1 else 'problems'}: nothing was imported")
             self._list(problems, "What is wrong")
 
     def _list(self, problems: Sequence[Problem], heading: str) -> None:
         lines = self._text.splitlines()
-        with table("Line", "What is there", heading):
+        with table("Line", "Content", heading):
             for problem in problems:
                 with row():
                     TextTag("td", str(problem.line or ""))

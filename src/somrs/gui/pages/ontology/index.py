@@ -1,4 +1,4 @@
-"""The left side of the page: all definitions of a section as a tree, found by typing."""
+"""The left side of the page: the definitions of a section as a searchable tree."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from somrs.gui.pages.ontology.ontology_view import OntologyView
 from somrs.gui.pages.ontology.sections import SECTION, SECTIONS, SERVICES, TYPES, Section
 
 Marks = Mapping[tuple[str, str], str]
-"""What is wrong with a definition, by section and name."""
+"""Problems of definitions, by section and name."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IndexCallbacks:
-    """What the person can ask of the index."""
+    """Callbacks of the index."""
 
     switch_section: Callable[[Section], None]
     open_definition: Callable[[Section, str], None]
@@ -48,7 +48,7 @@ class Index:
             self._callbacks.switch_section(section)
 
     def render(self, section: Section, name: str | None, marks: Marks, drafts: set[str]) -> None:
-        """The section as it is now, with the one that is open."""
+        """Show a section and mark the open definition."""
         self._marks = marks
         nodes = self._nodes(section, marks, drafts)
         if section is not self._section or self._tree is None:
@@ -69,7 +69,7 @@ class Index:
         self._tree.select(name)
 
     def mark_drafts(self, drafts: set[str]) -> None:
-        """Show which have something unsaved."""
+        """Mark the definitions with unsaved drafts."""
         if self._tree is not None and drafts != self._drafts:
             self._tree.show_nodes(self._nodes(self._section, self._marks, drafts))
 

@@ -1,4 +1,4 @@
-"""What the page knows of the ontology and of the map, and what follows from it for one definition."""
+"""The page's copy of the ontology, with derived information about definitions."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from somrs.ontology.types import AttributeType, Constraint, Definition, Function
 
 @dataclass(frozen=True, slots=True)
 class TypeAttribute:
-    """An attribute that objects of a type may have: at which path, from which ancestor, whether it must be there, its default and the
-    type that gives it."""
+    """An attribute of a type: its path, the ancestor that defines it, whether it is required, its default, and the type that sets the
+    default."""
 
     path: str
     attribute: AttributeType
@@ -30,8 +30,7 @@ class TypeAttribute:
 
 @dataclass(slots=True)
 class OntologyView:
-    """`objects`: the names of the map's objects, by exact type; `system_definitions`: the definitions, by section and name, that SO-MRS
-    itself relies on."""
+    """`objects`: names of the map's objects by exact type. `system_definitions`: definitions that SO-MRS requires, by section and name."""
 
     ontology: Ontology = field(default_factory=Ontology)
     version: int = -1
@@ -47,7 +46,7 @@ class OntologyView:
         return section.definitions_in(self.ontology).get(name)
 
     def counts(self) -> Mapping[str, int]:
-        """How many objects there are of each type, those of the types below it included."""
+        """The number of objects of each type, including its subtypes."""
         object_counts: dict[str, int] = {}
         for type_name, names in self.objects.items():
             for ancestor in self.ontology.ancestors(type_name):
@@ -55,16 +54,16 @@ class OntologyView:
         return object_counts
 
     def objects_of_type(self, type_name: str) -> list[tuple[str, str]]:
-        """The objects of the type and of those below it, each with its exact type."""
+        """The objects of the type and its subtypes, each with its exact type."""
         subtypes = [subtype for subtype in self.ontology.subtypes(type_name) if subtype in self.objects]
         return sorted((name, subtype) for subtype in subtypes for name in self.objects[subtype])
 
     def marks(self, consequences: Consequences) -> dict[tuple[str, str], str]:
-        """What is wrong with which definition, by section and name: an object's problem is its type's."""
+        """The problem of each definition, by section and name. An object's problem is shown at its type."""
         marks: dict[tuple[str, str], str] = {}
         types = {name: type for type, names in self.objects.items() for name in names}
         for broken_rule in consequences.broken:
-            subject = broken_rule.subject.split(" ")[0].partition("(")[0]  # of a fact, its first object
+            subject = broken_rule.subject.split(" ")[0].partition("(")[0]  # for a fact: its first object
             definition_key = (
                 (broken_rule.section, broken_rule.subject) if broken_rule.section in SECTION else (TYPES.key, types.get(subject, ""))
             )
@@ -76,7 +75,7 @@ class OntologyView:
     # Types
 
     def attributes_of(self, type_name: str) -> list[TypeAttribute]:
-        """Own first, then those of the parent, and so on; what complex ones are made of behind them."""
+        """The type's own attributes first, then those of each ancestor; members of a group follow the group."""
         ancestors = self.ontology.ancestors(type_name)
         required_names = {name for ancestor in ancestors for name in self.ontology.types[ancestor].required}
         type_attributes: dict[str, TypeAttribute] = {}
@@ -110,7 +109,7 @@ class OntologyView:
         return [(ancestor, rule) for ancestor in self.ontology.ancestors(type_name) for rule in self.ontology.types[ancestor].constraints]
 
     def relations_of(self, type_name: str) -> list[tuple[RelationType, list[int]]]:
-        """The relations that objects of the type can stand in, and at which places, counted from 0."""
+        """The relations that objects of the type can be in, with the argument positions, counted from 0."""
         places = (
             (relation, [place for place, joined in enumerate(relation.joins) if self.ontology.is_subtype(type_name, joined)])
             for relation in self.ontology.relations.values()
@@ -118,7 +117,7 @@ class OntologyView:
         return [(relation, positions) for relation, positions in places if positions]
 
     def services_of(self, type_name: str) -> list[tuple[ServiceType, list[str]]]:
-        """The service types that take or give objects of the type, as what; or whose formulas name it."""
+        """The service types with parameters of the type, and their roles; or whose formulas name the type."""
         service_roles = []
         for service in self.ontology.services.values():
             roles = [
@@ -136,10 +135,10 @@ class OntologyView:
                 service_roles.append((service, list(dict.fromkeys(roles + named))))
         return service_roles
 
-    # Where a definition is spoken of
+    # References
 
     def users(self, section: Section, name: str) -> list[tuple[Section, str]]:
-        """The other definitions that name it, in the order of the sections."""
+        """The other definitions that refer to it, in the order of the sections."""
         definitions = (
             (user_section, definition) for user_section in SECTIONS for definition in user_section.definitions_in(self.ontology).values()
         )
@@ -162,7 +161,7 @@ def _formula_texts(definition: Definition) -> list[str]:
 
 
 def _typed_variables(text: str) -> list[tuple[str, str]]:
-    """The variables of a formula whose type it says."""
+    """The variables of a formula that have a type in it, with their types."""
     try:
         return [(name, variable.type) for name, variable in variables(parse(text)).items() if variable.type is not None]
     except FormulaError:
@@ -170,7 +169,7 @@ def _typed_variables(text: str) -> list[tuple[str, str]]:
 
 
 def _referenced_names(definition: Definition) -> dict[str, set[str]]:
-    """The definitions that this one names, by section."""
+    """The definitions that this one refers to, by section."""
     names_by_section: dict[str, set[str]] = {section.key: set() for section in (TYPES, ATTRIBUTES, RELATIONS, FUNCTIONS, SERVICES)}
     match definition:
         case ObjectType():
@@ -193,7 +192,7 @@ def _referenced_names(definition: Definition) -> dict[str, set[str]]:
 
 
 def _add_formula_names(text: str, names_by_section: dict[str, set[str]]) -> None:
-    """What a formula names."""
+    """Add the names in a formula."""
     try:
         formula = parse(text)
     except FormulaError:

@@ -1,4 +1,4 @@
-"""The ontology's page: what is open in it, and what happens to it."""
+"""The Ontology page: its parts, open drafts and navigation."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ from somrs.protocol.messages.people import person_name
 
 PATH = "/ontology"
 BACK_SCRIPT = '<script>window.addEventListener("popstate", () => emitEvent("somrs-ontology-back", location.search));</script>'
-"""The browser's way back goes through what was open in the page."""
+"""Reports the browser's back button, which goes through the definitions opened on the page."""
 CHANGE_TIMEOUT = 5.0
-"""Seconds that a change of one's own is waited for."""
+"""Seconds to wait until this page's ontology contains its own change."""
 NEW = "new"
 
 
@@ -52,7 +52,7 @@ def register(api: LiveApi) -> None:
 
 
 class OntologyPage:
-    """One browser's page. Of what is open, `_name` is None for something new; nothing is open while `_section` has no `_open`."""
+    """The page in one browser. `_name` is the open definition, None for a new one or none (a new one has a draft)."""
 
     def __init__(self, api: LiveApi) -> None:
         self._api = api
@@ -70,7 +70,7 @@ class OntologyPage:
         self._frame()
         ui.on("somrs-ontology-back", self._navigate_back)
         follow(api.context.hub, "ontology", self._refresh, self._handle_news)
-        # The Repository takes no change that breaks a rule: what is broken all the same is so from the start.
+        # The Repository refuses changes that break a rule, but the initial map or ontology may break one.
         follow(api.context.hub, "map", self._look_for_problems, self._handle_map_news)
 
     def _frame(self) -> None:
@@ -91,10 +91,10 @@ class OntologyPage:
                 self._unsaved_banner = ui.element("div")
                 self._main = ui.element("article").classes("somrs-sheet somrs-onto-main")
 
-    # Where one is
+    # Navigation
 
     async def begin(self, query: str) -> None:
-        """Show what the address asks for."""
+        """Open what the page's address specifies."""
         await self._read()
         self._apply_query(query)
         self._render()
@@ -112,7 +112,7 @@ class OntologyPage:
             self._section, self._name = TYPES, None
 
     def open_definition(self, section: Section, name: str | None) -> None:
-        """Open a definition; None: what is new in the section, if something is."""
+        """Open a definition; None: the new one of the section, if there is a draft."""
         self._section, self._name = section, name
         ui.navigate.history.push(self._address())
         self._render()
@@ -131,17 +131,17 @@ class OntologyPage:
         self._render()
 
     def _switch_section(self, section: Section) -> None:
-        """Another section's definitions on the left; what is open stays."""
+        """Show another section in the index; the open definition stays."""
         self._index.render(section, self._name if section is self._section else None, self._all_marks(), self._unsaved())
 
     @property
     def _key(self) -> str:
         return f"{self._section.key}:{self._name or ''}"
 
-    # What is shown
+    # Content
 
     def _render(self) -> None:
-        """Everything anew."""
+        """Rebuild the whole page."""
         self._show_index()
         self._main.clear()
         self._editor = None
@@ -175,7 +175,7 @@ class OntologyPage:
         self._index.render(self._section, self._name, self._all_marks(), self._unsaved())
 
     def _show_unsaved(self) -> None:
-        """Ways to what was written elsewhere and not saved."""
+        """Show links to unsaved drafts."""
         unsaved = [draft for key, draft in self._drafts.items() if key != self._key and draft.dirty]
         self._unsaved_banner.clear()
         if unsaved:
@@ -192,7 +192,7 @@ class OntologyPage:
     def _unsaved(self) -> set[str]:
         return {key for key, draft in self._drafts.items() if draft.dirty}
 
-    # Writing
+    # Editing
 
     def edit(self, section: Section, name: str) -> None:
         definition = self._view.definition(section, name)
@@ -201,7 +201,7 @@ class OntologyPage:
             self._render()
 
     def new(self, section: Section, parent: str | None = None) -> None:
-        """Begin something new, or go on with what was begun."""
+        """Open a new definition, or the unsaved draft of one."""
         initial_values = {"parent": parent} if parent is not None else {}
         key = f"{section.key}:"
         if key not in self._drafts or not self._drafts[key].dirty:
@@ -209,7 +209,7 @@ class OntologyPage:
         self.open_definition(section, None)
 
     def _make_attribute(self, on_created: Callable[[str], None]) -> None:
-        """A new attribute in a dialog, so that the type that is to have it stays open."""
+        """Create an attribute in a dialog, so that the form of the type stays open."""
 
         async def saved(draft: Draft, name: str, version: int) -> None:
             await dropped(draft)
@@ -222,7 +222,7 @@ class OntologyPage:
             dialog.close()
 
         def hidden() -> None:
-            if draft.dirty:  # whoever closed the dialog by mistake finds it among what is not saved
+            if draft.dirty:  # closed by mistake: keep the draft among the unsaved ones
                 self._drafts[draft.key] = draft
                 self._show_unsaved()
             dialog.delete()
@@ -238,11 +238,11 @@ class OntologyPage:
         dialog.open()
 
     def _restore_drafts(self, stored_drafts: list[Any]) -> None:
-        """What this browser's tab still has of what was written before the page was loaded again."""
+        """Restore the drafts that the browser tab stored before a reload."""
         for stored_draft in stored_drafts:
             try:
                 draft = msgspec.convert(stored_draft, Draft)
-            except msgspec.ValidationError:  # of another version of this program
+            except msgspec.ValidationError:  # stored by another version of this program
                 continue
             if draft.key not in self._drafts or not self._drafts[draft.key].dirty:
                 self._drafts[draft.key] = draft
@@ -253,7 +253,7 @@ class OntologyPage:
 
     async def _saved(self, draft: Draft, name: str, version: int) -> None:
         self._forget(draft)
-        notify(f"{name} is saved, in version {version}")
+        notify(f"{name} saved, version {version}")
         await self._open_changed(draft.section, name, version)
 
     async def _dropped(self, draft: Draft) -> None:
@@ -273,19 +273,19 @@ class OntologyPage:
             self.open_definition(section, parent)
 
     async def _open_changed(self, section: Section, name: str, version: int) -> None:
-        """Go to what was changed."""
+        """Open a definition after it was changed."""
         await self._wait_for_version(version)
         self.open_definition(section, name)
 
     async def _wait_for_version(self, version: int) -> None:
-        """Have the version here that has what was just changed."""
+        """Wait until the page's ontology contains a version."""
         for _ in range(round(CHANGE_TIMEOUT / 0.05)):
             await self._read()
             if self._view.version >= version:
                 break
             await asyncio.sleep(0.05)
 
-    # What happens elsewhere
+    # News
 
     async def _read(self) -> None:
         reply = await self._api.ontology.read()
@@ -300,7 +300,7 @@ class OntologyPage:
 
     @guarded
     async def _refresh(self) -> None:
-        """See what others changed. A form stays as it is, and says what changed beneath it."""
+        """Update the page after changes by others. An open form stays and shows the changes."""
         old_ontology = self._view.ontology
         await self._read()
         await self._follow_renamed(old_ontology)
@@ -311,7 +311,7 @@ class OntologyPage:
             self._render()
 
     async def _follow_renamed(self, old_ontology: Ontology) -> None:
-        """What is open and has another name since is open by that one."""
+        """If another user renamed the open definition, open it by its new name."""
         if self._name is None or self._editor is not None or self._name in self._section.definitions_in(self._view.ontology):
             return
         if self._name not in self._section.definitions_in(old_ontology):
@@ -320,16 +320,16 @@ class OntologyPage:
             for renaming in event.renamed:
                 if (renaming.section.value, renaming.name) == (self._section.key, self._name):
                     if event.author != author():
-                        notify(f"{renaming.name} is called {renaming.to} now: {person_name(event.author)} renamed it")
+                        notify(f"{renaming.name} was renamed to {renaming.to} by {person_name(event.author)}")
                     self.open_definition(self._section, renaming.to)
                     return
 
     async def _look_for_problems(self) -> None:
-        """What does not conform as things are: at the definition, or at the type of the object, that it is about."""
+        """Mark the definitions, or the types of the objects, that currently break a rule."""
         try:
             consequences = await self._api.ontology.consider(Define())
         except SomrsError:
-            return  # problems are marks beside names; whatever is wrong with the connection is told where something is done
+            return  # marks are optional; connection errors are reported by the user's actions
         marks = self._view.marks(consequences)
         if marks != self._marks:
             self._marks = marks
@@ -338,7 +338,7 @@ class OntologyPage:
                 self._render()
 
     def _mark_problems(self, draft: Draft, consequences: Consequences | None) -> None:
-        """Mark what a draft would break, while it is not mended."""
+        """Mark the definitions that would break a rule by a draft."""
         self._draft_marks.pop(draft.key, None)
         if consequences is not None:
             self._draft_marks[draft.key] = self._view.marks(consequences)
@@ -348,7 +348,7 @@ class OntologyPage:
         return {definition_key: text for marks in (self._marks, *self._draft_marks.values()) for definition_key, text in marks.items()}
 
     async def _handle_map_news(self, news: News) -> None:
-        """Objects that come and go are counted; where things are is not shown here."""
+        """Update the counts when objects are added or removed; positions are not shown here."""
         value = news.value
         if (
             isinstance(value, MapNews)

@@ -1,4 +1,4 @@
-"""The five kinds of definitions, as the page names them, and how one of them is put into words."""
+"""The five kinds of definitions, and their texts."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from somrs.ontology.types import AttributeType, Constraint, Definition, Function
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """`key`: what files and the ontology call it; `singular`: a single definition of it; `label`: its tab."""
+    """`key`: its name in files and in the ontology; `singular`: the name of one definition; `label`: the title of its tab."""
 
     key: str
     singular: str
@@ -27,7 +27,7 @@ class Section:
 
     @property
     def word(self) -> str:
-        """The name in links: `/ontology?type=Jar`."""
+        """The parameter name in links: `/ontology?type=Jar`."""
         return self.singular.split()[0]
 
     def link(self, name: str) -> str:
@@ -49,13 +49,13 @@ def section_of(definition: Definition) -> Section:
 
 
 def number(value: float) -> str:
-    """As people write it: 4, not 4.0; and always the same number when it is read again."""
+    """Format a number: 4, not 4.0. The text parses to the same number."""
     short = f"{value:.12g}"
     return short if float(short) == value else repr(value)
 
 
 def limits(minimum: float | None, maximum: float | None, unit: str | None = None) -> str:
-    """`at least 0 kg`, `0 to 100 percent`; empty without limits."""
+    """Format a range: `at least 0 kg`, `0 to 100 percent`; empty without limits."""
     unit_suffix = f" {unit}" if unit else ""
     if minimum is not None and maximum is not None:
         return f"{number(minimum)} to {number(maximum)}{unit_suffix}"
@@ -76,7 +76,7 @@ def value_text(value: Value, attribute: AttributeType | None = None) -> str:
 
 
 def kind_text(attribute: AttributeType) -> str:
-    """What its values are: `number in kg, at least 0`, `one of Red, Blue`."""
+    """The kind of an attribute's values: `number in kg, at least 0`, `one of Red, Blue`."""
     match attribute.kind:
         case Kind.NUMBER:
             phrases = [f"number in {attribute.unit}" if attribute.unit else "number", limits(attribute.minimum, attribute.maximum)]
@@ -84,7 +84,7 @@ def kind_text(attribute: AttributeType) -> str:
         case Kind.ENUMERATION:
             return f"one of {', '.join(attribute.values)}"
         case Kind.COMPLEX:
-            return f"made of {', '.join(attribute.attributes)}"
+            return f"group of {', '.join(attribute.attributes)}"
         case Kind.TRUTH:
             return "yes or no"
         case Kind.TEXT:
@@ -92,14 +92,14 @@ def kind_text(attribute: AttributeType) -> str:
 
 
 def part_text(part: Part) -> str:
-    """How many of the sub-objects there are."""
+    """How many of the parts there are."""
     if part.maximum is None:
         return f"at least {part.minimum}" if part.minimum else "any number"
     return f"exactly {part.minimum}" if part.minimum == part.maximum else f"{part.minimum} to {part.maximum}"
 
 
 def constraint_text(constraint: Constraint, unit: str | None = None) -> str:
-    """What the rule says of an attribute; a formula speaks for itself."""
+    """The rule as a text: the limits of an attribute, or the formula."""
     if constraint.formula is not None:
         return constraint.formula
     limit_text = limits(constraint.minimum, constraint.maximum, unit)

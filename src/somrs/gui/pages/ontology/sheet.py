@@ -1,4 +1,4 @@
-"""What there is to read of one definition."""
+"""The read-only view of a definition."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import PART_OF, AttributeType, Definition, FunctionType, ObjectType, RelationType
 
 MOST_OBJECTS = 60
-"""So many objects are named; the map shows them all."""
+"""Limit of objects listed; the map shows all."""
 
 ORDINALS = ("first", "second", "third", "fourth", "fifth")
 
 
 def show_definition(definition: Definition, view: OntologyView, open_definition: OpenDefinition) -> None:
-    """The sheet of a definition, into the current element."""
+    """Add the sheet of a definition to the current element."""
     match definition:
         case ObjectType():
             _type(definition, view, open_definition)
@@ -69,7 +69,7 @@ def _type(type: ObjectType, view: OntologyView, open_definition: OpenDefinition)
 
 
 def _origin(origin: str, type_name: str, open_definition: OpenDefinition) -> None:
-    """From which type something comes."""
+    """Add the type from which an item is inherited."""
     if origin == type_name:
         TextTag("span", "own", "somrs-onto-own")
     else:
@@ -96,7 +96,7 @@ def _attribute_row(type_attribute: TypeAttribute, type_name: str, open_definitio
             name_cell.style(f"padding-left: {8 + 16 * depth}px")
             definition_link(open_definition, ATTRIBUTES, type_attribute.attribute.name, type_attribute.path.rpartition(".")[2])
             if type_attribute.is_required and not depth:
-                TextTag("span", "must", "somrs-onto-must").tooltip("Every object of this type has one")
+                TextTag("span", "required", "somrs-onto-must").tooltip("Every object of this type has one")
         TextTag("td", kind_text(type_attribute.attribute))
         with cell():
             if type_attribute.default is not None:
@@ -144,7 +144,7 @@ def _relations(type: ObjectType, view: OntologyView, open_definition: OpenDefini
     relations = view.relations_of(type.name)
     if not relations:
         return
-    with chapter("Relations it can stand in", len(relations)), table("Relation", "Joins", "It is the"):
+    with chapter("Relations it can be in", len(relations)), table("Relation", "Joins", "It is the"):
         for relation, places in relations:
             with row():
                 with cell():
@@ -158,7 +158,7 @@ def _services(type: ObjectType, view: OntologyView, open_definition: OpenDefinit
     services = view.services_of(type.name)
     if not services:
         return
-    with chapter("Service types that speak of it", len(services)), table("Service type", "As", "Effect"):
+    with chapter("Service types that use it", len(services)), table("Service type", "As", "Effect"):
         for service, roles in services:
             with row():
                 with cell():
@@ -172,7 +172,7 @@ def _objects(type: ObjectType, view: OntologyView) -> None:
     objects = view.objects_of_type(type.name)
     with chapter("Objects on the map", len(objects)):
         if not objects:
-            note("There is no object of this type, nor of a type below it.")
+            note("There are no objects of this type or its subtypes.")
             return
         with ui.element("span").classes("somrs-onto-ways"):
             for name, exact in objects[:MOST_OBJECTS]:
@@ -184,11 +184,11 @@ def _objects(type: ObjectType, view: OntologyView) -> None:
             note(f"and {len(objects) - MOST_OBJECTS} more")
 
 
-# The others
+# Other definitions
 
 
 def _facts(*facts: tuple[str, str]) -> None:
-    """What there is to say of something, in pairs."""
+    """Add a list of names and values; empty values are left out."""
     with ui.element("dl").classes("somrs-onto-facts"):
         for name, value in facts:
             if value:
@@ -199,7 +199,7 @@ def _facts(*facts: tuple[str, str]) -> None:
 def _attribute(attribute: AttributeType, view: OntologyView, open_definition: OpenDefinition) -> None:
     tolerance = f"{number(attribute.tolerance)} {attribute.unit or ''}".strip() if attribute.tolerance else ""
     with chapter("Values"):
-        _facts(("They are", kind_text(attribute)), ("Equal within", tolerance))
+        _facts(("Kind", kind_text(attribute)), ("Equal within", tolerance))
         if attribute.attributes:
             definition_links(open_definition, ATTRIBUTES, list(attribute.attributes))
     owners = [owner for owner in view.ontology.types.values() if attribute.name in (*owner.attributes, *owner.required)]
@@ -209,7 +209,7 @@ def _attribute(attribute: AttributeType, view: OntologyView, open_definition: Op
         for owner in owners:
             with ui.element("div"):
                 definition_link(open_definition, TYPES, owner.name)
-                TextTag("span", " must have it" if attribute.name in owner.required else " may have it", "somrs-soft")
+                TextTag("span", " (required)" if attribute.name in owner.required else " (optional)", "somrs-soft")
     _users(attribute, view, open_definition, excluded_names={owner.name for owner in owners})
 
 
@@ -219,10 +219,10 @@ def _relation(relation: RelationType, view: OntologyView, open_definition: OpenD
         written = f"A {relation.name} B" if len(relation.joins) == 2 else f"{relation.name}({', '.join('ABCDEF'[: len(relation.joins)])})"
         _facts(
             ("Written", written),
-            ("Either way round", "yes: A to B is B to A" if relation.symmetric else ""),
-            ("At a time", f"an object stands in {relation.name} to one other only" if relation.functional else ""),
+            ("Symmetric", "yes: A to B is B to A" if relation.symmetric else ""),
+            ("Functional", f"an object has {relation.name} to one other at a time" if relation.functional else ""),
             ("Excludes", _excluded(relation, view)),
-            ("Built in", "maps nest parts in their wholes by it" if relation.name == PART_OF else ""),
+            ("Built in", "map files nest parts in their wholes by this relation" if relation.name == PART_OF else ""),
         )
     _users(relation, view, open_definition)
 
@@ -235,18 +235,18 @@ def _excluded(relation: RelationType, view: OntologyView) -> str:
         for other_relation in view.ontology.relations.values()
         if other_relation.excludes == relation.excludes and other_relation is not relation
     ]
-    return f"{', '.join(other_names) or 'nothing yet'} (group {relation.excludes}): an object stands in one of them at a time"
+    return f"{', '.join(other_names) or 'nothing yet'} (group {relation.excludes}): an object has one of them at a time"
 
 
 def _function(function: FunctionType, view: OntologyView, open_definition: OpenDefinition) -> None:
-    with chapter("Of", len(function.parameters)):
+    with chapter("Parameters", len(function.parameters)):
         definition_links(open_definition, TYPES, list(function.parameters))
     with chapter("Value"):
         unit = f"in {function.unit}" if function.unit else ""
         if function.attribute:
             _facts(("It reads", function.attribute), ("Unit", function.unit or ""))
         elif not function.values:
-            note(f"SO-MRS works it out {unit}".strip() + ".")
+            note(f"Computed by SO-MRS {unit}".strip() + ".")
     if function.values:
         with chapter("Table", len(function.values)), table("Of", f"Value {unit}".strip()):
             for key, value in function.values.items():
@@ -257,16 +257,16 @@ def _function(function: FunctionType, view: OntologyView, open_definition: OpenD
 
 
 def _service(service: ServiceType, view: OntologyView, open_definition: OpenDefinition) -> None:
-    with chapter("What it does"):
+    with chapter("Definition"):
         _facts(("Kind", service.kind.value))
-        for label, text in (("Before it", service.precondition or ""), ("After it", service.effect), ("Costs", service.cost or "")):
+        for label, text in (("Precondition", service.precondition or ""), ("Effect", service.effect), ("Cost", service.cost or "")):
             if text:
                 ui.label(label).classes("somrs-soft")
                 TextTag("code", text, "somrs-formula somrs-onto-formula")
     _parameters("Inputs", service.inputs, open_definition)
     _parameters("Outputs", service.outputs, open_definition)
     if service.handlers:
-        with chapter("Handlers", len(service.handlers)), table("On", "When", "Bring about"):
+        with chapter("Handlers", len(service.handlers)), table("On", "When", "Make true"):
             for handler in service.handlers:
                 with row():
                     TextTag("td", handler.on.value)
@@ -296,7 +296,7 @@ def _parameters(title: str, parameters: tuple[Parameter, ...], open_definition: 
 
 
 def _users(definition: Definition, view: OntologyView, open_definition: OpenDefinition, excluded_names: set[str] | None = None) -> None:
-    """Who else speaks of it."""
+    """The definitions that refer to it."""
     section = section_of(definition)
     users = [
         (user_section, name)
@@ -305,7 +305,7 @@ def _users(definition: Definition, view: OntologyView, open_definition: OpenDefi
     ]
     if not users:
         return
-    with chapter("Spoken of by", len(users)):
+    with chapter("Used by", len(users)):
         for key in (TYPES.key, SERVICES.key, ATTRIBUTES.key, RELATIONS.key, FUNCTIONS.key):
             if names := [name for user_section, name in users if user_section.key == key]:
                 ui.label(SECTION[key].label).classes("somrs-soft")

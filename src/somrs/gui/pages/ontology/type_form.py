@@ -14,14 +14,14 @@ from somrs.ontology.conformance import SELF_VARIABLE
 from somrs.ontology.types import AttributeType, Kind
 
 MakeAttribute = Callable[[Callable[[str], None]], None]
-"""Has a new attribute made, and says its name."""
+"""Lets the user create an attribute; the callback receives its name."""
 
 RULES: dict[str | None, str] = {LIMITS: "limits of an attribute", FORMULA: "a formula"}
 TRUTHS: dict[str | None, str] = {"true": "yes", "false": "no"}
 
 
 class TypeForm:
-    """What follows name and parent. What can be chosen for defaults and rules are the attributes that the form says, inherited ones too."""
+    """The fields after name and parent. Defaults and rules can use the attributes in the form and the inherited ones."""
 
     def __init__(self, fields: Fields, view: OntologyView, make_attribute: MakeAttribute) -> None:
         self._fields, self._view = fields, view
@@ -34,7 +34,7 @@ class TypeForm:
         self._inherited = ui.label().classes("somrs-soft")
         self._rebuild_defaults = fields.rows(
             "defaults", "Defaults", "default", self._default, lambda: {"path": None, "value": ""},
-            "Hold for every object that does not say otherwise.",
+            "Values for objects that do not set the attribute.",
         )  # fmt: skip
         fields.rows(
             "parts",
@@ -42,7 +42,7 @@ class TypeForm:
             "part",
             self._part,
             lambda: {"type": None, "minimum": "1", "maximum": ""},
-            "Sub-objects that every object has.",
+            "Parts that every object has.",
         )
         blank = {"sort": LIMITS, "attribute": None, "minimum": "", "maximum": "", "values": "", "formula": "", "doc": ""}
         self._rebuild_rules = fields.rows("constraints", "Rules", "rule", self._rule, lambda: dict(blank))
@@ -68,7 +68,7 @@ class TypeForm:
         self._rebuild_rules()
 
     def _add_attribute(self, name: str) -> None:
-        """There is a new attribute, and this type has it."""
+        """Add a new attribute to the type."""
         self._fields.value_at("attributes").append({"attribute": name, "must": False})
         self._rebuild_attributes()
         self._attributes_chosen()
@@ -78,7 +78,7 @@ class TypeForm:
 
     def _attribute(self, path: str) -> None:
         self._fields.choice(f"{path}.attribute", "Attribute", sorted(self._view.ontology.attributes), callback=self._attributes_chosen)
-        self._fields.flag(f"{path}.must", "every object must have it")
+        self._fields.flag(f"{path}.must", "required")
 
     def _part(self, path: str) -> None:
         self._fields.choice(f"{path}.type", "Type", sorted(self._view.ontology.types))
@@ -93,7 +93,7 @@ class TypeForm:
             nonlocal value
             attribute = attributes.get(self._fields.value_at(f"{path}.path") or "")
             if isinstance(value, ui.input) and not _listed(attribute):
-                value.props["suffix"] = _unit(attribute)  # the field stays: somebody may be typing in it already
+                value.props["suffix"] = _unit(attribute)  # the field stays, since the user may be typing in it
                 return
             slot.clear()
             with slot:
@@ -104,7 +104,7 @@ class TypeForm:
         chosen()
 
     def _value(self, path: str, attribute: AttributeType | None) -> ui.input | ui.select:
-        """A value, in the way of its attribute."""
+        """A field for a value of the attribute."""
         if attribute is None or not _listed(attribute):
             return self._fields.text(path, "Value", width="middle", suffix=_unit(attribute))
         return self._fields.choice(path, "Value", TRUTHS if attribute.kind is Kind.TRUTH else attribute.values, width="middle")
@@ -117,7 +117,7 @@ class TypeForm:
             self._fields.formula(f"{path}.formula", "Formula", {SELF_VARIABLE: object_type.name}, hint=hint, types=[object_type])
         else:
             self._limits(path)
-        self._fields.text(f"{path}.doc", "In words, for whoever breaks it", width="full")
+        self._fields.text(f"{path}.doc", "Message when the rule is broken", width="full")
 
     def _limits(self, path: str) -> None:
         attributes = self._available_attributes()
@@ -132,12 +132,12 @@ class TypeForm:
         ends = [
             self._fields.text(f"{path}.{key}", label, width="narrow") for key, label in (("minimum", "At least"), ("maximum", "At most"))
         ]
-        self._fields.text(f"{path}.values", "One of", width="middle", hint="with commas between")
+        self._fields.text(f"{path}.values", "One of", width="middle", hint="separated by commas")
         chosen()
 
 
 def _listed(attribute: AttributeType | None) -> bool:
-    """Whether its values are chosen from a list."""
+    """Whether the values are chosen from a list."""
     return attribute is not None and attribute.kind in (Kind.TRUTH, Kind.ENUMERATION)
 
 
@@ -146,5 +146,5 @@ def _unit(attribute: AttributeType | None) -> str:
 
 
 def _simple(attributes: Mapping[str, AttributeType]) -> list[str]:
-    """What can have a value: not what is made of others."""
+    """The attributes that have values themselves, in contrast to groups."""
     return sorted(path for path, attribute in attributes.items() if attribute.kind is not Kind.COMPLEX)
