@@ -61,7 +61,7 @@ def test_a_formula_is_written_with_what_is_offered(open_page: Callable[..., Page
     page = open_page()
     field(page).focus()
     page.keyboard.type("jar", delay=30)
-    offered = page.get_by_role("listbox", name="What can come here")
+    offered = page.get_by_role("listbox", name="Completions")
     expect(offered.get_by_role("option")).to_have_count(2)
     page.keyboard.press("ArrowDown")
     page.keyboard.press("Enter")

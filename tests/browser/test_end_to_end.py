@@ -30,7 +30,7 @@ def test_a_new_type_a_thing_of_it_and_a_task_with_it(system: RunningSystem, wind
     page.get_by_role("tab", name="Add").click()
     page.get_by_role("searchbox", name="Find a type").fill("Vase")
     row(page, "Vase").click()
-    expect(page.get_by_text("Click where it is to stand")).to_be_visible()
+    expect(page.get_by_text("Click the new position")).to_be_visible()
     table = page.locator("[data-name=Table002]").first.bounding_box()
     assert table is not None
     page.mouse.click(table["x"] + 0.3 * table["width"], table["y"] + 0.7 * table["height"])

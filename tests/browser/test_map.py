@@ -239,7 +239,7 @@ def test_an_object_is_added_where_one_clicks_and_removed_and_brought_back(restor
     tab(page, "Add")
     page.get_by_placeholder("Find a type").fill("Jar")
     page.get_by_role("treeitem", name="Jar").click()
-    expect(page.get_by_text("Click where it is to stand")).to_be_visible()
+    expect(page.get_by_text("Click the new position")).to_be_visible()
     x, y = screen_position(page, "Table001")
     page.mouse.click(x + 20, y + 10)
     expect(page.get_by_role("textbox", name="Name", exact=True)).to_have_value("Jar004")

@@ -229,7 +229,7 @@ def test_things_are_chosen_by_clicking_and_found_by_their_names(system: RunningS
     page.keyboard.press("Escape")
     expect(card).to_have_count(0)
     page.get_by_role("button", name="List").click()
-    places = page.get_by_role("region", name="Where things are")
+    places = page.get_by_role("region", name="Object list")
     expect(places.get_by_role("button", name="Robot2")).to_contain_text("in Laboratory")
     expect(places.get_by_role("button", name="Carton001")).to_contain_text("on Table002")
     page.get_by_label("Find by name or type").fill("shelf")
@@ -282,7 +282,7 @@ def test_what_is_added_and_removed_is_seen_also_when_connections_are_lost(system
     finally:
         call_api(system, "POST", "/fleet/Robot1/faults/gripper?repair=true")
     expect(label).to_have_text("Robot1")
-    expect(page.get_by_text("is being made again")).to_have_count(0)
+    expect(page.get_by_text("Reconnecting")).to_have_count(0)
 
 
 def test_without_webgl_it_is_told_in_words(system: RunningSystem, window: OpenWindow) -> None:
@@ -296,7 +296,7 @@ def test_without_webgl_it_is_told_in_words(system: RunningSystem, window: OpenWi
     page.goto(f"{system.url}/map")
     page.get_by_role("button", name="3D", exact=True).click()
     expect(page.get_by_role("alert")).to_contain_text("WebGL is missing")
-    places = page.get_by_role("region", name="Where things are")
+    places = page.get_by_role("region", name="Object list")
     expect(places.get_by_role("button", name="Robot2")).to_contain_text("in Laboratory")
 
 

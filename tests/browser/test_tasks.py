@@ -108,7 +108,7 @@ def test_a_task_is_watched_as_its_robot_fails_and_another_takes_over(system: Run
     story = panel(page, "Story")
     expect(story).to_contain_text("Failure 1: Robot1.TransferObject", timeout=WORK_TIME)
     expect(story).to_contain_text("the drive of Robot1 is dead")
-    expect(story).to_contain_text("It left: Jar002")
+    expect(story).to_contain_text("Resulting situation: Jar002")
     expect(story).to_contain_text("Replacement")
     expect(story).to_contain_text("Robot2.TransferObject completed the step: Jar002 isOn Platform001", timeout=WORK_TIME)
     expect(message(page, "Failed")).to_have_count(1)
@@ -144,7 +144,7 @@ def _read_a_message(page: Page) -> None:
     page.keyboard.press("Escape")
     expect(body).to_have_count(0)
     message_count = message(page, "Progress").count()
-    chart.get_by_label("Every sign of life").check()
+    chart.get_by_label("All heartbeats").check()
     assert message(page, "Progress").count() > message_count
 
 
@@ -198,7 +198,7 @@ def test_what_cannot_be_done_says_why_not(system: RunningSystem, window: OpenPag
     task = submit_task(system, "Shelf001 isOn Platform001")
     page = window(f"{system.url}/tasks/{task.rpartition(':')[2][:8]}", dark=True)
     expect(page.get_by_role("status").filter(has_text="No plan")).to_contain_text("no service type brings it about")
-    expect(panel(page, "Terms")).to_contain_text("Nobody was asked")
+    expect(panel(page, "Terms")).to_contain_text("No service was asked")
     take_screenshot(page, "task-impossible-1280-dark")
     page.goto(f"{system.url}/tasks/12345678")
     expect(page.get_by_role("status")).to_contain_text("there is no task 12345678")

@@ -1,5 +1,5 @@
-// Keeps what is written in forms in this browser tab, letter by letter: so nothing is lost when the page is loaded again, whether because
-// the server was away for long or because somebody pressed the wrong key. It shows nothing.
+// Keeps form drafts in this browser tab, letter by letter, so that they survive reloads and times without a server. The element is
+// invisible.
 
 export default {
   template: `<span hidden></span>`,
@@ -20,7 +20,7 @@ export default {
       sessionStorage.removeItem(`${this.shelf} ${key}`);
     },
     put(key, path, value) {
-      // One field: what the server may not hear of.
+      // One field, stored also while the server cannot receive it.
       const name = `${this.shelf} ${key}`;
       const draft = JSON.parse(sessionStorage.getItem(name));
       if (!draft) return;

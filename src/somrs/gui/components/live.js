@@ -1,8 +1,8 @@
-// News as they happen, from `/api/live`; a connection that is lost is made again by itself.
+// News from `/api/live`; a lost connection is restored automatically.
 
-const PAUSES = [300, 600, 1200, 2500]; // milliseconds before each attempt to connect again; the last one goes on
+const PAUSES = [300, 600, 1200, 2500]; // milliseconds before each attempt to reconnect; the last one repeats
 
-// Hear of the topics. `open` is called whenever the connection is there, also after it was lost: then read what may have been missed.
+// Subscribe to topics. `open` is called whenever the connection opens, also after a loss: news may have been missed.
 export function follow(topics, { news, open, lost }) {
   let socket = null;
   let timer = null;

@@ -1,7 +1,7 @@
-// A field in which one of many is chosen by typing a part of its name, its label or its kind; what there is to choose comes with it, or
-// from the API, so that a map of thousands of things is no burden.
+// A field for choosing an item by typing part of its name, label or type. The choices are passed in, or come from the API, which suits
+// large maps.
 
-const PAUSE = 80; // milliseconds without typing before the API is asked
+const PAUSE = 80; // milliseconds without typing before the API is called
 
 export default {
   template: `
@@ -22,8 +22,8 @@ export default {
             <span class="somrs-fe-word">{{ item.text ?? item.value }}</span><span class="somrs-fe-detail">{{ item.detail }}</span>
           </li>
         </template>
-        <li v-if="!items.length" class="somrs-pick-none" role="presentation">{{ waiting ? 'Looking…' : lost ? 'The system does not answer.' : 'Nothing is called so.' }}</li>
-        <li v-else-if="more" class="somrs-pick-none" role="presentation">There are others: type a part of the name.</li>
+        <li v-if="!items.length" class="somrs-pick-none" role="presentation">{{ waiting ? 'Searching…' : lost ? 'The system does not answer.' : 'No matches.' }}</li>
+        <li v-else-if="more" class="somrs-pick-none" role="presentation">More results: type part of the name.</li>
       </ul>
     </div>`,
   props: {
@@ -68,7 +68,7 @@ export default {
       this.asked++;
       this.open = false;
       this.typed = null;
-      // The field shows again what was chosen before.
+      // Show the chosen value again.
       if (this.$refs.input) this.$refs.input.value = this.shown;
     },
     onInput(event) {
@@ -93,7 +93,7 @@ export default {
           return place >= 0 ? Math.min(place, 1) : (detail ?? "").toLowerCase().includes(wanted) ? 2 : 3;
         };
         const ranked = this.options.map((item) => [match(item), item]).filter(([rank]) => rank < 3);
-        // Groups stay together where nothing was typed.
+        // Without a search, keep groups together.
         this.items = (wanted ? ranked.sort((a, b) => a[0] - b[0]) : ranked).map(([, item]) => item);
       }
       this.chosen = typed ? (this.items.length ? 0 : -1) : this.items.findIndex((one) => one.value === this.picked);
@@ -116,7 +116,7 @@ export default {
       }
     },
     recognise() {
-      // What it is, of which only the name is known here: for its symbol.
+      // Fetch the symbol of a value of which only the name is known.
       if (this.source && this.picked && !this.known[this.picked]) this.ask(this.picked, 5);
     },
     place() {
@@ -147,7 +147,7 @@ export default {
       } else if (event.key === "Enter" && this.open && this.chosen >= 0) this.take(this.chosen);
       else if (event.key === "Escape" && this.open) this.end();
       else if (event.key === "Tab" && this.open && this.typed !== null && this.chosen >= 0) {
-        // Whoever typed a part and goes on means the first that fits.
+        // Tab after typing takes the first match.
         this.take(this.chosen);
         return;
       } else return;

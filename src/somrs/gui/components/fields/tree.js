@@ -1,5 +1,5 @@
-// A tree (or a plain list: a tree of one level) that is found in by typing, walked by arrow keys, and rearranged by dragging.
-// Only rows that are seen are in the document, so that a thousand nodes stay quick.
+// A tree, or a list (a tree of one level), with search, arrow keys, and drag and drop. Only visible rows are in the document, which keeps a
+// thousand nodes fast.
 
 const label = (node) => node.label.toLowerCase();
 
@@ -35,7 +35,7 @@ export default {
     return { wanted: "", opened: new Set(), focused: null, dragged: null, over: null, typed: "", typedAt: 0 };
   },
   created() {
-    // What has more below it than fits is shown two levels deep at first.
+    // A tree that does not fit is first expanded to two levels.
     const depth = this.nodes.length > 150 ? 1 : 2;
     const walk = (id, level) => {
       for (const node of this.below.get(id) ?? []) {
@@ -53,10 +53,10 @@ export default {
   },
   watch: {
     nodes(now, before) {
-      // What is open stays in view when it gets another parent.
+      // An expanded node stays visible when its parent changes.
       const parent = (nodes) => nodes.find((node) => node.id === this.selected)?.parent;
       if (parent(now) !== parent(before)) this.reveal(this.selected);
-      // So is what is new, unless it is a whole file.
+      // So does a new node, unless a whole file is new.
       const known = new Set(before.map((node) => node.id));
       const fresh = now.filter((node) => !known.has(node.id));
       if (fresh.length < 6) fresh.forEach((node) => this.reveal(node.id));
@@ -81,7 +81,7 @@ export default {
       return below;
     },
     found() {
-      // Those that match, and what is above them; null without a search.
+      // The matches and their ancestors; null without a search.
       const wanted = this.wanted.trim().toLowerCase();
       if (!wanted) return null;
       const matching = this.nodes.filter((node) => label(node).includes(wanted));
@@ -111,7 +111,7 @@ export default {
     said() {
       if (!this.found) return "";
       const count = this.found.matching.size;
-      return count === 0 ? `Nothing is called “${this.wanted.trim()}”` : `${count} of ${this.nodes.length}`;
+      return count === 0 ? `No match for “${this.wanted.trim()}”` : `${count} of ${this.nodes.length}`;
     },
   },
   methods: {
@@ -166,7 +166,7 @@ export default {
       return row.level > 0 ? row.node.parent : null;
     },
     type(letter, at, now) {
-      // Letters typed in quick succession are the beginning of a name.
+      // Letters typed in quick succession form the beginning of a name.
       this.typed = now - this.typedAt < 700 ? this.typed + letter : letter;
       this.typedAt = now;
       const from = this.typed.length > 1 ? at : at + 1;
@@ -189,7 +189,7 @@ export default {
       this.dragged = this.over = null;
     },
     takes(id) {
-      // Not itself, nor what is below it, nor where it is already.
+      // Not itself, its descendants, or its current parent.
       if (!this.dragged || this.byId.get(this.dragged)?.parent === id) return false;
       for (let node = this.byId.get(id), steps = 0; node && steps < 60; node = this.byId.get(node.parent), steps++)
         if (node.id === this.dragged) return false;

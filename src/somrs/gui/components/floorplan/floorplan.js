@@ -1,5 +1,5 @@
-// The floor plan as an element on a page: its tools, and what it hears from the page and of the map. What it draws is `modules/plan.js`,
-// what people do with it `modules/doings.js`.
+// The floor plan as an element: its tools, and its interface to the page and the map. `modules/plan.js` draws it; `modules/doings.js`
+// handles user actions.
 
 import { doings } from "somrs-floorplan/doings.js";
 import { Hands } from "somrs-floorplan/hands.js";
@@ -9,7 +9,7 @@ import { Plan } from "somrs-floorplan/plan.js";
 import { Poses } from "somrs-floorplan/poses.js";
 import { sample } from "somrs-floorplan/shapes.js";
 
-const KEPT = "somrs-plan"; // what is in view, by the browser's tab: so it is the same after the page was loaded again
+const KEPT = "somrs-plan"; // the visible part, stored per browser tab for reloads
 
 export default {
   template: `
@@ -29,7 +29,7 @@ export default {
         <button type="button" @click="zoomBy(1.4)" aria-label="Zoom in" title="Zoom in (+)"><q-icon name="add" /></button>
         <button type="button" @click="zoomBy(1 / 1.4)" aria-label="Zoom out" title="Zoom out (-)"><q-icon name="remove" /></button>
         <button type="button" @click="fit()" aria-label="Show all" title="Show all (0)"><q-icon name="fit_screen" /></button>
-        <button type="button" @click="legend = !legend" :aria-pressed="legend" aria-label="Legend" title="What the signs mean"><q-icon name="legend_toggle" /></button>
+        <button type="button" @click="legend = !legend" :aria-pressed="legend" aria-label="Legend" title="Meaning of the symbols"><q-icon name="legend_toggle" /></button>
       </div>
       <div v-if="legend" class="fp-legend" role="region" aria-label="Legend">
         <span v-for="one in legendOf" :key="one.title" class="fp-legend-row"><span v-html="one.picture"></span>{{ one.title }}</span>
@@ -37,14 +37,14 @@ export default {
       <div class="fp-foot">
         <div class="fp-scale" :style="{ width: bar.pixels + 'px' }" :aria-label="'Scale: ' + bar.text"><span>{{ bar.text }}</span></div>
         <div class="fp-where" v-if="where">{{ where }}</div>
-        <div class="fp-unplaced" v-if="unplaced.length" role="group" aria-label="Without a place on the map">
-          <span>Without a place:</span>
+        <div class="fp-unplaced" v-if="unplaced.length" role="group" aria-label="Without a position on the map">
+          <span>Without a position:</span>
           <button type="button" v-for="name in unplaced.slice(0, 6)" :key="name" @click="choose(name)"><q-icon name="help_outline" />{{ name }}</button>
           <span v-if="unplaced.length > 6">and {{ unplaced.length - 6 }} more</span>
         </div>
       </div>
       <div class="fp-hint" v-if="hint" role="note">{{ hint }}</div>
-      <div class="fp-lost" v-if="lost" role="alert"><q-icon name="cloud_off" /> The connection is lost. What you see may be old; it comes back by itself.</div>
+      <div class="fp-lost" v-if="lost" role="alert"><q-icon name="cloud_off" /> The connection is lost. The data may be outdated. Reconnecting…</div>
       <div class="fp-lost" v-if="trouble" role="alert"><q-icon name="error_outline" /> {{ trouble }}</div>
       <div class="fp-loading" v-if="loading" role="status">Reading the map…</div>
     </div>
@@ -72,27 +72,27 @@ export default {
       return this.version === undefined || this.version === null ? this.mode : "view";
     },
     hint() {
-      if (this.past()) return "The map as it was. Go back to now to change it.";
-      return this.placing ? "Click where it is to stand, or move it by the arrow keys and press Enter. Escape stops." : "";
+      if (this.past()) return "A past version of the map. Go back to now to edit it.";
+      return this.placing ? "Click the new position, or use the arrow keys and press Enter. Escape cancels." : "";
     },
     help() {
-      const common = "Page down and page up choose the next and the last object, plus and minus zoom, 0 shows all.";
+      const common = "Page down and page up select the next and the previous object, plus and minus zoom, 0 shows all.";
       if (this.doing !== "edit") return common;
-      return `${common} Arrows move what is chosen, with shift finely; R turns it, shift R the other way; delete removes it; enter opens it; control Z takes back.`;
+      return `${common} Arrow keys move the selected object, with Shift in small steps; R turns it, Shift R the other way; Delete removes it; Enter opens it; Control Z undoes.`;
     },
     legendOf() {
       const rows = LEGEND.filter((id) => this.kinds.includes(id)).map((id) => ({ title: kindById(id).title, picture: sample(kindById(id)) }));
       const doors = rows.findIndex((row) => row.title === "Door");
       const door = kindById("door");
       if (doors >= 0) rows.splice(doors, 1, { title: "Door, open", picture: sample(door) }, { title: "Door, closed", picture: sample(door, { open: false }) });
-      return [...rows, { title: "Nobody knows how it is", picture: sample(kindById("thing"), { unknown: true }) }];
+      return [...rows, { title: "State unknown", picture: sample(kindById("thing"), { unknown: true }) }];
     },
   },
   mounted() {
     const plan = new Plan(this.$refs.pad, (names) => this.$emit("unanswered", { names }));
     this.plan = plan;
-    this.revealed = null; // what is to be in view once the map is read
-    this.asked = []; // what was chosen here, and not yet heard back
+    this.revealed = null; // object to scroll into view once the map has been read
+    this.asked = []; // selections sent to the page and not yet confirmed
     plan.turnable = (name) => this.doing === "edit" && plan.model.kind(name)?.moves !== "ground";
     plan.drawn = (view) => this.drawn(view);
     plan.storey = this.storey_name ?? null;
@@ -115,7 +115,7 @@ export default {
   },
   watch: {
     selected(name) {
-      // The page's answers to earlier choices must not take back a later one.
+      // The page's confirmations of earlier selections must not replace a later one.
       const answered = this.asked.indexOf(name ?? null);
       this.asked = answered < 0 ? [] : this.asked.slice(answered + 1);
       if (this.asked.length === 0) this.look();
@@ -128,18 +128,18 @@ export default {
     version() { this.turnTo(); },
   },
   methods: {
-    // What the page says
+    // Calls from the page
 
     fit() { this.plan.fit(); },
     show(name) {
       if (this.loading) { this.revealed = name; return; }
-      if (!this.plan.reveal(name)) this.say(`${name} has no place on the map.`);
+      if (!this.plan.reveal(name)) this.say(`${name} has no position on the map.`);
       this.after();
     },
     settled(name, version) { this.plan.settle(name, version); },
     back(name) { this.plan.back(name); },
     place(type, values = {}) {
-      if (!type && !this.placing) return; // it may come while something is dragged
+      if (!type && !this.placing) return; // a late cancel must not stop a drag
       this.placing = type ?? false;
       this.values = values;
       this.plan.ghost = null;
@@ -154,7 +154,7 @@ export default {
     focus() { this.$refs.pad.focus({ preventScroll: true }); },
     say(text) { this.said = text; },
 
-    // What the map says
+    // News of the map
 
     hear(news) {
       if (news.lost) { this.lost = true; return; }
@@ -188,7 +188,7 @@ export default {
       if (this.past()) this.poses.rest();
       else this.poses.follow();
       try {
-        // A map of the past is drawn as the ontology of then had it.
+        // A past map is drawn with the ontology of its time.
         const then = this.past() ? `?version=${wanted}` : "";
         const [map, known] = await Promise.all([get(`/api/map${then}`), then ? get(`/api/ontology${then}`) : { definitions: this.definitions }]);
         if (wanted === this.version) { this.read(map, known.definitions); this.trouble = ""; }

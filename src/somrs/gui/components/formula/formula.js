@@ -1,13 +1,13 @@
-// A field for a formula: what can come is offered while one types, and what is wrong is underlined and said beneath.
+// A field for a formula with completion and checking.
 //
-// A textarea without colour lies over the same text in colours, so that the keyboard, selection, undo and screen readers work as in any
-// other field. It asks the API by itself, so that typing does not wait for the page's own connection.
+// A transparent textarea lies over the coloured text, so that keyboard, selection, undo and screen readers work as in any other field. The
+// element calls the API itself, so that typing does not wait for the page's own connection.
 
 import { follow } from "live";
 import { counted, pieces, placed, proposals } from "somrs-formula/text.js";
 
 const CHECK = 180; // milliseconds without typing before the text is checked
-const AGAIN = 2000; // milliseconds before it is tried again when nobody answered
+const AGAIN = 2000; // milliseconds before a failed request is repeated
 const ICONS = {
   object: "category", relation: "link", attribute: "tune", value: "sell", type: "account_tree", variable: "help_outline",
   function: "functions", keyword: "join_inner", operator: "drag_handle", unit: "straighten",
@@ -19,7 +19,7 @@ async function ask(path, body) {
   return answer.json();
 }
 
-// All fields of a page hear of the map and the ontology by one connection.
+// All fields of a page share one connection for news of the map and the ontology.
 const fields = new Set();
 let leave = null;
 
@@ -47,7 +47,7 @@ export default {
           :aria-invalid="bad" :aria-describedby="name + '-said'" :aria-label="label ? undefined : 'Formula'"
           @input="onInput" @keydown="onKey" @blur="close" @click="close" @scroll="close"></textarea>
       </div>
-      <ul v-show="open" ref="list" class="somrs-fe-list" role="listbox" :id="name + '-list'" aria-label="What can come here" :style="at">
+      <ul v-show="open" ref="list" class="somrs-fe-list" role="listbox" :id="name + '-list'" aria-label="Completions" :style="at">
         <li v-for="(item, index) in items" role="option" :id="name + '-' + index" :aria-selected="index === chosen"
           :class="{'somrs-fe-chosen': index === chosen}" @mousedown.prevent="accept(index)">
           <i class="material-icons" :class="'somrs-fe-' + item.kind" aria-hidden="true">{{ icon(item.kind) }}</i>
@@ -57,9 +57,9 @@ export default {
       <div class="somrs-fe-heard" aria-live="polite">{{ heard }}</div>
       <div class="somrs-fe-said" :id="name + '-said'" role="status">
         <div v-if="lost" class="somrs-fe-soft"><i class="material-icons" aria-hidden="true">cloud_off</i>
-          <span>Not checked: the system does not answer. What you wrote stays.</span></div>
+          <span>Not checked: the system does not answer. Your input is kept.</span></div>
         <div v-else-if="text.trim() && found.unfinished && found.problems.length && !open" class="somrs-fe-soft"><i class="material-icons" aria-hidden="true">more_horiz</i>
-          <span>It goes on: {{ found.problems[0].hint }}.</span></div>
+          <span>Incomplete: {{ found.problems[0].hint }}.</span></div>
         <div v-else-if="bad" v-for="one in wrong" class="somrs-fe-problem"><i class="material-icons" aria-hidden="true">error</i>
           <span><button type="button" class="somrs-fe-place" @click="go(one)">{{ one.problem }}</button><template v-if="one.proposals.length">; did you mean
               <template v-for="(word, index) in one.proposals">{{ index ? ' or ' : '' }}<button type="button" class="somrs-fe-use somrs-formula"
@@ -80,8 +80,8 @@ export default {
     };
   },
   created() {
-    this.asked = 0; // completions that were asked for; only the last answer counts
-    this.given = false; // whether the blank before the cursor was written by a completion
+    this.asked = 0; // number of completion requests; only the last reply counts
+    this.given = false; // whether a completion wrote the blank before the cursor
   },
   mounted() {
     this.check();
@@ -95,7 +95,7 @@ export default {
     clearTimeout(this.timer);
     window.removeEventListener("resize", this.gone);
     window.removeEventListener("scroll", this.gone, true);
-    // What was typed stays when this field is shown again.
+    // Keep the input when the field is shown again.
     const element = window.mounted_app?.elements?.[String(this.id).slice(1)];
     if (element) element.props.value = this.text;
   },
@@ -106,12 +106,12 @@ export default {
       const found = this.found.problems.map((one) => ({
         ...one, from: placed(this.checkedText, one.position), to: placed(this.checkedText, one.end), proposals: proposals(one.hint),
       }));
-      // A word of which the rest is just being offered is not wrong yet.
+      // A name that is being completed is not an error yet.
       return this.open && this.chosen >= 0 ? found.filter((one) => one.to < this.from || one.from > this.to) : found;
     },
     bad() { return !this.lost && this.wrong.length > 0 && !this.found.unfinished; },
     shown() {
-      // While one types on, underlines stay with what is before the change.
+      // Keep the underlines before the change while the user types.
       const same = this.checkedText ?? "";
       const whole = this.text === same;
       const kept = this.bad ? this.wrong.filter((one) => whole || this.text.slice(0, one.to) === same.slice(0, one.to)) : [];
@@ -130,13 +130,13 @@ export default {
     // Checking
 
     hear(news) {
-      // Things that move do not matter to formulas; those that come and go do.
+      // Moves do not affect formulas; added and removed objects do.
       const changes = news.value?.changes ?? [];
       const matters = news.topic === "ontology" || news.missed || news.value?.read || changes.some(({ type }) => /^Object/.test(type));
       if (matters) this.later(CHECK);
     },
     again() {
-      // The connection is there, perhaps again: then what was checked before may be out of date.
+      // The connection is open, perhaps again: earlier results may be outdated.
       if (this.checkedText !== null || this.lost) this.check();
     },
     later(pause) {
@@ -175,7 +175,7 @@ export default {
       else this.complete();
     },
     joinUp(sign) {
-      // A completion wrote a blank; what joins on takes it back.
+      // Remove the blank of a completion before a character that joins on.
       const at = this.$refs.area.selectionStart;
       if (this.$refs.area.value.slice(at - 2, at) === ` ${sign}`) this.replace(at - 2, at, sign);
     },
@@ -183,7 +183,7 @@ export default {
       const area = this.$refs.area;
       area.focus();
       area.setSelectionRange(from, to);
-      // Unlike a new value, what is inserted so can be undone by the keyboard.
+      // Unlike a new value, an insertion can be undone by the keyboard.
       if (!document.execCommand("insertText", false, word)) area.setRangeText(word, from, to, "end");
       this.text = area.value;
       this.later(CHECK);
@@ -217,14 +217,14 @@ export default {
       this.from = placed(text, found.start);
       this.to = placed(text, found.end);
       this.items = found.items;
-      // Where nothing was begun, Enter and Tab do what they do everywhere, until one goes into the list.
+      // Without input, Enter and Tab keep their usual meaning until the user moves into the list.
       this.chosen = cursor > this.from ? 0 : -1;
       this.open = true;
-      this.heard = `${found.items.length} can come here${this.chosen === 0 ? `, ${found.items[0].text} first` : ""}`;
+      this.heard = `${found.items.length} completions${this.chosen === 0 ? `, ${found.items[0].text} first` : ""}`;
       this.$nextTick(this.place);
     },
     narrow() {
-      // What is offered goes with what is typed at once, so that Enter never takes what was meant a letter ago.
+      // Filter the list at once, so that Enter never takes a choice for an earlier input.
       if (!this.open) return;
       const { value, selectionStart: cursor } = this.$refs.area;
       const typed = value.slice(this.from, cursor).toLowerCase();
@@ -278,7 +278,7 @@ export default {
       } else if (this.open && !event.altKey && !event.ctrlKey && !event.metaKey) {
         this.onListKey(event);
       } else if (event.key === "Escape") {
-        this.asked++; // nor does it open when the answer comes
+        this.asked++; // do not open when the reply arrives
       } else if (event.key === "ArrowDown" && !this.text) {
         event.preventDefault();
         this.complete();

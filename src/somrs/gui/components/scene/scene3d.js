@@ -1,4 +1,4 @@
-// The 3D view: what there is, where it is while it moves, and ways to look at it. `__init__.py` says how it is used.
+// The 3D view: scene, motion and camera. `__init__.py` documents its use.
 import { Feed, Labels, Marks, Motion, Pilot, Stage, World, described, listed, summary, template } from "somrs-scene";
 
 const LISTED = 200;
@@ -48,7 +48,7 @@ export default {
         button("remove", "Zoom out", "Zoom out (-)", () => this.pilot.zoom(1.25)),
         button("label", "Names", "Names of things", () => this.setNamed(!this.named), this.named),
         button("carpenter", "Low walls", "Cut walls low, to see inside", () => this.setLow(!this.low), this.low),
-        button("list", "List", "Where things are, in words", () => this.setList(!this.listOpen), this.listOpen),
+        button("list", "List", "List of objects", () => this.setList(!this.listOpen), this.listOpen),
       ];
     },
   },
@@ -98,7 +98,7 @@ export default {
       refined: () => Boolean(this.stage?.refined),
     };
     this.timer = setInterval(() => {
-      if (this.none) this.step(performance.now() / 1000); // it is told in words, where things are
+      if (this.none) this.step(performance.now() / 1000); // without a picture, the list shows the positions
       if (this.toldLate) this.tell();
     }, 500);
   },
@@ -166,7 +166,7 @@ export default {
       this.feed.isMover = (name) => this.motion.tracks.has(name);
     },
 
-    // What the server tells
+    // News from the server
 
     show(scene) {
       this.title = scene.title;
@@ -192,12 +192,12 @@ export default {
     },
 
     replay() {
-      // Poses that are known already are newer than what the map says.
+      // Known poses are newer than those of the map.
       for (const track of this.motion.movers) if (track.drawn) this.world.move(track.name, track.drawn);
     },
 
     settle() {
-      // What there is has changed.
+      // Objects were added, removed or changed.
       this.robots = [...this.world.bodies.values()].filter((body) => body.kind === "robot").map((body) => body.name).sort();
       this.levels = this.world.levels.map((z, i) => ({ z, name: this.world.storeys.get(z) ?? `Storey ${i + 1}` }));
       this.level = this.world.level;
@@ -225,7 +225,7 @@ export default {
     },
 
     tell() {
-      // The words: not at every frame.
+      // Not at every frame: update the texts.
       this.toldLate = false;
       this.words = summary(this.title, this.world);
       if (this.listOpen || this.none) this.rows = listed(this.world, this.wanted, LISTED);
@@ -274,7 +274,7 @@ export default {
       this.stage.want();
     },
 
-    // What people do
+    // User actions
 
     fit(how = {}) {
       this.setFollowed(null);
@@ -303,7 +303,7 @@ export default {
     },
 
     toStorey() {
-      // That the page asks for; an empty text is all of them.
+      // The page's search; an empty text means all.
       if (this.world.levels.length < 2) return;
       const [level] = this.storey === "" ? [null] : ([...this.world.storeys].find(([, name]) => name === this.storey) ?? []);
       if (level !== undefined && level !== this.world.level) this.turnTo(level);
@@ -316,7 +316,7 @@ export default {
     },
 
     reveal(name) {
-      // The storey where it is, if that is not looked at.
+      // Show the storey of the object, if another one is shown.
       const at = this.world.where(name);
       if (!at || this.world.visible(name)) return;
       this.turnTo(this.world.levelAt(at.z));
@@ -336,7 +336,7 @@ export default {
     },
 
     point(name) {
-      // What the camera looks at when it looks at something.
+      // The point that the camera targets for the object.
       const at = this.world.where(name);
       if (!at) return null;
       const Vector3 = this.stage.camera.position.constructor;
@@ -379,7 +379,7 @@ export default {
     },
 
     onScreen(name) {
-      // Where in the picture the object is, in px, for tests.
+      // For tests: the position of the object in the picture, in px.
       this.stage.camera.updateMatrixWorld();
       const point = this.point(name)?.project(this.stage.camera);
       const { clientWidth, clientHeight } = this.$refs.view;

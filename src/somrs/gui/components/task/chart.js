@@ -1,16 +1,16 @@
-// The messages of a task between the Task Manager and services: a lifeline each, an arrow for each message, growing at the end. Rows are
-// drawn once, by blocks that the browser passes over while they are out of sight, so that thousands of them stay quick.
+// Sequence chart of a task's messages between Task Manager and services: a lifeline each, an arrow per message, growing at the end. Rows
+// are drawn once, in blocks that the browser skips while they are out of sight, which keeps thousands of them fast.
 
 import { escaped, fitting } from "somrs-task/marks.js";
 import { clock, said, saidOf, since } from "somrs-task/messages.js";
 import { feed } from "somrs-task/feed.js";
 
 const ROW = 38; // pixels from one message to the next
-const BLOCK = 40; // messages drawn as one picture
-const GUTTER = 64; // where times stand
+const BLOCK = 40; // messages per picture
+const GUTTER = 64; // width of the times
 const FIRST = 126; // the Task Manager's lifeline
-const LAST = 96; // most that is right of the last lifeline
-const COLUMN = [148, 400]; // least and most between lifelines
+const LAST = 96; // maximum width right of the last lifeline
+const COLUMN = [148, 400]; // minimum and maximum between lifelines
 const BAD = new Set(["Failed", "Refuse", "Stranded", "Fault", "Stop"]);
 const GOOD = new Set(["Completed", "Compensated", "Accept"]);
 
@@ -20,7 +20,7 @@ export default {
   template: `
     <div class="somrs-chart">
       <div class="somrs-chart-tools">
-        <label><input type="checkbox" v-model="beats" /> Every sign of life</label>
+        <label><input type="checkbox" v-model="beats" /> All heartbeats</label>
         <span class="somrs-soft" role="status">{{ counted }}</span>
       </div>
       <div ref="view" class="somrs-chart-view" tabindex="0" role="listbox" aria-label="Messages" :aria-activedescendant="active"
@@ -61,8 +61,8 @@ export default {
     this.messages = [];
     this.life = 0;
     this.wide = 0;
-    this.watched = null; // whether the task was going on when it was first seen; of one that is over, the beginning is read first
-    this.tail = null; // whether the end is in sight, and stays there
+    this.watched = null; // whether the task was running when first seen; for an ended one, the beginning is shown first
+    this.tail = null; // whether the end is in view and stays there
     this.forget();
   },
   mounted() {
@@ -77,9 +77,9 @@ export default {
   methods: {
     forget() {
       this.parties = new Map(); // the column of each service
-      this.notes = new Map(); // what a participant said last about its progress
-      this.drawn = 0; // of the messages
-      this.rows = []; // the numbers of the messages that have a row
+      this.notes = new Map(); // the last progress note of each participant
+      this.drawn = 0; // number of messages drawn
+      this.rows = []; // numbers of the messages with a row
       this.column = 0;
     },
     show({ view, messages, life }) {
@@ -126,7 +126,7 @@ export default {
       else this.behind += fresh.length;
     },
     isBeat(message) {
-      // A sign of life that tells nothing new.
+      // A heartbeat without news.
       if (message.type !== "Progress") return false;
       const { note, situation } = message.body;
       const old = this.notes.get(message.participant);
@@ -242,7 +242,7 @@ export default {
       if (reveal) this.reveal(number);
     },
     reveal(number) {
-      // By reckoning, as rows out of sight may not be laid out yet.
+      // Computed, as rows out of sight may not be laid out yet.
       const { view } = this.$refs;
       const top = this.rows.indexOf(number) * ROW;
       const room = view.clientHeight - 50 - ROW;
@@ -277,7 +277,7 @@ export default {
 
 const MOMENTS = new Set(["earliest_start", "latest_finish", "reply_by", "start_from", "start_until", "valid_until", "begin_by"]);
 
-// A message's body, a line for each of its parts.
+// A message's body, a line for each part.
 function lines(body) {
   return Object.entries(body)
     .filter(([, value]) => value !== null && value !== "" && !(typeof value === "object" && !Object.keys(value).length))

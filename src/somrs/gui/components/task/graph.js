@@ -1,15 +1,15 @@
-// A plan as a graph: a box for each step, coloured and marked by its state, and a curve for each "this first", which says on hover and
-// on focus what it brings about. Of a task (`task`), it follows how the steps go; of a mere plan (`steps`), it shows what would be done.
+// A plan as a graph: a box per step, coloured and marked by its state, and a curve per ordering, which shows the fact that it provides on
+// hover and focus. For a task (`task`), it follows the steps' states; for a preview (`steps`), it shows the plan.
 
 import { curve, layered } from "somrs-task/layout.js";
 import { escaped, fitting, look, sign, word } from "somrs-task/marks.js";
 import { feed } from "somrs-task/feed.js";
 
 const WIDE = 212;
-const HIGH = { task: 66, plan: 50 }; // of a task, there is a line for how the step goes
-const EDGE = 14; // pixels around all
+const HIGH = { task: 66, plan: 50 }; // a task's steps have a line for the state
+const EDGE = 14; // pixels around everything
 const LEGEND = ["New", "Arranging", "Committed", "Executing", "Completed", "Failed", "Compensated"];
-const LEAST = 0.75; // of its size; below that it is scrolled
+const LEAST = 0.75; // minimum scale; below, it is scrolled
 
 export default {
   template: `
@@ -22,19 +22,19 @@ export default {
       <dl v-if="chosen" class="somrs-graph-told" role="status">
         <div v-for="line in told" :key="line[0]"><dt>{{ line[0] }}</dt><dd>{{ line[1] }}</dd></div>
       </dl>
-      <ol v-if="beside.length" class="somrs-beside" aria-label="Beside the plan">
+      <ol v-if="beside.length" class="somrs-beside" aria-label="Work outside the plan">
         <li v-for="work in beside" :key="work.step + work.began" :class="work.look" :title="work.title">
           <svg width="16" height="16" aria-hidden="true" v-html="work.sign"></svg><b>{{ work.what }}</b> {{ work.by }}<span>{{ work.word }}</span>
         </li>
       </ol>
       <div v-if="drawn && (task || tall)" class="somrs-graph-foot">
-        <ul v-if="task" class="somrs-legend" aria-label="What the signs mean">
+        <ul v-if="task" class="somrs-legend" aria-label="Meaning of the symbols">
           <li v-for="one in legend" :key="one.word" :class="one.look"><svg width="16" height="16" aria-hidden="true" v-html="one.sign"></svg>{{ one.word }}</li>
         </ul>
         <div v-if="tall" class="somrs-graph-zoom">
           <button type="button" class="somrs-mini" aria-label="Smaller" title="Smaller" @click="zoom(1 / 1.25)">−</button>
           <button type="button" class="somrs-mini" aria-label="Larger" title="Larger" @click="zoom(1.25)">+</button>
-          <button type="button" class="somrs-mini" aria-label="As wide as there is room" title="As wide as there is room" @click="zoom(0)">⤢</button>
+          <button type="button" class="somrs-mini" aria-label="Fit to width" title="Fit to width" @click="zoom(0)">⤢</button>
         </div>
       </div>
     </div>`,
@@ -45,7 +45,7 @@ export default {
   },
   created() {
     this.high = this.task ? HIGH.task : HIGH.plan;
-    this.scale = 0; // as wide as there is room
+    this.scale = 0; // 0: fit to width
     this.work = [];
     this.shape = "";
     this.legend = LEGEND.map((state) => ({ look: look(state), word: word(state), sign: sign(state) }));
@@ -98,11 +98,11 @@ export default {
       this.size();
     },
     mark(step) {
-      // What may change while the plan stays.
+      // Parts that change while the plan stays.
       const box = this.box(step.step);
       if (!box) return;
       const tries = this.work.filter((one) => key(one) === key(step) && ["Failed", "Unreachable"].includes(one.result ?? one.state)).length;
-      // A step that is nobody's any more, or whose work was undone, is as the last work on it is.
+      // A step without a service, or whose work was undone, has the state of its last work.
       const last = this.work.findLast((one) => key(one) === key(step));
       const undone = ["Compensating", "Compensated", "Stranded"].includes(last?.state);
       const state = last && (undone || (this.over && step.state === "New")) ? last.state : step.state;
@@ -136,7 +136,7 @@ export default {
       this.size();
     },
     point(step) {
-      // The curves of a step, with what they say.
+      // The curves of a step, with their facts.
       const svg = this.$refs.drawing.querySelector("svg");
       if (!svg || this.pointed === step) return;
       this.pointed = step;
@@ -206,7 +206,7 @@ export default {
         ...(step.service ? [["Service", `${step.service}${step.price === null ? "" : `, ${step.price} EUR`}${step.duration === null ? "" : `, ${Math.round(step.duration)} s`}`]] : []),
         ...(before.length ? [["After", before.join(", ")]] : []),
         ...(after.length ? [["Enables", after.join(", ")]] : []),
-        ...tried.map((one, index) => [`Try ${index + 1}`, `${one.service}: ${word(one.state)}${one.note ? `, ${one.note}` : ""}${one.situation ? `. It left: ${one.situation}` : ""}`]),
+        ...tried.map((one, index) => [`Try ${index + 1}`, `${one.service}: ${word(one.state)}${one.note ? `, ${one.note}` : ""}${one.situation ? `. Resulting situation: ${one.situation}` : ""}`]),
       ];
     },
   },
@@ -222,7 +222,7 @@ function words(step, state) {
   return `${word(state)}${going}${step.service ? ` · ${device(step.service)}` : ""}`;
 }
 
-// The facts for which one step has to be after another.
+// The facts that each ordering provides.
 function facts(steps) {
   const found = new Map();
   for (const step of steps)
@@ -242,7 +242,7 @@ function edge(path, right) {
 
 function node(step, [x, y], index, high) {
   const [left, top] = [x - WIDE / 2, y - high / 2];
-  const begin = high === HIGH.task ? 32 : 11; // behind the sign of how it goes
+  const begin = high === HIGH.task ? 32 : 11; // after the state symbol
   return `<g class="somrs-node" data-step="${escaped(step.step)}" role="button" tabindex="${index === 0 ? 0 : -1}" transform="translate(${left} ${top})">
     <rect class="somrs-node-box" width="${WIDE}" height="${high}" rx="8"/><rect class="somrs-node-part" y="${high - 5}" width="0" height="5" rx="2.5"/>
     <g class="somrs-node-sign" transform="translate(10 9)"></g>
@@ -252,9 +252,9 @@ function node(step, [x, y], index, high) {
     <text class="somrs-node-says" x="11" y="56"></text><text class="somrs-node-tries" x="${WIDE - 10}" y="56" text-anchor="end"></text></g>`;
 }
 
-// Work that is not in the plan: done in an earlier one, or to look, to undo, or because it was laid down for a failure.
+// Work outside the current plan: of an earlier plan, or of an observation, a compensation or a handler.
 function aside(work) {
-  const purpose = { look: "Looking: ", undo: "Undoing: ", handler: "As laid down: " }[/^[a-z]+/.exec(work.step.includes(".") ? work.step : "")?.[0]] ?? "Earlier plan: ";
+  const purpose = { look: "Observation: ", undo: "Compensation: ", handler: "Handler: " }[/^[a-z]+/.exec(work.step.includes(".") ? work.step : "")?.[0]] ?? "Earlier plan: ";
   return {
     step: work.step,
     began: work.began,
@@ -263,6 +263,6 @@ function aside(work) {
     word: word(work.state),
     look: look(work.state),
     sign: sign(work.state),
-    title: `${work.step}: ${work.service}${work.situation ? `. It left: ${work.situation}` : ""}`,
+    title: `${work.step}: ${work.service}${work.situation ? `. Resulting situation: ${work.situation}` : ""}`,
   };
 }

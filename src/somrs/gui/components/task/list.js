@@ -1,4 +1,4 @@
-// The list of tasks as a table. A slot of a NiceGUI table is made anew with every change, and takes the focus along; this one stays.
+// The list of tasks as a table. NiceGUI rebuilds a table slot at each change, which loses the focus; this element keeps it.
 
 export default {
   template: `

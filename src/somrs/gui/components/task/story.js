@@ -1,9 +1,9 @@
-// The story of a task, a chapter each: what happened, what was done about it, what came of that. And all events, as a list that grows.
+// The story of a task in chapters: events, recovery actions and results. And all events, as a list that grows.
 
 import { feed } from "somrs-task/feed.js";
 import { clock, since } from "somrs-task/messages.js";
 
-const SHOWN = 300; // events of which rows are made at first, the latest; the others on demand
+const SHOWN = 300; // events shown at first, the latest; the others on demand
 
 export default {
   template: `
@@ -18,7 +18,7 @@ export default {
             <i class="material-icons somrs-chapter-icon" aria-hidden="true">{{ one.icon }}</i>
             <div class="somrs-chapter-head"><span class="somrs-chapter-title">{{ one.title }}</span><span class="somrs-moment" :title="one.clock">{{ one.moment }}</span></div>
             <div v-if="one.text" class="somrs-chapter-text">{{ one.text }}</div>
-            <div v-if="one.left" class="somrs-chapter-text"><span class="somrs-soft">It left: </span><span class="somrs-formula">{{ one.left }}</span></div>
+            <div v-if="one.left" class="somrs-chapter-text"><span class="somrs-soft">Resulting situation: </span><span class="somrs-formula">{{ one.left }}</span></div>
             <ul v-if="one.lines.length" class="somrs-answers">
               <li v-for="(line, place) in one.lines" :key="place"><span v-if="line.rung" class="somrs-rung">{{ line.rung }}</span><span>{{ line.text }}</span>
                 <span v-if="line.moment" class="somrs-moment" :title="line.clock">{{ line.moment }}</span></li>
@@ -28,7 +28,7 @@ export default {
           </li>
         </ol>
         <ol v-else class="somrs-events">
-          <li v-if="hidden"><button type="button" class="somrs-link" @click="most = Infinity">Show {{ hidden }} earlier ones</button></li>
+          <li v-if="hidden"><button type="button" class="somrs-link" @click="most = Infinity">Show {{ hidden }} earlier events</button></li>
           <li v-for="event in latest" :key="event.number" class="somrs-event" :class="'somrs-tone-' + event.tone">
             <span class="somrs-moment" :title="event.clock">{{ event.moment }}</span>
             <i class="material-icons" role="img" :aria-label="event.kind" :title="event.kind">{{ event.icon }}</i><span>{{ event.text }}</span>
@@ -70,7 +70,7 @@ export default {
     this.own = `somrs-telling-${this.task.slice(-12)}`;
     this.events = [];
     this.running = false;
-    this.tail = null; // whether the end is in sight, and stays there
+    this.tail = null; // whether the end is in view and stays there
   },
   mounted() {
     this.leave = feed(this.task).listen(({ view, events }) => {

@@ -1,11 +1,11 @@
-// Who was asked for each step, on which terms, and what became of that: a table that grows.
+// The services asked for each step, their terms and the result: a table that grows.
 
-const MOST = 200; // rows that are made at first
+const MOST = 200; // rows shown at first
 
 export default {
   template: `
     <div>
-      <p v-if="!rows.length" class="somrs-soft somrs-terms-none">Nobody was asked for terms.</p>
+      <p v-if="!rows.length" class="somrs-soft somrs-terms-none">No service was asked for terms.</p>
       <div v-else class="somrs-terms-view" tabindex="0" role="group" aria-label="Terms by step">
         <table class="somrs-terms">
           <thead><tr><th v-for="name in ['Service', 'Price', 'Takes', 'From – until', 'Valid until']" :key="name" scope="col">{{ name }}</th></tr></thead>

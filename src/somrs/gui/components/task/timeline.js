@@ -1,5 +1,5 @@
-// Who does what when, in one task: a lane for each device, a bar for each piece of work, which grows while it goes on; behind it, in
-// outline, until when it was promised; above all, what happened to the task.
+// Work in a task over time: a lane per device, a bar per piece of work, which grows while the work continues; outlined, the promised time;
+// at the top, the events of the task.
 
 import { drawn, lanes, ticks, works } from "somrs-task/bars.js";
 import { escaped, fitting, sign } from "somrs-task/marks.js";
@@ -10,7 +10,7 @@ const LANE = 38;
 const TOP = 58;
 const NAMES = 96; // pixels for the names of devices
 const RIGHT = 44;
-const TICK = 500; // milliseconds after which bars grow
+const TICK = 500; // milliseconds between two updates of the bars
 const MARKED = { setback: "Failed", handler: "Committed", replace: "Replace", replan: "Replan", wait: "Wait", look: "Look", undo: "Compensated", end: "Stopped" };
 
 export default {
@@ -36,7 +36,7 @@ export default {
     return { any: false, told: "", hint: "" };
   },
   created() {
-    this.times = 1; // as long as there is room, so often
+    this.times = 1; // zoom factor relative to the available width
     this.wide = 0;
     this.pointed = null;
   },
@@ -60,7 +60,7 @@ export default {
   },
   methods: {
     later() {
-      // Many messages in a row are one picture.
+      // Many messages in a row cause one redraw.
       this.waiting ??= setTimeout(() => {
         this.waiting = null;
         this.draw();
@@ -118,7 +118,7 @@ export default {
       if (this.pointed !== null) drawing.querySelector(`[data-bar="${this.pointed}"]`)?.classList.add("somrs-bar-on");
     },
     room(work, rows, x, now, width) {
-      // Where a text beside the bar ends.
+      // The limit for a text beside the bar.
       const next = Math.min(...this.found.filter((other) => other !== work && rows.row.get(other) === rows.row.get(work) && other.start >= (work.ended ?? now)).map((other) => x(other.start)), width);
       return next - 4;
     },

@@ -59,7 +59,7 @@ test("Tab takes what was typed, and goes on", async () => {
 test("nothing of that name, and no field to choose in", async () => {
   await choices();
   await write(input(), "xyz");
-  assert.equal(text(one.element.querySelector(".somrs-pick-none")), "Nothing is called so.");
+  assert.equal(text(one.element.querySelector(".somrs-pick-none")), "No matches.");
   await press(input(), "Escape");
   one.given.disable = true;
   await settled();
@@ -77,7 +77,7 @@ test("of a large map, the server is asked, and the last answer counts", async ()
   await clock.pass(100);
   assert.deepEqual(server.asked.filter((address) => address.includes("typed=ja&")), [], "not at each letter");
   assert.deepEqual(options(), ["Jar001"]);
-  assert.match(text(one.element.querySelector('[role="listbox"]')), /Jar, at Table001.*There are others/);
+  assert.match(text(one.element.querySelector('[role="listbox"]')), /Jar, at Table001.*More results/);
   server.away = true;
   await write(input(), "jars");
   await clock.pass(100);

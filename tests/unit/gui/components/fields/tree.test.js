@@ -37,7 +37,7 @@ test("a search shows what matches, and what is above it", async () => {
   await press(find, "Enter");
   assert.deepEqual(one.told, [["pick", "Rover"]]);
   await write(find, "nobody");
-  assert.equal(text(one.element.querySelector('[role="status"]')), "Nothing is called “nobody”");
+  assert.equal(text(one.element.querySelector('[role="status"]')), "No match for “nobody”");
   await press(find, "Escape");
   assert.equal(names().length, 6);
 });

@@ -51,7 +51,7 @@ async function clicked(name) {
 test("one storey is seen, with all that is on it, and what is nowhere is named", () => {
   assert.deepEqual(["Table001", "Jar001", "Robot1", "Wall001"].map((name) => drawn(name) !== null), [true, true, true, true]);
   assert.deepEqual([drawn("Jar002"), drawn("Nowhere")], [null, null]);
-  assert.match(text(one.element.querySelector(".fp-unplaced")), /Without a place: ?Nowhere$/);
+  assert.match(text(one.element.querySelector(".fp-unplaced")), /Without a position: ?Nowhere$/);
   assert.deepEqual(told("loaded"), [{ version: 7, objects: 13 }]);
   assert.deepEqual([...one.element.querySelectorAll("option")].map(text), ["Ground", "Upper · First floor"]);
   assert.equal(one.element.querySelector(".fp-loading"), null);
@@ -232,7 +232,7 @@ test("a map of the past is shown as it was, and cannot be changed", async () => 
   one.given.version = 3;
   await clock.pass(50);
   assert.ok(drawn("Old") && !drawn("Robot1"));
-  assert.match(text(one.element.querySelector(".fp-hint")), /The map as it was/);
+  assert.match(text(one.element.querySelector(".fp-hint")), /A past version of the map/);
   await drag("Old", { x: 100, y: 100 });
   assert.deepEqual(told("moved"), []);
   one.given.version = undefined;
@@ -250,7 +250,7 @@ test("the legend explains what there is, and no more", async () => {
   one.shown.legend = true;
   await settled();
   const titles = [...one.element.querySelectorAll(".fp-legend-row")].map(text);
-  assert.deepEqual(titles, ["Wall", "Door, open", "Door, closed", "Furniture to put things on", "Thing to carry", "Robot, and where it looks", "Nobody knows how it is"]);
+  assert.deepEqual(titles, ["Wall", "Door, open", "Door, closed", "Furniture to put things on", "Graspable thing", "Robot and its heading", "State unknown"]);
 });
 
 test("what is in view is kept for when the page is loaded again", async () => {

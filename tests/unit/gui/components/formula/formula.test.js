@@ -58,7 +58,7 @@ test("what is not finished is not wrong", async () => {
   checks["Jar isOn"] = { ok: false, unfinished: true, problems: [{ problem: "It ends", position: 8, end: 8, hint: "an object is expected" }] };
   await type("Jar isOn");
   await clock.pass(200);
-  assert.match(said(), /It goes on: an object is expected\./);
+  assert.match(said(), /Incomplete: an object is expected\./);
   assert.equal(area.getAttribute("aria-invalid"), "false");
 });
 

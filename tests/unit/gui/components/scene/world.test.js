@@ -74,7 +74,7 @@ test("all there is fits into the picture", () => {
 
 test("where things are, in words", () => {
   assert.equal(described(world, "Jar001"), "on Table001");
-  assert.equal(described(world, "Jar010"), "nothing is known of where it is; shown where it was");
+  assert.equal(described(world, "Jar010"), "position unknown; shown at its last known position");
   assert.equal(described(world, "Robot1"), "at -2.0, -2.0 in Hall");
   world.works.set("Robot1", { holding: "Jar001", doing: "DriveTo", faults: ["drive", "odd"] });
   assert.equal(described(world, "Robot1"), "at -2.0, -2.0 in Hall; carries Jar001; drives; drive broken, odd");

@@ -120,7 +120,7 @@ test("the graph tells how each step goes", async () => {
   const element = await shown(graph, { label: "The plan" });
   const boxes = [...element.querySelectorAll(".somrs-node")];
   assert.equal(boxes[0].getAttribute("aria-label"), "step1: Move, Jar001: at work 50 % · Robot1");
-  assert.equal(boxes[1].getAttribute("aria-label"), "step2: Grip, Jar001: not asked yet");
+  assert.equal(boxes[1].getAttribute("aria-label"), "step2: Grip, Jar001: not arranged yet");
   assert.equal(element.querySelectorAll(".somrs-edge").length, 1);
   task.view.steps[0] = step("step1", [], { state: "Completed", service: "Robot1.Move" });
   await news();
@@ -133,7 +133,7 @@ test("the graph counts what failed, and shows work beside the plan", async () =>
   task.view.work = [work, { ...work, step: "look1.step1", service_type: "Look", state: "Completed", began: 2 }];
   const element = await shown(graph);
   assert.match(text(element.querySelector(".somrs-node-tries")), /1 failed/);
-  assert.match(text(element.querySelector(".somrs-beside")), /Looking: Look Jar001 Robot2done/);
+  assert.match(text(element.querySelector(".somrs-beside")), /Observation: Look Jar001 Robot2done/);
 });
 
 test("a step of the graph is chosen by mouse and by keys, and told in full", async () => {
@@ -211,7 +211,7 @@ test("terms are told by step", async () => {
   assert.equal(text(one.element.querySelector(".somrs-link")), "Show 3 more");
   one.given.rows = [];
   await settled();
-  assert.equal(text(one.element), "Nobody was asked for terms.");
+  assert.equal(text(one.element), "No service was asked for terms.");
 });
 
 test("the chart follows its end only while that is in sight", async () => {

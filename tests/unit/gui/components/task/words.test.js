@@ -29,7 +29,7 @@ test("a moment is told as a watch does", () => {
 });
 
 test("states have words and signs, also those that nobody knows", () => {
-  assert.deepEqual([word("Executing"), word("Unreachable"), word("Puzzled")], ["at work", "fell silent", "Puzzled"]);
+  assert.deepEqual([word("Executing"), word("Unreachable"), word("Puzzled")], ["at work", "stopped responding", "Puzzled"]);
   assert.deepEqual([look("Failed"), look("Puzzled")], ["somrs-is-bad", "somrs-is-open"]);
   assert.match(sign("Completed", 3, 4), /translate\(3 4\).*stroke-width="2.2"/);
   assert.match(sign("Puzzled"), /^<path/);

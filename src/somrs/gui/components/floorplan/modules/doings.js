@@ -1,8 +1,8 @@
-// What people do on a floor plan: choose, move, turn, nudge, place. The methods of the element that are about that; what of it is to be on
-// the map, they tell the page.
+// User actions on a floor plan: select, move, turn, nudge, place. These methods of the element report changes to the page, which changes
+// the map.
 
-const SETTLE = 450; // milliseconds after the last key before a nudge is told
-const TURNS = Math.PI / 12; // what turning by the handle snaps to
+const SETTLE = 450; // milliseconds after the last key before a nudge is reported
+const TURNS = Math.PI / 12; // step of the turning handle
 
 export const doings = {
   choose(name) {
@@ -12,7 +12,7 @@ export const doings = {
     }
     this.plan.selected = name;
     this.plan.draw();
-    this.say(name === null ? "Nothing is chosen." : this.told(name));
+    this.say(name === null ? "Nothing is selected." : this.told(name));
   },
   told(name) {
     const { model } = this.plan;
@@ -58,7 +58,7 @@ export const doings = {
     this.where = at ? `${what}x ${at.x.toFixed(2)} m, y ${at.y.toFixed(2)} m` : "";
     if (this.placing && at) this.tryAt(at);
   },
-  // Show what is to be placed as it would stand there.
+  // Show the new object at its position.
   tryAt({ x, y }) {
     const { plan } = this;
     plan.ghost = { at: { ...this.snapped({ x, y }), turned: this.turned }, form: plan.model.formOfType(this.placing, this.values) };

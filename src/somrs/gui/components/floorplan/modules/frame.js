@@ -1,14 +1,14 @@
-// What is drawn around single objects, in pixels: the frame and the turning handle of the one that is chosen, and rings about what was found.
+// Overlays of single objects, in pixels: frame and turning handle of the selected object, and rings around search results.
 
 import { reach } from "./model.js";
 import { outline, pose } from "./shapes.js";
 
-const SMALL = 9; // pixels; what is smaller has a ring about it instead of a frame
-const AWAY = 0.3; // metres; what is seen so far from where the map has it, leaves its outline there
-const HANDLE = 26; // pixels from the object's edge to the handle that turns it
+const SMALL = 9; // pixels; smaller objects have a ring instead of a frame
+const AWAY = 0.3; // metres; an object displayed farther from its map position has an outline there
+const HANDLE = 26; // pixels from the object's edge to its turning handle
 
 export class Frame {
-  // `world`: a group that is drawn in metres; `screen`: one in pixels.
+  // `world`: a group drawn in metres; `screen`: one in pixels.
   constructor(world, screen) {
     this._world = world;
     this._screen = screen;
@@ -62,7 +62,7 @@ export class Frame {
   }
 }
 
-// Where the turning handle of an object is: before its front, so far from its edge.
+// The position of an object's turning handle: in front of it, at a distance from its edge.
 function handleAt(view, place, solid, pixels) {
   const front = solid.form === "Box" ? solid.width / 2 : solid.form === "Polygon" ? Math.max(...solid.outline.map(([x]) => x)) : solid.radius;
   const out = Math.max(front * view.scale, 11) + pixels;

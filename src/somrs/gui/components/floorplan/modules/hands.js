@@ -1,11 +1,10 @@
-// Mouse, fingers and keys on a floor plan, told as what people mean by them: move the plan, choose, drag, turn, nudge. Decides nothing about
-// the map.
+// Converts mouse, touch and key input on a floor plan to actions: pan, select, drag, turn, nudge. Knows nothing of the map.
 
-const FAR = 4; // pixels that a pointer may tremble before it is dragging
-const BIG = 0.1; // metres that an arrow key moves an object
-const SMALL = 0.01; // with Shift
+const FAR = 4; // pixels that a pointer may move before a drag begins
+const BIG = 0.1; // metres per arrow key
+const SMALL = 0.01; // metres with Shift
 const TURN = Math.PI / 12;
-const PANNED = 80; // pixels that an arrow key moves the plan, when nothing is chosen
+const PANNED = 80; // pixels that an arrow key pans the plan when nothing is selected
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 const KEYS = new Map([
   [["r", "R"], (does, shift) => does.nudge(0, 0, shift ? -TURN : TURN)],
@@ -20,7 +19,7 @@ const KEYS = new Map([
 ].flatMap(([keys, act]) => keys.map((key) => [key, act])));
 
 export class Hands {
-  // `does`: what to do, see the calls below.
+  // `does`: the actions, see the calls below.
   constructor(element, does) {
     this._element = element;
     this._does = does;
@@ -43,7 +42,7 @@ export class Hands {
     for (const [type, listener] of Object.entries(this._listeners)) this._element.removeEventListener(type, listener);
   }
 
-  // Let go of what is held, without doing anything with it.
+  // Drop the current drag without effect.
   drop() {
     this._grip = null;
   }
@@ -133,7 +132,7 @@ export class Hands {
     if (event.target !== this._element) return;
     if (!this._press(event)) return;
     event.preventDefault();
-    event.stopPropagation(); // the page may have keys of its own
+    event.stopPropagation(); // the page may have shortcuts for the same keys
   }
 
   _press(event) {
@@ -161,7 +160,7 @@ function nameAt(event) {
   return element?.dataset.name ?? element?.dataset.label ?? null;
 }
 
-// What is drawn under the pointer: the event itself only says that it was in the plan.
+// The element under the pointer: the event's target is only the plan.
 function under(event) {
   const first = event.composedPath()[0];
   return first instanceof Element ? first : null;

@@ -1,11 +1,11 @@
-// The names on the plan, as many as there is room for, the important ones first. They are drawn in pixels: a name is as large from afar.
+// Labels on the plan: as many as fit, the most important first. They are drawn in pixels, so their size does not depend on the zoom.
 
 import { svg } from "./layers.js";
 
 const HEIGHT = 14;
 const GAP = 3;
-const DOT = 6; // pixels from the middle of a small thing to where names may begin
-const CELL = 64; // pixels: how finely the screen is divided when one asks what is in the way
+const DOT = 6; // pixels from the centre of a small object to its label
+const CELL = 64; // pixels: cell size of the grid used to find overlaps
 const MOST = 220;
 
 export class Labels {
@@ -18,8 +18,8 @@ export class Labels {
     this._pen.font = "12px system-ui, 'Segoe UI', Roboto, sans-serif";
   }
 
-  // Each label: { name, text, x, y (pixels, the middle of what it names), half (pixels, how far that reaches: { w, h }), rank, inside, classes }.
-  // `spots`: of what they are not to cover.
+  // A label: { name, text, x, y (centre of the object, pixels), half ({ w, h }: half its size, pixels), rank, inside, classes }. `spots`:
+  // areas that labels must not cover.
   place(labels, spots, view) {
     const taken = new Taken();
     for (const { x, y } of spots) taken.take(x - DOT, y - HEIGHT / 2, 2 * DOT);
@@ -41,7 +41,7 @@ export class Labels {
     for (const [name, label] of kept) this._write(name, label);
   }
 
-  // What is named is elsewhere on the screen now; its name goes along until all are placed anew.
+  // Move a label with its object until all labels are placed again.
   follow(name, { x, y }) {
     const [node, from] = [this._nodes.get(name), this._from.get(name)];
     if (node && from) node.setAttribute("transform", `translate(${(x - from.x).toFixed(1)} ${(y - from.y).toFixed(1)})`);
@@ -84,7 +84,7 @@ function inView({ x, y }, width, view) {
   return x - width / 2 > 0 && x + width / 2 < view.width && y - HEIGHT / 2 > 0 && y + HEIGHT / 2 < view.height;
 }
 
-// The boxes that are taken, by the cells of the screen that they touch.
+// The occupied boxes, by grid cell.
 class Taken {
   constructor() {
     this._cells = new Map();

@@ -1,14 +1,14 @@
-// The objects of one storey as SVG, by layers. Only what changed is drawn anew: an object that only moved keeps its drawing.
+// The objects of one storey as SVG, by layer. Only changed objects are redrawn; an object that only moved keeps its drawing.
 
 import { LAYERS, SHEETS } from "./kinds.js";
 import { look, pose } from "./shapes.js";
 
 export class Layers {
-  // `sheets`: a group for each of the sheets, by name.
+  // `sheets`: a group for each sheet, by name.
   constructor(sheets) {
     this._nodes = new Map(); // by name: { node, layer, classes, content, at }
     this._groups = new Map();
-    this.unknown = new Set(); // what nobody knows how it is
+    this.unknown = new Set(); // objects with unknown state
     for (const [sheet, layers] of Object.entries(SHEETS))
       for (const layer of layers) this._groups.set(layer, sheets.get(sheet).appendChild(svg("g", { class: `fp-layer fp-layer-${layer}` })));
   }
@@ -17,7 +17,7 @@ export class Layers {
     return this._nodes.size;
   }
 
-  // Draw these objects as they are now, or all of a storey; those that stand otherwise, from where they are drawn to where they stand.
+  // Draw these objects, or all of a storey; objects that moved are animated to their new pose.
   refresh(model, storey, names = new Set([...this._nodes.keys(), ...model.objects.keys()])) {
     const fresh = new Map(LAYERS.map((layer) => [layer, []]));
     const moved = [];
@@ -38,7 +38,7 @@ export class Layers {
     return moved;
   }
 
-  // Where an object is drawn now, which may be elsewhere than where it is: while it is dragged, or on its way.
+  // The pose at which an object is drawn, which differs from its map pose during a drag or an animation.
   at(name) {
     return this._nodes.get(name)?.at ?? null;
   }
@@ -60,7 +60,7 @@ export class Layers {
 
   _drawn(model, storey, name) {
     const kind = model.kind(name);
-    if (!kind?.layer) return null; // also of what is not on the map any more
+    if (!kind?.layer) return null; // also for removed objects
     const solid = model.solid(name);
     if (!solid || model.storeyOf(name) !== storey) return null;
     const seen = {
@@ -78,10 +78,10 @@ export class Layers {
 
   _addAll(layer, these) {
     if (these.length === 0) return;
-    these.sort((a, b) => a[1].z - b[1].z); // what is higher is drawn later
+    these.sort((a, b) => a[1].z - b[1].z); // higher objects are drawn later
     const texts = these.map(([name, drawn]) => `<g data-name="${escape(name)}" class="${drawn.classes}" transform="${pose(drawn.at)}">${drawn.content}</g>`);
     const holder = svg("g");
-    holder.innerHTML = texts.join(""); // one parse for all is several times quicker than an element at a time
+    holder.innerHTML = texts.join(""); // parsing all at once is several times faster than one by one
     const nodes = [...holder.children];
     const group = this._groups.get(layer);
     these.forEach(([name, drawn], i) => {

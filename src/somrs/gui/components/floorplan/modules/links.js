@@ -1,9 +1,9 @@
-// Relations, drawn as links between objects: an arrow from the first to each of the others, bent so that two ways do not cover each other.
+// Relations drawn as links: an arrow from the first object to each of the others, curved so that two directions do not overlap.
 
 import { escape, svg } from "./layers.js";
 
 const MOST = 3000;
-const NAMED = 60; // with more links than these, their names would only cover the plan
+const NAMED = 60; // with more links, their names would cover the plan
 
 export class Links {
   constructor(layer) {
@@ -11,7 +11,7 @@ export class Links {
     this._shown = [];
   }
 
-  // Links of the relations between what is on the plan: `spot(name)` is where an object is, or null.
+  // Draw the links between objects on the plan; `spot(name)` is an object's position, or null.
   show(model, relations, spot) {
     this._shown = [];
     for (const relation of relations)
@@ -25,7 +25,7 @@ export class Links {
     this.draw();
   }
 
-  // Draw again those that touch one of the objects, wherever they are now.
+  // Redraw the links of the objects at their current positions.
   follow(names, spot) {
     let any = false;
     for (const link of this._shown)
@@ -73,7 +73,7 @@ function outside(a, b, view) {
   return Math.max(a.x, b.x) < -50 || Math.max(a.y, b.y) < -50 || Math.min(a.x, b.x) > view.width + 50 || Math.min(a.y, b.y) > view.height + 50;
 }
 
-// An arrow that says what is to come: from where a thing is to where it is to be.
+// An arrow from a thing to its destination.
 export function arrow(from, to) {
   const group = svg("g", { class: "fp-arrow" });
   const angle = (Math.atan2(to.y - from.y, to.x - from.x) * 180) / Math.PI;

@@ -1,14 +1,15 @@
-// The map and the ontology from the API, and the news of them, for as long as one wants: after a lost connection, everything is read again.
+// The map and the ontology from the API, with their news. After a lost connection, everything is read again.
 
 import { follow } from "live";
 
-const AGAIN = 2000; // milliseconds after which one tries again to read what could not be read
+const AGAIN = 2000; // milliseconds before a failed request is repeated
 
 export class Live {
-  // `told` is called with { definitions, map } when something was read, with { changes, version } for news, with { lost } otherwise.
+  // Calls `told` with { definitions, map } after reading, with { changes, version } for news, and with { lost } when the connection is
+  // lost.
   constructor(told) {
     this._told = told;
-    this._waiting = []; // news that came while the map is being read
+    this._waiting = []; // news received while the map is being read
     this._reading = 0;
     this._close = follow(["map", "ontology"], { open: () => this._read(), news: (news) => this._hear(news), lost: () => told({ lost: true }) });
   }
@@ -25,7 +26,7 @@ export class Live {
     const reading = ++this._reading;
     try {
       const [definitions, map] = await Promise.all([get("/api/ontology"), get("/api/map")]);
-      if (reading !== this._reading) return; // it was asked again meanwhile, or is not wanted any more
+      if (reading !== this._reading) return; // another read has begun, or this one is no longer needed
       this._told({ definitions: definitions.definitions, map });
       const waiting = this._waiting;
       this._waiting = null;

@@ -1,11 +1,10 @@
-// What the floor plan knows: the ontology and the map as the API tells them, kept up with news, and what follows from them: where a
-// thing is and what it takes up, what stands on what, on which storey. Knows nothing of drawing.
+// The floor plan's model: ontology and map from the API, updated by news, and derived data: poses, sizes, supports and storeys. No drawing.
 
 import { kindOf } from "./kinds.js";
 
 const PLACED_BY = ["isOn", "isIn", "isHeldBy"];
 const PART_OF = "isPartOf";
-const SOMEWHERE = 0.3; // so far below a storey's floor a thing may be and still belong to it, m
+const SOMEWHERE = 0.3; // m below a storey's floor at which an object still belongs to it
 
 export class Model {
   constructor() {
@@ -36,7 +35,7 @@ export class Model {
     this._forget();
   }
 
-  // Put changes on the map; the names of all objects that look or stand otherwise now.
+  // Apply changes; returns the names of all objects whose look or pose changed.
   apply(changes, version) {
     const touched = new Set();
     for (const change of changes) {
@@ -102,7 +101,7 @@ export class Model {
     return object && (object.values[path] ?? this.default(object.type, path));
   }
 
-  // What an object takes up: position, heading (rad), form and sizes; null when it is nowhere.
+  // The space of an object: position, heading (rad), form and sizes; null without a position.
   solid(name) {
     let known = this._solids.get(name);
     if (known === undefined) this._solids.set(name, (known = this._solid(name)));
@@ -120,7 +119,7 @@ export class Model {
     return formOf((path) => this.value(name, path));
   }
 
-  // The form that a new object of the type would have, with these values.
+  // The form of a new object of the type, with these values.
   formOfType(type, values = {}) {
     return formOf((path) => values[path] ?? this.default(type, path));
   }
@@ -133,14 +132,14 @@ export class Model {
     for (const fact of this._facts.values()) if (fact.relation === relation) yield fact;
   }
 
-  // What the object stands on, is in, or is held by.
+  // The object that it stands on, is in, or is held by.
   under(name) {
     for (const fact of this.factsAbout(name))
       if (fact.arguments[0] === name && fact.arguments.length === 2 && PLACED_BY.includes(fact.relation)) return fact.arguments[1];
     return null;
   }
 
-  // All that goes along when the object is moved: what stands on it, is in it, held by it, or a part of it, and what stands on these.
+  // All objects that move with the object: those on it, in it, held by it or part of it, and those on these.
   riders(name) {
     const found = new Set();
     const waiting = [name];
@@ -158,7 +157,7 @@ export class Model {
     return found;
   }
 
-  // All storeys, lowest first. Without any, the plan is one storey that has no name.
+  // All storeys, lowest first. A map without storeys has one without a name.
   storeys() {
     if (this._storeys === null) {
       const found = [...this.objects.values()].filter((one) => this.isA(one.type, "Storey"));
@@ -175,7 +174,7 @@ export class Model {
   storeyOf(name) {
     let known = this._of.get(name);
     if (known === undefined) {
-      this._of.set(name, null); // facts may go round in a circle
+      this._of.set(name, null); // facts may form a cycle
       this._of.set(name, (known = this._storeyOf(name)));
     }
     return known;
@@ -197,7 +196,7 @@ export class Model {
       if (found) return found;
     }
     const solid = this.solid(name);
-    if (solid === null) return null; // a building, a site: on no storey
+    if (solid === null) return null; // a building or a site: on no storey
     const high = storeys.filter((storey) => storey.elevation <= solid.z + SOMEWHERE);
     const over = high.filter((storey) => this._floors(storey.name).some((floor) => contains(floor, solid.x, solid.y)));
     return (over.at(-1) ?? high.at(-1) ?? storeys[0]).name;
@@ -220,7 +219,7 @@ export class Model {
     return this._floorsOf.get(storey) ?? [];
   }
 
-  // The rooms and other spaces of a storey, each at the middle of its largest floor.
+  // The rooms and other spaces of a storey, each at the centre of its largest floor.
   spaces(storey) {
     const found = [];
     for (const object of this.objects.values()) {
@@ -236,7 +235,7 @@ export class Model {
     return found;
   }
 
-  // Where an object is on the plan: its own position, or that of its floor.
+  // The position of an object on the plan: its own, or that of its floor.
   spot(name) {
     const solid = this.solid(name);
     if (solid) return { x: solid.x, y: solid.y };
@@ -247,7 +246,7 @@ export class Model {
     return floor ? middle(floor) : null;
   }
 
-  // On what a thing would stand that is put down there: the highest support, else a place, else a floor.
+  // The support of a thing put down at this position: the highest support, else a place, else a floor.
   targetAt(x, y, storey, except = new Set()) {
     let best = null;
     for (const name of this.objects.keys()) {
@@ -298,7 +297,7 @@ export class Model {
     this._of.delete(name);
     for (const rider of this.riders(name)) this._of.delete(rider);
     const kind = this.kind(name);
-    if (!kind?.solid || kind.id === "floor") this._forget(); // what a storey is may have changed
+    if (!kind?.solid || kind.id === "floor") this._forget(); // the storeys may have changed
   }
 }
 
@@ -323,7 +322,7 @@ function corners(text) {
   return found.filter((one) => one.length === 2 && one.every(Number.isFinite));
 }
 
-// Whether a point of the map is inside an object, seen from above.
+// Whether a point is inside an object, seen from above.
 export function contains(solid, x, y) {
   const [c, s] = [Math.cos(solid.turned), Math.sin(solid.turned)];
   const [dx, dy] = [x - solid.x, y - solid.y];
@@ -338,7 +337,7 @@ export function contains(solid, x, y) {
   return inside;
 }
 
-// The corners of the box about an object, along the map's axes.
+// The corners of an object's bounding box along the map's axes.
 export function bounds(solid) {
   const [c, s] = [Math.cos(solid.turned), Math.sin(solid.turned)];
   if (solid.form !== "Box" && solid.form !== "Polygon") {
@@ -362,7 +361,7 @@ function middle(solid) {
   return { x: (box.left + box.right) / 2, y: (box.bottom + box.top) / 2 };
 }
 
-// The radius of the smallest circle about its position that holds an object, seen from above.
+// The radius of the smallest circle around its position that contains an object, seen from above.
 export function reach(solid) {
   if (solid.form === "Box") return Math.hypot(solid.width, solid.depth) / 2;
   return solid.form === "Polygon" ? Math.max(...solid.outline.map(([x, y]) => Math.hypot(x, y))) : solid.radius;

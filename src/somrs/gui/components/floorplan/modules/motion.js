@@ -1,10 +1,11 @@
-// Moves drawings smoothly to where their objects are now. What is on its way and is sent elsewhere goes on from where it is.
+// Animates drawings to the poses of their objects. A new destination continues from the current pose.
 
 const TIME = 450; // milliseconds
-const FEW = 300; // more than these at once jump, for nobody could follow them
+const FEW = 300; // more objects than these jump: nobody could follow them
 
 export class Motion {
-  // `put(name, at)` draws an object elsewhere; `done(names)` is called for those that were moved in a frame, and whether all are there.
+  // `put(name, at)` draws an object at a pose; `done(names)` is called after each frame with the objects that moved, and whether all have
+  // arrived.
   constructor(put, done) {
     this._put = put;
     this._done = done;

@@ -1,5 +1,4 @@
-// The drawing of a storey: what is known of the map, the part of it that is in view, and the layers, names, links and frames that show it.
-// `floorplan.js` is the element on the page, with its tools and what people do with their hands.
+// The drawing of a storey: model, view, layers, labels, links and frames. `floorplan.js` is the element with its tools and input.
 
 import { Frame } from "./frame.js";
 import { Labels } from "./labels.js";
@@ -11,9 +10,9 @@ import { pose } from "./shapes.js";
 import { Sheets } from "./sheets.js";
 import { View } from "./view.js";
 
-const LABELS_REST = 120; // milliseconds between two times that all names are placed anew, while the plan is moved
-const DOT = 1.5; // pixels; what is larger is not to be covered by the name of what it stands on
-const PATIENCE = 15000; // milliseconds that a moved object waits for the answer whether it may stay there
+const LABELS_REST = 120; // milliseconds between two layouts of the labels while the plan is panned
+const DOT = 1.5; // pixels; the label of a support must not cover larger objects
+const PATIENCE = 15000; // milliseconds that a moved object waits for the page's reply
 
 export class Plan {
   constructor(element, asked) {
@@ -21,16 +20,16 @@ export class Plan {
     this.view = new View();
     this.storey = null;
     this.selected = null;
-    this.found = new Map(); // by name: what to write behind the name
+    this.found = new Map(); // by name: text to append to the label
     this.relations = [];
     this.arrows = [];
     this.ghost = null;
     this.target = null;
     this.turnable = () => false;
-    this._asked = asked; // called when something is held in vain
-    this._held = new Map(); // what was moved here, and not yet on the map: { version, since }
-    this._later = null; // when it is looked whether something was held too long
-    this._moving = new Map(); // what is seen elsewhere than the map has it, and where the map had it then
+    this._asked = asked; // called for moves without a reply
+    this._held = new Map(); // objects moved here and not yet on the map: { version, since }
+    this._later = null; // timer for moves without a reply
+    this._moving = new Map(); // objects displayed elsewhere than on the map, with their map pose at that time
     this._sheets = new Sheets(element);
     this._layers = new Layers(this._sheets.groups);
     this._links = new Links(this._sheets.links);
@@ -56,13 +55,13 @@ export class Plan {
     this.model.learn(definitions);
   }
 
-  // The whole map anew. What is known stays drawn, and goes to where it is now.
+  // Replace the map. Known objects stay drawn and move to their new poses.
   read(map, fit) {
     this.model.read(map);
     this.choose(this.storey, fit);
   }
 
-  // Changes of the map, as they happen.
+  // Apply changes of the map.
   apply(changes, version) {
     const touched = this.model.apply(changes, version);
     this.refresh(touched);
@@ -77,7 +76,7 @@ export class Plan {
     this.draw();
   }
 
-  // Show a storey; the first one, when there is none of that name.
+  // Show a storey; if there is none with this name, the first.
   choose(storey, fit = true) {
     const known = this.model.storeys();
     const before = this.storey;
@@ -102,7 +101,7 @@ export class Plan {
     return box;
   }
 
-  // Have an object in view, on its storey; whether it is anywhere at all.
+  // Scroll an object into view, on its storey. Returns whether it has a position.
   reveal(name) {
     const storey = this.model.storeyOf(name);
     const spot = this.model.spot(name);
@@ -115,13 +114,13 @@ export class Plan {
   }
 
   resize(width, height) {
-    if (width === 0 || height === 0) return; // it is hidden, and will be seen again as it was
+    if (width === 0 || height === 0) return; // hidden; the view is restored later
     this.view.size(width, height);
     if (this.view.fitted) this.fit();
     else this.draw();
   }
 
-  // Where an object is drawn; for a room, its middle.
+  // The position at which an object is drawn; for a room, its centre.
   spot(name) {
     return this._layers.at(name) ?? (this.model.storeyOf(name) === this.storey ? this.model.spot(name) : null);
   }
@@ -134,7 +133,7 @@ export class Plan {
     return [...this._layers.names()];
   }
 
-  // Things are seen on their way: draw them there, until the map has them elsewhere than before.
+  // Draw objects at their simulated poses until the map has new ones.
   see(poses) {
     const moved = new Set();
     for (const [name, at] of poses) {
@@ -147,14 +146,14 @@ export class Plan {
     if (moved.size) this._moved(moved, false);
   }
 
-  // Everything is where the map has it.
+  // Draw all objects at their map poses.
   forget() {
     const names = new Set(this._moving.keys());
     this._moving.clear();
     if (names.size) this.refresh(names);
   }
 
-  // Draw an object, and all that goes along with it, elsewhere, until `settle` or `back` is told of them. What they came to.
+  // Draw an object and those that move with it at another pose, until `settle` or `back` is called. Returns the poses.
   hold(name, at) {
     const from = this._layers.at(name);
     if (!from) return;
@@ -177,19 +176,19 @@ export class Plan {
     this._held.set(name, { version: Infinity, since: Infinity });
   }
 
-  // What was moved was told: it waits for the answer, but not for ever.
+  // Start to wait for the page's reply to a move, with a time limit.
   wait(name) {
     for (const one of this._group(name)) if (this._held.has(one)) this._held.get(one).since = performance.now();
     this._later ??= setTimeout(() => this._waitedLong(), PATIENCE);
   }
 
-  // What was moved is on the map since the version: from then on it is where the map says.
+  // The map contains the move since this version: use the map's pose from then on.
   settle(name, version) {
     for (const one of this._group(name)) if (this._held.has(one)) this._held.get(one).version = version;
     this.refresh(new Set(this._group(name)));
   }
 
-  // What was moved goes back to where the map says it is.
+  // Move the object back to its map pose.
   back(name) {
     const group = [...new Set([...this._group(name), ...this._held.keys()])].filter((one) => this._held.has(one));
     for (const one of group) this._held.delete(one);
@@ -220,7 +219,7 @@ export class Plan {
     }
   }
 
-  // Draw what depends on the view, soon, once.
+  // Schedule one redraw of everything that depends on the view.
   draw() {
     this._due ??= requestAnimationFrame(() => this._draw());
   }
@@ -247,7 +246,7 @@ export class Plan {
     this.drawn?.(view);
   }
 
-  // All names anew, but not at every step of a movement: meanwhile they go along as they are.
+  // Place all labels again, but not at every step of a movement: meanwhile they move with their objects.
   _label() {
     const { view } = this;
     const now = performance.now();
@@ -326,13 +325,13 @@ export class Plan {
     else this._label();
   }
 
-  // What physical objects have no place on the plan.
+  // The physical objects without a position.
   unplaced() {
     return [...this.model.objects.values()].filter((one) => missed(this.model.kindOfType(one.type)) && this.model.solid(one.name) === null).map((one) => one.name);
   }
 }
 
-// Whether something is missed on the plan that is nowhere: people come and go.
+// Whether objects of the kind are listed when they have no position: people come and go.
 function missed(kind) {
   return kind.layer && kind.id !== "person";
 }

@@ -1,13 +1,13 @@
-// Where things are that move at this moment, as the simulator has it: the map hears of it only when a service tells how things are.
+// Poses of moving objects from the simulator. The map gets them only when a service reports a situation.
 
 import { Motion } from "somrs-scene/motion.js";
 
-const AGAIN = 3000; // milliseconds after which a lost connection is made again
-const SELDOM = 100; // milliseconds between two frames, for who wants less motion
-const STILL = 0.01; // metres, or radians; what has not moved by more since it was heard of first stands where the map says
+const AGAIN = 3000; // milliseconds before a lost connection is restored
+const SELDOM = 100; // milliseconds between two frames when the user prefers reduced motion
+const STILL = 0.01; // metres or radians; an object that moved less since its first pose is drawn at its map pose
 
 export class Poses {
-  // `place(poses)` is called before a frame is drawn, with a map by name of { x, y, turned } of what moved.
+  // `place(poses)` is called before each frame with the moved objects: a map from names to { x, y, turned }.
   constructor(place) {
     this._place = place;
     this._motion = new Motion();
@@ -57,7 +57,7 @@ export class Poses {
     this._motion.set(news.movers);
   }
 
-  // What a frame of poses is made of, says `api/poses.py`.
+  // The format of a frame is documented in `api/poses.py`.
   _heard(buffer) {
     const head = new DataView(buffer);
     if (head.getUint32(16, true) !== this._table) return;

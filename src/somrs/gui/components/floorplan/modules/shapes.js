@@ -1,5 +1,5 @@
-// How each kind of thing is drawn, as SVG text in the thing's own frame: metres, x along its front, y to its left. Kinds differ by form and
-// pattern, never by colour alone.
+// The drawing of each kind as SVG text in the object's frame: metres, x to its front, y to its left. Kinds differ by form and pattern,
+// never by colour alone.
 
 const n = (value) => +value.toFixed(4);
 
@@ -17,7 +17,7 @@ function disc(radius) {
   return `M${-r} 0A${r} ${r} 0 1 0 ${r} 0A${r} ${r} 0 1 0 ${-r} 0Z`;
 }
 
-// Half the sides of what is drawn inside an outline.
+// Half the side lengths of the drawing inside an outline.
 function halves(solid) {
   if (solid.form === "Box") return [solid.width / 2, solid.depth / 2];
   const r = solid.form === "Polygon" ? Math.min(...solid.outline.map(([x, y]) => Math.hypot(x, y))) : solid.radius;
@@ -26,7 +26,7 @@ function halves(solid) {
 
 const body = (solid, more = "") => `<path class="fp-body${more}" d="${outline(solid)}"/>`;
 const mark = (d, more = "") => `<path class="fp-mark${more}" d="${d}"/>`;
-const DOT = '<path class="fp-dot" d="M0 0h0"/>'; // has the same size on the screen however far away, so that small things stay to be seen
+const DOT = '<path class="fp-dot" d="M0 0h0"/>'; // constant size on the screen, so that small things stay visible
 
 const DRAWN = {
   floor: (solid) => body(solid),
@@ -91,7 +91,7 @@ const DRAWN = {
   person: () => `${DOT}<path class="fp-body" d="M-.12 .24A.14 .24 0 1 0 -.12 -.24A.14 .24 0 1 0 -.12 .24Z"/><path class="fp-mark fp-full" d="${disc(0.11)}"/>`,
 };
 
-// Draws along the longer side of a box: `draw(length, thickness)` in a frame whose y runs along it.
+// Draw along the longer side of a box: `draw(length, thickness)` in a frame whose y axis runs along it.
 function along(solid, draw) {
   const [w, d] = solid.form === "Box" ? [solid.width, solid.depth] : [0.1, 2 * (solid.radius ?? 0.4)];
   return w > d ? `<g transform="rotate(90)">${draw(w, d)}</g>` : draw(d, w);
@@ -118,7 +118,7 @@ function sight(range, view) {
   return `<path class="fp-sight" d="M0 0L${x} ${-y}A${n(range)} ${n(range)} 0 ${view > Math.PI ? 1 : 0} 1 ${x} ${y}Z"/>`;
 }
 
-// What one thing looks like: the same text means that it need not be drawn anew.
+// The drawing of an object. The same text means that no redraw is needed.
 export function look(kind, solid, seen) {
   const classes = [`fp-object fp-${kind.id}`];
   if (seen.color) classes.push(`fp-c-${seen.color.toLowerCase()}`);
@@ -150,7 +150,7 @@ const SAMPLES = {
   charger: { form: "Cylinder", radius: 0.45 },
 };
 
-// A small picture of the kind, for the legend, one metre across.
+// A symbol of the kind for the legend, one metre wide.
 export function sample(kind, more = {}) {
   const shown = look(kind, more.unknown ? SAMPLES.place : SAMPLES[kind.id], { open: true, range: kind.id === "camera" ? 0.5 : 0, view: 1.2, ...more });
   const moved = { door: "translate(-.4 0)", camera: "translate(-.25 0)" }[kind.id] ?? "";

@@ -1,16 +1,15 @@
-// What the plan is drawn on. The objects are on sheets that are painted somewhat larger than what is seen: while the plan is moved or
-// zoomed, a large map's sheets are only shifted and stretched, which costs next to nothing, and painted sharply again once it rests.
-// Names, frames and links are on top, in pixels.
+// The sheets that objects are painted on. They are larger than the visible part: while a large map is panned or zoomed, its sheets are only
+// moved and scaled, which is cheap, and repainted when the movement ends. Labels, frames and links are above them, in pixels.
 
 import { SHEETS } from "./kinds.js";
 import { svg } from "./layers.js";
 
-const OVER = 0.3; // by how much of its size a sheet is larger than what is seen, on each side
-const MANY = 700; // objects; with fewer, the sheets are painted at every step
-const REST = 140; // milliseconds without a step after which the plan rests
-const AGAIN = 350; // milliseconds between two times that large sheets are painted while the plan is moved
-const STRETCH = 2.5; // more than so much a sheet is not stretched
-const FAR = 14; // pixels a metre; below, what is drawn inside of things is left out
+const OVER = 0.3; // margin of a sheet beyond the visible part, as a share of its size on each side
+const MANY = 700; // objects; smaller maps are repainted at every step
+const REST = 140; // milliseconds without a step after which a movement has ended
+const AGAIN = 350; // milliseconds between two repaints of large sheets during a movement
+const STRETCH = 2.5; // maximum scaling of a sheet
+const FAR = 14; // pixels per metre; below, details inside objects are left out
 
 export class Sheets {
   constructor(element) {
@@ -25,7 +24,7 @@ export class Sheets {
     const top = root.appendChild(svg("svg", { class: "fp-top", "aria-hidden": "true" }));
     const group = (cls) => top.appendChild(svg("g", { class: cls }));
     [this.marks, this.links, this.labels, this.arrows, this.screen] = ["fp-marks", "fp-links", "fp-labels", "fp-arrows", "fp-screen"].map(group);
-    this._painted = null; // the view as of which the sheets are painted
+    this._painted = null; // the view for which the sheets are painted
     this._paintedAt = 0;
   }
 
@@ -33,10 +32,10 @@ export class Sheets {
     clearTimeout(this._resting);
   }
 
-  // Show what is in view; `count`: of how many objects.
+  // Show the view; `count`: number of objects.
   show(view, count) {
     this.marks.setAttribute("transform", view.transform());
-    this.marks.style.fontSize = `${1 / view.scale}px`; // an em is a pixel: strokes are as thick from afar
+    this.marks.style.fontSize = `${1 / view.scale}px`; // an em is a pixel: strokes keep their width
     const now = performance.now();
     clearTimeout(this._resting);
     if (count < MANY || !this._painted || (!this._covers(view) && now - this._paintedAt > AGAIN)) return this._paint(view);
@@ -71,7 +70,7 @@ export class Sheets {
     return { dx: (before.x - view.x) * view.scale, dy: (view.y - before.y) * view.scale, stretch: view.scale / before.scale };
   }
 
-  // Whether what is painted fills what is seen, and is not stretched too much for it.
+  // Whether the painted area covers the visible part and is not scaled too much.
   _covers(view) {
     const before = this._painted;
     if (before.width !== view.width || before.height !== view.height) return false;
@@ -81,8 +80,8 @@ export class Sheets {
   }
 }
 
-// A shadow in the element, with the page's own look. What else the page's style sheets say and how often they change, as they do with every
-// new class on it, does not matter to thousands of shapes there.
+// A shadow root with the page's own styles. Other style sheets and their changes (every new class changes them) then do not affect
+// thousands of shapes.
 function shaded(element) {
   const root = element.attachShadow({ mode: "open" });
   const holder = document.createElement("div");

@@ -1,19 +1,19 @@
-// Which part of the map is seen, and how large: from metres on the map to pixels on the screen and back.
+// The visible part of the map and its scale: conversion between metres and pixels.
 
-const LEAST = 0.5; // pixels a metre
+const LEAST = 0.5; // pixels per metre
 const MOST = 2500;
-const MARGIN = 20; // pixels around what is fitted in
-const TOOLS = 40; // on the right, pixels
-const FOOT = 26; // below: the scale bar, pixels
+const MARGIN = 20; // pixels around fitted content
+const TOOLS = 40; // pixels on the right for the tools
+const FOOT = 26; // pixels below for the scale bar
 
 export class View {
   constructor() {
-    this.scale = 50; // pixels a metre
-    this.x = 0; // what is in the middle
+    this.scale = 50; // pixels per metre
+    this.x = 0; // centre
     this.y = 0;
     this.width = 1;
     this.height = 1;
-    this.fitted = true; // and nobody has moved or zoomed since: then it is fitted again when the window gets another size
+    this.fitted = true; // not moved or zoomed by the user: fit again when the window is resized
   }
 
   size(width, height) {
@@ -29,7 +29,7 @@ export class View {
     return { x: this.x + (x - this.width / 2) / this.scale, y: this.y - (y - this.height / 2) / this.scale };
   }
 
-  // The transformation of everything that is drawn in metres, on what is larger than the view by `over` of its size on each side.
+  // The transformation of content in metres, on a sheet that exceeds the view by `over` of its size on each side.
   transform(over = 0) {
     const [left, top] = [(0.5 + over) * this.width, (0.5 + over) * this.height];
     return `translate(${left - this.x * this.scale} ${top + this.y * this.scale}) scale(${this.scale} ${-this.scale})`;
@@ -41,7 +41,7 @@ export class View {
     this.y += dy / this.scale;
   }
 
-  // Zoom so that what is at the point of the screen stays there.
+  // Zoom around a point of the screen.
   zoom(factor, x = this.width / 2, y = this.height / 2) {
     this.fitted = false;
     const before = this.toMap(x, y);
@@ -61,7 +61,7 @@ export class View {
     this.y = (box.bottom + box.top) / 2 - FOOT / 2 / this.scale;
   }
 
-  // Have the point in view, away from the edges; whether the plan had to be moved for it.
+  // Scroll a point into view, away from the edges. Returns whether the view moved.
   reveal(x, y, edge = 24) {
     const at = this.toScreen(x, y);
     const inside = at.x > edge && at.y > edge && at.x < this.width - edge && at.y < this.height - edge;
@@ -74,7 +74,7 @@ export class View {
     return { left: a.x, bottom: a.y, right: b.x, top: b.y };
   }
 
-  // A round length that is 60 to 150 pixels long, for the scale bar.
+  // A round length of 60 to 150 pixels for the scale bar.
   bar() {
     for (const power of [0.01, 0.1, 1, 10, 100, 1000])
       for (const step of [1, 2, 5]) {

@@ -1,4 +1,4 @@
-// What a formula's text is made of, for showing it: pieces with their colours, and places counted as Python counts them.
+// Pieces of a formula's text for display, and conversion of positions to Python's.
 
 const LEXEMES = /"(?:[^"\\\n]|\\.)*"?|#[^\n]*|\?[\p{L}_][\p{L}\p{N}_-]*|[\p{L}_][\p{L}\p{N}_-]*|\d+(?:\.\d*)?/gu;
 const KEYWORDS = new Set(["AND", "OR", "NOT"]);
@@ -13,7 +13,7 @@ function kind(lexeme) {
   return "";
 }
 
-// The text in pieces: {text, kind, wrong, mark}. `wrong` ranges [{from, to}] are underlined; a piece with `mark` begins at `mark`.
+// The text in pieces: {text, kind, wrong, mark}. Ranges `wrong` [{from, to}] are underlined; a piece begins at `mark`.
 export function pieces(text, wrong, mark) {
   const spans = [];
   for (const found of text.matchAll(LEXEMES)) {
@@ -29,12 +29,12 @@ export function pieces(text, wrong, mark) {
     wrong: wrong.some((one) => one.from <= from && from < one.to),
     mark: from === mark,
   }));
-  // Something that is missing at the end is underlined there, and the last piece is where a completion behind everything begins.
+  // An error at the end of the text is underlined there; the last piece is also the start of a completion at the end.
   made.push({ text: "", kind: "", wrong: wrong.some((one) => one.from >= text.length), mark: mark === text.length, end: true });
   return made;
 }
 
-// Python counts whole characters, JavaScript halves of some.
+// Python counts code points, JavaScript UTF-16 code units.
 export function counted(text, at) {
   return [...text.slice(0, at)].length;
 }
@@ -43,7 +43,7 @@ export function placed(text, count) {
   return [...text].slice(0, count).join("").length;
 }
 
-// The names that a hint proposes: "did you mean Jar002 or Jar003?".
+// The names proposed by a hint such as "did you mean Jar002 or Jar003?".
 export function proposals(hint) {
   const found = /^did you mean (.+)\?$/.exec(hint);
   return found ? found[1].split(" or ") : [];

@@ -1,7 +1,7 @@
-// Floors, walls and doors. Walls may be cut, so that one sees inside: the cut is shown dark, as in an architect's section.
+// Floors, walls and doors. Walls may be cut for a view inside: the cut is dark, as in an architectural section.
 import { Pieces, shade } from "./pieces.js";
 
-export const CUT = 0.6; // m above its underside at which a low wall ends
+export const CUT = 0.6; // m above its underside where a low wall ends
 
 function cutTo(body, low) {
   return low ? Math.min(body.height, CUT) : body.height;
@@ -15,7 +15,7 @@ export function wall(pieces, body, low, capColor) {
   else if (body.form === "Cylinder") pieces.cylinder(body.radius, height, 0, 0, height / 2, color);
   else pieces.box(body.width, body.depth, height, 0, 0, height / 2, color);
   if (window) return;
-  // The cap lies on the wall; it hides the seams between walls, too.
+  // The cap also hides the seams between walls.
   if (body.form === "Polygon") pieces.prism(body.outline, 0.012, height, capColor);
   else if (body.form === "Cylinder") pieces.cylinder(body.radius, 0.012, 0, 0, height + 0.006, capColor);
   else pieces.box(body.width, body.depth, 0.012, 0, 0, height + 0.006, capColor);
@@ -53,7 +53,7 @@ export function floor(pieces, body) {
 }
 
 export function shell(bodies, low, colors) {
-  // All of the building: { floors, walls, glass }, each pieces.
+  // The building: { floors, walls, glass }, each as pieces.
   const made = { floors: new Pieces(), walls: new Pieces(), glass: new Pieces() };
   for (const body of bodies) {
     const into = body.kind === "floor" ? made.floors : body.window ? made.glass : made.walls;

@@ -1,4 +1,4 @@
-// Things of the same form, size and colour, drawn in one call however many they are.
+// Objects of the same form, size and colour, drawn in one call.
 import { THREE } from "nicegui-scene";
 
 const GONE = new THREE.Matrix4().makeScale(0, 0, 0);
@@ -13,7 +13,7 @@ export class Crowd {
     const mesh = new THREE.InstancedMesh(this.geometry, this.material, capacity);
     mesh.castShadow = this.shadow;
     mesh.receiveShadow = true;
-    mesh.frustumCulled = false; // they are all over the place
+    mesh.frustumCulled = false; // the objects are everywhere
     mesh.userData.names = (instance) => this.members[instance]?.name ?? null;
     if (this.mesh) {
       mesh.instanceMatrix.array.set(this.mesh.instanceMatrix.array);
@@ -26,7 +26,7 @@ export class Crowd {
   }
 
   enter(name) {
-    // One more of them. What is returned is moved by its `position` and `rotation`, and then `place()`.
+    // Add one. The result is moved by its `position` and `rotation`, followed by `place()`.
     if (this.members.length === this.mesh.instanceMatrix.count) this.grow(4 * this.members.length);
     const member = new THREE.Object3D();
     member.name = name;
@@ -42,7 +42,7 @@ export class Crowd {
   }
 
   leave(member) {
-    // The last one takes its place.
+    // The last one takes its index.
     const last = this.members.pop();
     this.mesh.count = this.members.length;
     if (last !== member) {

@@ -1,8 +1,8 @@
-// What the server tells: what there is (GET /api/scene), what changes of it (/api/live), where it is while it moves (/api/poses).
-// Connections that end are made again; what happened meanwhile is read anew.
+// Data from the server: the scene (GET /api/scene), its changes (/api/live), and poses (/api/poses). Lost connections are restored, and the
+// scene is read again.
 
 const PAUSES = [300, 700, 1500, 3000];
-const GATHERING = 150; // ms in which changes are gathered before they are asked for
+const GATHERING = 150; // ms for which changes are gathered before they are requested
 const POSITIONS = new Set(["PositionX", "PositionY", "PositionZ", "RotationX", "RotationY", "RotationZ"]);
 const UNSEEN = new Set(["Charge", "Price", "Speed", "Working", "Weight", "Payload", "OperationRange", "Texture"]);
 
@@ -11,7 +11,7 @@ function socketUrl(path) {
 }
 
 class Line {
-  // A WebSocket that is made again when it ends, until it is closed here.
+  // A WebSocket that reconnects until it is closed here.
   constructor(path, hears) {
     this.path = path;
     this.hears = hears;
@@ -46,7 +46,7 @@ class Line {
 
 export class Feed {
   // `hears`: scene(scene), changed(bodies, gone), placed(name, at), movers(list), robots(work by name), frame(clock, which, values),
-  // alive(bool), trouble(text or null). `version`: of a map of the past, which does not change; null: now.
+  // alive(bool), trouble(text or null). `version`: of a past map, which does not change; null: now.
   constructor(hears, version) {
     this.hears = hears;
     this.version = version;
@@ -62,11 +62,11 @@ export class Feed {
     this.live = new Line("/api/live", {
       opened: (socket) => {
         socket.send(JSON.stringify({ follow: ["map", "ontology"] }));
-        // Read once that is heard: what changes from then on is told.
+        // Read after subscribing, so that no change is missed.
         this.again = setTimeout(() => this.read(), 30);
       },
       message: (data) => this.news(JSON.parse(data)),
-      lost: () => this.hears.trouble("The connection to the server is lost; it is being made again."),
+      lost: () => this.hears.trouble("The connection to the server is lost. Reconnecting…"),
     });
     this.follow();
   }
@@ -79,7 +79,7 @@ export class Feed {
   }
 
   rest() {
-    // Nobody looks: the server need not tell where things are.
+    // The page is hidden: poses are not needed.
     this.poses?.close();
     this.poses = null;
     this.table = -1;
@@ -108,7 +108,7 @@ export class Feed {
       else this.hears.scene(found);
     } catch {
       if (this.stopped) return;
-      this.hears.trouble("The server does not answer; it is being asked again.");
+      this.hears.trouble("The server does not answer. Retrying…");
       clearTimeout(this.again);
       this.again = setTimeout(() => this.read(), 2000);
     }
@@ -125,7 +125,7 @@ export class Feed {
         this.timer = null;
         const names = [...this.wanted];
         this.wanted.clear();
-        // An address has its limits; so much at once is read as a whole.
+        // Too many names for one address: read the whole scene.
         if (names.length > 100) this.read();
         else this.read(names);
       }, GATHERING);

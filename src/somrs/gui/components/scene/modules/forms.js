@@ -1,5 +1,5 @@
-// What furniture, things and marks look like, by the nearest ancestor of their type that has a form here; all others by their plain shape.
-// Bodies are upright; their frame has the middle of the underside at its origin, the front towards +x.
+// The look of furniture, things and marks, by the nearest ancestor type that has one here; others are drawn by their plain shape. Bodies
+// are upright; their origin is the centre of the underside, the front is +x.
 import { shade } from "./pieces.js";
 
 const METAL = "#6b7178";
@@ -123,7 +123,7 @@ function carton(pieces, body) {
 }
 
 function camera(pieces, { width: w, depth: d, height: h, color, pitch = 0 }) {
-  // It hangs where it is; its lens looks down by the pitch.
+  // It hangs at its position; the lens is tilted down by the pitch.
   const middle = h / 2;
   const at = (along) => [along * Math.cos(pitch), middle - along * Math.sin(pitch)];
   const [bx, bz] = at(-0.1 * w);
@@ -140,7 +140,7 @@ function place(pieces, { radius, width = 0, depth = 0, color }) {
 
 function charger(pieces, body) {
   place(pieces, body);
-  // A flash, as on plugs.
+  // A lightning symbol.
   const s = 0.45 * Math.max(body.radius || 0.3, 0.1);
   const flash = [[0.1, 0.9], [-0.45, -0.1], [-0.05, -0.1], [-0.15, -0.9], [0.45, 0.15], [0.05, 0.15], [0.25, 0.9]];
   pieces.prism(flash.map(([x, y]) => [x * s, y * s]), 0.003, 0.001, body.color);

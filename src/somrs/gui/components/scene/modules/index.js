@@ -1,4 +1,4 @@
-// The parts that the 3D view is made of.
+// The modules of the 3D view.
 export { Feed } from "./feed.js";
 export { Motion } from "./motion.js";
 export { Stage } from "./stage.js";

@@ -1,12 +1,12 @@
-// Names beside what they name, as HTML, so that they are sharp: the important ones first, and none upon another.
+// Labels beside objects, as HTML for sharp text: the most important first, without overlaps.
 import { THREE } from "nicegui-scene";
 import { pinned } from "./marks.js";
 
 const MOST = 90; // labels at once
-const KEPT = 400; // labels that are not made anew when they are seen again
+const KEPT = 400; // labels kept for reuse
 const GAP = 3; // px
 const BELOW = new Set(["furniture", "place"]);
-// Where a label may be, beginning with the best place: how far its upper left corner is from its point, in widths and heights of it.
+// Positions of a label, best first: the offset of its upper left corner from its point, in label widths and heights.
 const PLACES = {
   floor: [[-0.5, -0.5]],
   furniture: [[-0.5, 0]],
@@ -20,7 +20,7 @@ export function faultText(work) {
 }
 
 function reach(body, { x, y }) {
-  // How far it reaches towards who looks in this direction, seen from above.
+  // Its extent in this direction, seen from above.
   if (body.form !== "Box") return body.size;
   const angle = Math.atan2(y, x) - body.yaw;
   return (Math.abs(Math.cos(angle)) * body.width + Math.abs(Math.sin(angle)) * body.depth) / 2;
@@ -32,7 +32,7 @@ export class Labels {
     this.stage = stage;
     this.world = world;
     this.on = true;
-    this.marked = new Map(); // highlighted: what is to be said of them, by name
+    this.marked = new Map(); // highlighted objects: the text to append, by name
     this.selected = null;
     this.known = new Map(); // name: { element, width, height, text, shown }
     this.point = new THREE.Vector3();
@@ -51,7 +51,7 @@ export class Labels {
   }
 
   weight(body, name, pixels) {
-    // How important it is that the name is seen; 0: not at all. `pixels`: how large the object is on the screen.
+    // The priority of the label; 0: none. `pixels`: size of the object on the screen.
     if (name === this.selected || this.marked.has(name)) return 1000;
     if (!this.on) return this.world.works.get(name)?.faults?.length ? 900 : 0;
     if (body.kind === "robot") return this.world.works.get(name)?.faults?.length ? 900 : 500;
@@ -68,7 +68,7 @@ export class Labels {
     const scale = height / 2 / Math.tan(THREE.MathUtils.degToRad(camera.fov) / 2);
     this.few = this.world.drawn.size < 60;
     const looking = camera.getWorldDirection(new THREE.Vector3());
-    const above = Math.abs(looking.z); // 1: it is looked at from right above
+    const above = Math.abs(looking.z); // 1: seen from straight above
     const found = [];
     for (const [name, body] of this.world.bodies) {
       if (body.kind === "wall" || body.kind === "door" || !this.world.visible(name)) continue;
@@ -82,7 +82,7 @@ export class Labels {
       const left = width / 2 + (foot.x * scale) / depth;
       let top = height / 2 - (foot.y * scale) / depth;
       if (BELOW.has(body.kind)) {
-        // In front of its foot, so that what stands on it is seen.
+        // In front of its foot, so that things on it stay visible.
         top += (reach(body, looking) * scale * above) / depth + 3;
       } else if (body.kind !== "floor") {
         const pin = name === this.selected || this.marked.has(name) ? pinned(body) : 0;
@@ -90,7 +90,7 @@ export class Labels {
         top = Math.min(top - 0.5 * pixels * above, height / 2 + (head.y * scale) / head.z) - 4;
       }
       if (left < 0 || left > width || top < 0 || top > height) continue;
-      if (this.known.get(name)?.shown) weight += 20; // what is shown stays, as long as it can
+      if (this.known.get(name)?.shown) weight += 20; // visible labels stay if possible
       found.push({ name, body, left, top, weight: weight - 0.01 * depth });
     }
     found.sort((a, b) => b.weight - a.weight);

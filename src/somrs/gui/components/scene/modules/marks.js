@@ -1,4 +1,4 @@
-// What is selected or highlighted: a ring about its foot, and a pin above it, so that it is found from afar, too.
+// Marks of selected or highlighted objects: a ring around the foot, and a pin above, visible from afar.
 import { THREE } from "nicegui-scene";
 
 const ABOVE = 0.05; // m between an object and its pin
@@ -9,7 +9,7 @@ function scaled(body) {
 }
 
 export function pinned(body) {
-  // How far above the object's top the pin ends.
+  // Height of the pin's end above the object.
   return ABOVE + TALL * scaled(body);
 }
 
@@ -44,7 +44,7 @@ export class Marks {
   }
 
   place() {
-    // Where the objects are now; before each frame.
+    // Update the positions before each frame.
     for (const [name, mark] of this.marks) {
       const at = this.world.where(name);
       const body = this.world.bodies.get(name);

@@ -1,10 +1,10 @@
-// Motion between the poses that are told: what is drawn is where things were a tenth of a second ago, between the poses before and after.
-// Where poses come unevenly, as from a busy machine, it is drawn later, up to a limit, so that it stays even.
+// Interpolation between received poses: the picture shows the state of a tenth of a second ago. If poses arrive irregularly, the delay
+// grows up to a limit, so that motion stays smooth.
 
 const BEHIND = 0.1; // s
 const MOST_BEHIND = 0.6;
 const TICK = 0.05; // s between poses while something moves
-const MOST = 12; // poses kept of one mover
+const MOST = 12; // poses kept per object
 const ANGLES = { 4: [3], 6: [3, 4, 5], 9: [3, 4, 7] };
 
 export class Motion {
@@ -24,7 +24,7 @@ export class Motion {
   }
 
   set(movers) {
-    // Another set of movers. Those that stay are where they are, until the next frame says it anew.
+    // Change the set of moving objects. Those that stay keep their pose until the next frame.
     this.movers = movers.map(({ name, numbers }) => {
       const known = this.tracks.get(name);
       const track = known && known.numbers === numbers ? known : { name, numbers, poses: [], drawn: null };
@@ -49,7 +49,7 @@ export class Motion {
     const poses = track.poses;
     const last = poses[poses.length - 1];
     if (last && clock - last.clock > 1.5 * TICK) {
-      // It stood still until a tick ago, else there would be a pose.
+      // It stood still until a tick ago: otherwise there would be a pose.
       poses.push({ clock: clock - TICK, pose: last.pose });
     }
     poses.push({ clock, pose });
@@ -58,7 +58,7 @@ export class Motion {
   }
 
   tune(offset) {
-    // How far this clock is ahead of the other: the least that was seen, as what comes later was only longer on the way.
+    // The offset between the clocks: the minimum seen, as larger values come from transmission delays.
     if (this.offset === null || Math.abs(offset - this.offset) > 5) this.offset = offset;
     else if (offset < this.offset) this.offset += 0.2 * (offset - this.offset);
     else this.offset += 0.002 * (offset - this.offset);
@@ -66,12 +66,12 @@ export class Motion {
   }
 
   time(now) {
-    // The time of the other clock that is drawn now: it neither jumps nor goes back.
+    // The time to draw, on the server's clock: it neither jumps nor goes back.
     const wanted = Math.min(Math.max(BEHIND, this.late + TICK), MOST_BEHIND);
     const passed = this.played === null ? Infinity : now - this.played;
     this.played = now;
     const change = wanted - this.behind;
-    // Later is at once half as fast, earlier slowly.
+    // Slow down to half speed at once; speed up slowly.
     this.behind += Math.max(Math.min(change, 0.5 * passed), -0.1 * passed);
     return now - this.offset - this.behind;
   }
@@ -80,7 +80,7 @@ export class Motion {
     return this.moving.size > 0;
   }
 
-  // Call `draw(name, numbers)` for all that moved since it was called last.
+  // Call `draw(name, numbers)` for all objects that moved since the last call.
   play(now, draw) {
     if (!this.moving.size) return;
     const clock = this.time(now);
@@ -107,6 +107,6 @@ function between(from, to, share) {
 }
 
 function turn(angle) {
-  // The short way round.
+  // The shorter way.
   return angle - 2 * Math.PI * Math.round(angle / (2 * Math.PI));
 }

@@ -1,4 +1,4 @@
-// Solid pieces of one colour each, put together to one geometry: a whole building is drawn in a few calls.
+// Solid pieces of one colour each, merged into one geometry: a whole building is drawn in a few calls.
 import { THREE } from "nicegui-scene";
 
 const colour = new THREE.Color();
@@ -9,7 +9,7 @@ const turned = new THREE.Quaternion();
 const UP = new THREE.Vector3(0, 0, 1);
 const ONE = new THREE.Vector3(1, 1, 1);
 
-// Shapes by their sizes. Robots and chairs have hundreds of pieces of the same.
+// Shapes by size, shared by robots and chairs with hundreds of equal pieces.
 const shapes = new Map();
 
 function shape(key, make) {
@@ -26,7 +26,7 @@ export function shade(hex, factor) {
 }
 
 export class Pieces {
-  // Coordinates are in the frame set by `frame`; all z are of the middle of a piece unless said otherwise.
+  // Coordinates are in the frame set by `frame`; z is of a piece's centre unless stated otherwise.
   constructor() {
     this.position = [];
     this.normal = [];
@@ -42,7 +42,7 @@ export class Pieces {
   }
 
   owner(name) {
-    // Whose the pieces are from here on: for what is clicked at.
+    // The owner of the following pieces, for clicks.
     this.owners.push({ from: this.index.length / 3, name });
     return this;
   }
@@ -53,7 +53,7 @@ export class Pieces {
   }
 
   cylinder(radius, height, x, y, z, hex, { top = 1, turn = [0, 0, 0], sides = 24 } = {}) {
-    // `top`: its upper radius as a share of the lower one.
+    // `top`: the upper radius as a share of the lower one.
     const geometry = shape(`cylinder ${top} ${sides}`, () => new THREE.CylinderGeometry(top, 1, 1, sides).rotateX(Math.PI / 2));
     return this.add(geometry, hex, x, y, z, [radius, radius, height], turn);
   }
@@ -64,7 +64,7 @@ export class Pieces {
   }
 
   lathe(points, x, y, z, hex, sides = 20) {
-    // A body turned from an outline of [radius, height]; z is of its underside.
+    // A body of revolution from an outline of [radius, height]; z is of its underside.
     const outline = points.map(([radius, height]) => new THREE.Vector2(Math.max(radius, 1e-4), height));
     const geometry = new THREE.LatheGeometry(outline, sides).rotateX(Math.PI / 2);
     return this.add(geometry, hex, x, y, z, [1, 1, 1], [0, 0, 0]);
@@ -76,7 +76,7 @@ export class Pieces {
   }
 
   prism(outline, height, z, hex) {
-    // Upright, over a polygon; z is of its underside.
+    // A prism over a polygon; z is of its underside.
     const form = new THREE.Shape(outline.map(([x, y]) => new THREE.Vector2(x, y)));
     const geometry = new THREE.ExtrudeGeometry(form, { depth: height, bevelEnabled: false });
     return this.add(geometry, hex, 0, 0, z, [1, 1, 1], [0, 0, 0]);
@@ -117,7 +117,7 @@ export class Pieces {
 }
 
 export function ownerOf(owners, face) {
-  // Whose the triangle is: the last that began before it.
+  // The owner of a triangle: the last one that begins before it.
   let low = 0;
   let high = owners.length - 1;
   while (low < high) {

@@ -1,9 +1,10 @@
-// The camera, and how people move it: mouse and touch (orbit, zoom, pan), keys, and ways to look at all, from above, or after something.
+// The camera and its controls: mouse and touch (orbit, zoom, pan), keys, and the views of the whole scene, from above, and following an
+// object.
 import { OrbitControls, THREE } from "nicegui-scene";
 
 const TURN = Math.PI / 24;
 const ZOOM = 1.18;
-const GLIDE = 0.35; // s that a change of view takes
+const GLIDE = 0.35; // s, duration of a change of view
 
 export class Pilot {
   constructor(stage, element, changed) {
@@ -26,7 +27,7 @@ export class Pilot {
   // Views
 
   fit(box, { fromAbove = false, at_once = false } = {}) {
-    // As near as all corners fit into the picture; from as high above as that does not make it smaller.
+    // As near as all corners fit into the picture, and as steep as possible at this size.
     this.moved = false;
     const views = (fromAbove ? [90] : [66, 60, 54, 48, 42]).map((degrees) => this.framing(box, THREE.MathUtils.degToRad(degrees)));
     const nearest = Math.min(...views.map((view) => view.distance));
@@ -47,7 +48,7 @@ export class Pilot {
     );
     let distance = 1;
     for (let round = 0; round < 8; round++) {
-      // Where to look depends on how far away it is, as what is near looks large.
+      // The target depends on the distance, because of perspective.
       const seen = corners.map((corner) => {
         const v = corner.clone().sub(target);
         return { x: v.dot(right), y: v.dot(up), z: v.dot(toward) };
@@ -62,7 +63,7 @@ export class Pilot {
   }
 
   look(at, distance) {
-    // At a point, from the side from which it is looked at now, but not from far away or straight above.
+    // Move to a point, from the current direction, but neither from far away nor from straight above.
     const offset = this.camera.position.clone().sub(this.controls.target);
     const polar = Math.min(Math.max(offset.angleTo(new THREE.Vector3(0, 0, 1)), 0.8), 1.2);
     const around = Math.atan2(offset.y, offset.x);
@@ -85,14 +86,14 @@ export class Pilot {
   }
 
   follow(at) {
-    // `at`: says where what is followed is now; null: nothing.
+    // `at`: returns the position of the followed object; null: stop following.
     this.followed = at;
     const point = at?.();
     if (point) this.look(point, Math.min(Math.max(this.camera.position.distanceTo(this.controls.target), 2.5), 5));
   }
 
   step(now) {
-    // Before each frame. Whether the camera goes on moving by itself.
+    // Before each frame. Returns whether the camera continues to move.
     const point = this.followed?.();
     if (this.glide) {
       const { began, from, at, target, position } = this.glide;
@@ -119,7 +120,7 @@ export class Pilot {
   // Keys
 
   key(event) {
-    // Whether the key moved the camera.
+    // Returns whether the key moved the camera.
     if (event.ctrlKey || event.metaKey || event.altKey) return false;
     const around = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
     if (around && event.shiftKey) this.pan(...around);

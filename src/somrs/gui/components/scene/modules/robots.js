@@ -1,4 +1,4 @@
-// Robots: a base with wheels and an arrow that shows where it looks, and, if it has one, an arm that reaches out as the real one does.
+// Robots: a base with wheels and an arrow that shows the heading, and an arm, if there is one, with the joint angles of the real arm.
 import { THREE } from "nicegui-scene";
 import { Pieces } from "./pieces.js";
 
@@ -27,7 +27,7 @@ function base(body) {
 }
 
 function tower(body) {
-  // A mobile robot without an arm that is taller than a base: a column with a camera on top.
+  // A tall mobile robot without an arm: a column with a camera on top.
   const { radius: r, height: h, color } = body;
   const foot = Math.min(0.28, 0.4 * h);
   const pieces = base({ ...body, height: foot });
@@ -38,7 +38,7 @@ function tower(body) {
 }
 
 export class RobotBody {
-  // `group` is what is drawn; `set` takes the numbers that the server sends: x, y, z, yaw, and with an arm five more.
+  // `group` is drawn; `set` takes the server's numbers: x, y, z, yaw, and five more with an arm.
   constructor(body, material) {
     this.body = body;
     this.group = new THREE.Group();

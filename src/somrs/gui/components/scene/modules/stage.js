@@ -1,15 +1,15 @@
-// The canvas: renderer, light, ground, and the loop that draws only when something changed.
+// The canvas: renderer, light, ground, and a loop that draws only after changes.
 import { THREE } from "nicegui-scene";
 
 const SHADOWS = 2048; // texels
-const COARSE_SHADOWS = 512; // without a graphics card, while something moves
-const COARSE = 0.7; // pixels of the picture to those of the screen, in each direction, likewise
-const SLOW_FRAME = 80; // ms from one picture to the next without a graphics card: others need the processor, too
-const REST = 250; // ms after which all is at rest
-const FARTHEST = 30; // m around what is looked at in which shadows fall, in large buildings
+const COARSE_SHADOWS = 512; // texels, without a graphics card, during motion
+const COARSE = 0.7; // rendered pixels per screen pixel in each direction, likewise
+const SLOW_FRAME = 80; // ms between two pictures without a graphics card, which leaves time for other programs
+const REST = 250; // ms after which motion has ended
+const FARTHEST = 30; // m around the target within which shadows are drawn in large buildings
 
 function drawnByProcessor() {
-  // Throws where nothing draws at all.
+  // Throws where no rendering is possible.
   const gl = document.createElement("canvas").getContext("webgl2");
   if (!gl) throw new Error("no WebGL");
   const about = gl.getExtension("WEBGL_debug_renderer_info");
@@ -19,9 +19,9 @@ function drawnByProcessor() {
 }
 
 export class Stage {
-  // Throws where there is no WebGL. `step(now)` is called before each frame, and says whether it goes on moving.
+  // Throws without WebGL. `step(now)` is called before each frame and returns whether motion continues.
   constructor(canvas, step) {
-    // Without a graphics card every pixel is paid for: while something moves they are few, and many once all is at rest.
+    // Without a graphics card, each pixel costs time: fewer pixels during motion, more at rest.
     this.slow = drawnByProcessor();
     this.fine = Math.min(devicePixelRatio, 2);
     this.ratio = this.slow ? COARSE : this.fine;
@@ -30,7 +30,7 @@ export class Stage {
     this.renderer.setPixelRatio(this.ratio);
     this.renderer.shadowMap.enabled = true;
     this.renderer.shadowMap.type = this.slow ? THREE.BasicShadowMap : THREE.PCFSoftShadowMap;
-    this.renderer.shadowMap.autoUpdate = false; // the camera's moves leave shadows as they are
+    this.renderer.shadowMap.autoUpdate = false; // shadows do not depend on the camera
     this.renderer.setClearColor(0x000000, 0);
     this.scene = new THREE.Scene();
     this.camera = new THREE.PerspectiveCamera(38, 1, 0.05, 500);
@@ -69,13 +69,13 @@ export class Stage {
   }
 
   moved() {
-    // Something throws its shadow elsewhere.
+    // Update the shadows.
     this.renderer.shadowMap.needsUpdate = true;
     this.want();
   }
 
   enclose(box) {
-    // The ground lies under all there is; the light comes from where it throws short shadows to the north-east.
+    // The ground lies below everything; the light throws short shadows to the north-east.
     this.box = box.clone();
     const middle = box.getCenter(new THREE.Vector3());
     const size = box.getSize(new THREE.Vector3());
@@ -89,7 +89,7 @@ export class Stage {
   }
 
   shine(target) {
-    // Shadows are as sharp as their area is small: all of a small building, or what is around the target in a large one.
+    // A smaller area has sharper shadows: the whole of a small building, or the area around the target in a large one.
     const middle = this.box.getCenter(new THREE.Vector3());
     const size = this.box.getSize(new THREE.Vector3());
     const whole = Math.hypot(size.x, size.y, size.z) / 2 + 0.5;
@@ -116,14 +116,14 @@ export class Stage {
   }
 
   ray(x, y) {
-    // From the eye through a point of the picture, both from -1 to 1.
+    // A ray from the eye through a point of the picture, coordinates from -1 to 1.
     const ray = new THREE.Raycaster();
     ray.setFromCamera(new THREE.Vector2(x, y), this.camera);
     return ray;
   }
 
   want() {
-    // Something is otherwise than it is drawn.
+    // Request a redraw.
     if (this.wanted || this.resting) return;
     this.wanted = true;
     const soon = this.slow ? this.began + SLOW_FRAME - performance.now() : 0;
@@ -136,7 +136,7 @@ export class Stage {
   }
 
   rest(resting) {
-    // Nobody sees it.
+    // The canvas is not visible.
     this.resting = resting;
     if (!resting) this.want();
   }

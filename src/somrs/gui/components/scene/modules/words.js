@@ -1,4 +1,4 @@
-// The scene in words: for those who do not see it, and for finding something by its name.
+// The scene as text, for screen readers and for search by name.
 import { faultText } from "./labels.js";
 
 const DOING = {
@@ -26,10 +26,10 @@ function where(world, body) {
 }
 
 export function described(world, name) {
-  // One sentence about an object, without its name.
+  // Describe an object in one sentence without its name.
   const body = world.bodies.get(name);
   if (!body) return "";
-  if (body.unknown) return "nothing is known of where it is; shown where it was";
+  if (body.unknown) return "position unknown; shown at its last known position";
   const parts = [];
   const work = world.works.get(name);
   const by = holder(world, name);
@@ -44,7 +44,7 @@ export function described(world, name) {
 }
 
 export function summary(title, world) {
-  // What the picture shows, in a sentence.
+  // Describe the picture in one sentence.
   const count = (kind, one, many) => {
     const found = [...world.bodies.values()].filter((body) => body.kind === kind).length;
     return found ? `${found} ${found === 1 ? one : many}` : null;
@@ -56,7 +56,7 @@ export function summary(title, world) {
 }
 
 export function listed(world, wanted, most) {
-  // Robots and things whose name has the wanted text, with where they are: [name, words].
+  // Robots and things whose name contains the text, with their descriptions.
   const order = { robot: 0, thing: 1, camera: 2, place: 3, furniture: 4 };
   const text = wanted.trim().toLowerCase();
   const found = [...world.bodies.values()].filter(

@@ -1,4 +1,4 @@
-// All that there is, by name, and how it is drawn: the building and what stands around as a few geometries, what can move one by one.
+// All objects by name, and their drawings: building and furniture as a few geometries, moving objects one by one.
 import { THREE } from "nicegui-scene";
 import { shell } from "./building.js";
 import { Crowd } from "./crowd.js";
@@ -10,7 +10,7 @@ const BUILDING = new Set(["floor", "wall", "door"]);
 const MOVING = new Set(["robot", "thing"]);
 
 function gridded(material) {
-  // Fine lines every metre on upward faces, by the place on the map: they give a scale, and hide nothing.
+  // A grid of fine lines at each metre on upward faces, in map coordinates, which shows the scale.
   material.onBeforeCompile = (shader) => {
     shader.vertexShader = shader.vertexShader
       .replace("#include <common>", "#include <common>\nvarying vec3 onMap;\nvarying float upward;")
@@ -33,13 +33,13 @@ export class World {
     this.scene = scene;
     this.bodies = new Map();
     this.types = {};
-    this.drawn = new Map(); // what can move, by name: { object, set(pose), top }
-    this.crowds = new Map(); // of things that look the same
+    this.drawn = new Map(); // moving objects by name: { object, set(pose), top }
+    this.crowds = new Map(); // things that look the same
     this.works = new Map();
     this.low = true;
-    this.level = null; // that is looked at alone; null: all
+    this.level = null; // the level shown alone; null: all
     this.levels = [];
-    this.storeys = new Map(); // what they are called, by level
+    this.storeys = new Map(); // labels of the storeys, by level
     this.colors = { cap: "#5b7083" };
     this.group = new THREE.Group();
     scene.add(this.group);
@@ -55,7 +55,7 @@ export class World {
     };
   }
 
-  // What there is
+  // Objects
 
   show({ bodies, types }) {
     this.types = types;
@@ -98,7 +98,7 @@ export class World {
     return (this.types[body.type] ?? []).includes(type);
   }
 
-  // Levels: the heights of floors, of which one can be looked at alone
+  // Levels: the heights of floors; one can be shown alone
 
   findLevels() {
     const floors = [...this.bodies.values()].filter((body) => body.kind === "floor");
@@ -107,7 +107,7 @@ export class World {
     const before = this.levels.join();
     this.levels = tops.filter((z, i) => i === 0 || z - tops[i - 1] > 1.5);
     this.storeys = new Map(this.levels.map((z) => [z, floors.find((floor) => top(floor) === z).storey]));
-    // Of several storeys one is looked at, at first that where most can move: the others would hide it, or be hidden.
+    // With several storeys, one is shown, at first the one with the most moving objects: the others would hide it.
     if (before !== this.levels.join() && this.levels.length > 1) {
       const movers = (z) => [...this.bodies.values()].filter((body) => MOVING.has(body.kind) && this.levelAt(body.z) === z).length;
       this.level = this.levels.reduce((best, z) => (movers(z) > movers(best) ? z : best));
@@ -122,7 +122,7 @@ export class World {
     return this.level === null || this.levelAt(body.kind === "floor" ? z + body.height : z) === this.level;
   }
 
-  // What stands still
+  // Static objects
 
   build() {
     for (const mesh of this.still.children) mesh.geometry.dispose();
@@ -154,7 +154,7 @@ export class World {
     this.still.add(mesh);
   }
 
-  // What moves
+  // Moving objects
 
   draw(body) {
     let one;
@@ -218,7 +218,7 @@ export class World {
   }
 
   hide(name) {
-    // Whether it is on the level that is looked at.
+    // Whether it is on the level that is shown.
     const { object } = this.drawn.get(name);
     const visible = this.seen(this.bodies.get(name), object.position.z);
     if (visible === object.visible) return;
@@ -226,10 +226,10 @@ export class World {
     object.place?.();
   }
 
-  // Asked by others
+  // Queries
 
   where(name) {
-    // The pose that is drawn now: the middle of the underside, and the heading.
+    // The pose drawn now: centre of the underside, and heading.
     const body = this.bodies.get(name);
     if (!body) return null;
     const object = this.drawn.get(name)?.object;
@@ -238,7 +238,7 @@ export class World {
   }
 
   top(name) {
-    // How high above its underside it ends.
+    // The height of its top above its underside.
     const body = this.bodies.get(name);
     if (BUILDING.has(body.kind)) return 0;
     return this.drawn.get(name)?.top() ?? body.height;
@@ -250,7 +250,7 @@ export class World {
   }
 
   room(x, y, z) {
-    // What the floor under a point is called.
+    // The label of the floor at a point.
     let found = null;
     for (const body of this.bodies.values()) {
       if (body.kind !== "floor" || !body.label || Math.abs(this.levelAt(z) - body.z - body.height) > 0.5) continue;
@@ -270,7 +270,7 @@ export class World {
   }
 
   pick(raycaster) {
-    // The nearest object in sight that the ray meets.
+    // The nearest visible object on the ray.
     for (const hit of raycaster.intersectObjects([this.group], true)) {
       const { name, names, owners } = hit.object.userData;
       const found = name ?? names?.(hit.instanceId) ?? (owners ? ownerOf(owners, hit.faceIndex) : null);

@@ -1,4 +1,4 @@
-// The pieces of work of a task as bars: from when until when, by whom, until when it was promised, and how it ended.
+// The work of a task as bars: begin, end, device, promised time and result.
 
 import { escaped, fitting, look, sign, word } from "./marks.js";
 import { since } from "./messages.js";
@@ -6,8 +6,8 @@ import { since } from "./messages.js";
 const HIGH = 24;
 const ENDS = { Completed: "does", Failed: "does", Stopped: "does", Compensated: "undoes", Stranded: "undoes" };
 
-// [{device, service, step, kind, what, start, ended, state, until, fraction, base}], as messages and contracts tell. `until`: when it was
-// promised to be done. Work that is arranged and not begun is of the kind "waits".
+// [{device, service, step, kind, what, start, ended, state, until, fraction, base}] from messages and contracts. `until`: the promised end.
+// Work that is arranged and not begun has the kind "waits".
 export function works({ view, contracts, messages }) {
   const found = new Map();
   const durations = new Map();
@@ -20,7 +20,7 @@ export function works({ view, contracts, messages }) {
     else if (type === "Terms") durations.set(participant, body.duration);
     else if (type === "Execute" || type === "Compensate") {
       const kind = type === "Execute" ? "does" : "undoes";
-      if (found.has(`${participant} ${kind}`)) continue; // said again
+      if (found.has(`${participant} ${kind}`)) continue; // repeated
       const until = kind === "does" && durations.has(participant) ? at + durations.get(participant) : null;
       const state = kind === "does" ? "Executing" : "Compensating";
       found.set(`${participant} ${kind}`, { ...party(message), kind, what: inputs.get(participant) ?? "", start: at, ended: null, state, until, fraction: 0, base, heard: at, participant });
@@ -33,7 +33,7 @@ export function works({ view, contracts, messages }) {
     }
   }
   for (const work of found.values()) {
-    // Who fell silent, or was left behind when the task ended: until it was heard last.
+    // A service that stopped responding, or had not ended with the task: until its last message.
     const state = known.get(work.participant)?.state;
     if (work.ended === null && (state === "Unreachable" || view.outcome)) Object.assign(work, { ended: Math.max(work.heard, work.start), state: "Unreachable" });
   }
@@ -48,7 +48,7 @@ export function works({ view, contracts, messages }) {
 
 const party = ({ service, step }) => ({ device: service.split(".")[0], service, step });
 
-// A row for each piece of work, such that bars in one row do not overlap, and the names of devices with the rows that they have.
+// A row for each piece of work, so that bars in a row do not overlap; and the devices with their rows.
 export function lanes(found, now) {
   const own = new Map();
   for (const work of found) {
@@ -72,13 +72,13 @@ export function lanes(found, now) {
   return { row, names, count };
 }
 
-// Seconds at which lines are drawn: about so many.
+// The seconds of the grid lines: about `most` of them.
 export function ticks(seconds, most) {
   const step = [1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1800, 3600].find((one) => seconds / one <= most) ?? 7200;
   return Array.from({ length: Math.floor(seconds / step) + 1 }, (_, index) => index * step);
 }
 
-// The bar as SVG. `x`: where a moment is; `room`: up to where a text beside it may go.
+// The bar as SVG. `x`: converts a time; `room`: the limit for a text beside the bar.
 export function drawn(work, index, y, x, now, room) {
   const [left, right] = [x(work.start), x(work.ended ?? now)];
   const wide = Math.max(4, right - left);

@@ -1,8 +1,8 @@
-// What is known of a task in this page: read once, kept up to date by news, and shared by all parts of the page that show it.
+// The data of a task, read once, updated by news, and shared by all elements of the page that show it.
 
 import { follow } from "live";
 
-const AGAIN = 1500; // milliseconds after which is read again what could not be
+const AGAIN = 1500; // milliseconds before a failed request is repeated
 
 const feeds = new Map();
 
@@ -11,18 +11,18 @@ export function feed(task) {
   return feeds.get(task);
 }
 
-// `seen`: {view, events, contracts, messages, life}. `messages` only grow; when they are others than before, `life` is another number.
+// `seen`: {view, events, contracts, messages, life}. `messages` only grow; if they are replaced, `life` changes.
 class Feed {
   constructor(task) {
     this.task = task;
     this.seen = null;
     this.listeners = new Set();
     this.reading = false;
-    this.ended = false; // nobody listens any more
+    this.ended = false; // no listeners left
     this.life = 0;
   }
 
-  // Calls back with what is seen, at once if anything is, and whenever it changed. Gives what ends that.
+  // Calls back with the data at once, if there is any, and after each change. Returns a function that unsubscribes.
   listen(listener) {
     this.listeners.add(listener);
     if (this.seen) listener(this.seen);
@@ -38,7 +38,7 @@ class Feed {
   }
 
   async read() {
-    // Everything; what comes while it is read is read once more.
+    // Read everything; news during the read cause another read.
     this.wanted = true;
     if (this.reading) return;
     this.reading = true;
@@ -62,7 +62,7 @@ class Feed {
   }
 
   async more() {
-    // The messages behind those that are here.
+    // Read the messages after the known ones.
     const seen = this.seen;
     for (let more = true; more; ) {
       const page = await this.get(`/messages?after=${seen.messages.length}`);
@@ -107,7 +107,7 @@ class Feed {
   }
 
   tell() {
-    // Once for all that happens before the next picture is drawn.
+    // One call for all changes before the next frame.
     if (this.telling) return;
     this.telling = true;
     setTimeout(() => {
@@ -125,7 +125,7 @@ class Feed {
 
 const ASKED = new Set(["Arrange", "Accept", "Cancel", "Execute", "Stop", "Compensate", "Query", "End"]);
 
-// A message as people speak of it: between the Task Manager and a service.
+// A message for display: between the Task Manager and a service.
 function told(message) {
   const [service, rest = ""] = message.participant.split("#");
   const step = /^(?:[a-z]+\d+\.)?step\d+/i.exec(rest)?.[0] ?? rest;

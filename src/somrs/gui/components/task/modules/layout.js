@@ -1,11 +1,11 @@
-// Where the nodes of a directed acyclic graph stand: in layers along the edges, each layer ordered so that few edges cross, and every
-// node as near to its neighbours as its layer allows. An edge over several layers has a bend in each of those between.
+// Layout of a directed acyclic graph: layers along the edges, each ordered to reduce crossings, and every node as near to its neighbours as
+// possible. An edge over several layers has a bend in each layer between.
 
-const BEND = 12; // pixels that an edge takes up where it passes through a layer
+const BEND = 12; // pixels for an edge that passes through a layer
 const SWEEPS = 8;
 
-// `nodes`: [{id, width, height}]; `edges`: [{from, to}]. Gives the centre of each node by id, for each edge the points through which it
-// goes, and how large all of it is. `right`: layers stand beside each other and not below each other.
+// `nodes`: [{id, width, height}]; `edges`: [{from, to}]. Returns the centre of each node by id, the points of each edge, and the total
+// size. `right`: layers side by side instead of one below the other.
 export function layered(nodes, edges, { gap = 26, rise = 44, right = false } = {}) {
   const sized = (node) => (right ? { breadth: node.height, depth: node.width } : { breadth: node.width, depth: node.height });
   const cells = new Map(nodes.map((node) => [node.id, { id: node.id, ...sized(node), before: [], after: [], at: 0 }]));
@@ -19,7 +19,7 @@ export function layered(nodes, edges, { gap = 26, rise = 44, right = false } = {
   return measured(layers, chains, known, rise, right);
 }
 
-// The layer of each node: behind all that come before it, and a first one just before what follows it.
+// The layer of each node: after all its predecessors; a source just before its first successor.
 function levels(ids, edges) {
   const level = new Map(ids.map((id) => [id, 0]));
   const following = new Map(ids.map((id) => [id, []]));
@@ -40,7 +40,7 @@ function levels(ids, edges) {
   return level;
 }
 
-// The cells that an edge goes through, from the first to the last, which know each other as neighbours.
+// The cells of an edge from the first to the last, linked as neighbours.
 function chained(from, to, level, layers) {
   const chain = [from];
   for (let at = level.get(from.id) + 1; at < level.get(to.id); at++) {
@@ -58,7 +58,7 @@ function chained(from, to, level, layers) {
 
 const mean = (cells, key) => cells.reduce((sum, cell) => sum + cell[key], 0) / cells.length;
 
-// Each layer in the order of the mean places of its neighbours, down and up again until it is good enough.
+// Each layer in the order of the mean positions of its neighbours, down and up until it is good enough.
 function ordered(layers) {
   const number = (layer) => layer.forEach((cell, place) => (cell.place = place));
   layers.forEach(number);
@@ -68,9 +68,9 @@ function ordered(layers) {
     for (const layer of down ? layers : [...layers].reverse()) {
       for (const cell of layer) {
         const near = down ? cell.before : cell.after;
-        cell.wish = near.length ? mean(near, "place") : cell.place;
+        cell.preferred = near.length ? mean(near, "place") : cell.place;
       }
-      layer.sort((one, other) => one.wish - other.wish || one.place - other.place);
+      layer.sort((one, other) => one.preferred - other.preferred || one.place - other.place);
       number(layer);
     }
     const crossing = crossings(layers);
@@ -87,38 +87,38 @@ function crossings(layers) {
   let found = 0;
   for (const layer of layers) {
     const ends = layer.flatMap((cell) => cell.after.map((next) => next.place).sort((one, other) => one - other));
-    if (ends.length > 400) return found; // so many edges are no picture whatever their order is
+    if (ends.length > 400) return found; // no order makes a picture of so many edges readable
     for (let one = 0; one < ends.length; one++) for (let other = one + 1; other < ends.length; other++) if (ends[one] > ends[other]) found++;
   }
   return found;
 }
 
-// Places across the layers: as near to the neighbours as can be without touching those beside.
+// Positions across the layers: as near to the neighbours as possible without overlaps.
 function settled(layers, gap) {
   for (const layer of layers) pooled(layer, layer.map(() => 0), gap);
   for (let sweep = 0; sweep < SWEEPS; sweep++) {
     const down = sweep % 2 === 1;
     for (const layer of down ? layers : [...layers].reverse()) {
-      const wishes = layer.map((cell) => {
+      const preferences = layer.map((cell) => {
         const near = down ? cell.before : cell.after;
         return near.length ? mean(near, "at") : cell.at;
       });
-      pooled(layer, wishes, gap);
+      pooled(layer, preferences, gap);
     }
   }
 }
 
-// The places nearest to the wishes, by least squares, that keep the order and the distances: neighbours that would overlap are moved as
-// one block ("pool adjacent violators").
-function pooled(layer, wishes, gap) {
+// The positions nearest to the preferred ones, by least squares, that keep order and distances: overlapping neighbours move as one block
+// ("pool adjacent violators").
+function pooled(layer, preferences, gap) {
   let offset = 0;
   const offsets = layer.map((cell, index) => {
     if (index > 0) offset += (layer[index - 1].breadth + cell.breadth) / 2 + gap;
     return offset;
   });
   const blocks = [];
-  wishes.forEach((wish, index) => {
-    let block = { sum: wish - offsets[index], count: 1 };
+  preferences.forEach((preferred, index) => {
+    let block = { sum: preferred - offsets[index], count: 1 };
     while (blocks.length && blocks.at(-1).sum / blocks.at(-1).count > block.sum / block.count) {
       const last = blocks.pop();
       block = { sum: last.sum + block.sum, count: last.count + block.count };
@@ -156,7 +156,7 @@ function measured(layers, chains, edges, rise, right) {
   return { places, paths, width: right ? depth : breadth, height: right ? breadth : depth };
 }
 
-// A path through the points that leaves and reaches each along the edges' direction.
+// A path through the points that leaves and reaches them in the edges' direction.
 export function curve(points, right = false) {
   let drawn = `M${points[0].map(round).join(" ")}`;
   for (let index = 1; index < points.length; index++) {

@@ -1,4 +1,4 @@
-// What messages of the protocol say, in few words.
+// The content of protocol messages in a few words.
 
 export function said({ type, body }) {
   switch (type) {
@@ -32,7 +32,7 @@ export function said({ type, body }) {
   }
 }
 
-// One message in a sentence, for those who do not see the chart.
+// A message as a sentence, for screen readers.
 export function saidOf(message, start) {
   const parties = message.asked ? `Task Manager to ${message.service}` : `${message.service} to Task Manager`;
   const note = said(message);
@@ -41,7 +41,7 @@ export function saidOf(message, start) {
 
 export const number = (value) => String(Math.round(value * 100) / 100);
 
-// A span of seconds.
+// A duration in seconds as text.
 export function since(seconds) {
   if (seconds < 9.995) return `${seconds.toFixed(2)} s`;
   if (seconds < 119.95) return `${seconds.toFixed(1)} s`;
