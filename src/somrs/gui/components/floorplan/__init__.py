@@ -52,7 +52,7 @@ class FloorPlan(Element, component="floorplan.js", dependencies=[LIVE], esm={"so
             self._props[key] = value
         self.update()
 
-    # What is shown
+    # Content
 
     def set_mode(self, mode: Mode) -> None:
         self._set_prop("mode", mode)

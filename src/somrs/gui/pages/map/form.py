@@ -63,7 +63,7 @@ class ObjectForm:
             if path not in self._fields or (raw or None) == (self._fields[path].spot.raw(self._map_values.get(path)) or None):
                 self.typed.pop(path)
         clashing = {path: None for path in self.typed if draft.map_values.get(path) != self._map_values.get(path)}
-        self._conflicts.update({path: ValueConflict(self._map_values.get(path), "somebody") for path in clashing})
+        self._conflicts.update({path: ValueConflict(self._map_values.get(path), "another user") for path in clashing})
         self._show_conflicts()
         self._changed()
 
@@ -254,8 +254,8 @@ class ObjectForm:
         try:
             events = (await self._api.map.history(self.name, limit=1)).events
         except SomrsError:
-            return "somebody"
-        return person_name(events[0].author) if events else "somebody"
+            return "another user"
+        return person_name(events[0].author) if events else "another user"
 
     def _show_conflicts(self) -> None:
         self._news.clear()
