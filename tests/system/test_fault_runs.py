@@ -190,7 +190,7 @@ def test_a_task_manager_that_waits_for_ever_is_noticed(monkeypatch: pytest.Monke
     assert violated_property(dies) is None
     monkeypatch.setattr(Participants, "silent", lambda *_: iter(()))
     monkeypatch.setattr(Participants, "overdue", lambda *_: iter(()))
-    assert violated_property(dies) is Property.HOME
+    assert violated_property(dies) is Property.TERMINATION
 
 
 DROPS = tuple(WorkFault(nth=number, kind=WorkFaultKind.DROP) for number in range(1, 9))
@@ -209,7 +209,7 @@ def test_tasks_that_do_not_leave_each_other_what_they_were_promised_are_noticed(
 def test_a_task_manager_that_leaves_what_it_did_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
     assert violated_property(HALF_DONE) is None
     monkeypatch.setattr(ExecutionLog, "to_undo", lambda *_: [])
-    assert violated_property(HALF_DONE) is Property.SILENCE
+    assert violated_property(HALF_DONE) is Property.PARTIAL_RESULT
 
 
 def test_a_task_manager_that_does_not_wait_for_the_map_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -230,7 +230,7 @@ def test_a_task_manager_that_does_not_wait_for_the_map_is_noticed(monkeypatch: p
 def test_a_task_manager_that_does_not_say_that_it_is_over_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
     assert violated_property(make_scenario()) is None
     monkeypatch.setattr(Participants, "end", lambda *_: iter(()))
-    assert violated_property(make_scenario()) is Property.HOME
+    assert violated_property(make_scenario()) is Property.TERMINATION
     lost_device = make_scenario(Kill(at=15.0, target="devices/Robot1", seconds=None), devices=(carrier(1), LOOKER))
     assert violated_property(lost_device) is Property.ORPHAN
 
@@ -268,7 +268,7 @@ def test_a_task_manager_that_cannot_handle_an_input_is_noticed() -> None:
             return super().handle(event, now)
 
     assert violated_property(make_scenario(cancelled=3.0)) is None
-    assert violated_property(make_scenario(cancelled=3.0), Managers(Brittle)) is Property.BREAKS
+    assert violated_property(make_scenario(cancelled=3.0), Managers(Brittle)) is Property.UNHANDLED_INPUT
 
 
 # How failures are told
@@ -276,9 +276,9 @@ def test_a_task_manager_that_cannot_handle_an_input_is_noticed() -> None:
 
 def test_a_failing_story_is_made_as_short_as_it_can_be(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ExecutionLog, "to_undo", lambda *_: [])
-    seed = next(seed for seed in range(300) if len(draw(seed).faults) >= 4 and violated_property(draw(seed)) is Property.SILENCE)
-    short = shrink_scenario(draw(seed), lambda candidate: violated_property(candidate) is Property.SILENCE)
-    assert violated_property(short) is Property.SILENCE
+    seed = next(seed for seed in range(300) if len(draw(seed).faults) >= 4 and violated_property(draw(seed)) is Property.PARTIAL_RESULT)
+    short = shrink_scenario(draw(seed), lambda candidate: violated_property(candidate) is Property.PARTIAL_RESULT)
+    assert violated_property(short) is Property.PARTIAL_RESULT
     assert len(short.faults) <= 1
     assert len(short.requests) == 1
     assert len(short.devices) <= 3

@@ -90,8 +90,8 @@ def test_what_a_conversation_must_not_be_is_found(messages: list[tuple[float, st
 
 
 def test_who_is_not_at_home_is_found() -> None:
-    assert not [*checks.at_home({FIRST_PARTICIPANT: State.ENDED, SECOND_PARTICIPANT: State.NEW})]
-    assert [*checks.at_home({FIRST_PARTICIPANT: State.ENDED, SECOND_PARTICIPANT: State.EXECUTING})] == [
+    assert not [*checks.unreleased({FIRST_PARTICIPANT: State.ENDED, SECOND_PARTICIPANT: State.NEW})]
+    assert [*checks.unreleased({FIRST_PARTICIPANT: State.ENDED, SECOND_PARTICIPANT: State.EXECUTING})] == [
         f"{SECOND_PARTICIPANT} is Executing after the end"
     ]
 

@@ -33,7 +33,7 @@ def test_two_participants() -> None:
 
 
 @pytest.mark.parametrize("disk_owner", [LostDisk.COORDINATOR, LostDisk.PARTICIPANT])
-def test_everyone_goes_home_when_a_disk_is_lost(disk_owner: LostDisk) -> None:
+def test_check_termination_when_a_disk_is_lost(disk_owner: LostDisk) -> None:
     assert _fallen({**check_lost_disk(FIFO, disk_owner).cells}) == []
 
 
@@ -75,9 +75,9 @@ def test_a_stop_that_crosses_a_report_may_not_be_an_error(monkeypatch: pytest.Mo
     row[Stop] = Entry(Kind.LATE, State.COMPLETED, Fault)
     monkeypatch.setitem(states.PARTICIPANT, State.COMPLETED, row)
     for medium in (FIFO, UNORDERED):
-        broken = check_one(medium).cells[Property.FITS]
+        broken = check_one(medium).cells[Property.VALID_STATE]
         assert broken is not None
-        report_index, stop_index = (next(n for n, line in enumerate(broken.chart) if text in line) for text in ("says Completed", "| Stop"))
+        report_index, stop_index = (next(n for n, line in enumerate(broken.chart) if text in line) for text in ("sends Completed", "| Stop"))
         assert report_index < stop_index, "a shortest run that shows the crossing"
 
 
@@ -85,7 +85,7 @@ def test_a_participant_that_nobody_sends_home_is_found(monkeypatch: pytest.Monke
     row = dict(states.PARTICIPANT[State.COMPENSATED])
     row[End] = row[Cancel] = Entry(Kind.LATE, State.COMPENSATED)
     monkeypatch.setitem(states.PARTICIPANT, State.COMPENSATED, row)
-    assert Property.HOME in _fallen({**check_one(DUPLICATING).cells})
+    assert Property.TERMINATION in _fallen({**check_one(DUPLICATING).cells})
 
 
 def test_mutations_are_undone() -> None:

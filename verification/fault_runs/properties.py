@@ -234,7 +234,7 @@ class Witness:
             if task.id in self.outcomes:
                 earlier_view = self.outcomes[task.id]
                 if (task.outcome, task.ended_at) != (earlier_view.outcome, earlier_view.ended_at):
-                    raise Violation(Property.HOME, f"{task.id} ended {earlier_view.outcome}, and then {task.outcome}")
+                    raise Violation(Property.TERMINATION, f"{task.id} ended {earlier_view.outcome}, and then {task.outcome}")
             elif task.outcome is not None:
                 self.outcomes[task.id] = view(task)
                 self._ended(task, self.outcomes[task.id], manager)
@@ -250,7 +250,7 @@ class Witness:
                 raise Violation(Property.MAP, f"{task.id} ended accomplished, and {task_view.effect} is not so on the map")
             return
         if not task_view.reasons:
-            raise Violation(Property.SILENCE, f"{task.id} ended {task_view.outcome}, and nothing says why")
+            raise Violation(Property.PARTIAL_RESULT, f"{task.id} ended {task_view.outcome}, and nothing says why")
         for work in task_view.work:
             self._accounted(work, task_view)
         self._check_objects(task, task_view)
@@ -258,11 +258,11 @@ class Witness:
     def _accounted(self, work: WorkView, task_view: TaskView) -> None:
         """FRP, property 4: what was done is undone, or the client is told what it left."""
         if work.state is State.EXECUTING:
-            raise Violation(Property.SILENCE, f"{task_view.task} ended {task_view.outcome}, and {work.service} is still at work for it")
+            raise Violation(Property.PARTIAL_RESULT, f"{task_view.task} ended {task_view.outcome}, and {work.service} is still at work for it")
         situation = work.situation or "nothing is known"
         if work.state is State.STRANDED and not any(work.service in reason and situation in reason for reason in task_view.reasons):
             raise Violation(
-                Property.SILENCE, f"{work.service} left {work.situation}, and is not in the explanation: {task_view.explanation}"
+                Property.PARTIAL_RESULT, f"{work.service} left {work.situation}, and is not in the explanation: {task_view.explanation}"
             )
 
     def _check_objects(self, task: TaskState, task_view: TaskView) -> None:
@@ -280,7 +280,7 @@ class Witness:
                 continue  # others had a hand in it
             if not any(self._mentions(work, object) for work in task_view.work):
                 raise Violation(
-                    Property.SILENCE,
+                    Property.PARTIAL_RESULT,
                     f"{task_view.task} ended {task_view.outcome}; {_describe_actions(actions)}; "
                     f"and nobody says that {reality.situation_of(object)} is left of it: {task_view.explanation}",
                 )
@@ -340,7 +340,7 @@ class Witness:
         """What must hold of a whole run."""
         scenario_run = self._scenario_run
         if unsettled := self.unsettled():
-            raise Violation(Property.HOME, f"when all was over it began again: {unsettled}")
+            raise Violation(Property.TERMINATION, f"when all was over it began again: {unsettled}")
         for pair in self._accepted:
             if pair not in self._released:
                 raise Violation(Property.ORPHAN, f"{pair[1]} in {pair[0]} was committed, and nobody tells it that it is over")
@@ -350,22 +350,22 @@ class Witness:
                 and message.header.sender in scenario_run.managers
                 and message.header.participant is not None
             ):
-                raise Violation(Property.BREAKS, f"{message.header.participant} said what may not be said: {message.body.text}")
+                raise Violation(Property.UNHANDLED_INPUT, f"{message.header.participant} said what may not be said: {message.body.text}")
         for simulated_device, device_work in scenario_run.working:
             raise Violation(Property.ORPHAN, f"{simulated_device.name} is still at {device_work.participant}")
-        self._map_is_true()
+        self._check_map()
         records: dict[str, TaskRecord] = {}
         for address in scenario_run.managers:
             for entry in scenario_run.world.records[address]:
                 if isinstance(entry, TaskRecord) and records.setdefault(entry.task, entry).outcome is not entry.outcome:
-                    raise Violation(Property.HOME, f"{entry.task} is on record with two outcomes")
+                    raise Violation(Property.TERMINATION, f"{entry.task} is on record with two outcomes")
         for number, task in scenario_run.client.tasks.items():
             manager = scenario_run.task_manager(scenario_run.scenario.requests[number].task_manager)
             outcome = manager.state.tasks[task].outcome if manager is not None and task in manager.state.tasks else None
             if outcome is None or task not in records or records[task].outcome is not outcome:
                 raise Violation(Property.RESTART, f"{task} was taken, and is not on record as it ended")
 
-    def _map_is_true(self) -> None:
+    def _check_map(self) -> None:
         """At the end, when everything that was done has been reported: by whoever did it, or seen since. Only of a device that never
         came back may the map not know better; and of a thing that services worked on for two Task Managers, the later report may be of the
         earlier work: whoever could not be reached for a while hears late how things were then."""

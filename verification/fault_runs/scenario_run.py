@@ -170,7 +170,7 @@ class ScenarioRun:
         except Exception as error:  # whatever a component runs into is what is looked for here
             frame = traceback.extract_tb(error.__traceback__)[-1]
             text = f"{type(error).__name__} in {frame.name} (line {frame.lineno} of {frame.filename.rpartition('/')[2]}): {error}"
-            raise Violation(Property.BREAKS, text) from error
+            raise Violation(Property.UNHANDLED_INPUT, text) from error
 
     def _play(self) -> None:
         for number, wish in enumerate(self.scenario.requests):
@@ -182,7 +182,7 @@ class ScenarioRun:
             callback()
         self.reap()
         if not self._run(LONG, self.witness.settled):
-            raise Violation(Property.HOME, f"{LONG / 3600:.0f} hours after the last fault: {self.witness.unsettled()}")
+            raise Violation(Property.TERMINATION, f"{LONG / 3600:.0f} hours after the last fault: {self.witness.unsettled()}")
         self._run(AFTERWARDS)
         self.witness.finish()
 
@@ -348,7 +348,7 @@ class ScenarioRun:
     def _watch(self, address: str, event: Input) -> None:
         self.events += 1
         if self.events > MAX_EVENTS:
-            raise Violation(Property.HOME, f"more than {MAX_EVENTS} inputs, and no end of it")
+            raise Violation(Property.TERMINATION, f"more than {MAX_EVENTS} inputs, and no end of it")
         if self._doomed:
             self.reap()
         for listener in self._listeners:

@@ -132,7 +132,7 @@ def _working_reason(messages: list[LoggedMessage], time: float) -> str:
     return "" if is_abandoned else f"it said nothing for {silent:.1f} s"
 
 
-def at_home(states: Mapping[str, State]) -> Iterator[str]:
+def unreleased(states: Mapping[str, State]) -> Iterator[str]:
     """Nobody works, or waits, any more: neither those who did something nor those who were only asked."""
     for participant, state in states.items():
         if state not in (State.ENDED, State.NEW):

@@ -239,7 +239,7 @@ class Run:
         self._measure(result, view)
         await running_system.mend()
         states = await self._sent_home(view.task)
-        homeless = list(checks.at_home(states))
+        unreleased = list(checks.unreleased(states))
         records = await TaskHistory(running_system.client.records, running_system.client).first(ReadRecords(task=view.task), 2)
         if len(records) != 1:
             result.problems.append(f"{len(records)} records of the task are kept, and not one")
@@ -248,7 +248,7 @@ class Run:
             result.problems += checks.protocol(checks.logged_messages(record))
         result.problems += await self._disagreements(result)
         result.problems += checks.undone(case, view, await running_system.client.map())
-        result.lost += homeless
+        result.lost += unreleased
         result.lost += checks.lost_tasks(acknowledged, await self._outcomes(acknowledged))
         result.lost += checks.lost_updates(acknowledged, (await running_system.client.history(CHANGED, limit=1000)).events)
         order_ids = {line.message_id for line in self.lines if line.type in ("Accept", "Execute", "Stop", "Compensate")}
@@ -286,7 +286,7 @@ class Run:
                         states[participant] = await self._running_system.state(
                             addresses[_device_name(participant)], transaction, participant
                         )
-                    if not [*checks.at_home(states)]:
+                    if not [*checks.unreleased(states)]:
                         return states
             if time.monotonic() > end:
                 if len(states) < len(participants):

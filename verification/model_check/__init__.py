@@ -1,28 +1,29 @@
-"""The Failure Recovery Protocol, explored: every state that a coordinator, its participants and the medium can reach.
+"""A model check of the Failure Recovery Protocol: explores every state that a coordinator, its participants and the medium can reach.
 
-After Ravn, Srba, Vighio and Marques, who did this for WS-BusinessActivity (TACAS 2011; STTT 2012, doi 10.1007/s10009-012-0231-4).
+The method is that of Ravn, Srba, Vighio and Marques, who checked WS-BusinessActivity (TACAS 2011; STTT 2012, doi
+10.1007/s10009-012-0231-4).
 
-**What runs here is what runs.** A side is a `CoordinatorSession` or a `ParticipantSession`, given messages and made to speak, by the
-tables of `somrs.protocol.frp.states`. Around them the model adds what the sessions leave to others, and no more:
-- the medium, and nodes that repeat what is not acknowledged (`media.py`);
-- the Task Manager's rules for a transaction: who may be accepted, when it stops and ends, who has to undo (`coordinator.py`);
-- the Service Manager's: what its device does, its timers, what it reports after a restart (`participant.py`).
+**The model runs the product's code.** A side is a `CoordinatorSession` or a `ParticipantSession`, which receives and sends messages by the
+tables of `somrs.protocol.frp.states`. The model adds only what the sessions leave to other modules:
+- the medium, and nodes that repeat messages that are not acknowledged (`media.py`);
+- the Task Manager's rules for a transaction: when a participant is accepted, stopped, released or compensated (`coordinator.py`);
+- the Service Manager's rules: device, timers, and the report after a restart (`participant.py`).
 
-**What is left out**, because no state depends on it: bodies, but for whether an order is too late; the numbers of message ids, but for
-telling messages of one type apart, and an order that is told anew has that of the first; how long anything takes: a timer may ring at any
-time. A step of either side is one with its record in the journal, so a kill falls between two steps. It loses nothing that was recorded;
-what was to be sent is sent after the restart, perhaps for the second time; what came and was not recorded was not acknowledged, and comes
-again. Messages that can have no effect any more are dropped (`futures.py`).
+**The model abstracts from details** that no state depends on. Bodies are constant; only the expiry of an order is modelled. Message ids
+only distinguish messages of one type, and a repeated order keeps its id. There are no durations: a timer can fire at any time. A step of a
+side and its record in the journal are atomic, so a kill falls between two steps and loses nothing that was recorded. After a restart, a
+side sends what it had to send, possibly again; an input that was not recorded was not acknowledged, and arrives again. Messages that cannot
+have an effect any more are dropped (`futures.py`).
 
-**The one assumption about time**, `cut_off` of `system.Model`: when a coordinator gives a participant up, that participant's device has
-come to rest. No protocol can keep two from working on one step without it: no message can prove that somebody silent has stopped.
-That no order still under way makes it move again is the participant's doing, which refuses what comes after its `begin_by`;
-`clocks` is what remains of that to assume: by then its clock shows that, too.
+**The timing assumption** is `cut_off` of `system.Model`: when a coordinator gives a participant up, the participant's device has stopped.
+No protocol can ensure mutual exclusion without it, because no message can prove that a silent device has stopped. Orders in transit need no
+such assumption: the participant refuses an order that arrives after its `begin_by`. `clocks` assumes that the participant's clock shows
+this time as well when the coordinator gives it up.
 
-**Two participants** are two copies of one part that meet only in the rules of their transaction. The part is explored with whatever
-others may do to it, made small by bisimulation (`quotient.py`), and joined with itself (`pair.py`). What is found of one part beside any
-others holds for any number of participants.
+**Two participants** are two copies of one part, which interact only by the rules of their transaction. The part is explored with every
+possible behaviour of the others, reduced by bisimulation (`quotient.py`), and composed with itself (`pair.py`). A result for one part
+beside arbitrary others holds for any number of participants.
 
-**The properties** are in `properties.py`; `explore.py` finds the states and what leads home from each; `chart.py` draws how a property
-falls; `mutations.py` alters the tables and sees whether anything is noticed.
+`properties.py` defines the properties. `explore.py` finds the reachable states and checks termination. `chart.py` draws counterexamples.
+`mutations.py` alters the tables and tests whether a property is violated.
 """

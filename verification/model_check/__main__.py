@@ -1,6 +1,6 @@
 """`python -m verification.model_check` checks the protocol on all media; `--mutations` checks the check.
 
-Closes with `N passed, N failed`, and fails when anything did.
+The last line is `N passed, N failed`. The exit status is 1 if anything failed.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from verification.model_check.suite import LOST_DISKS, Result, check_all, check_
 COLUMNS = 160
 
 BOUNDS = (
-    "One copy of a message is under way at a time, but on the duplicating medium, which delivers whatever the others can.",
-    "Two participants, FIFO and lossy: senders repeat their oldest message first, as the nodes do that run; one participant: in any order.",
-    "Two participants, or a lost disk: an order is too late when its participant is given up; else it may be so at any moment.",
-    "An order is said again to one that it did not reach; that it comes again later is the duplicating medium's.",
-    "A lost disk: one, once, with no other restarts; only property 3 is asked for, as nobody is held to what is forgotten.",
-    "Property 5, the map tells the truth, is about the Task Manager's data and not in this model: it is checked in the fault runs.",
+    "One copy of a message is in transit at a time, except on the duplicating medium, which can deliver whatever the other media can.",
+    "Two participants on a lossy FIFO: senders repeat their oldest message first, as nodes do. One participant: in any order.",
+    "Two participants, or a lost disk: an order expires when its participant is given up. Otherwise it can expire at any moment.",
+    "A new order is sent only to a participant that was not reached. Only the duplicating medium delivers an order a second time.",
+    "A lost disk: one, once, without other restarts. Only property 3 is checked, as a side is not bound by what it has lost.",
+    "Property 5, map correctness, concerns the Task Manager's data, which are not in this model. The fault runs check it.",
 )
 
 
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m verification.model_check", description="Checks the Failure Recovery Protocol.")
-    parser.add_argument("--mutations", action="store_true", help="alter each entry of the tables in turn, and see whether a property falls")
-    parser.add_argument("--processes", type=int, default=os.cpu_count() or 1, help="for --mutations: how many at a time")
+    parser.add_argument("--mutations", action="store_true", help="alter each entry of the tables in turn, and check the properties")
+    parser.add_argument("--processes", type=int, default=os.cpu_count() or 1, help="for --mutations: number of parallel processes")
     options = parser.parse_args(arguments)
     console = Console(width=None if sys.stdout.isatty() else COLUMNS, highlight=False)
     passed, failed = _mutations(console, options.processes) if options.mutations else _properties(console)
@@ -63,8 +63,8 @@ def _properties(console: Console) -> tuple[int, int]:
         for cut_off, clocks in ((False, True), (True, False)):
             assumption_results.append(check_assumption(cut_off=cut_off, clocks=clocks, tick=tick))
             bar.advance(task)
-    console.print(table(results, "The Failure Recovery Protocol, in every state that can be reached"))
-    console.print(table(assumption_results, "Without the timing assumption property 1 has to fall: it is no protocol's to keep"))
+    console.print(table(results, "The Failure Recovery Protocol in every reachable state"))
+    console.print(table(assumption_results, "Without the timing assumption property 1 has to fail: no protocol can ensure it"))
     for bound in BOUNDS:
         console.print(f"- {bound}")
     _print_charts(console, [*results, *assumption_results])
@@ -77,7 +77,7 @@ def _properties(console: Console) -> tuple[int, int]:
 
 
 def table(results: list[Result], title: str) -> Table:
-    """Media by properties; a dash where a property was not looked for."""
+    """A table of media by properties, with a dash for a property that was not checked."""
     drawn = Table(title=title, title_justify="left")
     drawn.add_column("medium", no_wrap=True)
     drawn.add_column("with", no_wrap=True)
@@ -95,7 +95,7 @@ def _print_charts(console: Console, results: list[Result]) -> None:
     for result in results:
         for prop, counterexample in result.cells.items():
             if counterexample is not None:
-                console.print(f"\n{prop}: falls on {result.medium}, {result.configuration}")
+                console.print(f"\n{prop}: violated on {result.medium}, {result.configuration}")
                 print("\n".join(counterexample.chart or [f"  => {counterexample.reason}"]))
     console.print()
 
@@ -104,13 +104,13 @@ def _mutations(console: Console, processes: int) -> tuple[int, int]:
     started_at = time.perf_counter()
     mutations = all_mutations()
     with _bar(console) as bar:
-        task = bar.add_task("altering the tables", total=len(mutations))
+        task = bar.add_task("mutating the tables", total=len(mutations))
         verdicts = []
         for verdict in judge_all(mutations, processes):
             verdicts.append(verdict)
             bar.advance(task)
     uncaught = [verdict for verdict in verdicts if not verdict.caught_by]
-    drawn = Table("altered", "why no property notices", title="What no property notices", title_justify="left")
+    drawn = Table("mutation", "explanation", title="Mutations that violate no property", title_justify="left")
     for verdict in uncaught:
         drawn.add_row(str(verdict.mutation), verdict.explanation or "UNEXPLAINED")
     console.print(drawn)
@@ -119,10 +119,10 @@ def _mutations(console: Console, processes: int) -> tuple[int, int]:
     for verdict in stale:
         console.print(
             f"{verdict.mutation}: the explanation is wrong: "
-            f"{verdict.caught_by or ('it is used' if verdict.is_exercised else 'it is never met')}"
+            f"{verdict.caught_by or ('the entry is used' if verdict.is_exercised else 'the entry is not used')}"
         )
     unexplained = len(uncaught) - explained
-    console.print(f"{len(verdicts)} alterations in {time.perf_counter() - started_at:.0f} s")
+    console.print(f"{len(verdicts)} mutations in {time.perf_counter() - started_at:.0f} s")
     console.print(f"{caught} caught, {explained} explained, {unexplained} unexplained")
     return caught + explained - len(stale), unexplained + len(stale)
 

@@ -1,4 +1,4 @@
-"""A run as a message sequence chart in text: a lane for each side, time going down, an arrow where a message arrives."""
+"""Renders a run as a message sequence chart in text: a lane for each side, time from top to bottom, an arrow for each arriving message."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from verification.model_check.sides import Action
 from verification.model_check.system import Link, LinkState, Transition
 
 WIDTH = 44
-"""Columns from lane to lane."""
+"""The distance between two lanes, in columns."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Line:
-    """Something that happens in a lane; `source` is the lane from which a message arrives."""
+    """An event in a lane; `source` is the sender's lane, if the event is the arrival of a message."""
 
     lane: int
     text: str
@@ -25,7 +25,7 @@ class Line:
 
 
 def single_chart(space: StateSpace, violation: Violation) -> list[str]:
-    """How one participant's part comes to break the property. The participant is to the right of the Task Manager."""
+    """Return the chart of a shortest run of one participant that violates the property. The participant is to the right."""
     lines: list[Line] = []
     state = space.link.first
     for transition in [*space.path_to(violation.state), *([violation.last_transition] if violation.last_transition is not None else [])]:
@@ -35,7 +35,7 @@ def single_chart(space: StateSpace, violation: Violation) -> list[str]:
 
 
 def pair_chart(space: PairSpace, state: int, reason: str) -> list[str]:
-    """How two participants come to break the property, one to the left of the Task Manager and one to the right."""
+    """Return the chart of a shortest run of two participants, one to the left of the Task Manager and one to the right."""
     link = space.quotient.space.link
     lines: list[Line] = []
     for left_transition, left_state, right_transition, right_state in _lift_path(space.quotient, space.path_to(state)):
@@ -47,7 +47,7 @@ def pair_chart(space: PairSpace, state: int, reason: str) -> list[str]:
 
 
 def _lift_path(quotient: Quotient, path: list[ClassPair]) -> Iterator[tuple[Transition | None, LinkState, Transition | None, LinkState]]:
-    """The run of two parts that the run of their quotients stands for: at each step what the one does, the other, or both."""
+    """Yield the run of two parts that the run of their quotients represents: at each step the move of the left, the right, or both."""
     link = quotient.space.link
     classes = {state: quotient.classes[index] for index, state in enumerate(quotient.space.states)}
     left_state, right_state = link.first, link.first
@@ -80,7 +80,7 @@ def _matching(
 
 
 def _lines(link: Link, state_before: LinkState, transition: Transition, *, tm: int, sm: int, joint: bool = False) -> Iterator[Line]:
-    """The lines of one move. `joint`: the first line of it was drawn for the other participant already."""
+    """Yield the lines of one move. With `joint`, the first line has been drawn for the other participant."""
     action = transition.action
     if not isinstance(action, Action):
         post = link.participant_inbox if transition.actor == "down" else link.coordinator_inbox
@@ -92,11 +92,11 @@ def _lines(link: Link, state_before: LinkState, transition: Transition, *, tm: i
     new_state = (link.coordinator(transition.target) if at_tm else link.participant(transition.target)).session.state
     change = f" [{new_state}]" if new_state is not old_state else ""
     message_names = [(link.participant_inbox if at_tm else link.coordinator_inbox).name(token) for token in action.tokens]
-    answers = f", says {', '.join(message_names)}" if message_names and not action.description.startswith("says ") else ""
+    answers = f", sends {', '.join(message_names)}" if message_names and not action.description.startswith("sends ") else ""
     addressee = f" to {'AB'[sm // 2]}" if at_tm and tm == 1 else ""
     description = action.description if action.description != "gives it up" or tm == 0 else f"gives up {'AB'[sm // 2]}"
     if transition.actor.startswith("to"):
-        yield Line(lane=lane, source=source, text=f"{action.description.removeprefix('hears ')}{change}{answers}")
+        yield Line(lane=lane, source=source, text=f"{action.description.removeprefix('receives ')}{change}{answers}")
     elif joint:
         yield Line(lane=lane, text=f"  and{answers}{addressee if message_names else ''}{change}")
     else:

@@ -1,5 +1,5 @@
-"""The coordinator's side: hears what the participant says, and does what `COORDINATOR_SENDS` lets it, by the rules that the Task
-Manager keeps to in a transaction.
+"""The coordinator's side: receives the participant's messages, and sends what `COORDINATOR_SENDS` allows, by the Task Manager's rules for
+a transaction.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from somrs.protocol.messages import frp
 from somrs.protocol.messages.frp import State
 from verification.model_check.sides import PARTICIPANT, SM, TM, TRANSACTION, Action, Fair, Side, key, try_action
 
-# Bodies say nothing here: what they carry changes no state.
+# The contents of the bodies are arbitrary: no state depends on them.
 COORDINATOR_BODIES: dict[type[object], CoordinatorBody] = {
     frp.Arrange: frp.Arrange(service_type="S", inputs={}, effect="E"),
     frp.Cancel: frp.Cancel(reason="r"),
@@ -26,7 +26,7 @@ COORDINATOR_BODIES: dict[type[object], CoordinatorBody] = {
 }
 
 
-# What a Task Manager says in each state (`task_manager.participants`), whatever the table lets it; Cancel and End where it does.
+# What a Task Manager sends in each state (`task_manager.participants`), even if the table does not allow it; Cancel and End if allowed.
 REQUIRED_MESSAGES: dict[State, type[object]] = {
     State.NEW: frp.Arrange,
     State.OFFERED: frp.Accept,
@@ -36,11 +36,11 @@ REQUIRED_MESSAGES: dict[State, type[object]] = {
 
 
 REQUIRED_REPEATS: dict[State, type[object]] = {State.EXECUTING: frp.Execute, State.COMPENSATING: frp.Compensate}
-"""What it says again when the participant was not reached in time."""
+"""The orders that are sent again when the participant was not reached in time."""
 
 
 class Phase(Enum):
-    """How far the transaction is. Failed and cancelled ones go the same way, so both are `BROKEN`."""
+    """The phase of the transaction. Failed and cancelled ones follow the same rules, so both are `BROKEN`."""
 
     OPEN = "open"
     STOPPING = "stopping"
@@ -52,26 +52,26 @@ class Phase(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Coordinator:
-    """The coordinator's side. `last_state` is the session's state before it ended, or its disk was lost."""
+    """The coordinator's side. `last_state` is the session's state before it ended or its disk was lost."""
 
     session: CoordinatorSession
     phase: Phase = Phase.OPEN
     last_state: State | None = None
     abandoned: bool = False
-    """Nobody waits for it any more, and it has not said since how its work ended."""
+    """The coordinator has given the participant up, and has received no report since."""
     overdue: bool = False
-    """The transaction ended though not everything was undone, and said so."""
+    """The transaction ended before everything was compensated, and its outcome says so."""
 
 
 UNUSABLE_STATES = frozenset((State.NEW, State.ENDED, State.FAILED, State.STOPPED, State.COMPENSATED, State.STRANDED, State.UNREACHABLE))
-"""The coordinator's states in which a participant is of no more use for the step."""
+"""The coordinator's states in which a participant can no longer do the step."""
 
 NEEDS_COMPENSATION = frozenset((State.COMPLETED, State.FAILED, State.STOPPED))
-"""The coordinator's states in which a participant that was told to start has to undo, when the transaction is not accomplished."""
+"""The coordinator's states in which a participant that received Execute has to compensate if the transaction is not accomplished."""
 
 
 class Coordinators(Side[Coordinator]):
-    """The coordinator's side, for every message and every choice."""
+    """The coordinator's states, with the results of every message and every choice."""
 
     queries: bool = False
 
@@ -91,7 +91,7 @@ class Coordinators(Side[Coordinator]):
         result = session.receive(message)
         tokens, wrong = self._number_messages(session, result.answers)
         if result.state_before is State.ENDED and result.state is not State.ENDED:
-            wrong = f"a participant whose part is over becomes {result.state}"
+            wrong = f"the state of a participant that has ended becomes {result.state}"
         if result.moved and result.state is not result.state_before:
             coordinator = replace(coordinator, abandoned=False)
         return Action(description, self._moved(coordinator, session, coordinator.phase), tokens, wrong=wrong)
@@ -100,12 +100,12 @@ class Coordinators(Side[Coordinator]):
         if session.state is State.ENDED and coordinator.session.state is not State.ENDED:
             coordinator = replace(coordinator, last_state=last_state or coordinator.session.state)
         if phase is Phase.LOST and session.state is State.ENDED:
-            session = _fresh_coordinator()  # a Task Manager that knows nothing keeps nothing
+            session = _fresh_coordinator()  # a Task Manager that has lost its disk keeps no record of an ended participant
         session.reason = ""
         return self._add(replace(coordinator, session=session, phase=phase))
 
     def _all_actions(self, state_number: int) -> Iterator[Action]:
-        """`joint` names the moves that depend on the other participants, or move them, too."""
+        """Yield the coordinator's moves. `joint` names the rule of those that depend on the other participants, or move them as well."""
         coordinator = self.states[state_number]
         state, sent_messages = coordinator.session.state, coordinator.session.sent_messages
         allowed = states.COORDINATOR_SENDS.get(state, {})
@@ -143,14 +143,14 @@ class Coordinators(Side[Coordinator]):
             yield self._send(state_number, frp.Query)
 
     def _send(self, state_number: int, kind: type[object], *, fair: Fair = Fair.NO, joint: str = "") -> Action:
-        description = f"says {kind.__name__}{' again' if joint == 'again' else ''}"
+        description = f"sends {kind.__name__}{' again' if joint == 'again' else ''}"
         return try_action(lambda: self._perform_send(state_number, kind, description, fair, joint), description, state_number)
 
     def _perform_send(self, state_number: int, kind: type[object], description: str, fair: Fair, joint: str) -> Action:
         coordinator, session = self.states[state_number], self.states[state_number].session.copy()
         if kind is frp.Query:
             session.sent_messages = {name: record for name, record in session.sent_messages.items() if name != "Query"}
-            session.number = [*State].index(session.state)  # questions asked in one state are the same question
+            session.number = [*State].index(session.state)  # all Queries in one state have the same id, which keeps the states finite
         elif joint == "again":
             self.outbox.prepare_repeat(session, kind)
         else:
@@ -161,7 +161,7 @@ class Coordinators(Side[Coordinator]):
         )
 
     def _stop(self, state_number: int, rule: str, *, fair: Fair = Fair.NO) -> Action:
-        """As `Participants.stop` of the Task Manager: whoever works is told to stop, the others go home."""
+        """Stop the transaction, as `Participants.stop` of the Task Manager: Stop to a participant that works, Cancel to the others."""
 
         def take_action() -> Action:
             coordinator, session = self.states[state_number], self.states[state_number].session.copy()
@@ -174,7 +174,7 @@ class Coordinators(Side[Coordinator]):
         return try_action(take_action, rule, state_number)
 
     def _end(self, state_number: int, rule: str, phase: Phase, *, fair: Fair = Fair.NO) -> Action:
-        """As `Participants.end` of the Task Manager: End to everyone that was committed, Cancel to the others."""
+        """End the transaction, as `Participants.end` of the Task Manager: End to every committed participant, Cancel to the others."""
 
         def take_action() -> Action:
             coordinator, session = self.states[state_number], self.states[state_number].session.copy()
@@ -201,11 +201,11 @@ class Coordinators(Side[Coordinator]):
         return Action("gives it up", self._moved(replace(coordinator, abandoned=True), session, coordinator.phase), joint="give up")
 
     def without_memory(self, state_number: int) -> int:
-        """The state after the Task Manager's disk was lost."""
+        """Return the state after the loss of the Task Manager's disk."""
         return self._add(Coordinator(session=_fresh_coordinator(), phase=Phase.LOST, last_state=self.states[state_number].session.state))
 
     def repeatable_tokens(self, state_number: int) -> tuple[int, ...]:
-        """Everything it said that its node may send again after a restart; orders only as long as they are wanted."""
+        """Return the messages that the node may send again after a restart; an order only in the state that it belongs to."""
         session = self.states[state_number].session
         orders = {"Execute": State.EXECUTING, "Compensate": State.COMPENSATING}
         return tuple(

@@ -1,4 +1,4 @@
-"""Every state of one participant's part that can be reached, breadth first, so that the first way found to a state is a shortest one."""
+"""Explores every reachable state of one participant's part, breadth first, so that the path found to each state is a shortest one."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 from verification.model_check.coordinator import Phase
-from verification.model_check.properties import Outcome, Property, at_home, broken_properties, outcome
+from verification.model_check.properties import Outcome, Property, broken_properties, has_ended, outcome
 from verification.model_check.sides import Fair
 from verification.model_check.system import Link, LinkState, LostDisk, Transition, TransitionKind
 
 ENDED = (Phase.ACCOMPLISHED, Phase.BROKEN)
 
 MAX_STATES = 2_000_000
-"""A part with more states than this counts as one that goes on for ever; the tables as they are stay far below."""
+"""The limit on the states of a part. A part beyond it counts as infinite; the unaltered tables stay far below."""
 
 Tick = Callable[[int], None]
-"""Told now and then how many states were found."""
+"""Receives the number of states found so far, from time to time."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Violation:
-    """A property that does not hold: why, and the number of the state in which it shows; `last_transition` is the move that is wrong
-    there."""
+    """A violated property: the reason, and the number of the state in which it shows. `last_transition` is the wrong move from there, if
+    any."""
 
     property: Property
     reason: str
@@ -34,7 +34,7 @@ class Violation:
 
 @dataclass(kw_only=True)
 class StateSpace:
-    """What was found. Moves are numbered on from `begins[state]`; `kinds` says which are joint, fair, and the coordinator's own."""
+    """The states and moves found. The moves of a state begin at `begins[state]`; `kinds` are the kinds of moves that `labels` index."""
 
     link: Link
     states: list[LinkState] = field(default_factory=list)
@@ -50,7 +50,7 @@ class StateSpace:
         return range(self.begins[state], self.begins[state + 1])
 
     def path_to(self, state: int) -> list[Transition]:
-        """The moves from the first state to this one."""
+        """Return the moves from the first state to this one."""
         numbers = [state]
         while numbers[-1] != 0:
             numbers.append(self.parents[numbers[-1]])
@@ -65,15 +65,15 @@ class StateSpace:
 def explore(
     link: Link, *, single_participant: bool, stop_at_first: bool = False, max_states: int = MAX_STATES, tick: Tick | None = None
 ) -> StateSpace:
-    """`single_participant`: there is no other participant to accomplish anything. `stop_at_first`: the first property that falls is
-    enough."""
+    """Explore the part of `link`. With `single_participant`, no other participant can accomplish the step. With `stop_at_first`, stop at
+    the first violation."""
     space = StateSpace(link=link)
     numbers = {link.first: 0}
     space.states.append(link.first)
     space.parents.append(0)
     kinds: dict[TransitionKind, int] = {}
     checked: set[tuple[int, int]] = set()
-    # Whoever lost a disk is not held to what it no longer knows, but even so everyone has to get home.
+    # After a loss of a disk only termination is required.
     checks_properties = link.model.lost_disk is LostDisk.NONE
     for state_number, state in enumerate(space.states):
         if (pair := state[:2]) not in checked:
@@ -87,7 +87,8 @@ def explore(
                 continue
             if wrong and checks_properties:
                 space.violations.setdefault(
-                    Property.FITS, Violation(property=Property.FITS, reason=wrong, state=state_number, last_transition=transition)
+                    Property.VALID_STATE,
+                    Violation(property=Property.VALID_STATE, reason=wrong, state=state_number, last_transition=transition),
                 )
             target_number = numbers.get(target)
             if target_number is None:
@@ -99,8 +100,8 @@ def explore(
         if stop_at_first and space.violations:
             break
         if len(space.states) > max_states:
-            space.violations[Property.HOME] = Violation(
-                property=Property.HOME, reason=f"more than {max_states} states: it goes on for ever", state=state_number
+            space.violations[Property.TERMINATION] = Violation(
+                property=Property.TERMINATION, reason=f"more than {max_states} states: the part counts as infinite", state=state_number
             )
             break
         if tick is not None and state_number % 4096 == 0:
@@ -108,7 +109,7 @@ def explore(
     space.begins.append(len(space.targets))
     space.kinds = list(kinds)
     if single_participant and not space.violations:
-        _everyone_goes_home(space)
+        _check_termination(space)
     _note_outcomes(space)
     return space
 
@@ -117,31 +118,32 @@ def _note_outcomes(space: StateSpace) -> None:
     link = space.link
     for c, p in {state[:2] for state in space.states}:
         coordinator, participant = link.coordinators.states[c], link.participants.states[p]
-        if at_home(coordinator, participant):
+        if has_ended(coordinator, participant):
             space.outcomes.add(outcome(coordinator, participant))
 
 
-def _everyone_goes_home(space: StateSpace) -> None:
-    """From every state fair moves lead to the end; so they do, with a cancel, when work never ends by itself; and the transaction
-    can end without a word from the participant."""
+def _check_termination(space: StateSpace) -> None:
+    """Check three conditions. From every state, fair moves lead to the end. With a cancel, they do so even if work never ends by itself.
+    The transaction can end while the participant is silent."""
     link = space.link
-    home = [n for n, state in enumerate(space.states) if at_home(link.coordinator(state), link.participant(state))]
+    home = [n for n, state in enumerate(space.states) if has_ended(link.coordinator(state), link.participant(state))]
     fair = {label for label, (_, fair, _) in enumerate(space.kinds) if fair}
     if (stuck := find_stuck_state(space, home, fair)) is not None:
-        space.violations[Property.HOME] = Violation(property=Property.HOME, reason="no fair moves lead from here to the end", state=stuck)
+        reason = "no fair moves lead from here to the end"
+        space.violations[Property.TERMINATION] = Violation(property=Property.TERMINATION, reason=reason, state=stuck)
     endless = {label for label, (joint, fair, _) in enumerate(space.kinds) if fair is Fair.YES or joint == "cancel"}
     if (stuck := find_stuck_state(space, home, endless)) is not None:
-        reason = "work that does not end by itself cannot be ended from here"
-        space.violations.setdefault(Property.HOME, Violation(property=Property.HOME, reason=reason, state=stuck))
+        reason = "a cancel cannot end work that does not end by itself"
+        space.violations.setdefault(Property.TERMINATION, Violation(property=Property.TERMINATION, reason=reason, state=stuck))
     ended_states = [n for n, state in enumerate(space.states) if link.coordinator(state).phase not in (Phase.OPEN, Phase.STOPPING)]
     coordinator_labels = {label for label, (_, _, is_coordinator) in enumerate(space.kinds) if is_coordinator}
     if (stuck := find_stuck_state(space, ended_states, coordinator_labels)) is not None:
         reason = "the transaction cannot end as long as the participant is silent"
-        space.violations.setdefault(Property.HOME, Violation(property=Property.HOME, reason=reason, state=stuck))
+        space.violations.setdefault(Property.TERMINATION, Violation(property=Property.TERMINATION, reason=reason, state=stuck))
 
 
 def find_stuck_state(space: StateSpace, goal: Iterable[int], labels: set[int]) -> int | None:
-    """The first state from which no moves with these labels lead to the goal."""
+    """Return the first state from which no moves with these labels lead to the goal, or None."""
     predecessors: list[list[int]] = [[] for _ in space.begins]
     for source in range(len(space.begins) - 1):
         for transition in space.transitions(source):

@@ -1,8 +1,8 @@
-"""What can still matter: the states that the tables let a side come to, and the messages that are past having an effect.
+"""Computes which messages can still have an effect, from the states that the tables allow each side to reach.
 
-A message that changes nothing and is answered by nothing, in every state that its receiver can still come to, is left out of
-the channels; and that a side has heard one is left out of its state when no such message can move it any more. Both
-forget only what makes no difference to anything that can follow, and both are read off the tables as they are.
+A message is dropped from the channels if it changes nothing and gets no answer in every state that its receiver can still reach. The
+record that a side has received a message is dropped if no such message can change the side's state any more. Both reductions keep all
+behaviour, and both are computed from the current tables.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from somrs.protocol.messages.frp import Cancel, End, State, Status
 
 
 class Futures:
-    """Of both sides. With `lost_disk`, either may start anew. With `queries`, a Status that knows nothing counts."""
+    """The effects that are still possible. With `lost_disk`, either side may start anew. With `queries`, a Status `New` has an effect."""
 
     def __init__(self, *, lost_disk: bool, queries: bool = False) -> None:
         self.queries = queries or lost_disk
@@ -43,7 +43,7 @@ class Futures:
         self.coordinator = {state: _reached(state, coordinator) for state in coordinator}
 
     def _moves_participant(self, state: State, name: str) -> bool:
-        """Whether a message of the type can move the participant, now or later."""
+        """Whether a message of the type can change the participant's state, now or later."""
         return any(
             states.PARTICIPANT[reachable_state][kind].kind is Kind.MOVES
             for reachable_state in self.participant[state]
@@ -58,7 +58,7 @@ class Futures:
         )
 
     def _ineffective_messages(self, coordinator: State, participant: State) -> tuple[frozenset[MessageType], frozenset[MessageType]]:
-        """The types of messages to the participant, and of those to the coordinator, that can have no effect any more."""
+        """Return the types of messages to the participant, and of those to the coordinator, that cannot have an effect any more."""
         to_participant = frozenset(kind for kind in states.TO_PARTICIPANT if self._is_ineffective_down(participant, kind, frozenset()))
         silent = End in to_participant and Cancel in to_participant
         to_coordinator = frozenset(kind for kind in states.TO_COORDINATOR if self._is_ineffective_up(coordinator, kind, silent))
@@ -71,7 +71,7 @@ class Futures:
         return all(entry.kind is not Kind.MOVES and (entry.answer is None or entry.answer in unheard) for entry in entries)
 
     def _is_ineffective_up(self, coordinator: State, kind: MessageType, silent: bool) -> bool:
-        """`silent`: End and Cancel, with which a coordinator answers again, have no effect."""
+        """Whether this type of message to the coordinator has no effect. `silent`: the End or Cancel that answers it has none."""
         if kind is Status and self.queries and self.coordinator[coordinator] & states.CONTRACTED:
             return False
         entries = [states.COORDINATOR[reachable_state][kind] for reachable_state in self.coordinator[coordinator]]

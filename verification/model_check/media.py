@@ -1,10 +1,10 @@
-"""The five media of Ravn, Srba, Vighio and Marques, each with senders that repeat what was not acknowledged.
+"""The five media of Ravn, Srba, Vighio and Marques, each with senders that repeat messages until they are acknowledged.
 
-A channel leads from one side to the other and holds tokens, small numbers that stand for messages; the same message is the same
-token. A message is acknowledged once the receiver has it in its journal, and an acknowledgement may be lost, too.
+A channel leads from one side to the other, and holds tokens: small numbers that stand for messages. Equal messages have equal tokens. The
+receiver acknowledges a message once it is in its journal; the acknowledgement can be lost.
 
-No medium holds two copies of one message at a time, but for the duplicating one, in which a message once sent may arrive at any
-time and any number of times. Whatever another medium delivers, it can deliver as well, so it speaks for more copies elsewhere.
+No medium holds two copies of one message at a time, except the duplicating one: there, a message that was sent can arrive at any time and
+any number of times. It can deliver whatever the other media can, so it also covers several copies on those.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 
 class Channel(NamedTuple):
-    """What is under way in one direction. `unacknowledged` is what the sender would send again; both sets are bit masks."""
+    """The messages in transit in one direction. The bit masks: `unacknowledged` messages are sent again; `copies` may arrive."""
 
     queue: tuple[int, ...] = ()
     unacknowledged: int = 0
@@ -26,7 +26,7 @@ EMPTY = Channel()
 
 
 class Arrival(NamedTuple):
-    """A token that can arrive now, the channel then, and whether its sender repeats it until it arrives."""
+    """A token that can arrive now, the channel after the arrival, and whether the sender repeats the message until it arrives."""
 
     token: int
     channel_after: Channel
@@ -34,7 +34,7 @@ class Arrival(NamedTuple):
 
 
 class Event(NamedTuple):
-    """What a medium, or the sender's node, does by itself: a token is lost, or sent again. `is_repeated` as for an arrival."""
+    """A step of the medium or of the sender's node: a token is lost, sent again or out of time. `is_repeated` as for an arrival."""
 
     word: str
     token: int
@@ -43,7 +43,7 @@ class Event(NamedTuple):
 
 
 def members(mask: int) -> Iterator[int]:
-    """The tokens in a set of them."""
+    """Yield the tokens in a bit mask."""
     while mask:
         low = mask & -mask
         yield low.bit_length() - 1
@@ -52,10 +52,10 @@ def members(mask: int) -> Iterator[int]:
 
 @dataclass(frozen=True, kw_only=True)
 class Medium:
-    """A kind of channel. Ordered and lossy: whatever is sent again comes behind the others.
+    """A kind of channel. An ordered lossy medium puts a repeated message behind the others.
 
-    Unordered and lossy: a message that is not acknowledged may arrive at any time, and a lost acknowledgement lets it arrive
-    again; losing it and delaying it are the same, as it is sent again.
+    In an unordered lossy medium, a message without an acknowledgement can arrive at any time, and a lost acknowledgement lets it arrive
+    again. Loss and delay are the same there, as a lost message is sent again.
     """
 
     name: str
@@ -63,18 +63,18 @@ class Medium:
     lossy: bool
     duplicating: bool = False
     oldest_first: bool = False
-    """Ordered and lossy only. The sender repeats its oldest message until it is acknowledged or out of time, and then the next."""
+    """Ordered and lossy only: the sender repeats its oldest message until it is acknowledged or out of time, and then the next."""
 
     def __str__(self) -> str:
         return self.name
 
     @property
     def reliable(self) -> bool:
-        """Everything arrives, once."""
+        """Whether every message arrives once."""
         return not self.lossy
 
     def send(self, channel: Channel, token: int) -> Channel:
-        """The sender sends the token, for the first time or again."""
+        """Return the channel after the token was sent, for the first time or again."""
         queue, unacknowledged, copies = channel
         bit = 1 << token
         if self.ordered:
@@ -84,7 +84,7 @@ class Medium:
         return Channel(queue, unacknowledged | bit if self.lossy and not self.oldest_first else 0, copies)
 
     def arrivals(self, channel: Channel) -> Iterator[Arrival]:
-        """What can arrive next."""
+        """Yield what can arrive next."""
         queue, unacknowledged, copies = channel
         if self.ordered:
             if queue:
@@ -109,7 +109,7 @@ class Medium:
                 yield Arrival(token, Channel((), 0, copies & ~(1 << token)), True)
 
     def events(self, channel: Channel) -> Iterator[Event]:
-        """What happens without either side; where order means nothing, `arrivals` has it all."""
+        """Yield the medium's own steps. An unordered medium has none: `arrivals` covers them."""
         queue, unacknowledged, _ = channel
         if self.oldest_first:
             if queue:
@@ -123,22 +123,22 @@ class Medium:
                     yield Event("is sent again", token, Channel((*queue, token), unacknowledged, 0), True)
 
     def drop(self, channel: Channel, tokens: int) -> Channel:
-        """None of these arrives any more."""
+        """Return the channel without these tokens."""
         queue, unacknowledged, copies = channel
         return Channel(tuple(token for token in queue if not tokens >> token & 1), unacknowledged & ~tokens, copies & ~tokens)
 
     def lapsed(self, channel: Channel, order: int, late: int) -> Channel:
-        """The order's time is over: it is not sent again, and whatever of it is under way is too late."""
+        """Return the channel after the order has expired: it is not sent again, and copies in transit are late."""
         queue, unacknowledged, copies = channel
         queue = tuple(late if token == order else token for token in queue if token != late)
         waiting_bit, copy_bit = unacknowledged >> order & 1, copies >> order & 1
         unacknowledged &= ~(1 << order)
         if waiting_bit and not self.ordered and not self.duplicating:
-            unacknowledged |= 1 << late  # here that means that it is under way
+            unacknowledged |= 1 << late  # on this medium the bit means that the message is in transit
         return Channel(queue, unacknowledged, copies & ~(1 << order) | copy_bit << late)
 
     def restarted(self, channel: Channel) -> tuple[Channel, ...]:
-        """What a restart of the sender leaves: what its node had yet to send is forgotten, what is under way may arrive."""
+        """Return what a restart of the sender can leave: the node's unsent messages are lost, and messages in transit can arrive."""
         if self.ordered or not self.lossy:
             return Channel(channel.queue, 0, channel.copies), EMPTY
         return (Channel((), 0, channel.copies),) if self.duplicating else (channel, EMPTY)
@@ -147,7 +147,7 @@ class Medium:
 FIFO = Medium(name="FIFO", ordered=True, lossy=False)
 LOSSY_FIFO = Medium(name="FIFO, lossy", ordered=True, lossy=True)
 OUTBOX = Medium(name="FIFO, lossy", ordered=True, lossy=True, oldest_first=True)
-"""A lossy FIFO with the senders that run, see `runtime.node`; with senders that repeat in any order, two participants are too many."""
+"""A lossy FIFO with the sending order of `runtime.node`. With repeats in any order, two participants have too many states."""
 UNORDERED = Medium(name="unordered", ordered=False, lossy=False)
 UNORDERED_LOSSY = Medium(name="unordered, lossy", ordered=False, lossy=True)
 DUPLICATING = Medium(name="unordered, lossy, duplicating", ordered=False, lossy=True, duplicating=True)

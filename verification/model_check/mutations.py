@@ -1,7 +1,7 @@
-"""Checks the check: alters each entry of the tables in turn, and sees whether any property falls.
+"""Checks the check: alters each entry of the tables in turn, and tests whether a property is violated.
 
-What no property notices is either explained, in `EXPLANATIONS`, or a hole: in the properties, or in the tables, which then say more
-than is needed.
+A mutation that violates no property needs an explanation in `EXPLANATIONS`. Without one it shows a gap in the properties, or an entry of
+the tables that is not needed.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from verification.model_check.quotient import quotient
 from verification.model_check.system import Link, LostDisk, Model
 
 MAX_STATES = 120_000
-"""Altered tables that lead to more than this go on for ever."""
+"""The limit on the states with altered tables. Parts beyond it count as infinite."""
 
 SIDES = ("PARTICIPANT", "COORDINATOR")
 SENDS = ("PARTICIPANT_SENDS", "COORDINATOR_SENDS")
@@ -32,7 +32,7 @@ SENDS = ("PARTICIPANT_SENDS", "COORDINATOR_SENDS")
 
 @dataclass(frozen=True, order=True)
 class Mutation:
-    """One alteration of one entry. `change`: `ignored`, `unanswered`, or the name of a state or message that it has instead."""
+    """An alteration of one entry. `change` is `ignored`, `unanswered`, or the name of the new state or message."""
 
     table: str
     state: str
@@ -46,25 +46,25 @@ class Mutation:
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """Where and how it was noticed, or empty; and the explanation kept for it, or empty."""
+    """The result of one mutation: the property and configuration that caught it, or empty; and its explanation, or empty."""
 
     mutation: Mutation
     caught_by: str
     explanation: str
     is_exercised: bool = True
-    """Some configuration uses the entry."""
+    """Whether some configuration uses the entry."""
 
     @property
     def misexplained(self) -> bool:
-        """It is noticed after all, or an entry is used that is said to be never met, or the other way round."""
+        """Whether the explanation is wrong: the mutation is caught, or the entry is used and explained as unused, or the reverse."""
         if not self.explanation:
             return False
         return bool(self.caught_by) or self.explanation.startswith(UNUSED_ENTRY) is self.is_exercised
 
 
 def all_mutations() -> list[Mutation]:
-    """Each entry that moves or answers, left out, without its answer, and leading home at once; each thing that may be said, left out
-    and leading home at once; each state in the other tables."""
+    """Return all mutations. An entry that moves or answers is ignored, unanswered, or leads to the end. A message that a side may send is
+    not allowed, or leads to the end. The other tables lose or change each state."""
     mutations = []
     for table in SIDES:
         for state, row in getattr(states, table).items():
@@ -98,11 +98,11 @@ def all_mutations() -> list[Mutation]:
 
 @contextlib.contextmanager
 def altered(mutation: Mutation) -> Iterator[None]:
-    """With the entry altered."""
+    """A context in which the entry is altered."""
     table: Any = getattr(states, mutation.table)
     state = State(mutation.state)
     if mutation.table == "HOLDING_STATES":
-        setattr(states, "HOLDING_STATES", table - {state})  # noqa: B010  # it is a constant to everybody else
+        setattr(states, "HOLDING_STATES", table - {state})  # noqa: B010  # a constant everywhere else
         restored: Any = table
         try:
             yield
@@ -138,7 +138,7 @@ def _entry(entry: states.Entry, state: State, change: str) -> states.Entry:
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:
-    """A configuration that altered tables are tried on, the quickest first."""
+    """A configuration in which altered tables are checked. The fastest ones come first."""
 
     name: str
     model: Model
@@ -148,7 +148,7 @@ class Trial:
         return explore(Link(self.model), single_participant=not self.two_participants, stop_at_first=True, max_states=MAX_STATES)
 
     def violated_property(self) -> str:
-        """A property that falls, or nothing."""
+        """Return a property that is violated, or an empty string."""
         part = self.part()
         if part.violations:
             return next(iter(part.violations))
@@ -173,11 +173,11 @@ TRIALS = (
 )
 
 Entry = tuple[str, str, str]
-"""A table, a state and, in the tables that have it, a message."""
+"""A table, a state and, in tables of messages, a message."""
 
 
 def used_entries(trial: Trial) -> frozenset[Entry]:
-    """The entries that the tables as they are use in it."""
+    """Return the entries that the unaltered tables use in this configuration."""
     link = trial.part().link
     sides = (("PARTICIPANT", link.participants), ("COORDINATOR", link.coordinators))
     entries = {
@@ -193,7 +193,7 @@ def used_entries(trial: Trial) -> frozenset[Entry]:
 
 
 def find_violation(mutation: Mutation, trials: Iterable[Trial] = TRIALS) -> str:
-    """Where and by which property; empty when by none."""
+    """Return the property and the configuration in which it is violated, or an empty string."""
     with altered(mutation):
         for trial in trials:
             if violated := trial.violated_property():
@@ -207,7 +207,7 @@ def judge(mutation: Mutation, trials: Sequence[Trial] = TRIALS) -> Verdict:
 
 
 def judge_all(mutations: Sequence[Mutation], processes: int) -> Iterator[Verdict]:
-    """The verdicts, in order, as they come in. Each is tried where the tables as they are use its entry."""
+    """Yield the verdicts in order. Each mutation is tried in the configurations in which the unaltered tables use its entry."""
     with multiprocessing.get_context("spawn").Pool(processes) as pool:
         trial_entries = list(zip(TRIALS, pool.map(used_entries, TRIALS, chunksize=1), strict=True))
         jobs = [

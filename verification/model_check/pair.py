@@ -1,7 +1,7 @@
-"""Two participants of one step: two quotients of the same part, joined by the rules of their transaction.
+"""Two participants of one step: two quotients of the same part, composed by the rules of their transaction.
 
-What is looked for here takes both: that they never work at the same time, that both get home, and how it ends for both. What
-`properties.wrongs` says of one participant was looked for in its part with any others beside it, so it holds of any number.
+This module checks the properties of two participants: mutual exclusion and termination, and it collects the outcomes. The properties of
+one participant (`properties.broken_properties`) are checked in its part with arbitrary others, and so hold for any number.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from verification.model_check.properties import Outcome, Property
 from verification.model_check.quotient import Quotient
 
 ClassPair = tuple[int, int]
-"""The classes of the two, the smaller first: which of the two is which makes no difference."""
+"""The classes of the two participants, the smaller first: the two are interchangeable."""
 
 JOINT_RULES = (
     ("cancel", "cancel"), ("fail", "fail"), ("end", "end"), ("overdue", "overdue"), ("accomplish+", "accomplish+"),
     ("accomplish+", "accomplish-"), ("accomplish-", "accomplish+"),
 )  # fmt: skip
-"""The moves of the transaction, which both make at once. It is accomplished when either has completed the step."""
+"""The moves of the transaction, which both participants make at once. It is accomplished when either has completed the step."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PairViolation:
-    """A property of two participants that does not hold, and the number of the state in which that shows."""
+    """A violated property of two participants, and the number of the state in which it shows."""
 
     property: Property
     reason: str
@@ -36,7 +36,7 @@ class PairViolation:
 
 @dataclass(kw_only=True)
 class PairSpace:
-    """All states of the two that can be reached."""
+    """All reachable states of the two participants."""
 
     quotient: Quotient
     states: list[ClassPair] = field(default_factory=list)
@@ -45,7 +45,7 @@ class PairSpace:
     outcomes: set[tuple[Outcome, Outcome]] = field(default_factory=set)
 
     def path_to(self, state: int) -> list[ClassPair]:
-        """The states from the first to this one."""
+        """Return the states from the first to this one."""
         numbers = [state]
         while numbers[-1] != 0:
             numbers.append(self.parents[numbers[-1]])
@@ -53,7 +53,7 @@ class PairSpace:
 
 
 def explore_pair(quotient: Quotient, *, stop_at_first: bool = False, tick: Tick | None = None) -> PairSpace:
-    """Every state of the two, breadth first."""
+    """Explore every reachable state of the two participants, breadth first."""
     space = PairSpace(quotient=quotient)
     observations = quotient.observations
     numbers: dict[ClassPair, int] = {(0, 0): 0}
@@ -86,8 +86,8 @@ def explore_pair(quotient: Quotient, *, stop_at_first: bool = False, tick: Tick 
         if observations[class_a].outcome is not None and observations[class_b].outcome is not None
     ]
     if (stuck := _find_stuck_state(home, begins, fairly)) is not None:
-        space.violations[Property.HOME] = PairViolation(
-            property=Property.HOME, reason="no fair moves lead from here to the end", state=stuck
+        space.violations[Property.TERMINATION] = PairViolation(
+            property=Property.TERMINATION, reason="no fair moves lead from here to the end", state=stuck
         )
     for state_number in home:
         outcome_a, outcome_b = (observations[block].outcome for block in space.states[state_number])
@@ -98,7 +98,7 @@ def explore_pair(quotient: Quotient, *, stop_at_first: bool = False, tick: Tick 
 
 
 def successors(quotient: Quotient, pair: ClassPair) -> Iterator[tuple[int, ClassPair]]:
-    """What either does, and what the transaction does to both."""
+    """Yield the moves of either participant, and the joint moves of the transaction."""
     class_a, class_b = pair
     yield from _single_successors(quotient, class_a, class_b)
     if class_a != class_b:
@@ -128,7 +128,7 @@ def _joint(quotient: Quotient, mover: int) -> dict[str, list[tuple[int, int]]]:
 
 
 def _find_stuck_state(goal: list[int], begins: array[int], fairly: array[int]) -> int | None:
-    """The first state from which no fair moves lead to the goal."""
+    """Return the first state from which no fair moves lead to the goal, or None."""
     state_count = len(begins) - 1
     counts = array("i", bytes(4 * (state_count + 1)))
     for target in fairly:

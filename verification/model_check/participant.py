@@ -1,6 +1,6 @@
-"""The participant's side: hears what the coordinator says, and does what `PARTICIPANT_SENDS` lets it.
+"""The participant's side: receives the coordinator's messages, and sends what `PARTICIPANT_SENDS` allows.
 
-Its device, its timers and its restarts are here, too: what is done in the world, as against what is said of it, is a `WorkState`.
+It includes the device, the timers and restarts. A `WorkState` is what was really done, as opposed to what was reported.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from somrs.protocol.messages import frp
 from somrs.protocol.messages.frp import State
 from verification.model_check.sides import PARTICIPANT, SM, TM, TRANSACTION, Action, Fair, Side, forget_fleeting, is_late, key, try_action
 
-# Bodies say nothing here: what they carry changes no state.
+# The contents of the bodies are arbitrary: no state depends on them.
 PARTICIPANT_BODIES: dict[type[object], ParticipantBody] = {
     frp.Terms: frp.Terms(effect="E", price=1.0, duration=1.0),
     frp.Refuse: frp.Refuse(reason="r"),
@@ -28,7 +28,7 @@ PARTICIPANT_BODIES: dict[type[object], ParticipantBody] = {
 }
 
 
-# What a Service Manager says in each state (`service_manager.participant`): a table that does not let it is wrong.
+# What a Service Manager sends in each state (`service_manager.participant`); a table that does not allow it is wrong.
 REQUIRED_MESSAGES: dict[State, tuple[type[object], ...]] = {
     State.ARRANGING: (frp.Terms, frp.Refuse),
     State.OFFERED: (frp.Refuse,),
@@ -40,38 +40,38 @@ REQUIRED_MESSAGES: dict[State, tuple[type[object], ...]] = {
 
 
 UNBEGUN: dict[State, type[object]] = {State.OFFERED: frp.Refuse, State.COMMITTED: frp.Failed}
-"""What it answers to an Execute that came too late; to a Compensate, Stranded."""
+"""The answers to an Execute that came too late. The answer to a late Compensate is Stranded."""
 
 
 class WorkState(Enum):
-    """What a participant has really done to the world."""
+    """The work that a participant has really done."""
 
     NOT_STARTED = "nothing"
     STARTED = "begun"
     COMPLETED = "done"
-    HALF = "half-done"
+    HALF = "partly done"
     UNDONE = "undone"
     STRANDED = "not undone"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Participant:
-    """The participant's side. `verdict` is what it will report once the device, which it has halted, is at rest."""
+    """The participant's side. `verdict` is the report that follows when a halted device has stopped."""
 
     session: ParticipantSession
     moving: bool = False
-    """The device is at work, or not yet at rest."""
+    """The device works, or has not stopped yet."""
     verdict: type[object] | None = None
     halted: bool = False
     work_state: WorkState = WorkState.NOT_STARTED
     committed: bool = False
-    """Its terms were accepted, as it knows."""
+    """The participant has received the Accept of its terms."""
     forgot: bool = False
-    """It lost its disk once."""
+    """The participant has lost its disk."""
 
 
 class Participants(Side[Participant]):
-    """The participant's side, for every message and every choice."""
+    """The participant's states, with the results of every message and every choice."""
 
     def first(self) -> int:
         return self._add(Participant(session=_fresh_participant()))
@@ -108,7 +108,7 @@ class Participants(Side[Participant]):
             committed=participant.committed or (result.moved and isinstance(message.body, frp.Accept | frp.Execute)),
         )
         if result.state_before is State.ENDED and result.state is not State.ENDED:
-            wrong = f"a participant that is over becomes {result.state}"
+            wrong = f"a participant that has ended becomes {result.state}"
         elif late and result.moved and result.state is State.COMPENSATING:
             tokens = (*tokens, *self._refused(session, frp.Stranded))
         elif result.moved and result.state in (State.EXECUTING, State.COMPENSATING) and result.state_before is not result.state:
@@ -125,12 +125,12 @@ class Participants(Side[Participant]):
         return Action(description, self._add(participant_after), tokens, wrong=wrong)
 
     def _refused(self, session: ParticipantSession, kind: type[object]) -> tuple[int, ...]:
-        """As `ServiceManager` answers an order that came too late: nothing moves."""
+        """Answer an order that came too late, as `ServiceManager` does: nothing moves."""
         self.outbox.prepare(session, kind)
         return (self.outbox.number(session.send(PARTICIPANT_BODIES[kind]), session.number),)
 
     def _all_actions(self, state_number: int) -> Iterator[Action]:
-        """With what its device and its timers do to it."""
+        """Yield the participant's moves, with those of its device and its timers."""
         participant = self.states[state_number]
         state = participant.session.state
         for kind in dict.fromkeys((*states.PARTICIPANT_SENDS.get(state, {}), *REQUIRED_MESSAGES.get(state, ()))):
@@ -146,7 +146,7 @@ class Participants(Side[Participant]):
             yield Action("is cut off, and halts", self._add(_halted(participant)))
 
     def _send(self, state_number: int, kind: type[object]) -> Action:
-        description = f"says {kind.__name__}"
+        description = f"sends {kind.__name__}"
         return try_action(lambda: self._perform_send(state_number, kind, description), description, state_number)
 
     def _perform_send(self, state_number: int, kind: type[object], description: str) -> Action:
@@ -157,12 +157,12 @@ class Participants(Side[Participant]):
         participant_after = replace(participant, session=session)
         wrong = ""
         if kind in (frp.Completed, frp.Compensated) and not participant.moving:
-            wrong = f"says {kind.__name__}, and its device was stopped before that was true"
+            wrong = f"sends {kind.__name__}, although its device was stopped before the work was done"
         if kind is not frp.Progress:
             participant_after = replace(
                 participant_after, moving=False, verdict=None, halted=False, work_state=_reported_work_state(participant, kind)
             )
-        # That an offer lapses, or a device breaks before it began, is left to chance, but where nobody is left to wait for.
+        # Fairness does not require that terms expire or that a device breaks before it begins, except when the coordinator's disk is lost.
         fair, timer = Fair.YES, participant.session.state in (State.OFFERED, State.COMMITTED)
         if timer:
             fair = Fair.NO
@@ -173,7 +173,7 @@ class Participants(Side[Participant]):
         )
 
     def restarted(self, state_number: int) -> tuple[int, tuple[int, ...]]:
-        """The state after a restart, and what is said again. The device is halted, and what was under way is reported so."""
+        """Return the state after a restart, and the reports sent again. The device is halted, and reports its work as interrupted."""
         participant = self.states[state_number]
         tokens = tuple(self.outbox.number(message, 1) for message in participant.session.last_report())
         if participant.session.state in states.WORKING:
@@ -183,7 +183,7 @@ class Participants(Side[Participant]):
         return self._add(participant), tokens
 
     def without_memory(self, state_number: int) -> int:
-        """The state after its disk was lost."""
+        """Return the state after the loss of the participant's disk."""
         participant = self.states[state_number]
         return self._add(Participant(session=_fresh_participant(), work_state=_interrupted(participant), forgot=True))
 
@@ -205,7 +205,7 @@ def _interrupted(participant: Participant) -> WorkState:
 
 
 def _reported_work_state(participant: Participant, kind: type[object]) -> WorkState:
-    """What is so when it reports this."""
+    """Return the real state of the work after a report of this type."""
     if kind is frp.Completed:
         return WorkState.COMPLETED
     if kind is frp.Compensated:

@@ -1,8 +1,8 @@
-"""One participant's part with the states that nobody outside could tell apart made one (strong bisimulation).
+"""Reduces one participant's part by strong bisimulation: states that are indistinguishable from outside become one.
 
-Two states are one when they show the same of what the others depend on and what the properties of two participants ask
-for, and when every move of the one leads, by the same rule and as fairly, to where a move of the other leads. So every run
-of two parts together is a run of their quotients, step by step, and the other way round.
+Two states are equivalent if they agree in an `Observation`, and if every move of either leads, by the same rule and with the same fairness,
+to a state equivalent to the target of a move of the other. So every run of two parts together is a run of their quotients, step by step,
+and the reverse.
 """
 
 from __future__ import annotations
@@ -13,23 +13,23 @@ from typing import NamedTuple
 from somrs.protocol.frp import states
 from verification.model_check.coordinator import Phase
 from verification.model_check.explore import StateSpace
-from verification.model_check.properties import Outcome, at_home, outcome
+from verification.model_check.properties import Outcome, has_ended, outcome
 from verification.model_check.system import TransitionKind
 
 
 class Observation(NamedTuple):
-    """What is seen of a state from outside. `outcome` is set when its participant is at home."""
+    """What is visible of a state from outside. `outcome` is set when the part has ended."""
 
     phase: Phase
     holds_step: bool
-    """The step is this participant's, for the coordinator."""
+    """The coordinator counts the step as this participant's."""
     moving: bool
     outcome: Outcome | None
 
 
 @dataclass(frozen=True)
 class Quotient:
-    """Classes are numbered; class 0 is that of the first state."""
+    """The classes and their moves. Class 0 contains the first state."""
 
     space: StateSpace
     classes: list[int]
@@ -39,7 +39,7 @@ class Quotient:
 
 
 def quotient(space: StateSpace) -> Quotient:
-    """The coarsest one, by splitting classes until all members of each have the same moves."""
+    """Return the coarsest bisimulation quotient, by splitting classes until all members of each have the same moves."""
     state_observations = [_observe(space, state_number) for state_number in range(len(space.states))]
     numbers: dict[object, int] = {}
     classes = [numbers.setdefault(observation, len(numbers)) for observation in state_observations]
@@ -70,5 +70,5 @@ def quotient(space: StateSpace) -> Quotient:
 def _observe(space: StateSpace, state_number: int) -> Observation:
     coordinator, participant = space.link.coordinator(space.states[state_number]), space.link.participant(space.states[state_number])
     holds_step = coordinator.phase is not Phase.LOST and coordinator.session.state in states.HOLDING_STATES
-    ended = outcome(coordinator, participant) if at_home(coordinator, participant) else None
+    ended = outcome(coordinator, participant) if has_ended(coordinator, participant) else None
     return Observation(coordinator.phase, holds_step, participant.moving, ended)

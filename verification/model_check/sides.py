@@ -1,8 +1,8 @@
-"""The two sides of one participant's part: the sessions that run, played for every message and every choice they have.
+"""The two sides of one participant's part: the product's sessions, run for every message and every choice.
 
-A side's state is a session with what the model knows besides. States are numbered, and what comes of a state and a message is
-worked out once by the session itself, and remembered: the exploration then handles numbers only. `participant.py` and
-`coordinator.py` are the two; here is what they share.
+A side's state is a session with the model's additions. States are numbered. The session computes the result of a state and a message once;
+the result is stored, so that the exploration handles only numbers. `participant.py` and `coordinator.py` implement the two sides; this
+module has what they share.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ TM, SM, TRANSACTION, PARTICIPANT = "tm", "sm", "t", "service#step"
 FLEETING = ("Progress", "Status", "Fault", "Query")
 
 LAPSED = 0.0
-"""The `begin_by` of an order that is too late to begin with, by the participant's clock. The others have none, and are in time."""
+"""The `begin_by` of an order that has expired by the participant's clock. Orders in time have no `begin_by`."""
 
 
 class Fair(IntEnum):
-    """Whether a fair run has it happen, if it can for long enough."""
+    """Whether a fair run contains a move that remains possible for long enough."""
 
     NO = 0
-    """A fault, a timer, a change of mind."""
+    """A fault, a timer, or a decision of the client."""
     ENDING = 1
-    """Work comes to an end by itself. That is fair, but there is work that never does, and then a cancel has to help."""
+    """The end of work by itself. It is fair, but some work never ends, and then a cancel has to end it."""
     YES = 2
 
 
 class Action(NamedTuple):
-    """Something that a side does or hears. `joint` names the rule of the transaction that it is subject to, if it is."""
+    """A step of a side, of its own accord or on receiving a message. `joint` names the transaction's rule for it, if there is one."""
 
     description: str
     target: int
@@ -48,11 +48,11 @@ class Action(NamedTuple):
     fair: Fair = Fair.NO
     joint: str = ""
     wrong: str = ""
-    """Why this must never happen."""
+    """Why this step violates the protocol; empty if it does not."""
 
 
 class MessageTable:
-    """The messages of one direction by number. The same message, sent again, has the same number."""
+    """The messages of one direction, by number. A repeated message has the same number."""
 
     def __init__(self) -> None:
         self.messages: list[Message] = []
@@ -60,7 +60,7 @@ class MessageTable:
         self._count: dict[str, int] = {}
 
     def number(self, message: Message, count: int) -> int:
-        """`count`: the sender's number of it."""
+        """Return the message's number. `count` is the sender's own number of it."""
         key = _identity(message)
         if key not in self._numbers:
             self._numbers[key] = len(self.messages)
@@ -69,13 +69,13 @@ class MessageTable:
         return self._numbers[key]
 
     def prepare(self, session: CoordinatorSession | ParticipantSession, kind: type[object] | None) -> None:
-        """Have the session count the messages of each type apart. Messages of one type are told apart as before, and
-        what was said before it does not make it another message."""
+        """Have the session count the messages of each type separately, so that the id of a message does not depend on messages of other
+        types."""
         record = session.sent_messages.get(kind.__name__) if kind is not None else None
         session.number = self._count.get(record.id, 0) if record is not None else 0
 
     def lapsed(self, token: int) -> int:
-        """The same message, too late to begin with; itself when it is no order, or is too late already."""
+        """Return the number of the same order after it has expired; the token itself if it is no order or has expired already."""
         message = self.messages[token]
         if not isinstance(message.body, frp.Execute | frp.Compensate) or is_late(message):
             return token
@@ -83,7 +83,7 @@ class MessageTable:
         return self.number(late, self._count[message.header.message_id])
 
     def prepare_repeat(self, session: CoordinatorSession, kind: type[object]) -> None:
-        """As `prepare`, to say the same again under the same number: to whoever hears it, both mean the same."""
+        """As `prepare`, for an order that is sent again: it gets the same number, as it has the same meaning for the receiver."""
         self.prepare(session, kind)
         session.number -= 1
 
@@ -91,12 +91,12 @@ class MessageTable:
         return type(self.messages[token].body).__name__
 
     def mask_of(self, kinds: frozenset[type[object]]) -> int:
-        """The set of those of these types."""
+        """Return the bit mask of the messages of these types."""
         return sum(1 << token for token, message in enumerate(self.messages) if type(message.body) in kinds)
 
 
 def _identity(message: Message) -> object:
-    """What makes two messages the same to whoever hears them. Of a Status, that is whether it knows of anything at all."""
+    """Return a key that is equal for messages that mean the same to the receiver. For a Status, only whether the state is New matters."""
     body, header = message.body, message.header
     if isinstance(body, frp.Status):
         return "Status", body.state is State.NEW, header.relates_to
@@ -110,7 +110,7 @@ def _identity(message: Message) -> object:
 
 
 def is_late(message: Message) -> bool:
-    """Whether it is an order that is too late to begin with."""
+    """Whether the message is an order that has expired."""
     return isinstance(message.body, frp.Execute | frp.Compensate) and message.body.begin_by == LAPSED
 
 
@@ -125,7 +125,7 @@ S = TypeVar("S")
 
 @dataclass
 class Side(ABC, Generic[S]):
-    """The states of one side by number, and what comes of each once it was worked out."""
+    """The states of one side by number, and the results of each, computed once."""
 
     inbox: MessageTable
     outbox: MessageTable
@@ -133,7 +133,7 @@ class Side(ABC, Generic[S]):
     states: list[S] = field(default_factory=list)
     _numbers: dict[object, int] = field(default_factory=dict)
     reactions: dict[tuple[int, int], Action] = field(default_factory=dict)
-    """What came of each message in each state in which it arrived."""
+    """The result of each message in each state in which it arrived."""
     _actions: dict[int, tuple[Action, ...]] = field(default_factory=dict)
 
     def _number(self, key: object, state: S) -> int:
@@ -143,16 +143,16 @@ class Side(ABC, Generic[S]):
         return self._numbers[key]
 
     def receive(self, state_number: int, token: int) -> Action:
-        """What comes of hearing it."""
+        """Return the result of receiving the message in this state."""
         if (state_number, token) not in self.reactions:
-            description = f"hears {'late ' if is_late(self.inbox.messages[token]) else ''}{self.inbox.name(token)}"
+            description = f"receives {'late ' if is_late(self.inbox.messages[token]) else ''}{self.inbox.name(token)}"
             self.reactions[state_number, token] = try_action(
                 lambda: self._receive(state_number, token, description), description, state_number
             )
         return self.reactions[state_number, token]
 
     def actions(self, state_number: int) -> tuple[Action, ...]:
-        """What it may do of its own accord."""
+        """Return the steps that the side may take of its own accord."""
         if state_number not in self._actions:
             self._actions[state_number] = tuple(self._all_actions(state_number))
         return self._actions[state_number]
@@ -166,14 +166,14 @@ class Side(ABC, Generic[S]):
     def _number_messages(
         self, session: CoordinatorSession | ParticipantSession, messages: tuple[Message, ...]
     ) -> tuple[tuple[int, ...], str]:
-        """The messages' numbers, and what is wrong with them."""
+        """Return the messages' numbers, and the error if one of them is a Fault."""
         numbers = tuple(self.outbox.number(message, session.number) for message in messages)
         fault = next((message.body.text for message in messages if isinstance(message.body, frp.Fault)), "")
-        return numbers, f"a message does not fit: {fault}" if fault else ""
+        return numbers, f"an unexpected message: {fault}" if fault else ""
 
 
 def try_action(action: Callable[[], Action], description: str, state_number: int) -> Action:
-    """A step as the session takes it. One that it cannot take is what a wrong table comes to."""
+    """Return the result of the action. An action that the session rejects becomes an `Action` that is `wrong`: the table has an error."""
     try:
         return action()
     except (UsageError, KeyError, AssertionError) as error:
@@ -181,5 +181,5 @@ def try_action(action: Callable[[], Action], description: str, state_number: int
 
 
 def forget_fleeting(session: ParticipantSession | CoordinatorSession) -> None:
-    """Signs of life are all the same; that keeps the states finite."""
+    """Remove heartbeats and other repeatable messages from the session's records, which keeps the number of states finite."""
     session.sent_messages = {name: record for name, record in session.sent_messages.items() if name not in FLEETING or name == "Query"}

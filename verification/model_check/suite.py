@@ -1,4 +1,4 @@
-"""What is checked: which configurations, and what came of each."""
+"""The configurations that are checked, and their results."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from verification.model_check.quotient import quotient
 from verification.model_check.system import Link, LostDisk, Model
 
 LOST_DISKS = ((FIFO, LostDisk.PARTICIPANT), (FIFO, LostDisk.COORDINATOR), (DUPLICATING, LostDisk.COORDINATOR))
-"""The media on which a disk is lost. On others the participant's loss has too many states to look at all of them."""
+"""The media on which a disk is lost. On the others, the loss of the participant's disk has too many states."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Counterexample:
-    """A property that falls, and the shortest run in which it does."""
+    """A violated property, and a shortest run that violates it."""
 
     property: Property
     reason: str
@@ -29,7 +29,7 @@ class Counterexample:
 
 @dataclass(frozen=True, kw_only=True)
 class Result:
-    """What came of one configuration. `cells` has what was looked for: None for what holds."""
+    """The result of one configuration. `cells` has the properties that were checked; None means that the property holds."""
 
     medium: str
     configuration: str
@@ -38,11 +38,18 @@ class Result:
     cells: dict[Property, Counterexample | None]
 
 
-SINGLE_PROPERTIES = (Property.FITS, Property.CONTRACT, Property.HOME, Property.HALF_DONE, Property.ORPHAN, Property.RESTART)
+SINGLE_PROPERTIES = (
+    Property.VALID_STATE,
+    Property.CONTRACT,
+    Property.TERMINATION,
+    Property.PARTIAL_RESULT,
+    Property.ORPHAN,
+    Property.RESTART,
+)
 
 
 def check_one(medium: Medium, tick: Tick | None = None) -> Result:
-    """One participant, killed and restarted at any moment and, for property 7, never."""
+    """Check one participant, with kills and restarts at any moment and, for property 7, without."""
     started_at = time.perf_counter()
     calm = explore(Link(Model(medium=medium, restarts=False, lapses=True)), single_participant=True, tick=tick)
     space = explore(Link(Model(medium=medium, lapses=True)), single_participant=True, tick=tick)
@@ -56,7 +63,7 @@ def check_one(medium: Medium, tick: Tick | None = None) -> Result:
 
 
 def check_two(medium: Medium, tick: Tick | None = None) -> Result:
-    """Two participants of one step. What concerns each alone is looked for in its part with any others beside it."""
+    """Check two participants of one step. Properties of one are checked in its part with arbitrary others."""
     started_at = time.perf_counter()
     medium = OUTBOX if medium is LOSSY_FIFO else medium
     cells: dict[Property, Counterexample | None] = dict.fromkeys(Property)
@@ -71,10 +78,10 @@ def check_two(medium: Medium, tick: Tick | None = None) -> Result:
 
 
 def check_lost_disk(medium: Medium, lost_disk: LostDisk, tick: Tick | None = None) -> Result:
-    """One participant, and a journal that is lost: nobody is held to what is forgotten, but all get home."""
+    """Check that one participant's part terminates when a journal is lost. No other property is required then."""
     started_at = time.perf_counter()
     space = explore(Link(Model(medium=medium, restarts=False, lost_disk=lost_disk)), single_participant=True, tick=tick)
-    cells: dict[Property, Counterexample | None] = {Property.HOME: None, **_counterexamples(space)}
+    cells: dict[Property, Counterexample | None] = {Property.TERMINATION: None, **_counterexamples(space)}
     return Result(
         medium=medium.name,
         configuration=f"{lost_disk.value} disk is lost",
@@ -85,10 +92,10 @@ def check_lost_disk(medium: Medium, lost_disk: LostDisk, tick: Tick | None = Non
 
 
 def check_assumption(*, cut_off: bool, clocks: bool, tick: Tick | None = None) -> Result:
-    """Two participants without a half of the timing assumption: property 1 has to fall, for no protocol can have it then."""
+    """Check two participants without one half of the timing assumption. Property 1 has to fail: no protocol can ensure it then."""
     started_at = time.perf_counter()
     _, space = _explore_two(Model(medium=FIFO, restarts=False, cut_off=cut_off, clocks=clocks), tick)
-    configuration = "a silent participant works on" if not cut_off else "a late order is obeyed"
+    configuration = "a silent participant works on" if not cut_off else "a late order is executed"
     cells = {Property.MUTUAL_EXCLUSION: pair_counterexamples(space).get(Property.MUTUAL_EXCLUSION)}
     return Result(
         medium=FIFO.name, configuration=configuration, states=len(space.states), seconds=time.perf_counter() - started_at, cells=cells
@@ -96,7 +103,7 @@ def check_assumption(*, cut_off: bool, clocks: bool, tick: Tick | None = None) -
 
 
 def check_all(tick: Tick | None = None) -> Iterator[Result]:
-    """All that has to hold."""
+    """Yield the results of all configurations in which the properties have to hold."""
     for medium in MEDIA:
         yield check_one(medium, tick)
     for medium in MEDIA:
@@ -125,4 +132,4 @@ def pair_counterexamples(space: PairSpace) -> dict[Property, Counterexample | No
 
 
 def _only_with_restarts(outcomes: Collection[object]) -> Counterexample:
-    return Counterexample(property=Property.RESTART, reason=f"only with restarts it ends so: {sorted(map(str, outcomes))}", chart=[])
+    return Counterexample(property=Property.RESTART, reason=f"outcomes only with restarts: {sorted(map(str, outcomes))}", chart=[])

@@ -1,9 +1,9 @@
-"""A coordinator, one participant and the medium between them: their states, and every move they can make.
+"""A coordinator, one participant and the medium between them: their states and all their moves.
 
 One participant's part is a `Link`. Links of one step depend on each other only by moves that are `joint`:
-- `claim`: nobody else holds the step (`states.HOLDS`) when this one's terms are accepted, or when it is to undo;
-- `cancel`, `fail`, `accomplish`, `end`, `overdue`: the transaction stops or ends, for all of its participants at once.
-`pair.py` puts two links together by these rules.
+- `claim`: no other participant holds the step (`states.HOLDING_STATES`) when this one is accepted, or receives Compensate;
+- `cancel`, `fail`, `accomplish`, `end`, `overdue`: the transaction stops or ends for all of its participants at once.
+`pair.py` composes two links by these rules.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from verification.model_check.participant import Participant, Participants
 from verification.model_check.sides import Action, Fair, MessageTable, is_late
 
 REPEATED_MESSAGES = frozenset(("Cancel", "End", "Terms", "Refuse", "Completed", "Failed", "Stopped", "Compensated", "Stranded"))
-"""What is sent again for a day. Signs of life, questions and Faults are not, and orders only while they are wanted."""
+"""The messages that are repeated for a day. Progress, Query, Status and Fault are not, and orders only in the states below."""
 
 REPEATED_ORDERS = {"Arrange": State.ARRANGING, "Accept": State.COMMITTED, "Execute": State.EXECUTING, "Stop": State.STOPPING,
           "Compensate": State.COMPENSATING}  # fmt: skip
-"""The coordinator's state in which it sends an order again."""
+"""The coordinator's state in which it repeats an order."""
 
 LinkState = tuple[int, int, int, int]
-"""The numbers of the coordinator's state, the participant's, and of the channels to the participant and to the coordinator."""
+"""The numbers of the coordinator's state, the participant's state, and the channels to the participant and to the coordinator."""
 
 
 class LostDisk(Enum):
-    """Whose journal may be lost, once and at any moment."""
+    """The side that may lose its journal, once and at any moment."""
 
     NONE = "nobody's"
     PARTICIPANT = "the participant's"
@@ -43,26 +43,26 @@ class LostDisk(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Model:
-    """One configuration. Without `cut_off` and `clocks`, the timing assumption of this package does not hold."""
+    """A configuration. Without `cut_off` or `clocks`, the timing assumption of this package does not hold."""
 
     medium: Medium
     restarts: bool = True
-    """Either side may be killed and started again from its journal at any moment."""
+    """Either side may be killed at any moment, and restarts from its journal."""
     lost_disk: LostDisk = LostDisk.NONE
     lapses: bool = False
-    """An order under way may come to be too late at any moment; if not, when its participant is given up."""
+    """An order in transit may expire at any moment; otherwise when its participant is given up."""
     cut_off: bool = True
-    """No device moves any more when its participant is given up."""
+    """A device has stopped when its participant is given up."""
     clocks: bool = True
-    """An order that is under way when a participant is given up is too late by the participant's clock, too."""
+    """An order in transit has expired by the participant's clock, too, when the participant is given up."""
 
 
 TransitionKind = tuple[str, Fair, bool]
-"""Of a move: the rule of the transaction for it, whether a fair run has it happen, and whether it is the coordinator's own."""
+"""The kind of a move: the transaction's rule for it, its fairness, and whether it is the coordinator's own."""
 
 
 class Transition(NamedTuple):
-    """A step of the whole: who does what, and the state then."""
+    """A step of the whole system: the actor, the action, and the state after it."""
 
     kind: TransitionKind
     target: LinkState
@@ -76,7 +76,7 @@ class Transition(NamedTuple):
 
 
 class _Channels:
-    """The states of the channels of one direction by number."""
+    """The states of the channels of one direction, by number."""
 
     def __init__(self, medium: Medium, post: MessageTable) -> None:
         self.medium, self.messages = medium, post
@@ -119,19 +119,19 @@ class _Channels:
         return self._events[channel_number]
 
     def lapsed(self, channel_number: int) -> tuple[tuple[Event, int], ...]:
-        """What it is when the time of one of the orders in it is over."""
+        """Return the channels after the expiry of one of the orders in this one."""
         if channel_number not in self._lapsed:
             channel = self.channels[channel_number]
             lapses = []
             for token in {*channel.queue, *members(channel.unacknowledged | channel.copies)}:
                 if (late := self.messages.lapsed(token)) != token:
                     lapsed_channel = self.medium.lapsed(channel, token, late)
-                    lapses.append((Event("is too late now", token, lapsed_channel, False), self.number(lapsed_channel)))
+                    lapses.append((Event("has expired", token, lapsed_channel, False), self.number(lapsed_channel)))
             self._lapsed[channel_number] = tuple(lapses)
         return self._lapsed[channel_number]
 
     def drop(self, channel_number: int, kinds: frozenset[MessageType]) -> int:
-        """None of these types arrives any more."""
+        """Return the channel without messages of these types."""
         return (
             self.number(self.medium.drop(self.channels[channel_number], self.messages.mask_of(kinds)))
             if channel_number and kinds
@@ -147,8 +147,8 @@ class _Channels:
 
 
 class _ChannelUpdate(dict[int, int]):
-    """What becomes of each channel of one direction when these messages are put into it, and then none of these types counts any
-    more; worked out once for each."""
+    """Maps each channel of one direction to the channel after these messages were sent and the ineffective types dropped. Computed
+    once for each channel."""
 
     def __init__(self, channels: _Channels, tokens: tuple[int, ...], ineffective: frozenset[MessageType]) -> None:
         self.channels, self.tokens, self.ineffective = channels, tokens, ineffective
@@ -159,7 +159,7 @@ class _ChannelUpdate(dict[int, int]):
 
 
 class _LinkAction(NamedTuple):
-    """A move, whatever is under way: what it makes of both sides, and of each channel."""
+    """A move, independent of the messages in transit: the new states of both sides, and the update of each channel."""
 
     kind: TransitionKind
     c: int
@@ -180,11 +180,11 @@ class _LinkAction(NamedTuple):
 
 
 class _Pair(NamedTuple):
-    """What the two sides can do, each in one state, and what became of what they heard there: a token, and whether it is repeated."""
+    """The moves of two sides, each in one state. `at_participant` and `at_coordinator` have arrivals, by token and `is_repeated`."""
 
     actions: tuple[_LinkAction, ...]
     queries: tuple[_LinkAction, ...]
-    """Only when nothing is under way to the participant."""
+    """Only when nothing is in transit to the participant."""
     abandonments: tuple[_LinkAction, ...]
     restarts: tuple[_LinkAction, ...]
     loses_disk: tuple[_LinkAction, ...]
@@ -195,7 +195,7 @@ class _Pair(NamedTuple):
 
 
 def _fair(event: Event, is_repeated: bool) -> Fair | None:
-    """Whether a fair run has it happen; None when it cannot happen, as the sender's time for what is wanted does not run out."""
+    """The fairness of the event; None if it cannot happen, because a message that is still repeated does not run out of time."""
     if event.word == "is out of time":
         return None if is_repeated else Fair.YES
     return _yes((is_repeated and event.is_repeated) is (event.word == "is sent again"))
@@ -206,7 +206,7 @@ def _yes(fair: bool) -> Fair:
 
 
 class Link:
-    """One participant's part in the transaction, with everything that can happen to it."""
+    """One participant's part of the transaction, with all its moves."""
 
     def __init__(self, model: Model) -> None:
         self.model = model
@@ -235,7 +235,7 @@ class Link:
         return self.participants.states[state[1]]
 
     def transitions(self, state: LinkState) -> Iterator[Transition]:
-        """Everything that can happen next. No channel keeps messages that can have no effect any more."""
+        """Yield all moves from this state. The channels contain no messages that cannot have an effect any more."""
         c, p, down_channel, up_channel = state
         pair = self._pairs.get((c, p)) or self._pair(c, p)
         to_participant, to_coordinator = self._to_participant, self._to_coordinator
@@ -272,7 +272,7 @@ class Link:
 
     def _pair(self, c: int, p: int) -> _Pair:
         coordinator, participant = self.coordinators.states[c], self.participants.states[p]
-        # What a lost disk has silenced is over when the timers ring that a fair run does not need otherwise.
+        # After the loss of the coordinator's disk, termination requires the participant's timers; a fair run needs none otherwise.
         late = self.model.lost_disk is LostDisk.COORDINATOR and coordinator.phase is Phase.LOST
         is_queried = self.model.lost_disk is LostDisk.PARTICIPANT
         waits = is_queried and coordinator.session.state is State.ARRANGING
@@ -287,8 +287,8 @@ class Link:
                 if participant.session.state in UNREACHED_STATES.get(coordinator.session.state, ()):
                     actions.append(self._link_action(("", Fair.YES, True), action.target, p, "tm", action))
             else:
-                query = action.description == "says Query"
-                fair = action.fair or _yes((is_queried and query) or (waits and action.description == "says Cancel"))
+                query = action.description == "sends Query"
+                fair = action.fair or _yes((is_queried and query) or (waits and action.description == "sends Cancel"))
                 (queries if query else actions).append(self._link_action((action.joint, fair, True), action.target, p, "tm", action))
         for action in self.participants.actions(p):
             actions.append(
@@ -310,7 +310,7 @@ class Link:
         return pair
 
     def _link_action(self, kind: TransitionKind, c: int, p: int, actor: str, action: Action) -> _LinkAction:
-        """`c` and `p` are the sides' states then; what is said goes out from the side that does or hears something."""
+        """Return a move to the sides' states `c` and `p`. The side that acts or receives sends the action's messages."""
         ineffective_down, ineffective_up = self._ineffective_messages(c, p)
         from_coordinator = actor in ("tm", "to tm")
         down_update = self._channel_update(self._to_participant, action.tokens if from_coordinator else (), ineffective_down)
@@ -324,7 +324,7 @@ class Link:
         return self._channel_updates[key]
 
     def _ineffective_messages(self, c: int, p: int) -> tuple[frozenset[MessageType], frozenset[MessageType]]:
-        """The types of messages to the participant, and of those to the coordinator, that can have no effect any more."""
+        """Return the types of messages to the participant, and of those to the coordinator, that cannot have an effect any more."""
         coordinator, participant = self.coordinators.states[c], self.participants.states[p]
         lost_memory = participant.forgot or coordinator.phase is Phase.LOST
         return (self._certain if lost_memory else self._futures).ineffective_messages(coordinator.session.state, participant.session.state)
@@ -346,13 +346,13 @@ class Link:
         return link_action
 
     def _too_late(self, down_channel: int) -> int:
-        """What is under way to the participant when the coordinator has waited for as long as the timing assumption says."""
+        """Return the channel to the participant after the waiting time of the timing assumption: with `clocks`, its orders have expired."""
         while self.model.clocks and (lapsed := self._to_participant.lapsed(down_channel)):
             down_channel = lapsed[0][1]
         return down_channel
 
     def _is_order_repeated(self, c: int, token: int) -> bool:
-        """Whether the coordinator's node sends it again until it arrives."""
+        """Whether the coordinator's node repeats the message until it arrives."""
         if (c, token) not in self._order_repeats:
             name, late = self.participant_inbox.name(token), is_late(self.participant_inbox.messages[token])
             self._order_repeats[c, token] = name in REPEATED_MESSAGES or (
@@ -361,18 +361,18 @@ class Link:
         return self._order_repeats[c, token]
 
     def _is_report_repeated(self, p: int, token: int) -> bool:
-        """Whether the participant says it until it arrives: a sign of life comes after the other, as long as it works."""
+        """Whether the participant repeats the message until it arrives. Heartbeats follow each other as long as it works."""
         name = self.coordinator_inbox.name(token)
         return name in REPEATED_MESSAGES or (name == "Progress" and self.participants.states[p].session.state in WORKING)
 
     def _restarts(self, c: int, p: int) -> Iterator[_LinkAction]:
         target, tokens = self.participants.restarted(p)
         yield self._link_action(("", Fair.NO, False), c, target, "sm", Action("is killed and restarts", target, tokens))
-        # A Task Manager replays its journal and sends again what it had to send. Where messages are repeated anyhow, or may
-        # arrive twice, that adds nothing.
+        # A Task Manager replays its journal and sends again what it had to send. On media that repeat or duplicate messages, this adds
+        # nothing.
         if self.model.medium.reliable and self.coordinators.states[c].phase is not Phase.LOST:
             for token in self.coordinators.repeatable_tokens(c):
-                yield self._link_action(("", Fair.NO, True), c, p, "tm", Action("is killed, restarts and says again", c, (token,)))
+                yield self._link_action(("", Fair.NO, True), c, p, "tm", Action("is killed, restarts and sends again", c, (token,)))
 
     def _disk_lost(self, c: int, p: int) -> Iterator[_LinkAction]:
         participant, coordinator = self.participants.states[p], self.coordinators.states[c]
