@@ -66,13 +66,13 @@ def test_enough_goes_wrong_and_every_rung_of_the_ladder_is_used(many_runs: Resul
         "replaced",
         "planned anew",
         "waited for another task",
-        "looks",
-        "nothing assumed",
+        "observations",
+        "not observed",
         "undone by others",
         "undone by the participant",
         "stranded",
     ):
-        assert many_runs.rungs[rung], f"nothing was {rung}"
+        assert many_runs.rungs[rung], f"no recovery counted as: {rung}"
 
 
 PRINTED = """

@@ -1,1 +1,1 @@
-"""Whole systems on virtual time, with whatever can go wrong going wrong, and what must hold in each of them all the same."""
+"""Runs whole systems on virtual time with random faults, and checks the properties of the protocol in each run."""

@@ -1,4 +1,4 @@
-"""`make fault-runs`: many stories on both cores, or one of them told in full."""
+"""`make fault-runs`: plays many scenarios on all cores, or a single one with a full report."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from verification.fault_runs.scenario_run import ScenarioRun
 from verification.fault_runs.shrink import shrink_scenario
 
 PROGRESS_INTERVAL = 5000
-"""Runs between two lines of a file that the progress is written to."""
+"""The number of runs between two progress lines, when the output is a file."""
 
 MAX_LISTED, MAX_REPORTED = 25, 5
-"""So many failing seeds are named, and so many of them are made short and told."""
+"""The number of failing seeds that are listed, and of those that are reduced and reported."""
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m verification.fault_runs", description=__doc__)
-    parser.add_argument("--runs", type=int, default=1000, help="how many seeds")
-    parser.add_argument("--seed-base", type=int, default=0, help="the first of them")
-    parser.add_argument("--seed", type=int, help="one seed only, told in full")
+    parser.add_argument("--runs", type=int, default=1000, help="number of seeds")
+    parser.add_argument("--seed-base", type=int, default=0, help="the first seed")
+    parser.add_argument("--seed", type=int, help="play only this seed, with a full report")
     parser.add_argument("--jobs", type=int, default=multiprocessing.cpu_count(), help="processes")
     chosen = parser.parse_args()
     console = Console(soft_wrap=True, highlight=False)
@@ -55,7 +55,7 @@ def _run(base: int, count: int, jobs: int, console: Console) -> int:
                 console.print(f"seed {seed}: [red]{property}[/red]: {escape(description)}\n  make fault-runs SEED={seed}")
     console.print(figures(total, time.perf_counter() - started_at))
     for seed in sorted(total.failed)[:MAX_REPORTED]:
-        console.print(f"\n[bold]seed {seed}, made as short as it can be:[/bold]")
+        console.print(f"\n[bold]seed {seed}, reduced:[/bold]")
         console.print(escape(_shrink(seed).describe()))
     console.print(f"{total.runs - len(total.failed)} passed, {len(total.failed)} failed")
     return 1 if total.failed else 0
@@ -70,7 +70,7 @@ def _results(seeds: range, jobs: int) -> Iterator[Result]:
 
 
 def _shrink(seed: int) -> Scenario:
-    """The shortest story that fails as the seed's does."""
+    """Return the shortest scenario found that violates the same property as the seed's scenario."""
     scenario = draw(seed)
     _, violation = play_scenario(scenario)
     if violation is None:
@@ -91,14 +91,14 @@ def _report_seed(seed: int, console: Console) -> int:
         return 0
     short = _shrink(seed)
     if short != scenario:
-        console.print("\n[bold]made as short as it can be:[/bold]")
+        console.print("\n[bold]reduced:[/bold]")
         _play_and_report(short, console)
     console.print("0 passed, 1 failed")
     return 1
 
 
 def _play_and_report(scenario: Scenario, console: Console) -> tuple[ScenarioRun, Violation | None]:
-    """Play the story, and tell it."""
+    """Play the scenario, and print its report."""
     scenario_run, message_log = ScenarioRun(scenario), MessageLog()
     scenario_run.add_listener(message_log.record)
     violation = None

@@ -1,4 +1,4 @@
-"""Who wants something: a client that repeats its requests, under the same ids, until it is answered."""
+"""A client that submits tasks and repeats each request, with the same id, until it gets an answer."""
 
 from __future__ import annotations
 
@@ -13,33 +13,33 @@ from somrs.protocol.messages.frp import Fault
 from verification.fault_runs.scenario import TaskRequest
 
 PATIENCE = 15.0
-"""Seconds after which a request without an answer is made again."""
+"""Seconds after which a request without an answer is repeated."""
 
 
 PREVIEW_PATIENCE = 60.0
-"""As above, of previews: the Registry, the planner and services are asked on the way."""
+"""The same for previews, which take longer: the Task Manager consults the Registry, the planner and services first."""
 
 
 def preview_id(number: int) -> str:
-    """Of the message that asks what a wish would cost."""
+    """Return the id of the message that requests a preview."""
     return message_id("what would it cost", number)
 
 
 class Client:
-    """`tasks` are the wishes that were taken, by their number, `rejected` those that were not, and why."""
+    """The client. `tasks` maps the number of each accepted request to its task, `rejected` that of each rejected one to the reason."""
 
     def __init__(self, requests: Sequence[TaskRequest]) -> None:
         self._requests = requests
         self.tasks: dict[int, str] = {}
         self.rejected: dict[int, str] = {}
         self.cancellations: dict[int, str] = {}
-        """Tasks that were to be cancelled, and what was answered."""
+        """The answers to cancellations, by the number of the request."""
         self.previews: dict[int, Previewed | Fault] = {}
         self._attempts: Counter[int] = Counter()
 
     @property
     def open_requests(self) -> list[int]:
-        """The wishes that were neither taken nor rejected."""
+        """The requests that were neither accepted nor rejected yet."""
         return [number for number in range(len(self._requests)) if number not in self.tasks and number not in self.rejected]
 
     @property

@@ -1,4 +1,4 @@
-"""A story from a seed: the same seed gives the same story, on every machine."""
+"""Draws a scenario from a seed. The same seed gives the same scenario on every machine."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ OFTEN, SELDOM, RARELY = 0.5, 0.15, 0.05
 """Probabilities."""
 
 EVENTFUL = 90.0
-"""Seconds in which things begin to go wrong."""
+"""Seconds from the start within which faults begin."""
 
 
 def draw(seed: int) -> Scenario:
-    """The story of the seed."""
+    """Return the scenario of the seed."""
     return _Draw(seed).scenario()
 
 
@@ -54,7 +54,7 @@ class _Draw:
         self.devices = [*self._devices()]
         self.count = dice.choice((1, 1, 2, 2, 3, 4, 6, 8))
         self.quarrel = self.chance(OFTEN)
-        """Whether several tasks may want the same things."""
+        """Whether several tasks may have goals for the same things."""
         self.unclaimed = [thing for thing, _ in self.things]
 
     def chance(self, probability: float) -> bool:
@@ -78,7 +78,7 @@ class _Draw:
             planning=self.dice.choice((0.0, 0.0, 0.5, 8.0)),
         )
 
-    # Who is there
+    # Devices
 
     def _devices(self) -> Iterator[DeviceTraits]:
         kinds = SERVICES[self.setting]
@@ -107,7 +107,7 @@ class _Draw:
             lays_down=self.chance(OFTEN),
         )
 
-    # What is wanted
+    # Tasks
 
     def _requests(self) -> Iterator[TaskRequest]:
         for _ in range(self.count):
@@ -152,7 +152,7 @@ class _Draw:
         if self.chance(RARELY):
             yield Handler(on=Occasion.COMPENSATION, service_type=carrying, effect=f"?Object isOn {table}")
 
-    # What goes wrong
+    # Faults
 
     def _faults(self) -> Iterator[Fault]:
         for _ in range(self.dice.choice((0, 1, 1, 2, 2, 3, 4, 5, 6, 8))):

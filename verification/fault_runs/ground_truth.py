@@ -1,4 +1,4 @@
-"""Where everything really is, whatever the map says. Only devices' real actions and people change it; cognitive devices read it."""
+"""The true state of all objects, independent of the map. Only devices' actions and people change it; cognitive services read it."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from verification.fault_runs.scenario import Scenario, Setting
 from verification.fault_runs.site import FLOOR
 
 Place = tuple[str, str]
-"""How a thing is where it is: `isOn` or `isHeldBy`, and what."""
+"""A relation (`isOn` or `isHeldBy`) and its second object."""
 
 Placement = tuple[str, Place | bool]
-"""An object, and where it is, or whether it is open."""
+"""An object and its place, or whether it is open."""
 
 
 @dataclass(frozen=True, slots=True)
 class Action:
-    """A change of the truth. `task` is whose device did it; None: a person, or nobody."""
+    """A change of the true state. `task` is the task that the device worked for; None for a person or no task."""
 
     at: float
     object: str
@@ -30,15 +30,15 @@ class Action:
 
 @dataclass
 class Reality:
-    """The things and the doors as they are, and how they came to be so."""
+    """The true places of things and states of doors, with all changes so far."""
 
     places: dict[str, Place] = field(default_factory=dict)
     open: dict[str, bool] = field(default_factory=dict)
     shelf_doors: dict[str, str] = field(default_factory=dict)
-    """Shelf and door."""
+    """The door in front of each shelf."""
     actions: list[Action] = field(default_factory=list)
     doubtful: set[str] = field(default_factory=set)
-    """Objects that the map may be wrong about: somebody lied about them, or moved them in secret."""
+    """Objects that the map may have wrong: a report was false, or a person moved them without a report."""
 
     @classmethod
     def from_scenario(cls, scenario: Scenario) -> Reality:
@@ -50,14 +50,14 @@ class Reality:
         return self.open[object] if object in self.open else self.places[object]
 
     def situation_of(self, object: str) -> str:
-        """How it is, in Entish."""
+        """Return the object's situation in Entish."""
         if object in self.open:
             return f"{object}.Open = {'TRUE' if self.open[object] else 'FALSE'}"
         relation, place = self.places[object]
         return f"{object} {relation} {place}"
 
     def reachable(self, place: str) -> bool:
-        """Whether one gets there: the door before it is open."""
+        """Whether the place is accessible: it has no door, or its door is open."""
         return self.open.get(self.shelf_doors.get(place, ""), True)
 
     def move_object(self, object: str, target: Place | bool, time: float, task: str | None, actor: str) -> None:
@@ -71,7 +71,7 @@ class Reality:
         self.actions.append(Action(time, object, state_before, target, task, actor))
 
     def drop_all(self, device: str, time: float, at_work_on: Collection[str]) -> None:
-        """Whatever it holds falls. Of what it does not work on, nobody is to know."""
+        """Let everything that the device holds fall. Objects that it does not work on become doubtful, as no report will mention them."""
         for thing, place in self.places.items():
             if place == ("isHeldBy", device):
                 if thing not in at_work_on:
@@ -79,12 +79,12 @@ class Reality:
                 self.move_object(thing, ("isOn", FLOOR), time, None, device)
 
     def is_true(self, formula: Formula) -> bool:
-        """Whether it is so, as far as it speaks of what can change."""
+        """Whether the formula holds, as far as it concerns places and doors."""
         return all(self.state(object) == state for object, state in placements(formula) if object in self.places or object in self.open)
 
 
 def placements(formula: Formula) -> Iterator[Placement]:
-    """What a formula says of places and doors."""
+    """Yield the formula's statements about places and doors."""
     for part in conjuncts(formula):
         match part:
             case Relation(("isOn" | "isHeldBy") as relation, (Name(thing), Name(place))):

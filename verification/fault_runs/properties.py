@@ -1,7 +1,7 @@
-"""The seven properties of the Failure Recovery Protocol, checked in one run: after each input, and at the end.
+"""The properties of the Failure Recovery Protocol, checked in one run: after each input, and at the end.
 
-They are judged from outside: by what devices really do, by the messages, by the Repository's map and by what clients are told. Only
-what has happened to a transaction is read from the Task Manager itself.
+The check observes the system from outside: the true actions of devices, the messages, the Repository's map, and what clients receive. Only
+the course of a transaction is read from the Task Manager itself.
 """
 
 from __future__ import annotations
@@ -37,25 +37,25 @@ if TYPE_CHECKING:
     from verification.fault_runs.simulated_device import DeviceWork, SimulatedDevice
 
 Pair = tuple[str, str]
-"""Transaction and participant."""
+"""A transaction and a participant."""
 
 
 class Property(StrEnum):
-    """What must hold (FRP, "What must hold")."""
+    """The properties of the protocol, and one of the implementation."""
 
-    MUTUAL_EXCLUSION = "no double hands"
+    MUTUAL_EXCLUSION = "mutual exclusion"
     CONTRACT = "no work without a contract"
-    HOME = "everyone goes home"
-    SILENCE = "nothing half-done in silence"
-    MAP = "the map tells the truth"
+    TERMINATION = "termination"
+    PARTIAL_RESULT = "no silent partial result"
+    MAP = "map correctness"
     ORPHAN = "no orphan"
-    RESTART = "restart changes nothing"
-    BREAKS = "no component breaks"
-    """Not among the seven: an input that a component cannot handle at all."""
+    RESTART = "restart transparency"
+    UNHANDLED_INPUT = "no unhandled input"
+    """Not a property of the protocol: no input makes a component fail."""
 
 
 class Violation(Exception):
-    """A property does not hold, and what was seen."""
+    """A violated property, with a description of what was observed."""
 
     def __init__(self, property: Property, description: str) -> None:
         self.property, self.description = property, description
@@ -63,7 +63,7 @@ class Violation(Exception):
 
 
 class Witness:
-    """Sees everything that happens on a stage."""
+    """Observes all inputs, messages and device actions of a run, and checks the properties."""
 
     def __init__(self, scenario_run: ScenarioRun) -> None:
         self._scenario_run = scenario_run
@@ -71,40 +71,40 @@ class Witness:
         self._terms: dict[Pair, frp.Terms] = {}
         self._accepted: dict[Pair, None] = {}
         self._accepted_at: dict[Pair, float] = {}
-        """When the participant took the Accept, or the Execute that says as much."""
+        """The time at which each participant received Accept, or the Execute that counts as one."""
         self._released: set[Pair] = set()
         requests = enumerate(scenario_run.scenario.requests)
         self._previews = {message_id("preview", preview_id(number)): request.effect for number, request in requests if request.previewed}
-        """What is only asked for, by transaction."""
+        """The effects of preview requests, by transaction."""
         self._managers: dict[str, str] = {}
-        """Whose each task is."""
+        """The address of each task's Task Manager."""
         self._unrecorded: dict[str, dict[str, Pair]] = {}
-        """What was reported in each transaction and has not come to the Repository yet, by message id: service and situation."""
+        """Reports of each transaction that the Repository has not recorded yet, by message id: service and situation."""
         self._updates: dict[str, Pair] = {}
-        """Service and situation of each request to change the map."""
+        """The service and situation of each request to change the map."""
         self._answered: set[str] = set()
-        """Those of them that the Repository answered."""
+        """The requests to change the map that the Repository has answered."""
         self._known_reports: set[str] = set()
         self._reports: dict[str, float] = {}
-        """When each report was first said, by message id."""
+        """The time at which each report was first sent, by message id."""
         self._recorded_at: dict[Pair, float] = {}
-        """When a service's situation came to the Repository last."""
+        """The time at which the Repository last recorded each situation of a service."""
         self.outcomes: dict[str, TaskView] = {}
         self._endings: dict[str, Outcome] = {}
-        """How tasks will end that are being stopped."""
+        """The decided outcome of each task that is being stopped."""
         self._worked: dict[str, set[str | None]] = {}
-        """The tasks for which devices worked on each object, whether that changed it or not."""
+        """The tasks for which devices worked on each object, whether or not the work changed it."""
 
-    # What devices do
+    # Actions of devices
 
     def observe_input(self, address: str, event: Input) -> None:
-        """A Service Manager is about to handle the input, whatever becomes of it then."""
+        """Note an input before the Service Manager at `address` handles it."""
         if isinstance(event, Received) and isinstance(event.message.body, frp.Accept | frp.Execute):
             header = event.message.header
             self._accepted_at.setdefault((header.transaction or "", header.participant or ""), self._scenario_run.world.now)
 
     def observe_start(self, simulated_device: SimulatedDevice, device_work: DeviceWork) -> None:
-        """A device begins to work, or to undo its work."""
+        """Note that a device begins to execute or to compensate, and check properties 1 and 2."""
         self._read_messages()
         for other_device, other_work in self._scenario_run.working if device_work.order.method != RECOGNITION else ():
             if (
@@ -118,33 +118,33 @@ class Witness:
                 )
                 text = f"{simulated_device.name} begins {own_label} while {other_device.name} is at {other_label}"
                 tasks = " and ".join(dict.fromkeys((device_work.transaction, other_work.transaction)))
-                raise Violation(Property.MUTUAL_EXCLUSION, f"{text}; both have their hands on {device_work.object} for {tasks}")
+                raise Violation(Property.MUTUAL_EXCLUSION, f"{text}; both work on {device_work.object} for {tasks}")
         self._contracted(device_work)
         self._worked.setdefault(device_work.object, set()).add(device_work.transaction)
 
     def _same_manager(self, *tasks: str | None) -> bool:
-        """Whether one Task Manager has them all: it knows what each was promised. Of others' it knows nothing."""
+        """Whether one Task Manager has all these tasks. It knows only its own reservations."""
         return len({self._managers.get(task or "", task) for task in tasks}) == 1
 
     def _contracted(self, device_work: DeviceWork) -> None:
-        """FRP, property 2. A contract is made when its Accept is taken by the participant while its Terms hold; it may begin later. An
-        Execute names the Terms, too: it is as good as an Accept that is lost or late."""
+        """Check property 2. A contract exists if the participant received Accept while its Terms held; execution may begin later. An
+        Execute names the Terms, so it counts as an Accept."""
         pair = device_work.transaction, device_work.participant
         terms, accepted_at = self._terms.get(pair), self._accepted_at.get(pair)
         if terms is None or pair not in self._accepted:
-            raise Violation(Property.CONTRACT, f"{device_work.participant} works, and its terms were never accepted")
+            raise Violation(Property.CONTRACT, f"{device_work.participant} works, although its terms were never accepted")
         if accepted_at is None or (terms.valid_until is not None and accepted_at > terms.valid_until):
             late = (
-                f"{accepted_at - terms.valid_until:.3f} s after its terms ran out"
+                f"{accepted_at - terms.valid_until:.3f} s after its terms expired"
                 if accepted_at is not None and terms.valid_until
                 else "never"
             )
-            raise Violation(Property.CONTRACT, f"{device_work.participant} works, and took the Accept {late}")
+            raise Violation(Property.CONTRACT, f"{device_work.participant} works, although it received the Accept {late}")
 
-    # What is said
+    # Messages
 
     def watch(self, address: str, event: Input) -> None:
-        """An input was handled, and its effects carried out."""
+        """Check an input after it was handled and its effects were carried out."""
         self._read_messages()
         if isinstance(event, Received):
             self._received(address, event.message)
@@ -166,7 +166,7 @@ class Witness:
                     self._terms[pair] = terms
                 case frp.Accept() | frp.Execute():
                     if pair[0] in self._previews:
-                        raise Violation(Property.CONTRACT, f"{pair[1]} was only asked what it costs, and is to do it")
+                        raise Violation(Property.CONTRACT, f"{pair[1]} was accepted, although it was only asked for a preview")
                     self._accepted[pair] = None
                 case frp.End() | frp.Cancel() | frp.Refuse():
                     self._released.add(pair)
@@ -177,7 +177,7 @@ class Witness:
                     self._check_recorded(pair[0], f"{pair[1]} was asked for terms")
 
     def _note_update(self, request: str) -> None:
-        """The Repository answered a request to change the map, so that it is on its disk: no earlier than that can anybody know of it."""
+        """Note the Repository's answer to a request to change the map: only then is the change known to be on its disk."""
         update = self._updates.get(request)
         if update is None or request in self._answered:
             return
@@ -190,7 +190,7 @@ class Witness:
     def _check_recorded(self, task: str, trigger: str) -> None:
         if unrecorded := self._unrecorded.get(task):
             service, situation = next(iter(unrecorded.values()))
-            raise Violation(Property.MAP, f"{trigger} before the Repository knew what {service} reported: {situation}")
+            raise Violation(Property.MAP, f"{trigger} before the Repository had recorded the report of {service}: {situation}")
 
     def _received(self, address: str, message: Message) -> None:
         body = message.body
@@ -200,7 +200,7 @@ class Witness:
                 self._reported(manager, message, body.situation)
 
     def _reported(self, manager: TaskManager, message: Message, situation: str) -> None:
-        """Whatever is news to a transaction that goes on has to come to the Repository first."""
+        """Note a new report to a transaction that has not ended. The Repository has to record it before the transaction continues."""
         header, kind = message.header, type(message.body).__name__
         transaction = manager.state.tasks.get(header.transaction or "")
         if transaction is None or transaction.outcome is not None or header.message_id in self._known_reports:
@@ -214,12 +214,12 @@ class Witness:
         ):
             reports = self._unrecorded.setdefault(transaction.id, {})
             report = member.offer.service, situation
-            # It may be there already: when the report came first, the Task Manager was killed, and it was said again.
+            # The report may be recorded already: it arrived before, the Task Manager was killed, and the report was repeated.
             if self._recorded_at.get(report, -1.0) < self._reports[header.message_id]:
                 reports[header.message_id] = report
 
     def planning(self, address: str, problem: Problem) -> None:
-        """The planner is asked. Of two transactions that want the same, either may have asked; a preview may ask at any time."""
+        """Check a request to the planner. It may come from any transaction with this goal, or from a preview."""
         manager = self._scenario_run.task_manager(address)
         if manager is None or any(str(parse(effect)) == str(problem.goal) for effect in self._previews.values()):
             return
@@ -227,7 +227,7 @@ class Witness:
         if wanting and all(self._unrecorded.get(task.id) for task in wanting):
             self._check_recorded(wanting[0].id, "it was planned")
 
-    # How tasks end
+    # Outcomes
 
     def _follow(self, manager: TaskManager) -> None:
         for task in manager.state.tasks.values():
@@ -247,47 +247,48 @@ class Witness:
             raise Violation(Property.RESTART, f"{task.id} was to end {decided}, and ended {task_view.outcome}")
         if task_view.outcome is Outcome.ACCOMPLISHED:
             if not formula_holds(parse(task_view.effect), manager.state.replica.map, manager.state.replica.ontology):
-                raise Violation(Property.MAP, f"{task.id} ended accomplished, and {task_view.effect} is not so on the map")
+                raise Violation(Property.MAP, f"{task.id} was accomplished, but {task_view.effect} does not hold on the map")
             return
         if not task_view.reasons:
-            raise Violation(Property.PARTIAL_RESULT, f"{task.id} ended {task_view.outcome}, and nothing says why")
+            raise Violation(Property.PARTIAL_RESULT, f"{task.id} ended {task_view.outcome} without a reason")
         for work in task_view.work:
             self._accounted(work, task_view)
         self._check_objects(task, task_view)
 
     def _accounted(self, work: WorkView, task_view: TaskView) -> None:
-        """FRP, property 4: what was done is undone, or the client is told what it left."""
+        """Check property 4: work is compensated, or its result is reported to the client."""
         if work.state is State.EXECUTING:
-            raise Violation(Property.PARTIAL_RESULT, f"{task_view.task} ended {task_view.outcome}, and {work.service} is still at work for it")
+            raise Violation(Property.PARTIAL_RESULT, f"{task_view.task} ended {task_view.outcome} while {work.service} still works for it")
         situation = work.situation or "nothing is known"
         if work.state is State.STRANDED and not any(work.service in reason and situation in reason for reason in task_view.reasons):
             raise Violation(
-                Property.PARTIAL_RESULT, f"{work.service} left {work.situation}, and is not in the explanation: {task_view.explanation}"
+                Property.PARTIAL_RESULT,
+                f"{work.service} left {work.situation}, which the explanation does not name: {task_view.explanation}",
             )
 
     def _check_objects(self, task: TaskState, task_view: TaskView) -> None:
-        """By the truth: each object that the task's devices moved is as it was before them, or is told of as stranded. What others have
-        moved since is theirs to tell of, and of what somebody lied about nothing better can be known."""
+        """Check property 4 by the true state: each object that the task's devices moved is where it was before, or reported as stranded.
+        Later moves for other tasks are theirs to report. Doubtful objects are exempt."""
         reality = self._scenario_run.reality
         if any(handler.on == "compensation" for handler in task.task.handlers):
-            return  # something else than what was before is put up with
+            return  # a compensation handler allows another situation than the one before
         for object in dict.fromkeys(action.object for action in reality.actions if action.task == task.id):
             actions = [action for action in reality.actions if action.object == object]
             first = next(action for action in actions if action.task == task.id)
             if object in reality.doubtful or actions[-1].task != task.id or reality.state(object) == first.state_before:
                 continue
             if any(self._meanwhile(action, task) for action in actions):
-                continue  # others had a hand in it
+                continue  # other tasks or people moved it as well
             if not any(self._mentions(work, object) for work in task_view.work):
                 raise Violation(
                     Property.PARTIAL_RESULT,
                     f"{task_view.task} ended {task_view.outcome}; {_describe_actions(actions)}; "
-                    f"and nobody says that {reality.situation_of(object)} is left of it: {task_view.explanation}",
+                    f"the client has no report that {reality.situation_of(object)} is left: {task_view.explanation}",
                 )
 
     def _meanwhile(self, action: Action, task: TaskState) -> bool:
-        """Whether somebody else did it while the task was under way, or for a task that was under way then, too: for another Task
-        Manager's, or for nobody's. What one of its own has, its Task Manager gives to nobody."""
+        """Whether the action was not the task's own, and happened during the task, or for a task that ran at the same time. Tasks of the
+        same Task Manager do not count, as its reservations keep them apart."""
         if self._same_manager(action.task, task.id):
             return False
         other_view = self.outcomes.get(action.task) if action.task is not None else None
@@ -296,27 +297,27 @@ class Witness:
         return under_way or max(action.at, end_time) >= task.submitted_at
 
     def _mentions(self, work: WorkView, object: str) -> bool:
-        """Whether the client finds out that the object is not as it was: it is stranded, or what undid other work left it so."""
+        """Whether the client learns of the object's new state: the work is stranded, or other work that compensates left it so."""
         if object not in work.inputs.values():
             return False
         is_undone = work.situation is not None and self._scenario_run.reality.situation_of(object) in work.situation
         return work.state is State.STRANDED or (work.step.startswith(GoalKind.UNDO) and is_undone)
 
-    # The end
+    # The end of the run
 
     def settled(self) -> bool:
-        """Whether everything is over."""
+        """Whether all activity has ended."""
         return not self.unsettled()
 
     def unsettled(self) -> str:
-        """What is not over yet."""
+        """Return a description of some activity that has not ended, or an empty string."""
         return next(self._unsettled(), "")
 
     def _unsettled(self) -> Iterator[str]:
         scenario_run = self._scenario_run
-        yield from (f"the client was not answered about its wish {number}" for number in scenario_run.client.open_requests)
-        yield from (f"the client cannot cancel its wish {number}" for number in scenario_run.client.pending_cancellations)
-        yield from (f"the client does not hear what its wish {number} would cost" for number in scenario_run.client.pending_previews)
+        yield from (f"the client got no answer to its request {number}" for number in scenario_run.client.open_requests)
+        yield from (f"the client cannot cancel the task of its request {number}" for number in scenario_run.client.pending_cancellations)
+        yield from (f"the client got no preview for its request {number}" for number in scenario_run.client.pending_previews)
         for address in scenario_run.managers:
             manager = scenario_run.task_manager(address)
             if manager is None:
@@ -337,22 +338,24 @@ class Witness:
                 yield f"{simulated_device.name} is not idle"
 
     def finish(self) -> None:
-        """What must hold of a whole run."""
+        """Check the properties that concern a whole run."""
         scenario_run = self._scenario_run
         if unsettled := self.unsettled():
-            raise Violation(Property.TERMINATION, f"when all was over it began again: {unsettled}")
+            raise Violation(Property.TERMINATION, f"there is activity after the end: {unsettled}")
         for pair in self._accepted:
             if pair not in self._released:
-                raise Violation(Property.ORPHAN, f"{pair[1]} in {pair[0]} was committed, and nobody tells it that it is over")
+                raise Violation(Property.ORPHAN, f"{pair[1]} in {pair[0]} was committed, and got neither End nor Cancel")
         for message in scenario_run.world.messages:
             if (
                 isinstance(message.body, frp.Fault)
                 and message.header.sender in scenario_run.managers
                 and message.header.participant is not None
             ):
-                raise Violation(Property.UNHANDLED_INPUT, f"{message.header.participant} said what may not be said: {message.body.text}")
+                raise Violation(
+                    Property.UNHANDLED_INPUT, f"{message.header.participant} sent a message that is not allowed: {message.body.text}"
+                )
         for simulated_device, device_work in scenario_run.working:
-            raise Violation(Property.ORPHAN, f"{simulated_device.name} is still at {device_work.participant}")
+            raise Violation(Property.ORPHAN, f"{simulated_device.name} still works for {device_work.participant}")
         self._check_map()
         records: dict[str, TaskRecord] = {}
         for address in scenario_run.managers:
@@ -363,14 +366,13 @@ class Witness:
             manager = scenario_run.task_manager(scenario_run.scenario.requests[number].task_manager)
             outcome = manager.state.tasks[task].outcome if manager is not None and task in manager.state.tasks else None
             if outcome is None or task not in records or records[task].outcome is not outcome:
-                raise Violation(Property.RESTART, f"{task} was taken, and is not on record as it ended")
+                raise Violation(Property.RESTART, f"{task} was accepted, and its outcome is not on record")
 
     def _check_map(self) -> None:
-        """At the end, when everything that was done has been reported: by whoever did it, or seen since. Only of a device that never
-        came back may the map not know better; and of a thing that services worked on for two Task Managers, the later report may be of the
-        earlier work: whoever could not be reached for a while hears late how things were then."""
+        """Check property 5 at the end, when every action has been reported or observed. Two cases are exempt: objects last moved by a
+        device that never came back, and objects moved for two Task Managers, as a delayed report may describe the earlier action."""
         scenario_run, contents = self._scenario_run, self._scenario_run.contents
-        assert contents is not None, "whoever shares the Repository waits for it"
+        assert contents is not None, "the Repository runs at the end of a run"
         for action in {deed.object: deed for deed in scenario_run.reality.actions}.values():
             tasks = self._worked.get(action.object, set()) | {
                 other_action.task for other_action in scenario_run.reality.actions if other_action.object == action.object
@@ -382,7 +384,7 @@ class Witness:
             is_certain = contents.map.objects[action.object].values.get("Unknown") is not True
             if is_certain and not formula_holds(formula, contents.map, contents.ontology):
                 raise Violation(
-                    Property.MAP, f"{action.actor} had {action.object} {action.state_after}, and when all is over the map does not know it"
+                    Property.MAP, f"{action.actor} had {action.object} {action.state_after}, which the map does not show at the end"
                 )
 
 

@@ -1,4 +1,4 @@
-"""One run as people read it: what was said and what happened, in order; and many runs as figures."""
+"""Reports for people: one run as a list of messages and events in order, and many runs as figures."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ REPORTED_BODIES = (
     | frp.Compensate | frp.Compensated | frp.Stranded | frp.Query | frp.Status | frp.End | frp.Fault
     | UpdateMap | Rejected | Submit | Submitted | TaskRejected | CancelTask | Cancelling
 )  # fmt: skip
-"""The messages that matter; signs of life and subscriptions do not."""
+"""The types of messages that a report lists, without heartbeats and subscriptions."""
 
 
 class MessageLog:
-    """Hears what comes to each address."""
+    """Collects the messages that arrive at each address."""
 
     def __init__(self) -> None:
         self.entries: list[tuple[float, str]] = []
@@ -36,7 +36,7 @@ class MessageLog:
 
 
 def report_lines(scenario_run: ScenarioRun, message_log: MessageLog) -> Iterator[str]:
-    """Everything, by time."""
+    """Yield the messages and events of a run, in order of time."""
     lines = [(time, 0, f"    ! {text}") for time, text in scenario_run.log]
     lines += [
         (d.at, 1, f"    * {d.actor}: {d.object} {_state(d.state_before)} -> {_state(d.state_after)}") for d in scenario_run.reality.actions
@@ -65,17 +65,17 @@ def _state(state: tuple[str, str] | bool) -> str:
 
 
 def figures(result: Result, seconds: float) -> Table:
-    """How tasks ended, and what the Task Managers had to do for it."""
+    """Return a table of the outcomes of tasks and of the recoveries."""
     table = Table(title=f"{result.runs} runs, {result.runs / seconds:.0f} a second", title_justify="left", show_header=True)
     table.add_column("tasks")
     table.add_column("all", justify="right")
-    table.add_column("of them, something broke in or around", justify="right")
+    table.add_column("with a failure", justify="right")
     for outcome in Outcome:
         table.add_row(outcome.value, str(result.tasks[outcome]), str(result.troubled[outcome]))
     table.add_section()
     troubled_count = sum(result.troubled.values())
     table.add_row(
-        "accomplished all the same", "", f"{result.troubled[Outcome.ACCOMPLISHED] / troubled_count:.1%}" if troubled_count else "-"
+        "accomplished despite a failure", "", f"{result.troubled[Outcome.ACCOMPLISHED] / troubled_count:.1%}" if troubled_count else "-"
     )
     table.add_section()
     for rung in (*dict.fromkeys(RUNGS.values()), "stranded", "given up", "rejected"):

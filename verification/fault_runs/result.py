@@ -1,4 +1,4 @@
-"""What came of a run, and of many: figures to be added up."""
+"""The results of runs, as figures that add up."""
 
 from __future__ import annotations
 
@@ -22,26 +22,26 @@ RUNGS: dict[type[Event], str] = {
     events.TriedOnceMore: "planned anew",
     events.WaitsForTasks: "waited for another task",
     events.WaitsForDevice: "waited for its turn at a device",
-    events.LookBegun: "looks",
-    events.NobodyLooks: "nothing assumed",
+    events.LookBegun: "observations",
+    events.NobodyLooks: "not observed",
     events.UndoneByOthers: "undone by others",
     events.UndoneByService: "undone by the participant",
-    events.UndoneByHandler: "undone by what was laid down",
-    events.FailuresUndone: "failures undone, to plan again",
+    events.UndoneByHandler: "undone by a handler",
+    events.FailuresUndone: "failures undone before a new plan",
 }
-"""The rungs of the ladder of recovery, and what comes with them."""
+"""The labels of recovery events, in the order of the recovery ladder."""
 
 BROKEN = (State.FAILED, State.STOPPED, State.UNREACHABLE, State.COMPENSATED, State.STRANDED)
 
 
 @dataclass
 class Result:
-    """Of one run or of several. `failed` are seeds, with the property and what was seen."""
+    """The result of one run or of several. `failed` has the failing seeds, each with its property and description."""
 
     runs: int = 0
     tasks: Counter[str] = field(default_factory=Counter)
     troubled: Counter[str] = field(default_factory=Counter)
-    """Tasks in which, or around which, something broke, by how they ended."""
+    """Tasks with a failure in them or around them, by outcome."""
     rungs: Counter[str] = field(default_factory=Counter)
     messages: int = 0
     inputs: int = 0
@@ -58,7 +58,7 @@ class Result:
 
 
 def play_scenario(scenario: Scenario, factory: ComponentFactory | None = None) -> tuple[ScenarioRun, Violation | None]:
-    """The story's stage after it was played, and what did not hold, if anything."""
+    """Play the scenario, and return the run and the violation, if there is one."""
     scenario_run = ScenarioRun(scenario, factory)
     try:
         scenario_run.play()
@@ -68,7 +68,7 @@ def play_scenario(scenario: Scenario, factory: ComponentFactory | None = None) -
 
 
 def run(seed: int) -> Result:
-    """Play the story of a seed. Rubbish is collected between runs, not in them."""
+    """Play the scenario of a seed. Garbage is collected only between runs, for speed."""
     gc.disable()
     try:
         return _run(seed)

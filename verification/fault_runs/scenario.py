@@ -1,4 +1,4 @@
-"""What happens in one run, as data: who is there, what is wanted, and what goes wrong. `draw.py` draws it from a seed."""
+"""A run's scenario as data: devices, tasks and faults. `draw.py` draws one from a seed."""
 
 from __future__ import annotations
 
@@ -10,44 +10,44 @@ from somrs.protocol.messages.clients import Policy
 from somrs.runtime.virtual_time import KillPoint
 
 AT_WORK = "the device at work"
-"""The target of a fault: whichever device works at that moment, if any does."""
+"""The target of a fault: the device that works at that moment, if there is one."""
 
 
 class Setting(StrEnum):
-    """Which service types there are, and so how long the plans become."""
+    """The available service types, which determine the length of plans."""
 
-    FLAT = "things are put from anywhere to anywhere in one step"
-    DOORS = "shelves stand behind doors, which others open and close"
-    GRIP = "who takes a thing has to put it down, too"
+    FLAT = "one step moves a thing from anywhere to anywhere"
+    DOORS = "shelves are behind doors, which other devices open and close"
+    GRIP = "the device that picks a thing up has to put it down"
 
 
 class WorkFaultKind(StrEnum):
-    """What goes wrong in a work."""
+    """What goes wrong in one execution."""
 
-    SLOW = "takes fifteen times as long as it said"
-    CARRY = "goes well, and tells of the thing on its way"
-    DROP = "drops the thing, and says where it is"
-    FAIL = "fails, and says nothing of what it left"
-    ERROR = "runs into an error of its program"
-    FALSE = "says it is done, and it is not"
-    MISPUT = "puts the thing elsewhere, and says where"
-    RAVE = "says it is done, and what the map cannot hold"
-    HANG = "does not come to an end, and shows that it is alive"
-    DIE = "breaks without a word"
+    SLOW = "takes fifteen times as long as its terms say"
+    CARRY = "succeeds, and reports the thing's position on the way"
+    DROP = "drops the thing, and reports where it is"
+    FAIL = "fails without a report of the situation"
+    ERROR = "raises an error in its program"
+    FALSE = "reports a completion that is false"
+    MISPUT = "puts the thing elsewhere, and reports where"
+    RAVE = "reports a completion that the map cannot represent"
+    HANG = "does not end, but sends heartbeats"
+    DIE = "breaks without a message"
 
 
 class Undo(StrEnum):
-    """What a device does to undo its work."""
+    """How a device compensates."""
 
-    IMPOSSIBLE = "it cannot"
-    RESTORE = "restores what was"
-    FAIL = "fails, and says what is"
-    HANG = "does not come to an end"
+    IMPOSSIBLE = "cannot"
+    RESTORE = "restores the earlier state"
+    FAIL = "fails, and reports the situation"
+    HANG = "does not end"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeviceTraits:
-    """A device. `joins` after so many seconds. `drops` what it holds when its program dies; `lays_down` what it holds when stopped."""
+    """A device. `joins`: seconds from the start. `drops` what it holds when its program dies; `lays_down` what it holds when stopped."""
 
     name: str
     services: tuple[str, ...]
@@ -70,8 +70,8 @@ class DeviceTraits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TaskRequest:
-    """A task. `task_manager` is the Task Manager that gets it; `cancelled`: so many seconds after it was taken; `previewed`: what it would
-    cost is asked at the same time."""
+    """A task for the Task Manager `task_manager`. `cancelled`: seconds from its acceptance; `previewed`: a preview is requested at the same
+    time."""
 
     at: float
     task_manager: str
@@ -86,8 +86,8 @@ class TaskRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Kill:
-    """A component, or the device that is at work then, is killed at that moment, or at the next input after it, and comes back after
-    so many seconds (None: never)."""
+    """A kill of a component, or of the device that works then, at that moment or at the next input after it. It restarts after `seconds`
+    (None: never)."""
 
     at: float
     target: str
@@ -99,7 +99,7 @@ class Kill:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cut:
-    """Nothing gets to it, or to the device that is at work then, or from it, for a while."""
+    """An interval in which no message reaches or leaves the target."""
 
     at: float
     target: str
@@ -108,7 +108,7 @@ class Cut:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Disturbance:
-    """For a while messages get lost or come twice, with these probabilities, and late by up to so many seconds."""
+    """An interval in which messages are lost or duplicated, with these probabilities, or delayed by up to `late` seconds."""
 
     at: float
     seconds: float
@@ -119,7 +119,7 @@ class Disturbance:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WorkFault:
-    """The `nth` work (counted from 0) of the device, or of all devices together (None), goes wrong."""
+    """A fault in the `nth` execution (from 0) of the device, or of all devices together (None)."""
 
     nth: int
     kind: WorkFaultKind
@@ -128,7 +128,7 @@ class WorkFault:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Move:
-    """A person puts a thing somewhere; `is_reported`: and tells the Repository."""
+    """A person moves a thing, and with `is_reported` tells the Repository."""
 
     at: float
     thing: str
@@ -138,7 +138,7 @@ class Move:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sight:
-    """A camera sees how something is, and tells the Repository."""
+    """A camera reports an object's situation to the Repository."""
 
     at: float
     object: str
@@ -146,7 +146,7 @@ class Sight:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Departure:
-    """A device takes its leave."""
+    """A device leaves in an orderly way."""
 
     at: float
     device: str
@@ -157,7 +157,7 @@ Fault = Kill | Cut | Disturbance | WorkFault | Move | Sight | Departure
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario:
-    """`planning`: seconds that the planner takes. `things` are on supports, `doors` are open or not, `shelves` stand behind them."""
+    """A scenario. `planning`: seconds that the planner takes. `things` with their supports, `doors` open or not, `shelves` with doors."""
 
     seed: int
     setting: Setting
@@ -172,7 +172,7 @@ class Scenario:
     planning: float = 0.0
 
     def describe(self) -> str:
-        """The story, to be read."""
+        """Return the scenario as text for people."""
         lines = [
             f"{self.setting}; {self.managers} Task Manager{'s' if self.managers > 1 else ''}, planning takes {self.planning:g} s",
             f"on tables {', '.join(self.tables)}; shelves {', '.join(f'{s} behind {d}' for s, d in self.shelves)}",
@@ -182,14 +182,14 @@ class Scenario:
             *(f"  {_describe(device)}" for device in self.devices),
             "tasks:",
             *(f"  {_describe(request)}" for request in self.requests),
-            "what goes wrong:" if self.faults else "nothing goes wrong",
+            "faults:" if self.faults else "no faults",
             *(f"  {_describe(fault)}" for fault in self.faults),
         ]
         return "\n".join(lines)
 
 
 def _describe(value: DeviceTraits | TaskRequest | Fault) -> str:
-    """A value with what is not as usual."""
+    """Return a value's fields that differ from their defaults, as text."""
     details = [f"{f.name}={_plain(getattr(value, f.name))}" for f in fields(value) if getattr(value, f.name) != f.default]
     return f"{type(value).__name__}: {', '.join(details)}"
 

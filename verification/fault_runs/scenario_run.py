@@ -1,4 +1,4 @@
-"""Plays a story: a whole system on virtual time, and what happens to it, at the moments that the story says."""
+"""Plays a scenario: runs a whole system on virtual time, and injects the scenario's faults at their times."""
 
 from __future__ import annotations
 
@@ -51,17 +51,17 @@ from verification.fault_runs.site import map_of, ontology, service_type
 from verification.fault_runs.state_diff import difference
 
 LONG = 4 * 3600.0
-"""Seconds after the last fault has healed, in which every task has to be over and everyone home."""
+"""Seconds after the last fault has healed within which every task has to end and every participant has to be released."""
 
 AFTERWARDS = 60.0
-"""Seconds in which nothing may happen any more."""
+"""Seconds after the end in which there may be no activity."""
 
 MAX_EVENTS = 100_000
-"""So many inputs are more than any of these stories needs."""
+"""The limit on the inputs of a run; no scenario needs as many."""
 
 
 class ComponentFactory:
-    """How the components are made; tests put worse ones in their places."""
+    """Makes the components of a run. Tests override it to introduce defects."""
 
     def task_manager(self, address: str) -> TaskManager:
         return TaskManager(address, repository="repository", registry="registry")
@@ -81,7 +81,7 @@ class ComponentFactory:
 
 
 class ScenarioRun:
-    """One run. `play` raises Violation when something does not hold."""
+    """One run of a scenario. `play` raises Violation when a property does not hold."""
 
     def __init__(self, scenario: Scenario, factory: ComponentFactory | None = None) -> None:
         self.scenario, self.factory = scenario, factory or ComponentFactory()
@@ -90,9 +90,9 @@ class ScenarioRun:
         self.reality = Reality.from_scenario(scenario)
         self.simulated_devices: dict[str, SimulatedDevice] = {}
         self.lost_devices: set[str] = set()
-        """Devices that never come back."""
+        """Devices that never restart."""
         self.log: list[tuple[float, str]] = []
-        """What happened to the system."""
+        """The faults and other events of the run."""
         self.events = 0
         self._tries: Counter[str] = Counter()
         self._work_counts: Counter[str | None] = Counter()
@@ -119,7 +119,7 @@ class ScenarioRun:
             schema = structs.replace(SCHEMA, restore=type(manager).restored)
             self.world.add(address, manager, partial(self._plan, address), journaled=schema)
 
-    # What is there
+    # Components
 
     def _registry(self) -> Registry:
         return Registry("registry", ontology(), "repository")
@@ -140,7 +140,7 @@ class ScenarioRun:
         return self.factory.service_manager(profile(traits), self.simulated_devices[traits.address], self.witness.observe_input)
 
     def task_manager(self, address: str) -> TaskManager | None:
-        """None when it is down."""
+        """Return the Task Manager at the address; None while it is down."""
         component = self.world.components.get(address)
         return component if isinstance(component, TaskManager) else None
 
@@ -151,7 +151,7 @@ class ScenarioRun:
 
     @property
     def working(self) -> list[tuple[SimulatedDevice, DeviceWork]]:
-        """What devices really do now."""
+        """The work that devices really do now."""
         self.reap()
         return [
             (simulated_device, device_work)
@@ -159,15 +159,15 @@ class ScenarioRun:
             for device_work in simulated_device.current_work.values()
         ]
 
-    # What happens
+    # Events
 
     def play(self) -> None:
-        """Everything, to the end."""
+        """Play the scenario to its end."""
         try:
             self._play()
         except Violation:
             raise
-        except Exception as error:  # whatever a component runs into is what is looked for here
+        except Exception as error:  # any error of a component is a finding
             frame = traceback.extract_tb(error.__traceback__)[-1]
             text = f"{type(error).__name__} in {frame.name} (line {frame.lineno} of {frame.filename.rpartition('/')[2]}): {error}"
             raise Violation(Property.UNHANDLED_INPUT, text) from error
@@ -187,7 +187,7 @@ class ScenarioRun:
         self.witness.finish()
 
     def add_listener(self, listener: Callable[[float, Input], None]) -> None:
-        """Tell it every input that is handled, and when."""
+        """Call the listener for every input that is handled, with its time."""
         self._listeners.append(listener)
 
     def _run(self, seconds: float, condition: Callable[[], bool] = lambda: False) -> bool:
@@ -216,7 +216,7 @@ class ScenarioRun:
                 self._schedule(offset, partial(self._withdraw_device, f"devices/{device}"))
 
     def _work_fault(self, device: str) -> WorkFaultKind | None:
-        """What goes wrong in the device's next work."""
+        """Return the fault of the device's next execution, or None."""
         counts = {None: self._work_counts[None], device: self._work_counts[device]}
         self._work_counts.update((None, device))
         faults = [f for f in self.scenario.faults if isinstance(f, WorkFault) and counts.get(f.device) == f.nth]
@@ -247,14 +247,14 @@ class ScenarioRun:
         self.reap()
 
     def _break(self, traits: DeviceTraits) -> None:
-        self._note(f"{traits.name} breaks without a word")
+        self._note(f"{traits.name} breaks without a message")
         self._doomed[traits.address] = self.world.components[traits.address]
         self.world.kill(traits.address)
         self.lost_devices.add(traits.address)
         self.reap()
 
     def reap(self) -> None:
-        """See to those that are dead by now."""
+        """Note the components that have died since the last call, and stop their devices."""
         for address in [address for address in self._doomed if not self.world.alive(address)]:
             self._note(f"{address} is dead")
             self._fallen[address] = self._doomed.pop(address)
@@ -269,7 +269,7 @@ class ScenarioRun:
             self.reap()
         if self.world.alive(address) or address not in self._fallen or address in self.lost_devices:
             return
-        self._note(f"{address} is started again")
+        self._note(f"{address} restarts")
         self.factory.revive(self.world, address)
         self.reap()
 
@@ -277,7 +277,7 @@ class ScenarioRun:
         self._check_same_state(address, self._fallen.pop(address), component)
 
     def _check_same_state(self, address: str, component_before: Component, component_after: Component) -> None:
-        """FRP, property 7."""
+        """Check property 7: the restored component equals the one that was killed."""
         different: str | None = None
         match component_before, component_after:
             case TaskManager(), TaskManager():
@@ -291,7 +291,7 @@ class ScenarioRun:
             case DeviceManager(), DeviceManager():
                 different = difference(component_before.state, component_after.state)
         if different is not None:
-            raise Violation(Property.RESTART, f"{address} was started again, and is not what it was: {different}")
+            raise Violation(Property.RESTART, f"{address} differs after its restart: {different}")
 
     def _cut(self, cut: Cut) -> None:
         target = self._targets[cut] = self._target(cut.target)
@@ -309,18 +309,18 @@ class ScenarioRun:
             self.world.reconnect(target)
 
     def _move(self, move: Move) -> None:
-        self._note(f"a person puts {move.thing} on {move.place}{', and says so' if move.is_reported else ''}")
+        self._note(f"a person puts {move.thing} on {move.place}{', and reports it' if move.is_reported else ''}")
         self.reality.move_object(move.thing, ("isOn", move.place), self.world.now, None, "a person")
         self.reality.doubtful.add(move.thing)
         if move.is_reported:
             self._send_update("a person", f"{move.thing} isOn {move.place}")
 
     def _report_sighting(self, object: str) -> None:
-        self.reality.doubtful.add(object)  # what is seen while it moves may be on the map after where it came to rest
+        self.reality.doubtful.add(object)  # the map may get this sighting of a moving object after the report of where it came to rest
         self._send_update("a camera", self.reality.situation_of(object))
 
     def _send_update(self, author: str, situation: str) -> None:
-        self._note(f"{author} tells: {situation}")
+        self._note(f"{author} reports: {situation}")
         header = Header(
             sender="client", recipient="repository", message_id=message_id(author, self.world.now, situation), reply_to="client"
         )
@@ -328,13 +328,13 @@ class ScenarioRun:
 
     def _withdraw_device(self, address: str) -> None:
         if self.world.alive(address):
-            self._note(f"{address} takes its leave")
+            self._note(f"{address} leaves")
             self.world.notify(address, LeaveNow())
 
-    # What the world asks
+    # Callbacks of the simulated world
 
     def _medium(self, message: Message) -> Sequence[float]:
-        """The same message meets the same weather whatever else there is in the story, so that it can be made shorter."""
+        """Return the delays of the message's copies. They depend only on the seed and the message, so a reduced scenario keeps them."""
         if not self._disturbances:
             return (LATENCY,)
         disturbance, id = self._disturbances[-1], message.header.message_id
@@ -348,7 +348,7 @@ class ScenarioRun:
     def _watch(self, address: str, event: Input) -> None:
         self.events += 1
         if self.events > MAX_EVENTS:
-            raise Violation(Property.TERMINATION, f"more than {MAX_EVENTS} inputs, and no end of it")
+            raise Violation(Property.TERMINATION, f"more than {MAX_EVENTS} inputs without an end")
         if self._doomed:
             self.reap()
         for listener in self._listeners:
@@ -359,13 +359,13 @@ class ScenarioRun:
         self.witness.observe_start(simulated_device, device_work)
 
     def _plan(self, address: str, task: object) -> Work:
-        assert isinstance(task, Problem), "a Task Manager has nothing but plans made here"
+        assert isinstance(task, Problem), "a Task Manager's only background work is planning"
         self.witness.planning(address, task)
         yield self.scenario.planning, plan(task)
 
 
 def profile(traits: DeviceTraits) -> Profile:
-    """What the Service Manager knows of the device."""
+    """Return the device's profile for its Service Manager."""
     undoable = traits.undo is not Undo.IMPOSSIBLE
     undoable = traits.undo is not Undo.IMPOSSIBLE
     capabilities = tuple(Capability(type=service_type(name), method=name, stoppable=True, undoable=undoable) for name in traits.services)
@@ -373,5 +373,5 @@ def profile(traits: DeviceTraits) -> Profile:
 
 
 def _copy(manager: TaskManager) -> tuple[int, Map]:
-    """What a Task Manager knows of the map."""
+    """Return the version and the map of a Task Manager's replica."""
     return manager.state.replica.version, manager.state.replica.map

@@ -1,4 +1,4 @@
-"""A failing story made as short as it can be and still fail in the same way: first what goes wrong, then the tasks, then the devices."""
+"""Reduces a failing scenario to a short one that fails in the same way: removes faults first, then tasks, then devices."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from verification.fault_runs.scenario import DeviceTraits, Fault, Scenario, Task
 T = TypeVar("T")
 
 MAX_TRIES = 600
-"""So many stories are played at most."""
+"""The limit on the scenarios that are played."""
 
 
 def shrink_scenario(scenario: Scenario, fails: Callable[[Scenario], bool]) -> Scenario:
-    """The shortest story found."""
+    """Return the shortest failing scenario found."""
     tries = 0
 
     def still_fails(candidate: Scenario) -> bool:
@@ -56,7 +56,7 @@ def _with_devices(scenario: Scenario, devices: list[DeviceTraits]) -> Scenario:
 
 
 def minimize(items: Sequence[T], fails: Callable[[list[T]], bool]) -> list[T]:
-    """Delta debugging (Zeller and Hildebrandt 2002): a list of which nothing can be left out any more without `fails` becoming false."""
+    """Delta debugging (Zeller and Hildebrandt 2002): return a list from which no item can be removed while `fails` stays true."""
     remaining, part_count = [*items], 2
     if remaining and fails([]):
         return []

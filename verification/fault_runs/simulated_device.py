@@ -1,4 +1,4 @@
-"""A device: what it really does when its Service Manager has it work, and what it says."""
+"""A simulated device: its real actions when its Service Manager gives it work, and its reports."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ FOREVER = 1e7
 """Seconds."""
 
 InputObserver = Callable[[str, Input], None]
-"""Sees each input of a device's Service Manager, and whose it is, before it is handled."""
+"""A function that gets the address and each input of a device's Service Manager before it is handled."""
 
 
 @dataclass(frozen=True, slots=True)
 class DeviceWork:
-    """Work that a device really does, from its first move until it is done or interrupted. Looking moves nothing."""
+    """Work that a device really does, from its first move until it is done or interrupted. Observation moves nothing."""
 
     activity: Activity
     order: Order
@@ -46,8 +46,8 @@ class DeviceWork:
 
 @dataclass
 class SimulatedDevice:
-    """`next_fault` tells what goes wrong in its next work, if anything; `on_start` hears of each piece of work that begins; `on_break` is
-    called when the device breaks without a word."""
+    """A device. `next_fault` returns the fault of its next execution, if any. `on_start` is called when work begins, `on_break` when the
+    device breaks without a message."""
 
     traits: DeviceTraits
     reality: Reality
@@ -56,22 +56,22 @@ class SimulatedDevice:
     on_start: Callable[[SimulatedDevice, DeviceWork], None]
     on_break: Callable[[DeviceTraits], None]
     current_work: dict[Hashable, DeviceWork] = field(default_factory=dict)
-    """What it does now."""
+    """The work that it does now."""
     _last_places: dict[str, Place | bool] = field(default_factory=dict)
-    """Where it put what it worked on last."""
+    """The last place of each object that it worked on."""
 
     @property
     def name(self) -> str:
         return self.traits.name
 
-    # What its Service Manager tells it
+    # Calls of its Service Manager
 
     def interrupted(self, question: Hashable) -> None:
-        """It stops moving."""
+        """Stop moving."""
         self.current_work.pop(question, None)
 
     def died(self) -> None:
-        """Its program is dead: a watchdog stops it."""
+        """Stop, because the program is dead and a watchdog cuts in."""
         if self.traits.drops:
             self.reality.drop_all(self.name, self.now(), [device_work.object for device_work in self.current_work.values()])
         self.current_work.clear()
@@ -89,7 +89,7 @@ class SimulatedDevice:
             case _:
                 return iter(((0.0, None),))
 
-    # What it does
+    # Its actions
 
     def _quote(self) -> Work:
         if self.traits.mute:
@@ -105,7 +105,7 @@ class SimulatedDevice:
         yield from self._track_work(Activity.PERFORM, order, work)
 
     def _track_work(self, activity: Activity, order: Order, work: Work) -> Work:
-        """The work, which is real until its end is reported."""
+        """Carry the work out, and count it as real until its end is reported."""
         device_work = DeviceWork(activity, order)
         question = WorkWanted(order.transaction, order.participant, activity)
         if order.method != RECOGNITION:
@@ -135,7 +135,7 @@ class SimulatedDevice:
         yield 0.0, WorkDone(situation=self._promised(order))
 
     def _look(self, order: Order, fault_kind: WorkFaultKind | None) -> Work:
-        """Cognitive services tell the truth, or nothing."""
+        """Observe, and report the true situation or nothing."""
         yield self.traits.duration, QUIET
         if fault_kind is WorkFaultKind.DIE:
             self.on_break(self.traits)
@@ -147,7 +147,7 @@ class SimulatedDevice:
         yield 0.0, WorkDone(situation=f"{self.reality.situation_of(object)} AND {object}.Unknown = FALSE")
 
     def _moves(self, order: Order) -> Iterator[tuple[float, str, Place | bool]]:
-        """After which share of the time which object comes where."""
+        """Yield the moves of the work: the share of the duration, the object and its new place."""
         for object, target in placements(parse(self._promised(order))):
             if not isinstance(target, bool) and target[0] == "isOn" and order.method != "PutDown":
                 yield 0.4, object, ("isHeldBy", self.name)
@@ -157,7 +157,7 @@ class SimulatedDevice:
         return order.effect.replace("?Provider", self.name)
 
     def _move(self, order: Order, object: str, target: Place | bool) -> ServiceFailed | None:
-        """Bring the object there; what it says when that cannot be done."""
+        """Move the object; return the failure if that is impossible."""
         if isinstance(target, bool):
             self._place_object(object, target, order.transaction)
             return None
@@ -166,9 +166,9 @@ class SimulatedDevice:
         if target == ("isHeldBy", self.name):
             expected_places = dict(placements(parse(order.precondition))) if order.precondition is not None else {}
             if not mine and (reality.places[object][0] == "isHeldBy" or expected_places.get(object) != reality.places[object]):
-                return ServiceFailed(f"{object} is not where it is said to be", None)
+                return ServiceFailed(f"{object} is not at its place", None)
         elif not mine:
-            return ServiceFailed(f"{object} is gone from the gripper", None)
+            return ServiceFailed(f"{object} is not in the gripper any more", None)
         elif not reality.reachable(target[1]):
             self._place_object(object, ("isOn", FLOOR), order.transaction)
             return ServiceFailed(
@@ -178,7 +178,7 @@ class SimulatedDevice:
         return None
 
     def _goes_wrong(self, fault_kind: WorkFaultKind, order: Order, object: str, target: Place | bool) -> Work:
-        """What happens instead of the last move."""
+        """Carry the fault out instead of the last move."""
         reality, mine = self.reality, self.reality.state(object) == ("isHeldBy", self.name)
         match fault_kind:
             case WorkFaultKind.DROP | WorkFaultKind.MISPUT:
@@ -220,7 +220,7 @@ class SimulatedDevice:
         return isinstance(target, bool) or (self.reality.reachable(target[1]) if target[0] == "isOn" else target[1] == self.name)
 
     def _halt(self, order: Order) -> Work:
-        """Reach a safe state, and say what is known of the thing."""
+        """Reach a safe state, and report what is known of the object."""
         yield self.traits.halts, QUIET
         object = next(iter(order.inputs.values()))
         mine = self.reality.state(object) == ("isHeldBy", self.name)
@@ -235,7 +235,7 @@ class SimulatedDevice:
 
 
 class DeviceManager(ServiceManager):
-    """A Service Manager whose device is told at once when it is interrupted."""
+    """A Service Manager that informs its device immediately when work is interrupted."""
 
     _simulated_device: SimulatedDevice
     _observe_input: InputObserver

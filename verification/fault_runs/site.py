@@ -1,4 +1,4 @@
-"""The building in which a story plays: its ontology, the same for all stories, and its map."""
+"""The building of a scenario: its ontology, which all scenarios share, and its map."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from somrs.ontology.types import PART_OF, Ontology, Value
 from verification.fault_runs.scenario import Scenario, Setting
 
 FLOOR = "Floor1"
-"""Where things come to lie that are dropped."""
+"""The place of objects that were dropped."""
 
 ONTOLOGY = """
 ontology: faults
@@ -52,7 +52,7 @@ SERVICES: dict[Setting, tuple[tuple[str, ...], ...]] = {
     Setting.DOORS: (("CarryObject",), ("StoreObject",), ("OpenDoor", "CloseDoor"), ("CarryObject", "StoreObject")),
     Setting.GRIP: (("PickUp", "PutDown"),),
 }
-"""What the devices of a setting can do, in turn, so that there is always one for each step."""
+"""The services of a setting's devices, in turn, so that some device offers each service."""
 
 
 @cache
@@ -66,7 +66,7 @@ def service_type(name: str) -> ServiceType:
 
 
 def map_of(scenario: Scenario) -> Map:
-    """The map as it is at the beginning, with the devices on it."""
+    """Return the map at the start, with the devices on it."""
     return Map(_objects(scenario), _facts(scenario))
 
 

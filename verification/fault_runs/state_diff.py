@@ -1,4 +1,4 @@
-"""Whether two components are in the same state, whatever became of their objects' identities: one from before a kill, one from after."""
+"""Compares the states of two components by value: one from before a kill, one from after the restart."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ Leaf = str | int | float | bool | bytes | None
 
 
 def difference(old: object, new: object, ignored_types: Collection[type] = ()) -> str | None:
-    """Where they differ, as a path of attributes; None when they are alike. Objects of `ignored_types` are not looked into."""
+    """Return the first difference as a path of attributes, or None. Objects of `ignored_types` are skipped."""
     pairs: list[tuple[str, object, object]] = [("", old, new)]
     visited: dict[int, tuple[object, object]] = {}
-    """The first of each pair is kept with the second, so that no other object gets its identity."""
+    """The first object of each pair is kept alive with the second, so that no other object gets its id."""
     while pairs:
         path, old_value, new_value = pairs.pop()
         if old_value is new_value or isinstance(old_value, tuple(ignored_types)):
@@ -29,7 +29,7 @@ def difference(old: object, new: object, ignored_types: Collection[type] = ()) -
             if old_value != new_value:
                 return f"{path}: {old_value!r:.200} and {new_value!r:.200}"
             continue
-        if _is_value(old_value):  # values are shared here and there as it happens; nobody can tell
+        if _is_value(old_value):  # identities of values are irrelevant, as values cannot change
             if old_value == new_value:
                 continue
         elif id(old_value) in visited:
@@ -51,7 +51,7 @@ def _is_value(value: object) -> bool:
 
 
 def _members(value: object) -> Iterator[tuple[str, object]]:
-    """What an object is made of, by name."""
+    """Yield an object's members by name."""
     match value:
         case dict():
             yield from ((repr(key), item) for key, item in value.items())
@@ -62,7 +62,7 @@ def _members(value: object) -> Iterator[tuple[str, object]]:
         case set() | frozenset():
             yield from ((repr(item), None) for item in sorted(value, key=repr))
             return
-        case Ontology():  # here and below, whatever was looked up in it meanwhile
+        case Ontology():  # for this and the next types, caches of earlier look-ups are skipped
             yield "definitions", [*value]
             return
         case Map():
