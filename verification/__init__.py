@@ -1,1 +1,1 @@
-"""Proofs by exhaustion: what must hold of the protocol, whatever happens, checked in every state that can be reached."""
+"""Evidence that the system keeps its guarantees: model check, fault runs, kill runs, upgrades, mutants and published problems."""

@@ -75,7 +75,7 @@ def takeover_messages(time: float) -> list[tuple[float, str, str]]:
     ("messages", "wrong"),
     [
         ([*CONTRACT, (1.0, "Completed", FIRST_PARTICIPANT), *ENDS], ""),
-        ([*CONTRACT, (1.0, "Completed", FIRST_PARTICIPANT)], "nobody sent it home"),
+        ([*CONTRACT, (1.0, "Completed", FIRST_PARTICIPANT)], "was not released"),
         ([*CONTRACT[:2], CONTRACT[3], *ENDS], "without a contract"),
         ([*CONTRACT, (0.4, "Execute", FIRST_PARTICIPANT), *ENDS], "2 times"),
         ([*CONTRACT, *RIVAL, *takeover_messages(0.5)], "worked at the same step"),

@@ -1,1 +1,1 @@
-"""`make bench-codmap`: published multi-agent planning problems, played to their ends by the whole system."""
+"""`make bench-codmap`: solves and executes published multi-agent planning problems with the whole system."""

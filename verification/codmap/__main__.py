@@ -1,8 +1,8 @@
-"""`make bench-codmap`: every problem of every domain in a folder, from the files to the goal in the world.
+"""`make bench-codmap`: solves every problem of every domain in a folder, from the files to the goal in the world.
 
-Each is imported, planned, arranged with one Service Manager for each agent over the real protocol, and executed on a symbolic world
-that rejects any step whose precondition does not hold there; all in one process and in virtual time, but for planning, which has both
-cores for as long as it takes. Foreign validators judge the plan.
+Each problem is imported, planned, arranged with one Service Manager for each agent over the real protocol, and executed on a symbolic
+world that rejects any step whose precondition does not hold there. This happens in one process on virtual time; only planning takes real
+time, and uses all cores. External validators check the plan.
 """
 
 from __future__ import annotations
@@ -24,23 +24,23 @@ from verification.codmap.result import Result
 from verification.codmap.table import table
 
 WIDTH = 140
-"""Of the table in a file, in characters."""
+"""The width of the table in a file, in characters."""
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m verification.codmap", description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("folder", type=Path, help="has a folder for each domain, with one for each problem in it")
-    parser.add_argument("--limit", type=float, default=60.0, help="seconds that a problem has until it is planned")
+    parser.add_argument("folder", type=Path, help="contains a folder for each domain, with a folder for each problem in it")
+    parser.add_argument("--limit", type=float, default=60.0, help="seconds for planning a problem")
     parser.add_argument("--faults", type=float, default=0.0, help="share of steps that fail; in a fifth of the problems, one agent leaves")
-    parser.add_argument("--seed", type=int, default=0, help="of what goes wrong")
-    parser.add_argument("--only", default="", help="problems whose name (domain/problem) has this in it")
-    parser.add_argument("--tell", action="store_true", help="tell the story of each task")
+    parser.add_argument("--seed", type=int, default=0, help="selects the faults")
+    parser.add_argument("--only", default="", help="only problems whose name (domain/problem) contains this")
+    parser.add_argument("--tell", action="store_true", help="print the course of each task")
     chosen = parser.parse_args()
     console = Console(soft_wrap=True, highlight=False, width=None if sys.stdout.isatty() else WIDTH)
     folders = [place for place in problems(chosen.folder) if chosen.only in f"{place.parent.name}/{place.name}"]
     if not folders:
         named = f" with {chosen.only} in its name" if chosen.only else ""
-        parser.error(f"{chosen.folder}: there is no problem.pddl in a folder of a folder there{named}")
+        parser.error(f"{chosen.folder}: no folder of a folder in it contains a problem.pddl{named}")
     results: list[Result] = []
     started_at = time.perf_counter()
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
@@ -54,7 +54,7 @@ def main() -> int:
             console.print(line(result))
             if chosen.tell:
                 console.print(escape("\n".join(f"    {note}" for note in result.notes)))
-    console.print(f"Plans were judged by {' and '.join(judges())}.")
+    console.print(f"Plans were validated by {' and '.join(judges())}.")
     console.print(table(results, time.perf_counter() - started_at))
     failed = sum(bool(result.trouble) for result in results)
     console.print(f"{len(results) - failed} passed, {failed} failed")
@@ -62,7 +62,7 @@ def main() -> int:
 
 
 def problems(folder: Path) -> Iterator[Path]:
-    """The problems' folders, by domain, in the order of the numbers in their names."""
+    """Yield the problems' folders by domain, in the order of the numbers in their names."""
 
     def by_number(place: Path) -> list[tuple[int, int, str]]:
         return [(1, int(part), "") if part.isdecimal() else (0, 0, part) for part in re.split(r"(\d+)", place.name)]
@@ -72,7 +72,7 @@ def problems(folder: Path) -> Iterator[Path]:
 
 
 def line(result: Result) -> str:
-    """One problem in one line."""
+    """Return the result of one problem as a line of text."""
     text = f"{result.name:32}"
     if result.steps is not None:
         text += f" {result.steps:4} steps, cost {result.cost:g}, planned in {result.planning:.2f} s"

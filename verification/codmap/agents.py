@@ -1,4 +1,4 @@
-"""What agents do when their Service Managers have them work, and when they did it; and somebody who can say how any object is."""
+"""The programs of the agents, with the times of their work, and an observer that can report the state of any object."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from somrs.runtime.virtual_time import Work
 from somrs.service_manager.sdk.orders import Capability, Perform, Profile, Quote, Quoted, WorkDone
 
 STEP_TIME = 4.0
-"""Seconds, of virtual time, that each step takes: many times what the messages about it take."""
+"""Seconds of virtual time that each step takes: much more than its messages take."""
 
 
 @dataclass(slots=True, kw_only=True)
 class TimedAgent:
-    """One agent, and from when until when it worked."""
+    """An agent that records the beginning and the end of its work."""
 
     agent: SymbolicAgent
     now: Callable[[], float]
@@ -35,7 +35,7 @@ class TimedAgent:
 
 @dataclass(slots=True, kw_only=True)
 class Observer:
-    """Looks at whatever it is to look at, and finds out how it is."""
+    """A cognitive service that reports an object's true state."""
 
     world: SymbolicWorld
     name: str = "Observer"

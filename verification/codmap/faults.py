@@ -1,4 +1,4 @@
-"""What goes wrong in a problem's execution: drawn from a seed, so that a run can be played again."""
+"""Draws the faults of a problem's execution from a seed, so that a run can be repeated."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from somrs.ontology.objects import Change, objects_of
 from somrs.service_manager.sdk.orders import Order
 
 LEAVING = 0.2
-"""In this share of the problems one agent leaves for good."""
+"""The share of the problems in which one agent leaves permanently."""
 
 EARLY = 20
-"""An agent that leaves does so at its first work from one of so many works on, of all agents'."""
+"""The agent leaves at its first execution after up to this many executions of all agents."""
 
 
 @dataclass
 class Faults:
-    """`share` of the works fail, half of them with a part of their effect. `leaver` is who leaves, without a word, if anybody does."""
+    """The faults. A `share` of the executions fail, half of them with a part of their effect. `leaver` leaves without a message, if set."""
 
     share: float
     seed: str
@@ -38,7 +38,7 @@ class Faults:
             self.leaver, self._departure = dice.choice(sorted(self.agents)), dice.randrange(EARLY)
 
     def mishap(self, agent: str, order: Order) -> Mishap | None:
-        """What goes wrong with the agent's next work, if anything."""
+        """Return the fault of the agent's next execution, if any."""
         self.works += 1
         if agent == self.leaver and self.works > self._departure:
             self.has_departed = True
@@ -49,6 +49,6 @@ class Faults:
         return Mishap(select_changes=self._select_changes) if self._dice.random() < 0.5 else Mishap()
 
     def _select_changes(self, changes: Sequence[Change]) -> Sequence[Change]:
-        """What becomes of some of the objects: each is changed wholly, or not at all, so that none is in no place."""
+        """Select the objects that change. An object changes completely or not at all, so that it is never without a place."""
         is_changed = {objects_of(change)[0]: self._dice.random() < 0.5 for change in changes}
         return [change for change in changes if is_changed[objects_of(change)[0]]]

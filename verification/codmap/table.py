@@ -1,4 +1,4 @@
-"""What came of the problems, domain by domain, as a table."""
+"""A table of the results, with a row for each domain."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from verification.codmap.result import Result
 
 
 def table(results: Sequence[Result], seconds: float) -> Table:
-    """`seconds` is how long all of it took."""
+    """Return the table. `seconds` is the duration of the whole run."""
     domain_table = Table(title=f"{len(results)} problems in {seconds / 60:.1f} min", title_justify="left")
     domain_table.add_column("domain")
     for title in (
@@ -60,5 +60,5 @@ def _total(numbers: Iterable[float | None]) -> str:
 
 
 def _times(seconds: Sequence[float]) -> tuple[str, str]:
-    """The median, and the worst."""
+    """Return the median and the maximum."""
     return (f"{median(seconds):.2f}", f"{max(seconds):.1f}") if seconds else ("-", "-")

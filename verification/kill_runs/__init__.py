@@ -1,1 +1,1 @@
-"""Kills real processes of a running system at a drawn message of the protocol, and sees whether all goes on as if nothing had been."""
+"""Kills real processes of a running system at a random message of the protocol, and checks that the result is the same as without."""

@@ -1,8 +1,8 @@
-"""Kills processes of a running system again and again, each time at another message of the protocol, and counts what recovers.
+"""Kills processes of a running system, each time at another message of the protocol, and counts the recoveries.
 
     python -m verification.kill_runs [--runs 270] [--first 0] [--seed 17] [--systems 2] [--out out/kill-runs]
 
-Closes with `N passed, N failed`. A run that fails leaves its logs in out/kill-runs/<seed>/, and `--seed` plays it again.
+The last line is `N passed, N failed`. A failed run leaves its logs in out/kill-runs/<seed>/; `--seed` repeats it.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from verification.kill_runs.run import Result, Run
 from verification.kill_runs.running_system import RunningSystem
 
 ROUNDS = 3
-"""So many runs there are for each message and each victim, unless another number is wanted."""
+"""The default number of runs for each message and each victim."""
 STARTS = 3
-"""So often a system that does not start is tried."""
+"""The number of attempts to start a system."""
 
 
 class Series:
-    """Runs for many seeds, in several systems at the same time. A system goes on with the next run as long as all is well."""
+    """Runs for many seeds, in several systems at the same time. A system is used again as long as its runs do not fail."""
 
     def __init__(self, seeds: list[int], out_folder: Path, bar: Progress) -> None:
         self.results: list[Result] = []
@@ -44,7 +44,7 @@ class Series:
         return self.results
 
     async def _work(self) -> None:
-        """Play what is to be played, each time in a new system when a run went wrong in the one before."""
+        """Play the seeds that are left, in a new system after each failed run."""
         troubles = 0
         while self._seeds:
             self._systems += 1
@@ -63,7 +63,7 @@ class Series:
                 shutil.rmtree(data, ignore_errors=True)
 
     async def _seed(self, running_system: RunningSystem, seed: int) -> bool:
-        """Play the run of a seed, and again while the kill comes too late. Whether the system is as it should be after it."""
+        """Play the run of a seed, and repeat it if the kill comes too late. Return whether the system can be used again."""
         for attempt in range(MAX_ATTEMPTS):
             run = Run(running_system, draw_case(seed, attempt))
             result = await run.play()
@@ -89,7 +89,7 @@ class Series:
             file.write(msgspec.json.encode(result) + b"\n")
 
     def _save_logs(self, running_system: RunningSystem, run: Run, result: Result) -> None:
-        """What tells of a run that failed."""
+        """Save the logs, the messages and the task of a failed run."""
         folder = self._out_folder / str(result.seed)
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "result.json").write_bytes(msgspec.json.format(msgspec.json.encode(result)))
@@ -102,11 +102,11 @@ class Series:
 def main() -> int:
     arguments = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     arguments.add_argument(
-        "--runs", type=int, default=ROUNDS * len(CELLS), help=f"how many; {len(CELLS)} are every message and victim once"
+        "--runs", type=int, default=ROUNDS * len(CELLS), help=f"number of runs; {len(CELLS)} cover every message and victim once"
     )
-    arguments.add_argument("--first", type=int, default=0, help="the seed of the first; the others follow")
-    arguments.add_argument("--seed", type=int, help="the one run of this seed")
-    arguments.add_argument("--systems", type=int, default=2, help="how many systems are started, to play in all of them at the same time")
+    arguments.add_argument("--first", type=int, default=0, help="the first seed; the others follow")
+    arguments.add_argument("--seed", type=int, help="play only the run of this seed")
+    arguments.add_argument("--systems", type=int, default=2, help="number of systems that run at the same time")
     arguments.add_argument("--out", type=Path, default=Path("out/kill-runs"))
     options = arguments.parse_args()
     seeds = [options.seed] if options.seed is not None else [*range(options.first, options.first + options.runs)]

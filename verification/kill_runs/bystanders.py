@@ -1,4 +1,4 @@
-"""Clients that work with the system while a run is on: they change the map and submit tasks, and note what was acknowledged."""
+"""Clients that use the system during a run: they change the map, submit tasks, and record the acknowledgements."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.knowledge import Updated, UpdateMap
 
 PAUSE = 0.3
-"""Seconds between two inputs of a client."""
+"""Seconds between two requests of a client."""
 PATIENCE = 60.0
-"""Seconds for which an input is sent again."""
+"""Seconds for which a request is repeated."""
 CHANGED, PATH = "Room002", "Label"
-"""What is changed again and again; nothing that a task is about."""
+"""The attribute that is changed; no task depends on it."""
 SATISFIED_GOAL = "Door001.Open = TRUE"
-"""A wish without steps."""
+"""A goal that holds, so that its plan has no steps."""
 AUTHOR = "bystander"
 
 
 @dataclass(slots=True)
 class Acknowledged:
-    """What the bystanders were told is taken."""
+    """The acknowledged inputs."""
 
     versions: dict[str, int] = field(default_factory=dict)
-    """Of the map, by the label that was set in it."""
+    """Versions of the map, by the label that was set in them."""
     tasks: list[str] = field(default_factory=list)
 
 
 class Bystanders:
-    """`burst` has some more tasks submitted, all at once: just when somebody is killed."""
+    """The clients. `burst` submits several inputs at once, at the moment of the kill."""
 
     def __init__(self, client: Client, name: str) -> None:
         self.acknowledged = Acknowledged()
@@ -44,7 +44,7 @@ class Bystanders:
 
     @contextlib.asynccontextmanager
     async def at_work(self) -> AsyncIterator[Bystanders]:
-        """While the context lasts they work; at its end all that they have begun is acknowledged, or it raises RemoteError."""
+        """A context in which the clients work. At its end all their inputs are acknowledged, or it raises RemoteError."""
         working = [asyncio.create_task(self._repeat(work)) for work in (self._update, self._submit)]
         try:
             yield self

@@ -1,4 +1,4 @@
-"""What has to be so at the end of a run, whoever was killed in it. Each function yields what is not so, in words."""
+"""The checks at the end of a run. Each function yields descriptions of what is wrong."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from verification.kill_runs.draw import HOMES, Case, Victim
 from verification.kill_runs.scenarios import ROBOTS
 
 REPORTS = ("Completed", "Failed", "Stopped", "Refuse", "Fault", "Status")
-"""What a participant that was told to execute says when it does not work any more; a Status, when it has forgotten its contract."""
+"""Messages after which a participant does not work any more. A Status counts, as a participant that lost its contract sends one."""
 SENT_BY_COORDINATOR = frozenset(("Arrange", "Accept", "Cancel", "Execute", "Stop", "Compensate", "Query", "End"))
 
 
 class LoggedMessage(Struct, frozen=True, kw_only=True):
-    """A message, whoever noted it."""
+    """A message, as the Task Manager recorded it."""
 
     at: float
     type: str
@@ -37,7 +37,7 @@ class LoggedMessage(Struct, frozen=True, kw_only=True):
 
     @property
     def step(self) -> str:
-        """What the participant was asked for; the attempt's number does not count."""
+        """The step of the participant, without the number of the attempt."""
         label = self.participant.rpartition("#")[2]
         prefix, _, number = label.rpartition(".")
         return prefix if prefix and number.isdigit() else label
@@ -47,7 +47,7 @@ class LoggedMessage(Struct, frozen=True, kw_only=True):
 
 
 def outcome(case: Case, view: TaskView, records: Iterable[TaskRecord], struck: str, cancelled_at: float | None) -> Iterator[str]:
-    """An outcome that the run could have had without a kill. A device that was killed, or was cut off, may have failed."""
+    """Check that the outcome is possible without a kill. A device that was killed or cut off may fail."""
     if view.outcome is None or view.phase is not Phase.ENDED:
         yield f"there is no outcome: the task is {view.phase}"
         return
@@ -56,26 +56,26 @@ def outcome(case: Case, view: TaskView, records: Iterable[TaskRecord], struck: s
     too_late = Outcome.CANCELLED in case.scenario.ends and (cancelled_at is None or view.ended_at is None or cancelled_at > view.ended_at)
     if too_late and view.outcome is Outcome.ACCOMPLISHED:
         return
-    # A Service Manager that is killed at work reports Failed; the other robot may not be able to take over, or have failed, too.
+    # A Service Manager that is killed during work reports Failed; the other robot may be unable to take over, or may have failed as well.
     may_fail = case.victim is Victim.DEVICE and (case.scenario.one_robot or all_robots_failed(view)) and struck in failed_devices(records)
     if not (may_fail and view.outcome is Outcome.FAILED):
-        yield f"the outcome is {view.outcome}, and without the kill it is {' or '.join(case.scenario.ends)}: {view.explanation}"
+        yield f"the outcome is {view.outcome}; without the kill it is {' or '.join(case.scenario.ends)}: {view.explanation}"
 
 
 def failed_devices(records: Iterable[TaskRecord]) -> set[str]:
-    """The devices that were given up, or refused, in the task."""
+    """Return the devices that were given up, or refused, in the task."""
     events = (task_event.event for record in records for task_event in record.events)
     return {event.service.partition(".")[0] for event in events if isinstance(event, ServiceFailure | ServiceRefused)}
 
 
 def all_robots_failed(view: TaskView) -> bool:
-    """Whether all robots that carry things failed in the task. One may, without a kill, when the other stands where it has to."""
+    """Whether all robots that carry things failed in the task. One robot may fail without a kill, if the other stands in its way."""
     failed = {work.service.partition(".")[0] for work in view.work if work.state in (State.FAILED, State.STRANDED, State.UNREACHABLE)}
     return failed >= set(ROBOTS)
 
 
 def undone(case: Case, view: TaskView, map: Map) -> Iterator[str]:
-    """When the task was cancelled, everything is where it was; unless there was no robot left that could undo it."""
+    """Check that after a cancelled task everything is where it was, unless no robot was left for the compensation."""
     if view.outcome is Outcome.CANCELLED and case.victim is not Victim.DEVICE and not all_robots_failed(view):
         for thing, home in HOMES.items():
             if [fact[1] for fact in map.facts_with("isOn", 0, thing)] != [home]:
@@ -86,7 +86,7 @@ def undone(case: Case, view: TaskView, map: Map) -> Iterator[str]:
 
 
 def logged_messages(record: TaskRecord) -> list[LoggedMessage]:
-    """The messages of a task, in the order in which the Task Manager had them."""
+    """Return the messages of a task in the order of the Task Manager's record."""
     return [
         LoggedMessage(at=message.at, type=message.type, participant=message.participant, id=message.id, body=message.body)
         for message in record.messages
@@ -94,7 +94,7 @@ def logged_messages(record: TaskRecord) -> list[LoggedMessage]:
 
 
 def protocol(messages: Iterable[LoggedMessage]) -> Iterator[str]:
-    """What can be seen of properties 1, 2 and 6 of the protocol."""
+    """Check properties 1, 2 and 6 of the protocol, as far as the messages show them."""
     by_participant: dict[str, list[LoggedMessage]] = {}
     message_list = list(messages)
     for message in message_list:
@@ -103,11 +103,11 @@ def protocol(messages: Iterable[LoggedMessage]) -> Iterator[str]:
         types = [message.type for message in participant_messages]
         executes = {message.id for message in participant_messages if message.type == "Execute"}
         if len(executes) > 1:
-            yield f"{name} was told {len(executes)} times to execute"
+            yield f"{name} received Execute {len(executes)} times"
         if executes and not {"Terms", "Accept"} <= set(types[: types.index("Execute")]):
-            yield f"{name} was told to execute without a contract"
+            yield f"{name} received Execute without a contract"
         if "Accept" in types and not {"End", "Cancel", "Refuse"} & set(types):
-            yield f"{name} was committed, and nobody sent it home"
+            yield f"{name} was committed, and was not released"
     for execute in (message for message in message_list if message.type == "Execute"):
         for name, participant_messages in by_participant.items():
             if (
@@ -115,11 +115,11 @@ def protocol(messages: Iterable[LoggedMessage]) -> Iterator[str]:
                 and participant_messages[0].step == execute.step
                 and (reason := _working_reason(participant_messages, execute.at))
             ):
-                yield f"{execute.participant} was told to execute while {name} worked at the same step: {reason}"
+                yield f"{execute.participant} received Execute while {name} worked at the same step: {reason}"
 
 
 def _working_reason(messages: list[LoggedMessage], time: float) -> str:
-    """Why the participant counts as working at that time; nothing if it does not."""
+    """Return why the participant counts as working at that time, or an empty string if it does not."""
     earlier_messages = [message for message in messages if message.at < time]
     execute = next((message for message in earlier_messages if message.type == "Execute"), None)
     if execute is None:
@@ -129,11 +129,11 @@ def _working_reason(messages: list[LoggedMessage], time: float) -> str:
     report_times = [message.at for message in earlier_messages if message.type not in SENT_BY_COORDINATOR]
     silent = time - max([execute.at, *report_times])
     is_abandoned = any(message.type == "Query" for message in earlier_messages) and silent > 2 * SILENCE - 1
-    return "" if is_abandoned else f"it said nothing for {silent:.1f} s"
+    return "" if is_abandoned else f"it was silent for {silent:.1f} s"
 
 
 def unreleased(states: Mapping[str, State]) -> Iterator[str]:
-    """Nobody works, or waits, any more: neither those who did something nor those who were only asked."""
+    """Yield the participants that still work or wait, whether they had a contract or not."""
     for participant, state in states.items():
         if state not in (State.ENDED, State.NEW):
             yield f"{participant} is {state} after the end"
@@ -145,13 +145,13 @@ def unreleased(states: Mapping[str, State]) -> Iterator[str]:
 def lost_tasks(acknowledged: Acknowledged, outcomes: Mapping[str, Outcome | None]) -> Iterator[str]:
     for task in acknowledged.tasks:
         if task not in outcomes:
-            yield f"task {task} was acknowledged, and is not known"
+            yield f"task {task} was acknowledged, but is unknown"
         elif outcomes[task] is not Outcome.ACCOMPLISHED:
-            yield f"task {task} was acknowledged, and came to {outcomes[task]}"
+            yield f"task {task} was acknowledged, and its outcome is {outcomes[task]}"
 
 
 def lost_updates(acknowledged: Acknowledged, history: Iterable[Event]) -> Iterator[str]:
-    """Each update is in the history under the version that was told, and once."""
+    """Check that each update is in the history once, under the acknowledged version."""
     label_versions: dict[str, list[int]] = {}
     versions = []
     for event in history:
@@ -163,14 +163,14 @@ def lost_updates(acknowledged: Acknowledged, history: Iterable[Event]) -> Iterat
     for label, version in acknowledged.versions.items():
         if version >= oldest and label_versions.get(label) != [version]:
             kept_versions = label_versions.get(label, "no version")
-            yield f"the update {label!r} was acknowledged with version {version}, and is in the history at {kept_versions}"
+            yield f"the update {label!r} was acknowledged with version {version}, but is in the history at {kept_versions}"
 
 
 # The map and the world
 
 
 def of_things(map: Map, ontology: Ontology, observed: Mapping[str, ObjectState]) -> Iterator[str]:
-    """The map says where each thing is; or that it does not know, which `unknown` tells."""
+    """Check that the map has the true place of each thing, or marks the thing as unknown (see `unknown`)."""
     for name, thing in observed.items():
         if map.objects[name].values.get("Unknown") is True:
             continue
@@ -180,7 +180,7 @@ def of_things(map: Map, ontology: Ontology, observed: Mapping[str, ObjectState])
             "isHeldBy": [thing.held_by] if thing.held_by else [],
         }
         if map_facts != true:
-            yield f"{name}: the map has {_placed(map_facts)}, and in the world it is {_placed(true)}"
+            yield f"{name}: the map has {_placed(map_facts)}, the world has {_placed(true)}"
         elif not thing.held_by:
             yield from _differences(name, map, ontology, {"PositionX": thing.x, "PositionY": thing.y, "PositionZ": thing.z})
 

@@ -1,4 +1,4 @@
-"""What is drawn from a seed: which message, which victim, in which play, at which moment, and for how long it is away."""
+"""Draws a run from a seed: the message, the victim, the scenario, the moment of the kill, and the time until the restart."""
 
 from __future__ import annotations
 
@@ -14,34 +14,34 @@ MESSAGES = tuple(dict.fromkeys(kind.__name__ for kind in (*TO_PARTICIPANT, *TO_C
 """Every type of message of the Failure Recovery Protocol."""
 
 MOST_DELAY = 0.02
-"""Seconds from the message to the kill: by then the message may be on its way, handled, kept, or answered."""
+"""The maximum delay from the message to the kill, in seconds: the message may be in transit, handled, stored or answered by then."""
 MOST_PAUSE = 3.0
-"""Seconds for which the victim is away."""
+"""The maximum time until the restart, in seconds."""
 MAX_ATTEMPTS = 8
-"""How often a run is played at most while its kill comes too late; in the second half of them it does not wait after the message."""
+"""The number of attempts if the kill comes too late; the second half of them kill without a delay."""
 IMPOSSIBLE = "Jar003"
-"""Nothing can be put on it."""
+"""A thing that nothing can be put on."""
 
 
 class Victim(StrEnum):
-    """What is struck."""
+    """The target of the kill or fault."""
 
     TASK_MANAGER = "task-manager"
     DEVICE = "device"
-    """The process of the Service Manager of a device that was asked to take part."""
+    """The process of the Service Manager of a device that takes part in the task."""
     REGISTRY = "registry"
     REPOSITORY = "repository"
     LINK = "link"
-    """The connection between a device's Service Manager and the simulator: cut, and refused until it is mended."""
+    """The connection between a device's Service Manager and the simulator: cut, and refused until it is repaired."""
 
 
 CELLS = tuple((message, victim) for message in MESSAGES for victim in Victim)
-"""Every message with every victim; a seed stands for one of them, so that as many seeds in a row are all of them."""
+"""Every pair of message and victim. A seed determines a pair, and consecutive seeds cover all of them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """One run. The victim is struck `delay` seconds after message number `nth` of the type, for `pause` seconds."""
+    """A run. The victim is killed `delay` seconds after message number `nth` of the type, and is down for `pause` seconds."""
 
     seed: int
     attempt: int
@@ -49,13 +49,13 @@ class Case:
     victim: Victim
     scenario: Scenario
     placements: tuple[tuple[str, str], ...]
-    """Things, and where they are wanted."""
+    """Things and the places where the goal wants them."""
     policy: Policy
     nth: int
     delay: float
     pause: float
     device_choice: float
-    """Which of the devices, from 0 to 1: up to a half, the one that the message is from or for."""
+    """Selects the device, from 0 to 1: up to a half, the sender or recipient of the message."""
 
     @property
     def goal(self) -> str:
@@ -67,7 +67,7 @@ class Case:
 
 
 def draw_case(seed: int, attempt: int = 0) -> Case:
-    """The run of a seed; a later attempt is another draw for the same message and victim."""
+    """Return the run of a seed. A later attempt is another draw for the same message and victim."""
     chance = random.Random(f"{seed}/{attempt}")
     message, victim = CELLS[seed % len(CELLS)]
     scenario = chance.choice(scenarios_of(message))
@@ -93,4 +93,4 @@ def draw_case(seed: int, attempt: int = 0) -> Case:
 
 
 HOMES = {"Jar002": "Cupboard001", "Jar003": "Cupboard001", "Carton001": "Table002"}
-"""Where things stand when a run begins."""
+"""The places of things at the start of a run."""

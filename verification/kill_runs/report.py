@@ -1,4 +1,4 @@
-"""The results of many runs, in tables."""
+"""Tables of the results of many runs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from verification.kill_runs.run import Result
 
 
 def summary(results: Sequence[Result], console: Console) -> None:
-    """What came of all runs, by message and victim."""
+    """Print the results of all runs by message and by victim."""
     console.print(_by_message(results))
     console.print(_by_victim(results))
     for missed in (result for result in results if result.missed):
@@ -27,13 +27,13 @@ def summary(results: Sequence[Result], console: Console) -> None:
 
 
 def result_line(result: Result) -> str:
-    """A run in a line."""
+    """Return the result of a run as a line of text."""
     verdict = "missed" if result.missed else "recovered" if result.recovered else "FAILED"
-    return f"{verdict:>9} {result.duration:5.1f} s  seed {result.seed}: {result.case}; {result.struck or 'nobody'} struck; {result.outcome}"
+    return f"{verdict:>9} {result.duration:5.1f} s  seed {result.seed}: {result.case}; victim {result.struck or 'none'}; {result.outcome}"
 
 
 def _by_message(results: Sequence[Result]) -> Table:
-    table = Table(title="Recovered of all, by message and by who is struck at it")
+    table = Table(title="Recovered runs, by message and victim")
     for heading in ("message", *Victim, "missed"):
         table.add_column(heading, justify="left" if heading == "message" else "right")
     for heading in ("to the next message, s: p50", "max", "to the outcome, s: p50", "max", "acknowledged", "lost"):
@@ -49,8 +49,8 @@ def _by_message(results: Sequence[Result]) -> Table:
 
 
 def _by_victim(results: Sequence[Result]) -> Table:
-    table = Table(title="By who is struck")
-    for heading in ("victim", "runs", "recovered", "accomplished", "cancelled", "failed", "not known where a thing is", "missed"):
+    table = Table(title="By victim")
+    for heading in ("victim", "runs", "recovered", "accomplished", "cancelled", "failed", "place unknown", "missed"):
         table.add_column(heading, justify="left" if heading == "victim" else "right")
     for heading in ("to the next message, s: p50", "max", "to the outcome, s: p50", "max", "acknowledged", "lost"):
         table.add_column(heading, justify="right")

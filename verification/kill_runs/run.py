@@ -1,4 +1,4 @@
-"""One run: a task, a kill in the middle of it, and what came of both."""
+"""One run: a task, a kill during the task, and the checks after both."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ from verification.kill_runs.scenarios import THINGS, Action, Trigger
 from verification.kill_runs.tail import Tail
 
 LOOK = 0.001
-"""Seconds between two looks at the messages."""
+"""Seconds between two reads of the messages."""
 MOST_TIME = 180.0
-"""Seconds that a task may take, with its kill."""
+"""Seconds within which a task has to end, with the kill."""
 PATIENCE = 90.0
-"""Seconds for which a client waits for a Task Manager that is away."""
+"""Seconds for which a client waits for a Task Manager that is down."""
 HOME_TIME = 20.0
-"""Seconds after the outcome in which everyone has to be at home."""
+"""Seconds after the outcome within which every participant has to be released."""
 NOTICED = 6.0
-"""Seconds that the map may take to agree with the world, once everyone is at home."""
+"""Seconds for the map to agree with the world, once every participant is released."""
 
 
 class Result(msgspec.Struct, kw_only=True):
-    """What came of a run. `problems`: what is not as it has to be. `missed`: the kill came when all was over, or never."""
+    """The result of a run. `problems`: violated checks. `missed`: why there was no kill during the task, if so."""
 
     case: str
     seed: int
@@ -53,7 +53,7 @@ class Result(msgspec.Struct, kw_only=True):
     outcome: str = ""
     unknown: list[str] = []
     to_progress: float | None = None
-    """Seconds from when the victim was ready again to the next message of the protocol; 0 when nothing had waited for it."""
+    """Seconds from the restart of the victim to the next message of the protocol; 0 if nothing waited for the victim."""
     to_outcome: float | None = None
     acknowledged: int = 0
     lost: list[str] = []
@@ -66,7 +66,7 @@ class Result(msgspec.Struct, kw_only=True):
 
 @dataclass(slots=True)
 class _RunState:
-    """What happened so far."""
+    """The course of a run so far."""
 
     lines: list[Line] = field(default_factory=list)
     transaction: str = ""
@@ -74,7 +74,7 @@ class _RunState:
     struck_at: float | None = None
     device: str = ""
     cue_at: float = 0.0
-    """When the message passed at which somebody is struck."""
+    """The time of the message that triggers the kill."""
     ready_at: float | None = None
     cancelled_at: float | None = None
     view: TaskView | None = None
@@ -82,7 +82,7 @@ class _RunState:
 
 
 class Run:
-    """Plays a case in a system that was set right."""
+    """Plays a case in a system that is in its initial state."""
 
     def __init__(self, running_system: RunningSystem, case: Case) -> None:
         self._running_system, self._case = running_system, case
@@ -105,8 +105,8 @@ class Run:
         except (Trouble, SomrsError, TimeoutError, OSError) as error:
             result.problems.append(f"{type(error).__name__}: {error}")
         if result.missed and (result.problems or result.lost):
-            result.problems.append(f"and there was no kill: {result.missed}")
-            result.missed = ""  # what is wrong is wrong without a kill, too
+            result.problems.append(f"there was no kill: {result.missed}")
+            result.missed = ""  # a problem without a kill is a failure, too
         result.duration = time.monotonic() - started_at
         return result
 
@@ -116,10 +116,10 @@ class Run:
 
     @property
     def view(self) -> TaskView | None:
-        """The task as its client heard of it last."""
+        """The last view of the task that the client received."""
         return self._state.view
 
-    # The play
+    # The course of the run
 
     async def _perform(self) -> Acknowledged:
         running_system, case = self._running_system, self._case
@@ -142,7 +142,7 @@ class Run:
                 self._acts.append(watching)
                 is_finished = False
                 while not is_finished:
-                    is_finished = all(act.done() for act in self._acts)  # and then one more look
+                    is_finished = all(act.done() for act in self._acts)  # before the last read of the messages
                     self._look(tail, bystanders)
                     for act in (act for act in self._acts if act.done()):
                         act.result()
@@ -161,7 +161,7 @@ class Run:
                 self._running_system.signal(self._state.frozen, signal.SIGCONT)
 
     async def _watch(self, client: Client) -> None:
-        """Submit the task, and hear of it until it is over, whether or not the Task Manager is there."""
+        """Submit the task, and follow it to its end, even if the Task Manager restarts."""
         task = await client.submit(Submit(effect=self._case.goal, policy=self._case.policy), patience=PATIENCE)
         async for news in client.news(task):
             self._state.view = news.view
@@ -171,7 +171,7 @@ class Run:
         for line in tail.new():
             state.transaction = state.transaction or (line.transaction if line.type == "Arrange" else "")
             if line.transaction != state.transaction:
-                continue  # somebody was late to say something about an earlier task
+                continue  # a late message of an earlier task
             state.lines.append(line)
             if line.type == case.message:
                 state.counted += 1
@@ -189,7 +189,7 @@ class Run:
                 self._acts.append(asyncio.create_task(self._act(trigger.action, line)))
 
     def _device(self, line: Line) -> str:
-        """Which device it is that is struck, if one is."""
+        """Return the device that is the victim, if the victim is a device."""
         device = _device_of(line)
         other_devices = sorted({_device_of(other_line) for other_line in self.lines} - {device})
         choice = self._case.device_choice
@@ -224,14 +224,14 @@ class Run:
             case Action.STRAY:
                 body = frp.Compensate(situation=self._case.goal) if self._case.device_choice < 0.5 else frp.Stopped()
                 coordinator = running_system.system.addresses.task_manager
-                with contextlib.suppress(RemoteError):  # it may be just what is struck; without its Fault, the kill counts as missed
+                with contextlib.suppress(RemoteError):  # the device may be the victim; without its Fault, the kill counts as missed
                     await running_system.send(self._addresses[device], line.transaction, line.participant, body, sender=coordinator)
 
-    # The judgement
+    # The checks
 
     async def _judge(self, result: Result, acknowledged: Acknowledged) -> None:
         state, case, running_system = self._state, self._case, self._running_system
-        assert state.view is not None, "the task was watched to its end"
+        assert state.view is not None, "the task was followed to its end"
         view = state.view
         result.outcome = str(view.outcome)
         result.struck = state.device if case.victim in (Victim.DEVICE, Victim.LINK) else case.victim
@@ -242,7 +242,7 @@ class Run:
         unreleased = list(checks.unreleased(states))
         records = await TaskHistory(running_system.client.records, running_system.client).first(ReadRecords(task=view.task), 2)
         if len(records) != 1:
-            result.problems.append(f"{len(records)} records of the task are kept, and not one")
+            result.problems.append(f"there are {len(records)} records of the task, and not one")
         result.problems += checks.outcome(case, view, records, state.device, state.cancelled_at)
         for record in records:
             result.problems += checks.protocol(checks.logged_messages(record))
@@ -261,7 +261,7 @@ class Run:
         ended = view.ended_at
         if case.message != "End" and ended is not None and state.struck_at > ended:
             late, delay = state.struck_at - ended, ended - state.cue_at
-            return f"the task was over {late * 1000:.0f} ms before, {delay * 1000:.0f} ms after the message"
+            return f"the task had ended {late * 1000:.0f} ms before, {delay * 1000:.0f} ms after the message"
         return ""
 
     def _measure(self, result: Result, view: TaskView) -> None:
@@ -273,12 +273,12 @@ class Run:
         result.to_progress = max(0.0, next_times[0] - state.ready_at) if next_times and result.to_outcome else 0.0
 
     async def _sent_home(self, transaction: str) -> dict[str, State]:
-        """The states of all that took part, as their Service Managers tell; once all are at home, or it has taken too long."""
+        """Return the states of all participants from their Service Managers, once all are released or the time is up."""
         end = time.monotonic() + HOME_TIME
         participants = sorted({line.participant for line in self.lines})
         while True:
             states: dict[str, State] = {}
-            with contextlib.suppress(RemoteError):  # one of them may be starting, or not registered again
+            with contextlib.suppress(RemoteError):  # a device may be starting, or may not be registered again
                 addresses = await self._running_system.devices()
                 missing = {_device_name(participant) for participant in participants} - set(addresses)
                 if not missing:
@@ -290,12 +290,12 @@ class Run:
                         return states
             if time.monotonic() > end:
                 if len(states) < len(participants):
-                    raise Trouble(f"after {HOME_TIME:.0f} s only {len(states)} of {len(participants)} participants can be asked")
+                    raise Trouble(f"after {HOME_TIME:.0f} s only {len(states)} of {len(participants)} participants can be queried")
                 return states
             await asyncio.sleep(0.05)
 
     async def _disagreements(self, result: Result) -> list[str]:
-        """Where the map and the world differ once nothing moves any more, and those who made way have said where they are."""
+        """Return the differences between map and world after all movements have ended and have been reported."""
         running_system = self._running_system
         end = time.monotonic() + NOTICED
         while True:
@@ -310,7 +310,7 @@ class Run:
             await asyncio.sleep(0.2)
 
     async def _outcomes(self, acknowledged: Acknowledged) -> dict[str, Outcome | None]:
-        """What became of the bystanders' tasks: those that are not over yet have some time left."""
+        """Return the outcomes of the bystanders' tasks, waiting for those that have not ended."""
         client, end = self._running_system.client, time.monotonic() + HOME_TIME
         while True:
             known_outcomes = {view.task: view.outcome for view in await client.tasks()}
@@ -328,5 +328,5 @@ def _device_of(line: Line) -> str:
 
 
 def _device_name(participant: str) -> str:
-    """The device in a participant's id."""
+    """Return the device of a participant's id."""
     return participant.partition(".")[0]

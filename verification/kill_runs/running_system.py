@@ -1,4 +1,4 @@
-"""A running system of real processes that is struck, mended, and set right for the next run."""
+"""A running system of real processes, with methods to kill, repair and reset it between runs."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ from verification.kill_runs.draw import HOMES, Victim
 from verification.kill_runs.scenarios import DEVICES, PATROL, ROBOTS, THINGS
 
 FREE_TIME = 30.0
-"""Seconds that a device has, once everything is mended, to take a contract that begins at once."""
+"""Seconds after the repair within which a device has to be able to begin a contract at once."""
 START_TOLERANCE = 2.0
-"""Seconds in which a contract begins that begins at once."""
+"""The tolerance for a contract that begins at once, in seconds."""
 
 
 class Trouble(Exception):
-    """The system cannot be brought to where a run can begin, or be ended."""
+    """The system cannot be reset for a run, or a run cannot be ended."""
 
 
 class RunningSystem:
@@ -62,7 +62,7 @@ class RunningSystem:
             host, _, port = (self.system.addresses.simulator or "").rpartition(":")
             self.operator = await self._open.enter_async_context(OperatorLink(host, int(port)))
             self._open.push_async_callback(self._wire.close)
-        except BaseException:  # interrupted, too: no process is to be left
+        except BaseException:  # also an interrupt: no process may be left
             await self._open.aclose()
             raise
         return self
@@ -72,10 +72,10 @@ class RunningSystem:
             self.signal(name, signal.SIGCONT)
         await self._open.aclose()
 
-    # Striking
+    # Faults
 
     def signal(self, program: str, signal_number: signal.Signals) -> None:
-        """Send a signal to a process, if it is there."""
+        """Send a signal to a process, if it exists."""
         with contextlib.suppress(ProcessLookupError):
             self.system.programs[program].process.send_signal(signal_number)
 
@@ -89,14 +89,14 @@ class RunningSystem:
                 self.signal(victim, signal.SIGKILL)
 
     async def revive(self, victim: Victim, device: str) -> None:
-        """Start it again, and return when it is ready."""
+        """Start the victim again, and return when it is ready."""
         if victim is Victim.LINK:
             await self.operator.repair(device, Fault.LINK)
         else:
             await self.system.restart(device if victim is Victim.DEVICE else victim)
 
     async def send(self, address: str, transaction: str, participant: str, body: Body, *, sender: str = ANONYMOUS) -> Message | None:
-        """Say something to a participant from outside; what it answers on the same connection."""
+        """Send a message to a participant, and return the answer on the same connection."""
         header = Header(
             sender=sender,
             recipient=address,
@@ -107,23 +107,23 @@ class RunningSystem:
         )
         return await self._wire.post(Message(header=header, body=body), timeout=20.0)
 
-    # Asking
+    # Queries
 
     async def devices(self) -> dict[str, str]:
-        """The addresses of those who offer services now."""
+        """Return the addresses of the devices that offer services."""
         return {offer.provider: offer.address for offer in await self.client.services()}
 
     async def state(self, address: str, transaction: str, participant: str) -> State:
-        """What a Service Manager says of a participant."""
+        """Return a participant's state from its Service Manager. Raises Trouble for another answer than a Status."""
         answer = await self.send(address, transaction, participant, frp.Query())
         if answer is None or not isinstance(answer.body, frp.Status):
             raise Trouble(f"{participant} answered a Query with {type(answer.body).__name__ if answer else 'nothing'}")
         return answer.body.state
 
-    # Setting right
+    # Reset
 
     async def set_right(self) -> None:
-        """Mend everything, have everything where it was in the beginning, and see that all devices are there and free."""
+        """Repair everything, put every thing to its initial place, and wait until all devices are registered and free."""
         await self.mend()
         for thing in THINGS:
             home = self._homes.objects[thing].values
@@ -152,7 +152,7 @@ class RunningSystem:
                 await self.operator.repair(device, fault)
 
     async def all_free(self) -> None:
-        """Raise Trouble unless every device is there, and takes a contract that begins at once. It does not get it."""
+        """Raise Trouble unless every device is registered and gives terms for a contract that begins at once. The terms are cancelled."""
         loop = asyncio.get_running_loop()
         end, troubles = loop.time() + FREE_TIME, dict.fromkeys(DEVICES, "it is not in the Registry")
         while troubles and loop.time() < end:
@@ -172,7 +172,7 @@ class RunningSystem:
             raise Trouble(f"not free after {FREE_TIME:.0f} s: {details}")
 
     async def _trouble(self, device: str, address: str) -> str:
-        """Why the device would not begin a contract at once; nothing if it would."""
+        """Return why the device would not begin a contract at once, or an empty string."""
         transaction, kind = uuid.uuid4().urn, "TransferObject" if device in ROBOTS else "RecognizeSituation"
         participant = f"{device}.{kind}#probe"
         inputs = {"Object": "Carton001", "Destination": "Platform001"} if device in ROBOTS else {"Object": "Carton001"}
@@ -192,7 +192,7 @@ class RunningSystem:
                 return f"it answered {type(answer.body).__name__ if answer else 'nothing'}"
 
     def save_logs(self, folder: Path, files: Iterable[str] = ("logs", "messages.jsonl")) -> None:
-        """Copy what tells of the run."""
+        """Copy the logs of the run to the folder."""
         for name in files:
             source = self.data / name
             if source.is_dir():

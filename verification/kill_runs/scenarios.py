@@ -1,4 +1,4 @@
-"""What a run plays, so that a certain type of message comes: a wish, what is broken from the beginning, and what is done on which cue."""
+"""The scenarios of runs. Each produces certain messages by its goal, its initial faults, and actions that messages trigger."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from somrs.devices.simulator.link.lines import Break
 from somrs.protocol.messages.frp import Outcome
 
 CHEAP, DEAR, PATROL, CAMERA = "Robot1", "Robot2", "Patrol1", "Camera001"
-"""The devices of the site of scenario 2. Of the two robots that carry things, the first is the cheaper, the second the quicker."""
+"""The devices of the site of scenario 2. Of the two robots that carry things, the first is cheaper, the second faster."""
 
 ROBOTS = (CHEAP, DEAR)
 DEVICES = (CHEAP, DEAR, PATROL, CAMERA)
@@ -20,17 +20,17 @@ PLACES = ("Platform001", "Table001", "Table002", "Shelf001")
 
 
 class Action(Enum):
-    """What is done to the system besides the kill."""
+    """An action on the system besides the kill."""
 
     CANCEL = "the client changes its mind"
     FREEZE = "the process of the device that works is stopped (SIGSTOP)"
-    THAW = "it goes on (SIGCONT)"
-    STRAY = "the device that works gets a message that does not belong there"
+    THAW = "the process continues (SIGCONT)"
+    STRAY = "the device that works gets a message that its state does not allow"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trigger:
-    """The first message of the type, with so much progress if it tells any, is the cue for an act."""
+    """The first message of the type, with at least this `fraction` in a Progress, triggers the action."""
 
     type: str
     action: Action
@@ -39,8 +39,8 @@ class Trigger:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario:
-    """`counts`: how many messages of a type come at least, in a run that nobody disturbs. `counts_per_thing`: so many for each thing
-    wanted."""
+    """A scenario. `counts`: the minimum number of messages of each type without a kill. `counts_per_thing`: the same for each thing in the
+    goal."""
 
     name: str
     ends: frozenset[Outcome] = frozenset({Outcome.ACCOMPLISHED})
@@ -48,14 +48,14 @@ class Scenario:
     counts_per_thing: Mapping[str, int] = field(default_factory=dict)
     most_things: int = 2
     broken: tuple[tuple[str, Fault], ...] = ()
-    """What is broken from the beginning."""
+    """Faults from the beginning."""
     breaks: tuple[Break, ...] = ()
-    """What breaks meanwhile, at a moment of the simulated world, which is the same however busy the machine is."""
+    """Faults at a moment of simulated time, which does not depend on the load of the machine."""
     triggers: tuple[Trigger, ...] = ()
     one_robot: bool = False
-    """Of the two robots that carry things, one does not come into question, or not any more."""
+    """Only one of the two robots that carry things can do the task."""
     possible: bool = True
-    """Whether a thing can be where it is wanted."""
+    """Whether the goal can be reached."""
 
     def count(self, message: str, things: int) -> int:
         return self.counts.get(message, 0) + things * self.counts_per_thing.get(message, 0)
@@ -112,10 +112,10 @@ SCENARIOS = (
 )
 
 SLOW = frozenset({"silence"})
-"""Plays that last for more than a few seconds: they are played only for messages that nothing else brings."""
+"""Scenarios that take more than a few seconds. They are played only for messages that no other scenario produces."""
 
 
 def scenarios_of(message: str) -> tuple[Scenario, ...]:
-    """The plays in which a message of the type comes."""
+    """Return the scenarios that produce a message of the type."""
     bringing = tuple(scenario for scenario in SCENARIOS if scenario.count(message, 1))
     return tuple(scenario for scenario in bringing if scenario.name not in SLOW) or bringing

@@ -1,4 +1,4 @@
-"""Follows the file of messages of a running Task Manager closely: a look takes microseconds."""
+"""Follows the message file of a running Task Manager; a read takes microseconds."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from somrs.client.trace import Line
 
 
 class Tail:
-    """The lines that come from now on. What was written before is passed over."""
+    """Reads the lines that are appended after its creation."""
 
     def __init__(self, path: Path) -> None:
         self._file = os.open(path, os.O_RDONLY)
@@ -20,7 +20,7 @@ class Tail:
         self._rest = b""
 
     def new(self) -> Iterator[Line]:
-        """The lines that came since the last call."""
+        """Yield the lines that were appended since the last call."""
         while read := os.read(self._file, 1 << 16):
             *lines, self._rest = (self._rest + read).split(b"\n")
             for line in lines:

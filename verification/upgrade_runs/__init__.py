@@ -1,5 +1,5 @@
-"""Upgrades amid tasks: a system of the last release is killed at a random moment and started again with today's code.
+"""Upgrades with running tasks: kills a system of the last release at a random moment, and restarts it with the current code.
 
-Every task that was under way goes on and ends as it should. The release is built from its commit, which `release` names: the tree of
-that commit, run with the same Python and libraries.
+Every running task has to continue and end as it should. The release is built from its commit, which the file `release` names, and runs
+with the same Python and libraries.
 """

@@ -1,8 +1,8 @@
-"""Upgrades a system of the last release amid tasks, again and again, and counts what goes on.
+"""Upgrades a system of the last release with running tasks, many times, and counts the tasks that continue.
 
     python -m verification.upgrade_runs [--runs 50] [--first 0] [--seed 17] [--out out/upgrade-runs]
 
-Closes with `N passed, N failed`. A run that fails leaves its data and its log in out/upgrade-runs/.
+The last line is `N passed, N failed`. A failed run leaves its data and its log in out/upgrade-runs/.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from verification.upgrade_runs.release import ROOT, build_release, release_name
 from verification.upgrade_runs.run import Result, run
 
 PARALLEL_SYSTEMS = 2
-"""Systems side by side."""
+"""The number of systems that run at the same time."""
 
 
 async def play(seeds: list[int], out_folder: Path, console: Console) -> list[Result]:
-    """The results of all seeds."""
+    """Play all seeds, and return their results."""
     release = build_release(ROOT / "out" / "releases")
     shutil.rmtree(out_folder, ignore_errors=True)
     out_folder.mkdir(parents=True)
@@ -55,8 +55,8 @@ async def play(seeds: list[int], out_folder: Path, console: Console) -> list[Res
 
 
 def summary(results: list[Result]) -> Table:
-    table = Table(title="Upgrades amid tasks", title_justify="left")
-    for name in ("seed", "killed after", "tasks under way", "came to"):
+    table = Table(title="Upgrades with running tasks", title_justify="left")
+    for name in ("seed", "killed after", "running tasks", "outcome"):
         table.add_column(name)
     for result in results:
         outcome = result.problem or ", ".join(sorted(set(result.ended.values())))
@@ -80,7 +80,7 @@ def main() -> int:
         return 2
     console.print(summary(results))
     failed = [result for result in results if result.problem]
-    print(f"{sum(result.task_count for result in results)} tasks were under way")
+    print(f"{sum(result.task_count for result in results)} tasks were running")
     print(f"{len(results) - len(failed)} passed, {len(failed)} failed")
     return 1 if failed else 0
 

@@ -1,10 +1,10 @@
-"""Records what a release leaves on disk when it is killed amid tasks, as test data for all later versions.
+"""Records the files of a release that is killed with running tasks, as test data for all later versions.
 
     python -m verification.upgrade_runs.record [--out tests/data/journals]
 
-To be run once for each release, after `release` names it. Makes a folder of its version, with its files packed: as they were when it was
-killed, and in `snapshots` as they are of a system that has run for hours. `open.json` has the tasks that were under way, by what they were
-for. One task is over by then, and one is being undone.
+Run it once for each release, after `release` names it. It makes a folder of the release's version with the packed files: as they were at
+the kill, and in `snapshots` as they are after hours of operation. `open.json` has the running tasks by their goals. At the kill, one task
+has ended and one is being compensated.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ FIRST_GOAL, UNDONE_GOAL, LATER_GOAL = "letter lies harbour", "letter lies market
 
 
 async def record(folder: Path) -> None:
-    """Run the release, have it do what is worth keeping, and kill it."""
+    """Run the release, have it execute tasks, kill it, and store its files."""
     with tempfile.TemporaryDirectory() as temporary:
         data, site = Path(temporary) / "data", Path(temporary) / "parcels.yaml"
         imported = problem_of([ROOT / "examples" / "parcels" / f"{name}.pddl" for name in ("domain", "problem")])
@@ -49,7 +49,7 @@ async def record(folder: Path) -> None:
 
 
 async def _tasks(data: Path) -> dict[str, str]:
-    """State tasks until one is over, one is being undone and another is planned; the latter two, by id."""
+    """Submit tasks until one has ended, one is being compensated and one is planned; return the latter two by id."""
     async with Client(Addresses.read(data)) as client:
         finished_task = await client.submit(Submit(effect=FIRST_GOAL))
         while (await client.read_task(finished_task)).view.phase is not Phase.ENDED:
@@ -65,7 +65,7 @@ async def _tasks(data: Path) -> dict[str, str]:
 
 
 def _pack(data: Path, folder: Path) -> None:
-    """All databases of the data folder."""
+    """Pack all databases of the data folder."""
     for file in sorted(data.rglob("*.sqlite")):
         target = folder / file.relative_to(data)
         target.parent.mkdir(parents=True, exist_ok=True)

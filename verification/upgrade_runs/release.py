@@ -1,4 +1,4 @@
-"""The last release, as a folder that can be run."""
+"""Builds the last release in a folder."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from somrs.errors import UsageError
 
 ROOT = Path(__file__).parents[2]
 RELEASE_FILE = Path(__file__).with_name("release")
-"""Two words: the version of the last release, and its commit. Tags may not travel with a clone; commits do."""
+"""The version of the last release, and its commit. A clone may lack tags, but has the commits."""
 
 PARTS = ("src", "verification", "examples")
 
 
 def release_name() -> tuple[str, str]:
-    """The version and the commit of the last release."""
+    """Return the version and the commit of the last release."""
     version, commit = RELEASE_FILE.read_text(encoding="ascii").split()
     return version, commit
 
 
 def build_release(folder: Path) -> Path:
-    """The release's tree below the folder; made when it is not there. Raises UsageError where the commit is not known."""
+    """Build the release's tree below the folder, unless it exists. Raises UsageError if the clone does not have the commit."""
     version, commit = release_name()
     tree = folder / f"{version}-{commit[:10]}"
     if (tree / ".complete").exists():
@@ -31,7 +31,7 @@ def build_release(folder: Path) -> Path:
     completed = subprocess.run(["git", "-C", str(ROOT), "archive", "--format=zip", commit, *PARTS], capture_output=True, check=False)
     if completed.returncode:
         reason = completed.stderr.decode(errors="replace").strip()
-        raise UsageError(f"release {version} cannot be built from its commit {commit}: {reason}; a clone with its history is needed")
+        raise UsageError(f"release {version} cannot be built from its commit {commit}: {reason}; use a clone with its history")
     tree.mkdir(parents=True, exist_ok=True)
     with zipfile.ZipFile(io.BytesIO(completed.stdout)) as archive:
         archive.extractall(tree)

@@ -1,4 +1,4 @@
-"""One upgrade: tasks are stated to the last release, it is killed, and today's code goes on."""
+"""One upgrade: submits tasks to the last release, kills it, and continues with the current code."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from somrs.protocol.messages.frp import Outcome
 from verification.upgrade_runs.release import ROOT
 
 UP_TIME = 300.0
-"""Seconds that a system has to be up, on a busy machine, too."""
+"""Seconds within which a system has to start, also on a busy machine."""
 
 END_TIME = 600.0
-"""Seconds that tasks have to end after the upgrade. They take some ten: whatever takes longer waits for something that never comes."""
+"""Seconds within which tasks have to end after the upgrade. They take about ten; a task that takes longer is stuck."""
 
 LONGEST = 8.0
-"""Seconds after the first task at which the release is killed at the latest."""
+"""The maximum time from the first task to the kill, in seconds."""
 
 UNDER_WAY = 3.0
-"""Seconds that a task takes about: what is stated so long before the kill is under way then."""
+"""The approximate duration of a task, in seconds: a task that was submitted within this time before the kill is running then."""
 
 SNAPSHOT = Path(__file__).with_name("snapshot.py")
 
@@ -36,7 +36,7 @@ GOALS = ("letter lies harbour", "crate lies mill", "letter lies harbour AND crat
 
 @dataclass(slots=True, kw_only=True)
 class Result:
-    """`problem` is empty for a run that passed. `task_count`: so many tasks were under way when the release was killed."""
+    """The result of an upgrade. `problem` is empty if it passed. `task_count`: the number of tasks that were running at the kill."""
 
     seed: int
     killed_at: float
@@ -46,15 +46,15 @@ class Result:
 
 
 class Tree:
-    """A system that is run from a folder with a version of the code."""
+    """A system that runs with the code in a folder."""
 
     def __init__(self, tree: Path, site: Path, data: Path, log: Path) -> None:
         self._tree, self._site, self._data, self._log = tree, site, data, log
         self._process: asyncio.subprocess.Process | None = None
 
     async def start(self, world: str | None = None) -> None:
-        """Start it, in that world or one of its own, and return when it is up. Raises UsageError with what it said when it does not
-        get so far."""
+        """Start the system in the given world or one of its own, and return when it is ready. Raises UsageError with the system's output if
+        it does not start."""
         with self._log.open("ab") as log:
             self._process = await asyncio.create_subprocess_exec(
                 sys.executable,
@@ -77,7 +77,7 @@ class Tree:
             raise UsageError(self._log.read_text(errors="replace").strip()[-2000:] or "it ended at once")
 
     async def write_snapshots(self) -> None:
-        """Have the journals hold states, as if the system had run for hours. Raises UsageError with what went wrong."""
+        """Replace the records in the journals by snapshots, as after hours of operation. Raises UsageError with the program's errors."""
         program = await asyncio.create_subprocess_exec(
             sys.executable, str(SNAPSHOT), str(self._data), env=self._environment, stderr=asyncio.subprocess.PIPE
         )
@@ -90,9 +90,9 @@ class Tree:
         return {**os.environ, "PYTHONPATH": f"{self._tree / 'src'}{os.pathsep}{self._tree}"}
 
     async def kill(self) -> None:
-        """SIGKILL all its programs at the same time, as a power failure does. Its world goes on."""
+        """SIGKILL all programs at the same time, as a power failure does, except the world."""
         assert self._process is not None, "it was started"
-        self._process.send_signal(signal.SIGSTOP)  # it is to start nothing again, and the world ends with it
+        self._process.send_signal(signal.SIGSTOP)  # it must not restart programs; and the world ends when it ends
         while killed := [id for id, words in processes(self._data) if id != self._process.pid and b"world" not in words]:
             for id in killed:
                 with contextlib.suppress(ProcessLookupError):
@@ -100,7 +100,7 @@ class Tree:
             await asyncio.sleep(0.05)
 
     async def end(self) -> None:
-        """SIGKILL whatever there is of it."""
+        """SIGKILL all programs of the system."""
         if self._process is None or self._process.returncode is not None:
             return
         self._process.send_signal(signal.SIGSTOP)
@@ -111,7 +111,7 @@ class Tree:
 
 
 def processes(data: Path) -> list[tuple[int, list[bytes]]]:
-    """The processes of the systems of a data folder, each with its command line."""
+    """Return the processes of the systems of a data folder, each with its command line."""
     matches = []
     for entry in Path("/proc").iterdir():
         try:
@@ -140,7 +140,7 @@ async def run(seed: int, release: Path, site: Path, folder: Path) -> Result:
         await new.start(world)
         await _finish_tasks(data, result)
     except (UsageError, RemoteError, TimeoutError) as error:
-        result.problem = str(error) or f"{type(error).__name__}: it did not come so far"
+        result.problem = str(error) or f"{type(error).__name__}: the run did not finish"
     finally:
         await old.end()
         await new.end()
@@ -148,7 +148,7 @@ async def run(seed: int, release: Path, site: Path, folder: Path) -> Result:
 
 
 async def _state_tasks(chance: random.Random, data: Path, seconds: float) -> list[TaskRow]:
-    """State tasks, at random moments, for so long. Those that are not over then."""
+    """Submit tasks at random moments for so many seconds. Return those that are running then."""
     moments = sorted([0.0, *(chance.uniform(max(0.0, seconds - UNDER_WAY), seconds) for _ in range(chance.randint(1, 3)))])
     async with Client(Addresses.read(data)) as client:
         passed = 0.0
@@ -161,7 +161,7 @@ async def _state_tasks(chance: random.Random, data: Path, seconds: float) -> lis
 
 
 async def _finish_tasks(data: Path, result: Result) -> None:
-    """Wait until every task is over, and look how it ended."""
+    """Wait until every task has ended, and check the outcomes."""
     async with Client(Addresses.read(data)) as client, asyncio.timeout(END_TIME):
         rows = await client.rows()
         while any(row.phase is not Phase.ENDED for row in rows):

@@ -1,5 +1,7 @@
-"""Has each journal of a data folder hold the state of its component, instead of what led to it, as those of long runs do:
-`python snapshot.py DATA`, run with the code of the release that wrote it."""
+"""Replaces the records in each journal of a data folder by a snapshot of the component's state, as in long runs.
+
+`python snapshot.py DATA` runs with the code of the release that wrote the journals.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,7 @@ from somrs.task_manager.manager import SCHEMA as TASK_MANAGER
 
 
 def setting_of(path: Path) -> str:
-    """What the journal was written for."""
+    """Return the kind of component that the journal belongs to."""
     with contextlib.closing(sqlite3.connect(path)) as db:
         (setting,) = db.execute("SELECT setting FROM life").fetchone()
     return str(setting)
@@ -28,11 +30,11 @@ def is_journal(path: Path) -> bool:
 
 
 def journals_of(data: Path) -> list[Journal]:
-    """All journals of a data folder, open."""
+    """Open all journals of a data folder."""
     files = {data / "task-manager.sqlite": TASK_MANAGER, data / "registry.sqlite": REGISTRY}
     files |= dict.fromkeys(sorted((data / "devices").glob("*.sqlite")), SERVICE_MANAGER)
     if is_journal(orders := data / "orders.sqlite"):
-        # Schedulers of releases before had no journal, and their code no such schema.
+        # In earlier releases the Scheduler had no journal, and the module no SCHEMA.
         from somrs.scheduling.component import SCHEMA as SCHEDULER
 
         files[orders] = SCHEDULER
@@ -40,7 +42,7 @@ def journals_of(data: Path) -> list[Journal]:
 
 
 def refuse_empty_journal(address: str) -> Stateful:
-    """There is a component in each."""
+    """Raise an error: each journal has a component's state."""
     raise AssertionError(f"the journal of {address} is empty")
 
 

@@ -1,8 +1,8 @@
-"""Runs a whole system without windows until it is told to end: `python -m verification.upgrade_runs.up SITE DATA [WORLD]`.
+"""Runs a whole system without a GUI until it receives a signal: `python -m verification.upgrade_runs.up SITE DATA [WORLD]`.
 
-WORLD is where the world is, which outlives the systems in it.
+WORLD is the address of a world that outlives the system.
 
-Each release has this program, so that whatever it takes to start its own system is written here, and the runs need to know nothing else.
+Each release has this program, so that the runs do not depend on how a release starts its system.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from somrs.deployment.programs import until_stopped
 from somrs.deployment.system import System
 
 SPEED = "2"
-"""Simulated seconds per second: of the parcels' tasks, each takes some seconds then."""
+"""Simulated seconds per second. At this speed each task of the parcels site takes some seconds."""
 
 
 async def main(site: Path, data: Path, world: str | None = None) -> None:
