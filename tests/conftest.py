@@ -59,6 +59,7 @@ def _begun_elsewhere(args: list[str], number: int, count: int) -> list[str]:
     """All files to collect, from another place on for each worker: in a fresh clone pytest compiles each file, and so not each worker
     compiles all of them. `pytest_collection_modifyitems` puts their tests in one order again."""
     if not all(Path(arg).is_dir() for arg in args):
+    if not all(Path(arg).is_dir() for arg in args):
         return args
     files = [str(file) for arg in args for file in sorted(Path(arg).rglob("test_*.py"))]
     begin = len(files) * number // count

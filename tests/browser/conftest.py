@@ -1,4 +1,4 @@
-"""Real browsers at real systems: Debian's Chromium, driven by Playwright, at the processes that `somrs up` starts."""
+"""Fixtures for tests in a real browser: Debian's Chromium, driven by Playwright, with a system that `somrs up` starts."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is no
 from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Locator, Page, expect, sync_playwright  # noqa: E402  # behind the skip
 
 CHROMIUM = (Path("/usr/bin/chromium-headless-shell"), Path("/usr/bin/chromium"))
-"""The same browser without and with all around its pages, which takes a third more time and is seen by nobody: the first that there is."""
+"""Chromium without and with its own user interface, in order of preference. The second takes a third more time."""
 FLAGS = (
     "--no-sandbox",
     "--disable-quic",
@@ -32,31 +32,31 @@ FLAGS = (
     "--disable-background-networking",
     "--disable-component-update",
     "--disable-sync",
-    "--disable-gpu-compositing",  # pages are drawn without GL, which is all software here; only the 3D view takes it
+    "--disable-gpu-compositing",  # pages are drawn without GL, which is slow software rendering here; only the 3D view needs it
     "--use-gl=angle",
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
     "--disable-gpu-rasterization",
-    # Of features only the last list counts, so this is Playwright's, as far as it matters here, and the pages of its own that Chromium
-    # makes behind every window for what is typed into its address bar: nobody sees them here, and they take more time than ours.
+    # Only the last list of features counts, so this contains the relevant part of Playwright's list. It also disables the pages that
+    # Chromium makes for its address bar behind every window, which take more time than the pages under test.
     "--disable-features=AvoidUnnecessaryBeforeUnloadCheckSync,DestroyProfileOnBrowserClose,HttpsUpgrades,LensOverlay,MediaRouter,"
     "OptimizationHints,NetworkTimeServiceQuerying,PaintHolding,ThirdPartyStoragePartitioning,WebUIOmniboxPopup,WebUIOmniboxAimPopup",
 )
 SCREENSHOTS = ROOT / "out" / "screenshots"
 WIDTHS = {"1280": (1280, 800), "1920": (1920, 1080), "820": (820, 1180)}
 SIZES = {**WIDTHS, "640": (640, 480)}
-"""The smallest is for what takes long to draw, and not for how it looks."""
+"""The smallest size is for pages that take long to draw and whose layout is not tested."""
 SCHEMES: tuple[Literal["light", "dark"], ...] = ("light", "dark")
 UP_TIME = 300.0
-"""Seconds that a system has to start, on a machine that does much else, too."""
+"""Seconds for a system to start, on a busy machine, too."""
 PATIENCE = 120.0
-"""Seconds that anything else is waited for: as long as nobody would doubt that it does not come. What passes takes far less."""
+"""Seconds to wait for anything else. It is generous: a test that passes waits far less."""
 WORK_TIME = 300_000
-"""Milliseconds for robots to carry something, with a failure on the way."""
+"""Milliseconds for robots to carry something, including the recovery from a failure."""
 
 
 class RunningSystem:
-    """A system that `somrs up` runs, with its windows."""
+    """A system that `somrs up` runs, with its GUI."""
 
     def __init__(self, data: Path, site: Path = SCENARIO_1, speed: str = "4") -> None:
         self.data = data
@@ -64,7 +64,7 @@ class RunningSystem:
         self._process = warm.Program(["up", str(site), "--data", str(data), "--speed", speed], self.log)
         try:
             self.addresses = self._addresses()
-        except BaseException:  # interrupted, too: no process is to be left
+        except BaseException:  # also an interrupt: no process may be left
             self.stop()
             raise
 
@@ -87,11 +87,11 @@ class RunningSystem:
         raise AssertionError(f"the system did not start: {self.log_text()}")
 
     def log_text(self) -> str:
-        """What its programs have written."""
+        """Return the output of its programs."""
         return self.log.read_text(encoding="utf-8", errors="replace")
 
     def kill(self, program: str) -> None:
-        """SIGKILL one of its programs, such as `gui`; it is started again by itself."""
+        """SIGKILL one of its programs, such as `gui`; the system restarts it."""
         self._signal(program, signal.SIGKILL)
 
     def _signal(self, program: str, signal_number: int) -> None:
@@ -100,18 +100,18 @@ class RunningSystem:
             os.kill(int(id), signal_number)
 
     def kill_and_await(self, *programs: str) -> None:
-        """The same, until all are back."""
+        """SIGKILL the programs, and wait until the system has restarted them."""
         log_before = self.log_text()
         for program in programs:
             self.kill(program)
         deadline = time.monotonic() + UP_TIME
         while not all(f"{program} is back" in self.log_text()[len(log_before) :] for program in programs):
-            assert time.monotonic() < deadline, f"not all came back: {self.log_text()[len(log_before) :]}"
+            assert time.monotonic() < deadline, f"not all programs restarted: {self.log_text()[len(log_before) :]}"
             time.sleep(0.1)
 
     @contextmanager
     def paused(self, program: str) -> Iterator[None]:
-        """One of its programs does nothing meanwhile."""
+        """A context in which one of its programs is stopped (SIGSTOP)."""
         self._signal(program, signal.SIGSTOP)
         try:
             yield
@@ -120,7 +120,7 @@ class RunningSystem:
 
     @contextmanager
     def without_program(self, program: str) -> Iterator[None]:
-        """One of its programs is killed, and not started again before the end."""
+        """A context in which one of its programs is killed and not restarted."""
         self._process.send_signal(signal.SIGSTOP)
         try:
             self.kill(program)
@@ -129,8 +129,8 @@ class RunningSystem:
             self._process.send_signal(signal.SIGCONT)
 
     def stop(self) -> None:
-        """End it at once, and all its programs, which would only take their leave of each other."""
-        self._process.send_signal(signal.SIGSTOP)  # it is to start none of them again meanwhile
+        """SIGKILL the system and all its programs, to save the time of an orderly end."""
+        self._process.send_signal(signal.SIGSTOP)  # it must not restart programs
         programs = subprocess.run(["pgrep", "-P", str(self._process.pid)], capture_output=True, text=True)
         for id in programs.stdout.split():
             os.kill(int(id), signal.SIGKILL)
@@ -145,7 +145,7 @@ def running_in(folder: Path, speed: str = "4") -> Iterator[RunningSystem]:
         yield running
     finally:
         running.stop()
-    assert "Traceback" not in running.log_text(), f"a program of the system met a defect: see {running.log}"
+    assert "Traceback" not in running.log_text(), f"a program of the system raised an error: see {running.log}"
 
 
 @pytest.fixture(scope="session")
@@ -156,7 +156,7 @@ def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningSystem]:
 
 @pytest.fixture(scope="module")
 def system(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningSystem]:
-    """The paper's scenario, for all tests of one file, or of those that share it."""
+    """The paper's scenario, for all tests of one file, or of the files that share it."""
     if f"browser/{request.path.stem}" in WORKER_GROUPS:
         yield request.getfixturevalue("shared")
     else:
@@ -177,18 +177,18 @@ def browser() -> Iterator[Browser]:
 
 
 class ExternalRequest(AssertionError):
-    """A page asked for something from another machine."""
+    """A page sent a request to another machine."""
 
 
 @pytest.fixture(scope="session")
 def profiles(browser: Browser) -> list[BrowserContext]:
-    """Profiles of the browser, as many as some test needed at the same time: whatever has been loaded once is known to them."""
+    """The browser profiles so far, as many as tests needed at the same time. They are used again, as they have files in their caches."""
     return []
 
 
 FAILED = pytest.StashKey[bool]()
 FAILURES = ROOT / "out" / "failures"
-"""What the pages of a test showed when it failed, and what its system wrote."""
+"""The folder for screenshots and logs of failed tests."""
 
 
 @pytest.hookimpl(wrapper=True)
@@ -205,9 +205,8 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestR
 
 @pytest.fixture
 def window(browser: Browser, profiles: list[BrowserContext], request: pytest.FixtureRequest) -> Iterator[Callable[..., Page]]:
-    """Opens a page, each of a test in another browser profile, as of another person: `window(url, size="1280", dark=False)`. Whatever a
-    page writes to the console as an error, and every request that would leave the machine, fails the test at its end; and a page that
-    loads itself again, unless it `may_reload`."""
+    """A function that opens a page in a new profile, as of another person: `window(url, size="1280", dark=False)`. The test fails at its
+    end if a page logged an error to the console, sent a request to another machine or, unless it `may_reload`, reloaded itself."""
     pages: list[Page] = []
     errors: list[str] = []
 
@@ -227,7 +226,7 @@ def window(browser: Browser, profiles: list[BrowserContext], request: pytest.Fix
 
         page.on("pageerror", lambda error: errors.append(str(error)))
         page.on("console", check_console)
-        page.on("request", lambda sent_request: None if _local(sent_request.url) else errors.append(f"asked for {sent_request.url}"))
+        page.on("request", lambda sent_request: None if _local(sent_request.url) else errors.append(f"request to {sent_request.url}"))
         page.goto(url)
         return page
 
@@ -246,8 +245,8 @@ def _local(url: str) -> bool:
 
 
 def wait_until_still(drawn: Locator) -> None:
-    """Wait until the page is laid out, to the last sign, and what is drawn stays where it is: for some pictures, however long each takes,
-    and longer than Quasar waits before it makes room for the header."""
+    """Wait until the page's fonts are loaded and the element stays in place for five frames and 300 ms, which is longer than Quasar waits
+    before it lays out the header."""
     script = """async (drawn) => {
         await document.fonts.ready;
         for (let [same, since, before] = [0, 0, ""]; (same < 5 || performance.now() - since < 300) && drawn.isConnected; ) {
@@ -258,17 +257,17 @@ def wait_until_still(drawn: Locator) -> None:
         }
         return drawn.isConnected;
     }"""
-    while not drawn.evaluate(script):  # it was drawn anew
+    while not drawn.evaluate(script):  # the element was replaced
         pass
 
 
 def fits(page: Page) -> bool:
-    """Whether nothing is wider than the window, once all signs are there, without which their names would be shown."""
+    """Whether nothing is wider than the window. Waits for the fonts, without which icons would show as long names."""
     return bool(page.evaluate("document.fonts.ready.then(() => document.documentElement.scrollWidth <= window.innerWidth)"))
 
 
 def every_look(page: Page) -> Iterator[str]:
-    """The page in windows of all `WIDTHS`, light and dark; what each is called."""
+    """Set each size of `WIDTHS` with each color scheme, and yield the combination's name."""
     for size in WIDTHS:
         resize(page, size)
         for scheme in SCHEMES:
@@ -282,7 +281,7 @@ def resize(page: Page, size: str) -> None:
 
 
 def take_screenshot(page: Page, name: str) -> Path:
-    """A screenshot of what is in view, in `out/screenshots`."""
+    """Save a screenshot of the visible part in `out/screenshots`."""
     SCREENSHOTS.mkdir(parents=True, exist_ok=True)
     file = SCREENSHOTS / f"{name}.png"
     page.screenshot(path=str(file), animations="disabled")

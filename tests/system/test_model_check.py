@@ -77,7 +77,9 @@ def test_a_stop_that_crosses_a_report_may_not_be_an_error(monkeypatch: pytest.Mo
     for medium in (FIFO, UNORDERED):
         broken = check_one(medium).cells[Property.VALID_STATE]
         assert broken is not None
-        report_index, stop_index = (next(n for n, line in enumerate(broken.chart) if text in line) for text in ("sends Completed", "| Stop"))
+        report_index, stop_index = (
+            next(n for n, line in enumerate(broken.chart) if text in line) for text in ("sends Completed", "| Stop")
+        )
         assert report_index < stop_index, "a shortest run that shows the crossing"
 
 

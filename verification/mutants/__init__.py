@@ -1,5 +1,5 @@
-"""Whether the tests would notice: small changes are made to the core, one at a time, and each has to make a test fail.
+"""Mutation tests: makes small changes to the core, one at a time, and checks that a test fails for each.
 
-`mutations` says what is changed, `tree` keeps a copy of the project in which it is, `record` knows which tests reach which lines,
-`runner` runs tests in such a copy, and `trial` puts a mutant through those that reach it.
+`mutations` defines the changes, `tree` holds a copy of the project with a mutant, `record` records which tests reach which lines, `runner`
+runs tests in such a copy, and `trial` runs the tests that reach a mutant.
 """

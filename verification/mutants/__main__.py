@@ -1,8 +1,8 @@
-"""Changes the core in small ways, one at a time, and sees whether a test notices.
+"""Makes small changes to the core, one at a time, and checks whether a test fails.
 
     python -m verification.mutants [--sample 300] [--seed 0] [--only planner/relevance.py:57:2] [--within 5] [--out out/mutants]
 
-Closes with `N caught, N survived`; the exit status is 1 when fewer than 90 % are caught. All results are in out/mutants/results.jsonl.
+The last line is `N caught, N survived`; the exit status is 1 if fewer than 90 % are caught. out/mutants/results.jsonl has all results.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ CORE = ("entish", "ontology", "protocol", "planner", "kernel", "repository", "re
 MIN_CAUGHT_SHARE = 0.9
 SAMPLE = 300
 OPTIONAL_PACKAGES = {"src/somrs/planner/search/numeric.py": "pytyr"}
-"""What is tested only where a package is installed that need not be."""
+"""Files that are tested only if an optional package is installed."""
 COLUMNS = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
 
 
 def testable(mutants: list[Mutant]) -> list[Mutant]:
-    """Without those of modules that cannot be tested here, which is said."""
+    """Return the mutants without those of modules that cannot be tested here, and print a notice of these."""
     missing = {file: package for file, package in OPTIONAL_PACKAGES.items() if importlib.util.find_spec(package) is None}
     for file, package in missing.items():
         print(f"NOT TESTED: the mutants of {file}, because {package} is not installed")
@@ -46,12 +46,12 @@ def testable(mutants: list[Mutant]) -> list[Mutant]:
 
 
 def draw_sample(mutants: list[Mutant], size: int, seed: int) -> list[Mutant]:
-    """A sample, in any order, so that what is seen of it on the way is one, too."""
+    """Return a sample in random order, so that intermediate results are representative, too."""
     return random.Random(seed).sample(mutants, min(size, len(mutants)))
 
 
 def select_mutants(mutants: list[Mutant], names: str) -> list[Mutant]:
-    """Those of a folder, of a file, of a line of it, or a single one; several are parted by commas."""
+    """Return the mutants of the named folders, files, lines or single mutants; `names` are separated by commas."""
     selected: list[Mutant] = []
     for name in names.split(","):
         matching = [mutant for mutant in mutants if f"{mutant.name}:".startswith((f"{name}:", f"{name.rstrip('/')}/"))]
@@ -62,12 +62,12 @@ def select_mutants(mutants: list[Mutant], names: str) -> list[Mutant]:
 
 
 class ResultStore:
-    """What became of mutants, kept line by line: a sample that was stopped is gone on with, as long as code and tests stay as they are."""
+    """The results so far, stored line by line. An interrupted sample continues if code and tests are unchanged."""
 
     def __init__(self, place: Path, version: str) -> None:
         self._place, self._version = place, version
         lines = place.read_text(encoding="utf-8").splitlines(keepends=True) if place.exists() else []
-        whole = [line for line in lines if line.endswith("\n")]  # who is killed may leave a part of one
+        whole = [line for line in lines if line.endswith("\n")]  # a killed run may leave an incomplete line
         if whole != lines:
             place.write_text("".join(whole), encoding="utf-8")
         rows = [json.loads(line) for line in whole]
@@ -89,16 +89,16 @@ def _row(result: Result) -> dict[str, object]:
 def play(
     mutants: list[Mutant], trees: list[Tree], out_folder: Path, console: Console, floor: float, time_budget: float, *, anew: bool = False
 ) -> list[Result]:
-    """What became of each, also line by line in a file. `anew`: also of those that were tried before."""
+    """Test the mutants, store each result, and return all results. With `anew`, repeat those with a stored result."""
     record = Record(trees[0].root, out_folder)
     if stale := record.stale:
         with Progress(TextColumn("{task.description}"), MofNCompleteColumn(), TimeElapsedColumn(), console=console) as bar:
-            progress_task = bar.add_task(f"seeing which lines the tests of {len(stale)} files reach", total=None)
+            progress_task = bar.add_task(f"recording the lines that the tests of {len(stale)} files reach", total=None)
             record.renew(trees[0], lambda: bar.advance(progress_task))
     result_store = ResultStore(out_folder / "tried.jsonl", f"{record.version} {floor} {time_budget}")
     results = [result for mutant in mutants if not anew and (result := result_store.earlier_result(mutant)) is not None]
     if results:
-        console.print(f"{len(results)} of them were tried before, with code and tests as they are")
+        console.print(f"{len(results)} of them have results for the same code and tests")
     known_names = {result.mutant.name for result in results}
     remaining = deque(mutant for mutant in mutants if mutant.name not in known_names)
     with Progress(*COLUMNS, console=console) as bar, ThreadPoolExecutor(len(trees)) as workers:
@@ -133,15 +133,15 @@ def summary(survivors: list[Result]) -> Table:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--sample", type=int, help=f"so many of them; {SAMPLE}, if none are named")
-    parser.add_argument("--seed", type=int, help="which sample")
+    parser.add_argument("--sample", type=int, help=f"size of the sample; {SAMPLE}, unless mutants are named")
+    parser.add_argument("--seed", type=int, help="selects the sample")
     parser.add_argument(
-        "--only", help="a folder, a file, a line of it or a mutant of the line, as the table names them; several are parted by commas"
+        "--only", help="a folder, a file, a line of it or a mutant of the line, as the table names them; separated by commas"
     )
-    parser.add_argument("--jobs", type=int, default=2, help="so many at the same time")
-    parser.add_argument("--floor", type=float, default=FLOOR, help="seconds of work that every test has")
+    parser.add_argument("--jobs", type=int, default=2, help="number of mutants at the same time")
+    parser.add_argument("--floor", type=float, default=FLOOR, help="seconds of CPU time that every test has at least")
     parser.add_argument(
-        "--within", type=float, default=math.inf, help="try each with its fastest tests only, which take so many seconds together"
+        "--within", type=float, default=math.inf, help="run only the fastest tests of each mutant, which take so many seconds together"
     )
     parser.add_argument("--out", type=Path, default=Path("out/mutants"))
     arguments = parser.parse_args()

@@ -1,22 +1,22 @@
-"""The mutants of a file: small changes that no test should miss.
+"""The mutants of a file: small changes that a test should detect.
 
-What counts as one:
+The changes are:
 
-* a comparison at its border (`<` and `<=`), or turned round (`==` and `!=`, `in` and `not in`, `is` and `is not`);
-* `and` and `or`, `any` and `all`, `min` and `max`, `break` and `continue`, and the operators of arithmetic and of sets, for each other;
-* the condition of an `if`, a `while`, a case, or within a comprehension turned round, a `not` or a minus left out;
-* `True` and `False` for each other, a number one higher, and another string, defaults of parameters among them;
-* a statement left out that does something: a call, a `yield` or `yield from`, an assignment to what outlives the function, `del`, `raise`
+* a comparison at its boundary (`<` and `<=`), or negated (`==` and `!=`, `in` and `not in`, `is` and `is not`);
+* `and` and `or`, `any` and `all`, `min` and `max`, `break` and `continue`, and operators of arithmetic and of sets, exchanged;
+* the condition of an `if`, a `while`, a case or a comprehension negated; a `not` or a minus removed;
+* `True` and `False` exchanged, a number increased by one, another string, also in defaults of parameters;
+* a statement with an effect removed: a call, a `yield` or `yield from`, an assignment to a value that outlives the function, `del`, `raise`
   and a bare `return`;
-* `return None` in place of what is returned.
+* `return None` instead of the returned value.
 
-What does not, because nobody could tell, or because a test that told would only repeat the code:
+The following is not changed, because no user could observe it, or because a test would only repeat the code:
 
-* words for people: docstrings, strings of several words, all within f-strings and what is raised, `__repr__`, what is logged;
-* what only type checkers read: annotations, `cast`, type variables, what is under `TYPE_CHECKING`, `assert`;
-* how a class or a function is kept: decorators, `frozen`, `kw_only` and the like, `strict` of `zip`;
-* settings: numbers to which a module or a class gives a name, as in `PATIENCE = 10.0`, and what the members of an enumeration are written
-  as. That these are still understood is what `make upgrade-runs` is for.
+* texts for people: docstrings, strings of several words, everything within f-strings and exceptions, `__repr__`, log messages;
+* code for type checkers: annotations, `cast`, type variables, code under `TYPE_CHECKING`, `assert`;
+* storage options of classes and functions: decorators, `frozen`, `kw_only` and the like, `strict` of `zip`;
+* settings: numbers with a name in a module or a class, such as `PATIENCE = 10.0`, and the values of enumeration members. `make
+  upgrade-runs` checks that stored values are still understood.
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ COMPARISONS: dict[type[ast.cmpop], tuple[str, str]] = {
     ast.In: ("in", "not in"),
     ast.NotIn: (r"not\s+in", "in"),
 }
-"""What is written, and what in its place."""
+"""The pattern of each operator in the source, and its replacement."""
 
 TURNED = (ast.Eq, ast.NotEq, ast.Is, ast.IsNot, ast.In, ast.NotIn)
-"""Of these the change is the same as to turn the whole condition round."""
+"""For these operators the change equals the negation of the whole condition."""
 
 ARITHMETIC: dict[type[ast.operator], tuple[str, str]] = {
     ast.Add: ("+", "-"),
@@ -61,7 +61,7 @@ SWAPPED = {"any": "all", "all": "any", "min": "max", "max": "min"}
 
 KEPT_CLASS = frozenset({"frozen", "kw_only", "slots", "gc", "weakref", "dict", "cache_hash", "eq", "order", "total", "omit_defaults"})
 ENUMERATIONS = frozenset({"Enum", "StrEnum", "IntEnum"})
-"""Keywords of a class that say how it is kept, and nothing that its users are told."""
+"""Keywords of a class that determine its storage, and names of enumeration classes."""
 
 FOR_TYPES = frozenset({"cast", "TypeVar", "NewType", "ParamSpec", "TypeVarTuple"})
 NUMBERS = (ast.Constant, ast.UnaryOp, ast.BinOp)
@@ -79,35 +79,35 @@ class Mutant:
     """One change of one file."""
 
     file: str
-    """Seen from the root of the project."""
+    """Relative to the root of the project."""
     line: int
     number: int
-    """Among those of its line, from 1."""
+    """The number among the mutants of the line, from 1."""
     start: int
     end: int
-    """What is replaced: bytes of the file."""
+    """The byte range of the file that is replaced."""
     text: str
-    """What comes in its place."""
+    """The replacement."""
     line_range: tuple[int, int] | None
-    """The lines of which one is run just before it matters; None for what is run when the module is imported."""
+    """The lines that run immediately before the change takes effect; None for code that runs when the module is imported."""
 
     @property
     def name(self) -> str:
-        """By which it can be asked for."""
+        """The mutant's name for `--only`."""
         return f"{self.file.removeprefix('src/somrs/')}:{self.line}:{self.number}"
 
     def applied(self, source: bytes) -> bytes:
         return source[: self.start] + self.text.encode() + source[self.end :]
 
     def diff(self, source: bytes) -> str:
-        """The lines that it changes, before and after."""
+        """Return the changed lines, before and after."""
         lines_before, lines_after = source.decode().splitlines(), self.applied(source).decode().splitlines()
         lines = list(difflib.unified_diff(lines_before, lines_after, lineterm="", n=0))[3:]
         return "\n".join(line[0] + " " + line[1:].strip() for line in lines)
 
 
 def mutants(file: str, source: bytes) -> list[Mutant]:
-    """All of a file, from its top to its bottom."""
+    """Return all mutants of a file, from top to bottom."""
     finder = _Finder(source)
     finder.visit(ast.parse(source))
     mutant_list: list[Mutant] = []
@@ -123,13 +123,13 @@ def mutants(file: str, source: bytes) -> list[Mutant]:
 
 
 def all_mutants(root: Path, packages: tuple[str, ...]) -> list[Mutant]:
-    """Those of all modules of the packages of somrs."""
+    """Return the mutants of all modules of these packages of somrs."""
     files = sorted(file for package in packages for file in (root / "src" / "somrs" / package).rglob("*.py"))
     return [mutant for file in files for mutant in mutants(file.relative_to(root).as_posix(), file.read_bytes())]
 
 
 class _Finder(ast.NodeVisitor):
-    """Goes through a module and notes what could be changed, and which lines are run there."""
+    """Visits a module, and collects the possible changes with the lines that run them."""
 
     def __init__(self, source: bytes) -> None:
         self.source = source
@@ -142,7 +142,7 @@ class _Finder(ast.NodeVisitor):
         self._settings = False
         """Whether this is the value of a name of the module or of a class."""
 
-    # Where things are
+    # Positions
 
     def _start(self, node: ast.expr | ast.stmt) -> int:
         return self._starts[node.lineno - 1] + node.col_offset
@@ -156,14 +156,14 @@ class _Finder(ast.NodeVisitor):
         self.changes.append((start, end, text, self._line_range))
 
     def _replace_operator(self, left_operand: ast.expr, right_operand: ast.expr, written: str, text: str) -> None:
-        """Change the operator that stands between two expressions."""
+        """Change the operator between two expressions."""
         start, end = self._end(left_operand), self._start(right_operand)
         gap = COMMENT.sub(lambda comment: b" " * len(comment[0]), self.source[start:end])
         if operator := re.search(written.encode(), gap):
             self._add_change(start + operator.start(), start + operator.end(), text)
 
     def _turned(self, test: ast.expr) -> None:
-        """The condition is the other way round, where no change within it comes to the same."""
+        """Negate the condition, unless a change within it is equivalent."""
         is_covered = (
             isinstance(test, ast.Constant)
             or (isinstance(test, ast.UnaryOp) and isinstance(test.op, ast.Not))
@@ -220,7 +220,7 @@ class _Finder(ast.NodeVisitor):
         self.visit(node.value)
 
     def _lasting(self, targets: list[ast.expr]) -> bool:
-        """What the function leaves behind; what `__init__` sets is missed by whoever reads it."""
+        """Whether the targets outlive the function. `__init__` is exempt: an attribute that it does not set fails where it is read."""
         lasting = all(isinstance(target, ast.Attribute | ast.Subscript) for target in targets)
         return lasting and bool(self._functions) and self._functions[-1] != "__init__"
 
@@ -233,7 +233,7 @@ class _Finder(ast.NodeVisitor):
             self._remove(node)
 
     def visit_Assert(self, node: ast.Assert) -> None:
-        """For type checkers, and for readers."""
+        """Skip it: assertions are for type checkers and readers."""
 
     def visit_Return(self, node: ast.Return) -> None:
         if node.value is None:
@@ -352,7 +352,7 @@ class _Finder(ast.NodeVisitor):
             self.visit(node.slice)
 
     def visit_JoinedStr(self, node: ast.JoinedStr) -> None:
-        """Words for people; and its parts have no places of their own before Python 3.12."""
+        """Skip it: f-strings are texts for people, and before Python 3.12 their parts have no positions."""
 
     def visit_Constant(self, node: ast.Constant) -> None:
         match node.value:
@@ -368,7 +368,7 @@ class _Finder(ast.NodeVisitor):
 
 
 def _lines(node: ast.stmt) -> tuple[int, int]:
-    """Those of a statement without the statements in it."""
+    """Return the lines of a statement without the statements in it."""
     last_line = node.end_lineno or node.lineno
     inner = [child for child in ast.iter_child_nodes(node) if isinstance(child, ast.stmt | ast.match_case | ast.excepthandler)]
     if inner:
@@ -382,7 +382,7 @@ def _dotted_name(function: ast.expr) -> str:
 
 
 def _is_type(node: ast.expr) -> bool:
-    """Whether this reads as a type: a name in capitals at its beginning, or such ones with brackets or one of several."""
+    """Whether the expression reads as a type: a capitalized name, also with brackets or in a union."""
     match node:
         case ast.Name(name) | ast.Attribute(attr=name):
             return (name[:1].isupper() and (len(name) == 1 or not name.isupper())) or name in PLAIN
@@ -396,5 +396,5 @@ def _is_type(node: ast.expr) -> bool:
 
 
 def _literal(node: ast.expr) -> bool:
-    """With these nothing but `+` goes, and no test is needed to find that out."""
+    """Whether only `+` is defined for the operand, so that no test is needed for other operators."""
     return isinstance(node, LITERALS) and not (isinstance(node, ast.Constant) and isinstance(node.value, int | float))

@@ -1,4 +1,4 @@
-"""Which tests reach which lines, and how long each takes: recorded once for a version of the code, and of each file of tests."""
+"""Records which tests reach which lines, and the duration of each test, once for each version of the code and of each test file."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ TESTED_BY = ("tests/unit", "tests/integration")
 
 
 class Recorded(msgspec.Struct):
-    """A file of tests."""
+    """The record of a test file."""
 
     digest: str
     tests: dict[str, float]
-    """With the seconds that each took."""
+    """The tests, with their durations in seconds."""
 
 
 class Record:
-    """What was recorded of the code in a tree. Kept in a folder, so that it need not be recorded again."""
+    """The record of the code in a tree. It is stored in a folder, so that it can be used again."""
 
     def __init__(self, root: Path, folder: Path) -> None:
         self._root = root
         code = [*_python(root / "src"), *_python(root / "tests" / "support"), *root.glob("tests/conftest.py"), root / "pyproject.toml"]
         self.version = digest([*code, *(root / name for name in self._test_files())])
-        """Of the code and the tests that a mutant is tried with."""
+        """The digest of the code, and of the tests that are run on mutants."""
         self._folder = folder / digest(code)
         self._folder.mkdir(parents=True, exist_ok=True)
         self._importers = _importers(root)
@@ -42,16 +42,16 @@ class Record:
 
     @property
     def modules(self) -> Path:
-        """What can be loaded before the project; there only when something was recorded."""
+        """The file with the modules to load before the project; it exists after a recording."""
         return self._folder / "modules"
 
     @property
     def stale(self) -> tuple[str, ...]:
-        """Files of tests that were never recorded as they are."""
+        """The test files without a record of their current version."""
         return tuple(name for name, now in self._test_files().items() if self._files.get(name, UNRECORDED).digest != now)
 
     def renew(self, tree: Tree, on_test: Callable[[], None]) -> None:
-        """Record what is stale."""
+        """Record the stale test files."""
         stale, now = self.stale, self._test_files()
         recorded = {name: Recorded(now[name], {}) for name in stale}
         failed: list[str] = []
@@ -67,18 +67,18 @@ class Record:
                         recorded[event.test.partition("::")[0]].tests[event.test] = event.seconds
                     on_test()
                 elif event.status != 0:
-                    raise SomrsError(f"without any change tests fail, as {log} tells: {', '.join(failed) or 'all'}")
+                    raise SomrsError(f"tests fail without a change, see {log}: {', '.join(failed) or 'all'}")
         self._files = {name: entry for name, entry in self._files.items() if name in now} | recorded
         (self._folder / "tests.json").write_bytes(msgspec.json.encode(self._files))
         self._read()
 
     def tests_reaching(self, mutant: Mutant) -> dict[str, float]:
-        """The tests that run what is changed, the fastest first, with the seconds that each takes.
+        """Return the tests that reach the change, the fastest first, with their durations in seconds.
 
-        Of programs that a test starts it is only known which functions they call.
+        For programs that a test starts, only the called functions are known.
 
-        What is run when a module is imported shows in what uses the module: these are the tests that reach any function of it, and then
-        those that import it, or reach one of the modules that do. A function may be called both ways: its own tests come first.
+        For code that runs when a module is imported, these are the tests that reach a function of the module, followed by those that import
+        it, or reach a module that does. A function may be called both ways: the tests that reach its lines come first.
         """
         reaching: dict[str, float] = {}
         if mutant.line_range is not None:
@@ -147,7 +147,7 @@ def _python(folder: Path) -> list[Path]:
 
 
 def _importers(root: Path) -> dict[str, set[str]]:
-    """By the file of a module, those of the modules and tests that import it, also by way of its package."""
+    """Return, for the file of each module, the files of the modules and tests that import it, also through its package."""
     files = {file.relative_to(root).as_posix() for file in _python(root / "src" / "somrs")}
     tests = {file.relative_to(root).as_posix() for folder in TESTED_BY for file in _python(root / folder)}
     importers_of: dict[str, set[str]] = {}

@@ -1,9 +1,9 @@
-"""Runs tests, each time in a process of its own, forked from one that has loaded what tests need besides the project.
+"""Runs tests, each time in a new process, forked from one that has loaded what tests need besides the project.
 
     python -m verification.mutants.runner
 
-in the folder of a `tree`. Reads a `RunRequest` a line, and writes what happens, an `Event` a line. Nothing of the project is loaded before
-the fork, so that it is that of the moment."""
+runs in the folder of a `tree`. It reads a `RunRequest` per line and writes an `Event` per line. It loads no module of the project before
+the fork, so that each run gets the current version."""
 
 from __future__ import annotations
 
@@ -28,37 +28,37 @@ if TYPE_CHECKING:
     from coverage import Coverage
 
 MEMORY = 4 << 30
-"""Bytes that a process may have: a mutant that collects things without an end is to fail, and not to take the machine along."""
+"""The memory limit of a process, in bytes: a mutant that allocates without end has to fail before it affects the machine."""
 
 OWN_PACKAGES = ("somrs", "tests", "verification", "conftest", "benchmarks", "scripts", "examples", "contestants")
-"""What is never loaded beforehand."""
+"""Modules that are never loaded before the fork."""
 
 
 @dataclass(frozen=True)
 class RunRequest:
-    """Tests to be run, in this order, up to the first that fails. `limits` has the seconds of work after which each is given up."""
+    """Tests to run in this order, up to the first failure. `limits` has the CPU seconds after which each test is stopped."""
 
     limits: dict[str, float] = field(default_factory=dict)
     log: str = os.devnull
     collect: float = 0.0
-    """The same for what comes before the first test."""
+    """The limit for the time before the first test."""
     files: tuple[str, ...] = ()
-    """To record instead all tests of these files..."""
+    """If not empty: record all tests of these files instead."""
     record: str = ""
-    """...here."""
+    """The file for the recording."""
 
 
 @dataclass(frozen=True)
 class Event:
-    """A test has ended, or, when there is none, all of it."""
+    """The end of a test or, with an empty `test`, of the whole run."""
 
     test: str = ""
     outcome: str = ""
     seconds: float = 0.0
     status: int = 0
-    """The exit status of pytest; less than 0 is the signal that ended it."""
+    """The exit status of pytest; a negative value is the signal that ended it."""
     modules: tuple[str, ...] = ()
-    """When recorded: what can be loaded beforehand."""
+    """After a recording: the modules that can be loaded before the fork."""
 
 
 def write_event(event: Event, output: int) -> None:
@@ -66,7 +66,7 @@ def write_event(event: Event, output: int) -> None:
 
 
 class SelectedTests:
-    """Runs the tests that are wanted, in their order, each up to its limit, and tells what became of them."""
+    """A pytest plugin that runs the requested tests in their order, each up to its limit, and reports the results."""
 
     def __init__(self, request: RunRequest, output: int) -> None:
         self._request = request
@@ -95,7 +95,7 @@ class SelectedTests:
 
 
 class Lines:
-    """Records which lines each test reaches."""
+    """A pytest plugin that records the lines that each test reaches."""
 
     def __init__(self, coverage: Coverage) -> None:
         self._coverage = coverage
@@ -110,17 +110,17 @@ class Lines:
 
 
 TIME_LIMIT_SIGNALS = (signal.SIGPROF, signal.SIGALRM)
-"""End a process at once, whatever it does."""
+"""The signals that end a process at a time limit, whatever it does."""
 
 WAITING = 10.0
-"""Who works for a second may take so many, on a busy machine and with what it waits for."""
+"""The ratio of the wall-clock limit to the CPU limit, which allows for other load and for waiting."""
 
 
 def _limit(seconds: float) -> None:
-    """Give up after so many seconds of work, from now on, or a multiple of it by the clock.
+    """Stop the process after so many CPU seconds from now, or a multiple of them by the wall clock.
 
-    Many a mutant is an endless loop, or waits for what never comes, and no test puts an end to these. Such limits are not for tests: a slow
-    machine makes none of them wrong, and that is why work is measured, which does not count what others do meanwhile.
+    Many mutants are endless loops, or wait for ever. The main limit is CPU time, so that other load on the machine does not stop a test
+    that would pass.
     """
     signal.setitimer(signal.ITIMER_PROF, seconds)
     signal.setitimer(signal.ITIMER_REAL, WAITING * seconds)
@@ -130,7 +130,7 @@ PYTEST = ["-q", "-p", "no:cacheprovider", "--tb=short"]
 
 
 def _run(request: RunRequest, output: int) -> int:
-    """In the forked process."""
+    """Run the request in the forked process, and return the exit status."""
     if request.record:
         return _record(request, output)
     for ends in TIME_LIMIT_SIGNALS:
@@ -144,7 +144,7 @@ def _run(request: RunRequest, output: int) -> int:
 def _record(request: RunRequest, output: int) -> int:
     from coverage import Coverage
 
-    # What a program runs that a test starts is noted by itself.
+    # Programs that a test starts record their calls themselves.
     os.environ["MUTANTS_CALLS"] = str(Path(request.record).with_suffix(".calls"))
     os.environ["PYTHONPATH"] += os.pathsep + str(Path(__file__).parent / "inside")
     coverage = Coverage(data_file=request.record, source_pkgs=["somrs"], config_file=False)
@@ -159,7 +159,7 @@ def _record(request: RunRequest, output: int) -> int:
 
 
 def play(request: RunRequest, output: int) -> None:
-    """Run the tests in a process of its own, and leave none that they started."""
+    """Run the tests in a new process, and end all processes that they started."""
     process = os.fork()
     if not process:
         status = 3

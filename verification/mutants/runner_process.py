@@ -1,4 +1,4 @@
-"""The process that runs tests, from outside."""
+"""A handle of the process that runs tests."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from verification.mutants.tree import Tree
 
 
 class Runner:
-    """Plays what is wanted in a tree, one after another."""
+    """Runs requests in a tree, one after another."""
 
     def __init__(self, tree: Tree, modules: Path | None) -> None:
         command = [sys.executable, "-m", "verification.mutants.runner", *([str(modules)] if modules is not None else [])]
@@ -33,7 +33,7 @@ class Runner:
         self._process.wait()
 
     def play(self, request: RunRequest) -> Iterator[Event]:
-        """What happens, up to the end of all of it."""
+        """Run the request, and yield its events up to the end."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         print(json.dumps(asdict(request)), file=self._process.stdin, flush=True)

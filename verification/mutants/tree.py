@@ -1,7 +1,7 @@
-"""A copy of the project in which one file is another one.
+"""A copy of the project with one changed file.
 
-Whole and in a folder of its own: so processes that tests start have the mutant, too, tests that read the source find it, and whoever
-works on the project meanwhile disturbs nothing.
+It is a complete copy in its own folder: processes that tests start contain the mutant, tests that read the source find it, and the project
+can be edited at the same time.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 
 SHARED_FOLDER = "shared"
-"""What lies beside the project, and tests use where it is."""
+"""A folder beside the project that tests use."""
 
 COMPILED = "__pycache__"
 TIME_SHIFT = 100_000
-"""Seconds by which a changed file is newer: Python takes a compiled file for that of a source of the same size and second."""
+"""The time added to a changed file's date, in seconds: Python uses a compiled file for any source with the same size and time."""
 
 
 def files(root: Path = ROOT) -> list[str]:
-    """Those of the project, also such as are not committed yet."""
+    """Return the files of the project, including those that are not committed yet."""
     command = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
     output = subprocess.run(command, cwd=root, capture_output=True, check=True).stdout.decode()
     return sorted({name for name in output.split("\0") if name and (root / name).is_file()})
 
 
 class Tree:
-    """The copy."""
+    """The copy of the project."""
 
     def __init__(self, root: Path, project: Path = ROOT) -> None:
         self.root = root
@@ -50,13 +50,13 @@ class Tree:
 
     @property
     def environment(self) -> dict[str, str]:
-        """Of a process in which the copy is the project."""
+        """The environment of a process that uses the copy as the project."""
         path = os.pathsep.join([str(self.root / "src"), str(self.root)])
         return {**os.environ, "PYTHONPATH": path, "NO_SHRINKING": "1"}
 
     @contextmanager
     def changed(self, file: str, source: bytes) -> Iterator[None]:
-        """The file is this one meanwhile."""
+        """A context in which the file has this content."""
         place = self.root / file
         original, stat = place.read_bytes(), place.stat()
         _forget_compiled(place)
@@ -75,13 +75,13 @@ def _file_stamp(place: Path) -> tuple[int, int]:
 
 
 def _forget_compiled(place: Path) -> None:
-    """One mutant is not to be taken for another of the same size."""
+    """Delete compiled files, so that one mutant is not taken for another of the same size."""
     for compiled in (place.parent / COMPILED).glob(f"{place.stem}.*"):
         compiled.unlink()
 
 
 def digest(paths: list[Path]) -> str:
-    """Says whether anything in these files is another than it was."""
+    """Return a digest that changes with the names or contents of the files."""
     hasher = hashlib.sha256()
     for path in paths:
         hasher.update(f"{path.name} {path.stat().st_size}\n".encode() + path.read_bytes())

@@ -1,4 +1,4 @@
-"""A mutant is put through the tests that reach it."""
+"""Runs the tests that reach a mutant."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from verification.mutants.runner_process import Runner
 from verification.mutants.tree import Tree
 
 FIRST = (10, 50)
-"""So many tests are tried before all others, and then so many: most mutants go no further, and few files have to be read for them."""
+"""The sizes of the first two batches of tests. Most mutants are caught in these, which import few test files."""
 
 TIMES, FLOOR = 10.0, 20.0
-"""A test is given up after so many times the seconds that it took without a mutant, and so many more, of work."""
+"""A test's limit of CPU time: so many times its duration without a mutant, plus so many seconds."""
 
 COULD_NOT_RUN = (4, 5)
-"""Of pytest: it was called wrongly, and there were no tests."""
+"""The exit statuses of pytest for wrong usage and for no tests."""
 
 
 @dataclass(frozen=True)
 class Result:
-    """What became of a mutant."""
+    """The result of a mutant."""
 
     mutant: Mutant
     diff: str
     tests: int
-    """That reach it."""
+    """The number of tests that reach the mutant."""
     caught_by: str = ""
 
     @property
@@ -42,7 +42,7 @@ class Result:
 def try_mutant(
     mutant: Mutant, record: Record, tree: Tree, runner: Runner, log: Path, floor: float = FLOOR, time_budget: float = math.inf
 ) -> Result:
-    """Run its tests up to the first that fails; not those after as many as take `time_budget` seconds."""
+    """Run the mutant's tests up to the first failure, but only the fastest ones that take `time_budget` seconds together."""
     source = (tree.root / mutant.file).read_bytes()
     reached = record.tests_reaching(mutant)
     chosen = {test: reached[test] for test, total in zip(reached, accumulate(reached.values()), strict=True) if total <= time_budget}
@@ -57,7 +57,7 @@ def try_mutant(
 
 
 def _catching_test(tests: dict[str, float], runner: Runner, log: Path, floor: float) -> str:
-    """Which of the tests fails, or how they end otherwise."""
+    """Return the test that fails, or another end of the run that catches the mutant; otherwise an empty string."""
     limits = {test: floor + TIMES * seconds for test, seconds in tests.items()}
     remaining = iter(tests)
     failed = ""
@@ -67,9 +67,9 @@ def _catching_test(tests: dict[str, float], runner: Runner, log: Path, floor: fl
             if event.outcome == "failed":
                 failed = event.test
         elif event.status in COULD_NOT_RUN:
-            raise SomrsError(f"the tests could not be run, as {log} tells")
+            raise SomrsError(f"the tests could not be run, see {log}")
         elif -event.status in TIME_LIMIT_SIGNALS:
-            return f"{next(remaining, 'every test')}, whose end is never reached"
+            return f"{next(remaining, 'every test')}, which never ends"
         elif event.status:
             return failed or "the import of the tests"
     return ""

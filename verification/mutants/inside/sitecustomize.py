@@ -1,6 +1,6 @@
-"""In programs that tests start, while it is recorded what tests reach: Python imports this by itself where its folder is on the path.
+"""Records the functions that programs call which tests start. Python imports this module by itself if its folder is on the path.
 
-Notes each function of the project when it is called for the first time, at once, since most such programs are killed in the end.
+Writes each function of the project at its first call, immediately, because most of these programs are killed in the end.
 """
 
 import os
@@ -10,7 +10,7 @@ from pathlib import Path
 from types import CodeType, FrameType
 
 OPTIMIZED = 1
-"""Of a code object: it is a function, and not a module or the body of a class."""
+"""The flag of code objects of functions, as opposed to modules and class bodies."""
 
 
 def note_calls(place: str, test: str) -> None:
