@@ -1,4 +1,4 @@
-"""A jar washer: a kind of device, a service and a relation that SO-MRS has never heard of, in one file.
+"""A jar washer in one file: a device type, a service type and a relation that the upper ontology does not have.
 
 python examples/jar_washer.py --name Washer001
 """
@@ -26,7 +26,7 @@ WASH_JAR = ServiceType(
 
 
 class JarWasher(Device):
-    """Stands where `values` say, and washes what is put on it."""
+    """A washer at the position in `values`, which washes the jar that stands on it."""
 
     type = JAR_WASHER
     types = (WAS_WASHED_BY,)
@@ -38,7 +38,7 @@ class JarWasher(Device):
         await asyncio.sleep(1)
         await task.progress(0.7, note="drying")
         await asyncio.sleep(1)
-        return None  # what was arranged, is so
+        return None  # the arranged effect holds
 
 
 if __name__ == "__main__":

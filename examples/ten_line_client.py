@@ -1,4 +1,4 @@
-"""Submits a task to the system that `somrs up` has started, and watches it until it is over."""
+"""Submits a task to the system that `somrs up` has started, and follows it until it ends."""
 
 import asyncio
 

@@ -1,8 +1,8 @@
-"""What the documentation site has beyond the pages in docs/: pages that stand elsewhere in the repository, pages that are generated, and
-the files that pages link to. Used by mkdocs (see mkdocs.yml) and by nothing else.
+"""Adds to the documentation site what docs/ does not contain: pages from other folders, generated pages, and files that pages link to.
+Only mkdocs uses it (see mkdocs.yml).
 
-Links in the pages are relative to where they stand in the repository, so that they work there, too; here they are turned to where the
-file is on the site. A link to a file that is no page leads to a copy of the file.
+Links in the pages are relative to their position in the repository, so that they work there, too; this module converts them to positions on
+the site. A link to a file that is not a page leads to a copy of the file.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ ELSEWHERE = {
     "CONTRIBUTING.md": "how-to/contributing.md",
     "README.md": "index.md",
 }
-"""Pages that stand outside docs/, and where the site has them."""
+"""Pages outside docs/, and their positions on the site."""
 
 COMMAND_LINE = "reference/command-line.md"
 SOURCES = "files"
@@ -39,7 +39,7 @@ FENCE = re.compile(r"^( *)(```|~~~).*?^\1\2 *$", re.DOTALL | re.MULTILINE)
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
-    """Lists the decisions in the navigation, newest last."""
+    """List the decisions in the navigation, newest last."""
     names = sorted(path.name for path in (ROOT / "docs" / "decisions").glob("0*.md"))
     config.nav = _with_decisions(config.nav, ["decisions/index.md", *(f"decisions/{name}" for name in names)])
     return config
@@ -56,7 +56,7 @@ def _with_decisions(entry: object, pages: list[str]) -> object:
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Adds the pages from elsewhere, the generated ones, and the drawing of diagrams."""
+    """Add the pages from other folders, the generated pages, and the script that draws diagrams."""
     for source, page in ELSEWHERE.items():
         if files.get_file_from_path(page) is None:
             files.append(File.generated(config, page, abs_src_path=str(ROOT / source)))
@@ -67,7 +67,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Turns links to where the file is on the site."""
+    """Convert links to positions on the site."""
     here = page.file.src_uri
     origin = next((source for source, target in ELSEWHERE.items() if target == here and _is_generated(page.file)), f"docs/{here}")
 
@@ -91,7 +91,7 @@ def _is_generated(file: File) -> bool:
 
 
 def _on_the_site(path: str, page: str, config: MkDocsConfig, files: Files) -> str:
-    """Where the site has a file or a folder of the repository."""
+    """Return the position of a file or a folder of the repository on the site."""
     if path in ELSEWHERE:
         return ELSEWHERE[path]
     if path.startswith("docs/"):
@@ -101,7 +101,7 @@ def _on_the_site(path: str, page: str, config: MkDocsConfig, files: Files) -> st
     if source.is_dir() and (source / "__init__.py").exists():
         source, path = source / "__init__.py", f"{path}/__init__.py"
     if not source.is_file():
-        raise PluginError(f"{page} links to {path}, which is no file of the repository")
+        raise PluginError(f"{page} links to {path}, which is not a file of the repository")
     target = f"{SOURCES}/{path}.txt" if source.suffix in (".py", ".md", ".toml", "") else f"{SOURCES}/{path}"
     if files.get_file_from_path(target) is None:
         files.append(File.generated(config, target, abs_src_path=str(source)))
@@ -109,7 +109,7 @@ def _on_the_site(path: str, page: str, config: MkDocsConfig, files: Files) -> st
 
 
 def _command_line() -> str:
-    """The reference of the command `somrs`, made from its own help."""
+    """Return the reference page of the command `somrs`, generated from its help."""
     made = subprocess.run(
         [sys.executable, "-m", "typer", "somrs.cli.main", "utils", "docs", "--name", "somrs", "--title", "The command line"],
         capture_output=True,
@@ -118,13 +118,13 @@ def _command_line() -> str:
         env={**os.environ, "TERM": "dumb", "COLUMNS": "200"},
     )
     if made.returncode:
-        raise PluginError(f"the command line's page cannot be made: {made.stderr.strip()}")
+        raise PluginError(f"the command-line page cannot be generated: {made.stderr.strip()}")
     return made.stdout
 
 
 def _mermaid() -> Path:
-    """The folder of Mermaid's modules, which NiceGUI brings along."""
+    """Return the folder of Mermaid's modules, which are a part of NiceGUI."""
     spec = importlib.util.find_spec("nicegui")
     if spec is None or spec.origin is None:
-        raise PluginError("Mermaid, which draws the diagrams, comes with NiceGUI: pip install 'somrs[gui]'")
+        raise PluginError("Mermaid, which draws the diagrams, is a part of NiceGUI: pip install 'somrs[gui]'")
     return Path(spec.origin).parent / "elements" / "mermaid" / "dist"

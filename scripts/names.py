@@ -1,9 +1,8 @@
-"""Counts the names that say nothing, and lists them.
+"""Counts and lists names that do not describe their values.
 
-A name says what a value is: `candidate`, `binding`, `reply`. A bare name says only that it is one (`one`), or that something
-was done to it (`found`, `said`, `wanted`): every one of its words is a pronoun, a preposition, an adverb or the form of a verb
-that anything may have been through. What is counted are the names that code gives: variables, attributes, parameters, loop
-variables, names of captures and of exceptions.
+A name describes what a value is: `candidate`, `binding`, `reply`. A bare name only says that there is a value (`one`), or that something
+was done to it (`found`, `said`, `wanted`): each of its words is a pronoun, a preposition, an adverb or a form of a general verb. The script
+counts the names that code assigns: variables, attributes, parameters, loop variables, names of captures and of exceptions.
 
     python scripts/names.py                  counts for src, verification and tests; fails above the limit
     python scripts/names.py --list [PATH]    every bare name with its file and line
@@ -19,7 +18,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 LIMIT = 0.02
-"""The largest share of bare names, for each tree."""
+"""The maximum share of bare names in each tree."""
 
 TREES = ("src", "verification", "tests")
 
@@ -50,14 +49,14 @@ BARE = frozenset((PRONOUNS + PREPOSITIONS + VERBS).split())
 
 
 def is_bare(name: str) -> bool:
-    """Whether every word of a name says nothing of what the value is."""
+    """Whether no word of the name describes the value."""
     words = [word.strip("0123456789").lower() for word in name.split("_")]
     words = [word for word in words if word]
     return bool(words) and all(word in BARE for word in words)
 
 
 def assigned_names(tree: ast.AST) -> Iterator[tuple[int, str]]:
-    """Line and name for each place that gives a value its name."""
+    """Yield the line and the name of each assignment of a name."""
     for node in ast.walk(tree):
         match node:
             case ast.Name(id=name, ctx=ast.Store(), lineno=line) | ast.Attribute(attr=name, ctx=ast.Store(), lineno=line):
@@ -77,7 +76,7 @@ def assigned_names(tree: ast.AST) -> Iterator[tuple[int, str]]:
 
 
 def bare_names(file: Path) -> tuple[int, list[tuple[int, str]]]:
-    """The count of assigned names in a file, and line and name of the bare ones.
+    """Return the number of assigned names in a file, and line and name of the bare ones.
 
     Raises:
         SyntaxError: when the file is not Python.
@@ -87,7 +86,7 @@ def bare_names(file: Path) -> tuple[int, list[tuple[int, str]]]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description="Counts the names that do not say what a value is.")
+    parser = argparse.ArgumentParser(description="Counts the names that do not describe their values.")
     parser.add_argument("--list", action="store_true", help="list every bare name with its file and line")
     parser.add_argument("paths", nargs="*", type=Path, help="trees or files (default: src, verification and tests, each held to the limit)")
     arguments = parser.parse_args()

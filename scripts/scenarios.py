@@ -1,8 +1,8 @@
-"""Plays Scenario 1b again and again, each time with other starts of robots and jar and another moment of failure.
+"""Plays Scenario 1b many times, each time with other initial positions of robots and jar and another moment of failure.
 
     python scripts/scenarios.py [--runs 20] [--first 1]
 
-Closes with `N passed, N failed`. What a run left is in out/scenarios/<seed>/; a failed one says why.
+The last line is `N passed, N failed`. out/scenarios/<seed>/ has the files of each run, with the reason of a failure.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from somrs.errors import SomrsError
 
 def main() -> int:
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    arguments.add_argument("--runs", type=int, default=20, help="how many")
-    arguments.add_argument("--first", type=int, default=1, help="the seed of the first; the others follow")
+    arguments.add_argument("--runs", type=int, default=20, help="number of runs")
+    arguments.add_argument("--first", type=int, default=1, help="the first seed; the others follow")
     arguments.add_argument("--out", type=Path, default=Path("out/scenarios"))
     wanted = arguments.parse_args()
     passed = failed = 0

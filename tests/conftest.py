@@ -1,5 +1,5 @@
-"""For all tests: how property tests run, which tests begin first, that nobody leaves a process behind, and what is not tested because
-something is missing, which is said loudly."""
+"""Settings for all tests: property tests, the order of tests, a check for processes that a test leaves, and a notice of tests that are
+skipped because something is missing."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ settings.register_profile("somrs", PROFILE)
 settings.load_profile("somrs")
 
 FOLDERS = ("browser", "system", "integration", "unit")
-"""Tests of whole systems wait most: they begin first, and others fill the gaps."""
+"""The order of the folders. Tests of whole systems mostly wait, so they begin first, and other tests fill the gaps."""
 
 WORKER_GROUPS = {
     "browser/test_api": "quiet pages",
@@ -30,11 +30,11 @@ WORKER_GROUPS = {
     "system/test_cli_editing": "",
     "system/test_fault_runs": "",
 }
-"""Files, and folders of files, whose tests are all run by one worker, as they share what takes long to make; files of one name, too."""
+"""Files and folders whose tests run in one worker, as they share fixtures that take long to make. Equal names share a worker, too."""
 
 
 class GroupScheduling(LoadScopeScheduling):  # type: ignore[misc]
-    """Gives single tests to whoever is free, and those that belong `WORKER_GROUPS` to one worker."""
+    """Gives single tests to any free worker, and the tests of each of the `WORKER_GROUPS` to one worker."""
 
     def _split_scope(self, nodeid: str) -> str:
         file = nodeid.partition("::")[0].removesuffix(".py")
@@ -56,9 +56,8 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def _begun_elsewhere(args: list[str], number: int, count: int) -> list[str]:
-    """All files to collect, from another place on for each worker: in a fresh clone pytest compiles each file, and so not each worker
-    compiles all of them. `pytest_collection_modifyitems` puts their tests in one order again."""
-    if not all(Path(arg).is_dir() for arg in args):
+    """Return all files to collect, in an order that begins at another file for each worker: in a fresh clone pytest compiles each file, and
+    so the workers share this work. `pytest_collection_modifyitems` puts the tests in one order again."""
     if not all(Path(arg).is_dir() for arg in args):
         return args
     files = [str(file) for arg in args for file in sorted(Path(arg).rglob("test_*.py"))]
@@ -68,7 +67,7 @@ def _begun_elsewhere(args: list[str], number: int, count: int) -> list[str]:
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Long tests first, so that at the end nobody waits for one that began last; files in one order for all workers."""
+    """Sort the tests: long ones first, so that none of them begins last, and files in the same order for all workers."""
 
     def rank(item: pytest.Item) -> tuple[bool, int, Path]:
         folder = next((place for place, name in enumerate(FOLDERS) if f"tests/{name}/" in item.nodeid), len(FOLDERS))
@@ -78,14 +77,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """What was collected stays until the end: nobody need look again and again whether it is garbage."""
+    """Exclude all collected objects from garbage collection, as they stay until the end."""
     gc.collect()
     gc.freeze()
 
 
 @pytest.fixture(autouse=True)
 def _no_leftover_processes() -> Iterator[None]:
-    """What a test started it ends, also when it fails; else it is ended here and the test is an error."""
+    """Fail a test that leaves a process, also after another failure, and end the process."""
     processes_before = leftovers.processes()
     yield
     remaining = leftovers.end(processes_before)

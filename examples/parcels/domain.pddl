@@ -1,4 +1,4 @@
-; Vans that carry parcels, and each knows its own streets only.
+; Vans carry parcels. Each van knows only its own streets.
 (define (domain parcels)
   (:requirements :typing :action-costs :multi-agent :unfactored-privacy)
   (:types place parcel van - object)

@@ -1,4 +1,4 @@
-; Two parcels are to change sides: the vans have to meet at the market.
+; Two parcels have to change sides, so the vans have to meet at the market.
 (define (problem change-sides) (:domain parcels)
   (:objects market mill harbour - place letter crate - parcel
     (:private van1 van1 - van)

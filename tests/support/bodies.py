@@ -37,7 +37,7 @@ _SIMPLE: dict[Any, st.SearchStrategy[Any]] = {
 
 @cache
 def values_of(hint: Any) -> st.SearchStrategy[Any]:
-    """Values of the annotated type."""
+    """A strategy for values of the annotated type."""
     if hint in _SIMPLE:
         return _SIMPLE[hint]
     members = union_of(hint)
@@ -58,7 +58,7 @@ def values_of(hint: Any) -> st.SearchStrategy[Any]:
 
 @cache
 def messages(kind: type[Struct]) -> st.SearchStrategy[Message]:
-    """Messages with a body of that kind; those of the Failure Recovery Protocol belong to a transaction."""
+    """A strategy for messages with a body of this kind. Messages of the Failure Recovery Protocol have a transaction."""
     session = {"transaction": ids, "participant": names} if kind in union_of(FrpBody) else {}
     header = st.builds(
         Header,

@@ -1,4 +1,4 @@
-"""The `somrs` command: within this process, which takes no time to start, and as a program of its own, as a user has it."""
+"""Runs the `somrs` command: within this process, which is fast, and as a separate program, as users do."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tests.support.hang import HANG_TIME
 
 @dataclass(frozen=True)
 class CommandResult:
-    """How the command ended, and what it said."""
+    """The exit status and the output of a command."""
 
     returncode: int
     stdout: str
@@ -26,18 +26,18 @@ class CommandResult:
 
 
 def somrs(*arguments: str | Path, cwd: Path | None = None) -> CommandResult:
-    """What a user reads who gives the command; errors that it does not expect are raised."""
+    """Run the command within this process, and return its result. Unexpected errors are raised."""
     stdout, stderr = io.StringIO(), io.StringIO()
     folder_context = contextlib.chdir(cwd) if cwd is not None else contextlib.nullcontext()
     with folder_context, contextlib.redirect_stdout(stdout), contextlib.redirect_stderr(stderr), pytest.raises(SystemExit) as ended:
         command()([*map(str, arguments)], prog_name="somrs")
     code = ended.value.code or 0
-    assert isinstance(code, int), f"a program that ends with {code!r} says it on standard error, and this one did not say it there"
+    assert isinstance(code, int), f"a program that exits with {code!r} prints it on standard error, and this process does not"
     return CommandResult(code, stdout.getvalue(), stderr.getvalue())
 
 
 def program(*arguments: str | Path, cwd: Path | None = None, **environment: str) -> CommandResult:
-    """The same by a process of its own, in which these variables are set."""
+    """Run the command as a separate process, with these environment variables."""
     line = [sys.executable, "-m", "somrs.cli.main", *map(str, arguments)]
     env = {**os.environ, **environment}
     ended = subprocess.run(line, capture_output=True, text=True, cwd=cwd, env=env, timeout=HANG_TIME, check=False)

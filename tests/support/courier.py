@@ -1,4 +1,4 @@
-"""A small domain of our own with two agents, for tests: vans that meet at a depot."""
+"""A small PDDL domain with two agents for tests: vans that meet at a depot."""
 
 DOMAIN = """
 (define (domain courier)

@@ -1,4 +1,4 @@
-"""What happened to a task, in the sentences that people read."""
+"""The events of a task as sentences for people."""
 
 from somrs.protocol.messages.event_text import sentence
 from somrs.task_manager.transaction.state import TaskState

@@ -1,6 +1,6 @@
-"""How many examples property tests try: as many as fit a run of all tests, or, with EXAMPLES=20 in the environment, 20 times as many.
+"""The number of examples of property tests: few enough for a run of all tests or, with EXAMPLES=20 in the environment, 20 times as many.
 
-In a run of all tests they are the same every time: what is found there, everybody finds. `make properties` looks for others.
+A run of all tests uses the same examples every time, so its failures can be repeated. `make properties` uses new ones.
 """
 
 import os
@@ -11,10 +11,10 @@ from hypothesis.database import DirectoryBasedExampleDatabase
 FACTOR = int(os.environ.get("EXAMPLES", "1"))
 
 PHASES = [phase for phase in Phase if phase is not Phase.shrink or "NO_SHRINKING" not in os.environ]
-"""Who only asks whether a test fails does not wait for the smallest example with which it does."""
+"""Shrinking is skipped with NO_SHRINKING: mutation tests need only the failure, and not the smallest example."""
 
 PROFILE = settings(
-    deadline=None,  # a busy machine is no defect
+    deadline=None,  # a busy machine is not an error
     suppress_health_check=[HealthCheck.too_slow],
     derandomize=FACTOR == 1,
     database=None if FACTOR == 1 else DirectoryBasedExampleDatabase(".hypothesis/examples"),
@@ -24,5 +24,5 @@ PROFILE = settings(
 
 
 def examples(count: int) -> settings:
-    """Try so many examples; a decorator for a property test."""
+    """A decorator that sets the number of examples of a property test."""
     return settings(PROFILE, max_examples=count * FACTOR)

@@ -1,4 +1,4 @@
-"""A Repository with its journal on a real disk and somebody who follows it, in one process: for tests of what changes and how it was."""
+"""A Repository with its journal on a real disk and a replica that follows it, in one process, for tests of changes and history."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ FOLLOWER = "http://here/follower"
 
 
 class Keeper:
-    """Messages are handed over at once; what is to be kept is on disk before anything else happens."""
+    """Delivers messages immediately. Entries are on disk before any effect is carried out."""
 
     def __init__(self, path: Path, ontology: Ontology | None = None, map: Map | None = None) -> None:
         self._initial_contents = lab() if ontology is None or map is None else (ontology, map)
@@ -67,7 +67,7 @@ class Keeper:
         return self.repository.contents
 
     def restart(self, *, snapshot: bool = False) -> list[Send]:
-        """As after a kill; with a snapshot, as after an orderly stop. What is said then to others than the follower."""
+        """Restart as after a kill or, with a snapshot, after an orderly stop. Return the messages to others than the replica."""
         if snapshot:
             self.journal.snapshot(self.journaled)
         self.journal.close()
@@ -81,14 +81,14 @@ class Keeper:
         self._runner.close()
 
     def look(self, task: object) -> object:
-        """What the archive answers."""
+        """Return the archive's answer to the task."""
         return self._runner.run(self._carry_out(task))
 
     async def _carry_out(self, task: object) -> object:
         return await self.journal.carry_out(task)
 
     def ask(self, body: Body, answer: type[B], identity: str | None = None) -> B:
-        """The answer to a request, of which there must be one, of that type."""
+        """Return the answer to a request. It has to be a single one, of that type."""
         self.now += 1.0
         message = request(body, identity=identity)
         replies = [reply for reply in self._feed(Received(message)) if reply.message.header.relates_to == message.header.message_id]
@@ -97,7 +97,7 @@ class Keeper:
         return send.message.body
 
     def broken(self, change: Alteration) -> tuple[BrokenRule, ...]:
-        """Why a change is rejected, which is what considering it says; and that it left no trace."""
+        """Return the rules that a rejected change violates. Consider has to return the same ones, and the change must have no effect."""
         map_before, version = self.contents.map, self.contents.version
         considered = self.ask(Consider(change=change), Considered)
         rejected = self.ask(change, Rejected)
@@ -109,7 +109,7 @@ class Keeper:
         return self.ask(query if query is not None else ReadEvents(limit=1000), Events).events
 
     def read_version(self, version: int) -> tuple[Ontology, Map]:
-        """The ontology and the map as they were at a version."""
+        """Return the ontology and the map of a version."""
         pages = [self.ask(ReadOntology(at_version=version), OntologyPage)]
         while pages[-1].more:
             pages.append(self.ask(ReadOntology(at_version=version, after=pages[-1].next), OntologyPage))
@@ -120,16 +120,16 @@ class Keeper:
         return ontology, Map([o for page in maps for o in page.objects], [f for page in maps for f in page.facts])
 
     def settle(self) -> None:
-        """Let time go on until the follower noticed what it could not be told."""
+        """Let time pass until the replica has noticed and repaired missed updates."""
         for _ in range(20):
             if self.replica.version == self.contents.version:
                 return
             self.now = max(self.now, self._rings_at or 0.0)
             self._hear(TimerFired(ReplicaDue()))
-        raise AssertionError(f"the follower stays at {self.replica.version}, and the Repository is at {self.contents.version}")
+        raise AssertionError(f"the replica stays at {self.replica.version}, and the Repository is at {self.contents.version}")
 
     def _feed(self, event: Input) -> list[Send]:
-        """What is said to others than the follower."""
+        """Handle the input, and return the messages to others than the replica."""
         sends: list[Send] = []
         for effect in self.effects(event):
             if isinstance(effect, Ask):
@@ -141,7 +141,7 @@ class Keeper:
         return sends
 
     def effects(self, event: Input) -> list[Effect]:
-        """What comes of an input, which is kept if it has to be."""
+        """Handle the input, store it if necessary, and return the effects."""
         if SCHEMA.is_read_only(event):
             return self.repository.handle(event, self.now)
         entry = self.journaled.make_entry(event, self.now)
@@ -167,5 +167,5 @@ class Keeper:
 
 
 def definitions(ontology: Ontology) -> dict[tuple[str, str], object]:
-    """The ontology, to be compared with another whose definitions may be in another order."""
+    """Return the ontology in a form that can be compared independently of the order of its definitions."""
     return {(type(definition).__name__, definition.name): definition for definition in ontology}

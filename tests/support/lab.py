@@ -1,4 +1,4 @@
-"""A small laboratory on the map, and ways to talk to a Repository, for the tests of those who keep and follow maps."""
+"""A small laboratory on the map, and functions that send requests to a Repository, for tests of the Repository and its replicas."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def contents() -> Contents:
 
 
 def request(body: Body, sender: str = CLIENT, recipient: str = REPOSITORY, identity: str | None = None) -> Message:
-    """A message with an id of its own, whose answer goes to its sender."""
+    """Return a message with a new id, whose answer goes to its sender."""
     identity = identity or message_id("request", next(_numbers))
     return Message(header=Header(sender=sender, recipient=recipient, message_id=identity, reply_to=sender), body=body)
 
@@ -66,12 +66,12 @@ def deliver_request(component: Component, body: Body, now: float = 0.0, sender: 
 
 
 def sent_bodies(effects: list[Effect], body_type: type[B]) -> list[B]:
-    """The bodies of that type that are sent, in order."""
+    """Return the bodies of this type that are sent, in order."""
     return [e.message.body for e in effects if isinstance(e, Send) and isinstance(e.message.body, body_type)]
 
 
 def ask(component: Component, body: Body, answer: type[B], now: float = 0.0, sender: str = CLIENT, identity: str | None = None) -> B:
-    """The answer, of which there must be one, of that type."""
+    """Return the answer, which has to be a single one of that type."""
     bodies = sent_bodies(deliver_request(component, body, now, sender, identity), object)
     (reply,) = [body for body in bodies if isinstance(body, answer)] or bodies
     assert isinstance(reply, answer), reply

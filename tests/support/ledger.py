@@ -1,4 +1,4 @@
-"""A small component for tests of the rims: it adds up what it is told, and says so. What comes of it is known beforehand."""
+"""A small component for tests of runtimes: it adds up amounts and reports them, and its results are known in advance."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.records import TaskRecord
 
 LONG = 1e6
-"""Seconds for which everything is said again."""
+"""Seconds for which every message is repeated."""
 
 
 def amount_message(number: int, amount: int, recipient: str = "ledger", sender: str = "teller", reply_to: str = ANONYMOUS) -> Message:
@@ -21,7 +21,7 @@ def amount_message(number: int, amount: int, recipient: str = "ledger", sender: 
 
 
 def doubled(task: object) -> object:
-    """What comes of a ledger's question."""
+    """Answer a ledger's question."""
     return str(2 * int(str(task)))
 
 
@@ -36,7 +36,7 @@ class LedgerState(Struct, kw_only=True):
 
 
 class Ledger:
-    """Each amount is receipted to the sink, doubled by an Ask and told to the sink, and told once more by a timer."""
+    """Sends three messages to the sink for each amount: a receipt, the double from an Ask, and a reminder from a timer."""
 
     def __init__(self, sink: str = "sink", address: str = "ledger", patience: float = 5.0) -> None:
         self.state = LedgerState(sink=sink, address=address, patience=patience)
@@ -77,7 +77,7 @@ class Ledger:
 
     @property
     def open(self) -> list[str]:
-        """What is not doubled yet."""
+        """The amounts without an answer of the Ask."""
         return [id for id in self.amounts if id not in self.doubled]
 
     def handle(self, event: Input, now: float) -> list[Effect]:
@@ -125,7 +125,7 @@ SCHEMA = Schema(
 
 
 def expected(amounts: list[int], first: int = 0) -> set[tuple[str, str, str]]:
-    """What the sink has to hear of these: kind, text and message id."""
+    """Return the messages that the sink has to receive for these amounts: kind, text and message id."""
     messages: set[tuple[str, str, str]] = set()
     for number, amount in enumerate(amounts, first):
         id = message_id("told", number)
@@ -135,7 +135,7 @@ def expected(amounts: list[int], first: int = 0) -> set[tuple[str, str, str]]:
 
 
 class Sink:
-    """Notes what it hears, however often it comes."""
+    """Records all messages that it receives, with duplicates."""
 
     def __init__(self) -> None:
         self.received: list[tuple[str, str, str]] = []
@@ -148,7 +148,7 @@ class Sink:
 
 
 class Teller:
-    """Tells the ledger an amount when it is rung with it."""
+    """Sends the ledger the amount that a timer carries."""
 
     def __init__(self, ledger: str = "ledger") -> None:
         self.ledger = ledger

@@ -1,4 +1,4 @@
-"""Processes that a test left: found, ended and told. On Linux only; elsewhere nobody looks."""
+"""Finds, ends and reports processes that a test left. Works on Linux only; elsewhere it finds none."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import time
 from pathlib import Path
 
 SET_CHILD_SUBREAPER = 36
-"""Of prctl(2): whoever loses its parent becomes a child of this process, and is so found."""
+"""The option of prctl(2) by which orphans become children of this process, so that it finds them."""
 
 WARM = "warm launchers of tests"
 
 EXEMPT = ("multiprocessing.resource_tracker", "multiprocessing.forkserver", "tests.support.warm", WARM)
-"""Python, and tests, start them once and end them with themselves."""
+"""Processes that Python or tests start once, and that end with them."""
 
 PATIENCE = 60.0
 """Seconds that a process has which was told to end and was not waited for."""
@@ -27,8 +27,8 @@ def adopt_orphans() -> None:
 
 
 def processes() -> dict[int, str]:
-    """The children of this process that run, with their command lines; those of no parent any more are among them, and so are those of
-    a child that is kept."""
+    """Return the running children of this process with their command lines, including adopted orphans and the children of exempt
+    processes."""
     running: dict[int, str] = {}
     for pid, line in _children("self").items():
         if any(exempt in line for exempt in EXEMPT):
@@ -40,7 +40,7 @@ def processes() -> dict[int, str]:
 
 def _children(parent: str) -> dict[int, str]:
     children: dict[int, str] = {}
-    with contextlib.suppress(OSError):  # it just ended, or there is no such folder
+    with contextlib.suppress(OSError):  # the process has just ended, or the system has no /proc
         for task in os.listdir(f"/proc/{parent}/task"):
             with contextlib.suppress(OSError):  # a thread that just ended
                 children |= {pid: _line(pid) for pid in map(int, _read(f"/proc/{parent}/task/{task}/children").split())}
@@ -48,7 +48,7 @@ def _children(parent: str) -> dict[int, str]:
 
 
 def _line(pid: int) -> str:
-    """Empty when it has ended, though nobody asked yet how."""
+    """Return the command line; it is empty for a process that has ended and was not waited for."""
     with contextlib.suppress(OSError):
         return _read(f"/proc/{pid}/cmdline").replace(b"\0", b" ").decode(errors="replace").strip()
     return ""
@@ -60,12 +60,12 @@ def _read(path: str) -> bytes:
 
 
 def end(processes_before: dict[int, str]) -> list[str]:
-    """Kill what was not there before, with all that it started, and say what it was."""
+    """Kill the processes that did not exist before, with their children, and return their command lines."""
     deadline = time.monotonic() + PATIENCE
     while (remaining := _new(processes_before)) and time.monotonic() < deadline:
         time.sleep(0.02)
     command_lines = list(remaining.values())
-    while remaining:  # whose parent is killed comes up next
+    while remaining:  # children of a killed process are found in the next round
         for pid in remaining:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)

@@ -1,4 +1,4 @@
-"""PDDL by its definition, as a reference: ground actions on sets of facts, an add winning over a delete."""
+"""A reference implementation of PDDL by its definition: ground actions on sets of facts, where an add takes precedence over a delete."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Naive:
 
     @staticmethod
     def _stated(node: Node) -> Fact:
-        """A number is a fact, too: `=`, the function, and its value."""
+        """Return the fact of an initial statement. A number becomes a fact with `=`, the function and its value."""
         assert isinstance(node, Group)
         return _number_fact(_format_term(node.items[1], {}), float(str(node.items[2]))) if node.head == "=" else _fact(node, {})
 
@@ -80,7 +80,7 @@ class Naive:
         return (state - deletes) | adds | {_number_fact(name, value) for name, value in numbers.items()}
 
     def cost(self, ground: Ground, state: State) -> float:
-        """By how much it adds to the total cost."""
+        """Return the increase of the total cost."""
         return _value("(total-cost)", self.apply(ground, state)) - _value("(total-cost)", state)
 
     def reached(self, state: State) -> bool:

@@ -1,4 +1,4 @@
-"""Two rooms with a robot that carries, one that patrols, and a camera; and devices at desks, for tests of who looks at what."""
+"""Two rooms with a carrying robot, a patrol robot and a camera, and their drivers, for tests of observation."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ KINDS: dict[str, type[SimulatedDevice]] = {"Robot1": Manipulator, "Patrol1": Pat
 
 
 def map_after(situation: str | None) -> Map:
-    """The map of the rooms in which the situation was made to hold."""
+    """Return the map of the rooms after the situation was made to hold."""
     return robot_lab.map_after(situation, SITE)
 
 
@@ -62,7 +62,7 @@ def carry_order(object: str, destination: str) -> Order:
 
 @dataclass
 class Lab:
-    """The rooms, simulated, their map in a Repository, and the devices that were opened."""
+    """The simulated rooms, their map in a Repository, and the opened devices."""
 
     server: Server
     operator: OperatorLink
@@ -87,7 +87,7 @@ class Lab:
         return await carry_out(device, work, make_ask(self.repository, lambda: 0.0), note_advance)
 
     async def recognize(self, device: Device, object: str) -> str:
-        """The situation that the device reports of an object."""
+        """Return the situation that the device reports of an object."""
         result = await self.run_task(device, Perform(look_order(object)))
         assert isinstance(result, WorkDone)
         assert result.situation is not None

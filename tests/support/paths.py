@@ -1,4 +1,4 @@
-"""Where things are, for tests."""
+"""Paths for tests."""
 
 from pathlib import Path
 
@@ -6,4 +6,4 @@ ROOT = Path(__file__).parents[2]
 SCENARIO_1 = ROOT / "src" / "somrs" / "demo" / "data" / "scenario-1.yaml"
 
 SHARED = ROOT.parent / "shared"
-"""Buildings and problems that others published. They are not part of the repository: what needs them is skipped where they are not."""
+"""Published buildings and problems. They are not part of the repository; tests that need them are skipped without them."""

@@ -1,4 +1,4 @@
-"""A small domain of our own for tests, with something of everything that is read: boats and cranes move boxes between quays."""
+"""A small PDDL domain that uses every supported feature: boats and cranes move boxes between quays."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ PROBLEM = """
 
 
 def written(folder: Path, domain: str = DOMAIN, problem: str = PROBLEM) -> tuple[Path, Path]:
-    """The two files in a folder."""
+    """Write both files to the folder, and return their paths."""
     files = folder / "domain.pddl", folder / "problem.pddl"
     for file, text in zip(files, (domain, problem), strict=True):
         file.write_text(text, encoding="utf-8")

@@ -1,4 +1,4 @@
-"""A relay of couriers: each carries every parcel from its own place to the next one's. Plans of any length, with work side by side."""
+"""A relay of couriers: each carries every parcel from its own place to the next. Plans have any length and parallel branches."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ PUT_SERVICE = ServiceType(
 SERVICES = (TAKE_SERVICE, GO_SERVICE, PUT_SERVICE)
 
 SECONDS = 10.0
-"""That each step takes."""
+"""The duration of each step."""
 
 
 BUILDING = """
@@ -66,7 +66,7 @@ def site(couriers: int, parcels: int) -> str:
 
 
 def carried(couriers: int, parcels: int) -> list[Step]:
-    """One parcel after the other, from courier to courier."""
+    """Return the steps that carry one parcel after the other from courier to courier."""
     steps: list[Step] = []
 
     def add(type: ServiceType, courier: int, **inputs: str) -> None:
@@ -112,7 +112,7 @@ def loaded(couriers: int, parcels: int) -> tuple[Ontology, Map]:
 
 
 def maps_of(steps: Sequence[Step], problem: Problem) -> list[Map]:
-    """The map before the first step, and those after each."""
+    """Return the map before the first step, and the maps after each step."""
     maps = [problem.map]
     for step in steps:
         maps.append(apply_step(step, maps[-1], problem))
@@ -120,7 +120,7 @@ def maps_of(steps: Sequence[Step], problem: Problem) -> list[Map]:
 
 
 def longest(plan: Plan) -> int:
-    """The steps of the longest chain of links."""
+    """Return the number of steps in the longest chain of links."""
     depth: dict[str, int] = {}
     for step in plan.topological():
         depth[step.id] = 1 + max((depth[predecessor] for predecessor in plan.predecessors(step.id)), default=0)
@@ -128,8 +128,8 @@ def longest(plan: Plan) -> int:
 
 
 class Relay(VirtualSystem):
-    """Couriers on virtual time, with a plan that is known beforehand. Each looks, when it begins and when it is done, whether what its
-    step needs is so, whatever the map says; `wrong` is what was not."""
+    """Couriers on virtual time, with a plan that is known in advance. At the beginning and the end of a step, each courier checks the
+    step's precondition in the true state; `wrong` lists the violations."""
 
     def __init__(self, couriers: int, parcels: int) -> None:
         planning_problem = problem(couriers, parcels)
@@ -157,7 +157,7 @@ class Relay(VirtualSystem):
         return WorkDone(situation=order.effect)
 
     def learn(self, situation: str) -> None:
-        """Somebody else makes that so."""
+        """Make the situation hold in the true state, as another actor would."""
         self._truth = self._truth.changed(changes(parse(situation), self._truth, self._ontology))
 
     def _look(self, order: Order) -> None:

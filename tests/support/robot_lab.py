@@ -1,4 +1,4 @@
-"""A small room with two robots, for tests of what reaches simulated robots over TCP; and how such a site is loaded and served."""
+"""A small room with two robots for tests of simulated robots over TCP, and functions that load and serve such a site."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def site(text: str = SITE) -> tuple[LoadedModel, Map]:
 
 
 def map_after(situation: str | None, text: str = SITE) -> Map:
-    """The site's map in which the situation was made to hold: it is Entish about what is there."""
+    """Return the site's map after the situation, in Entish, was made to hold."""
     assert situation is not None
     loaded, map = site(text)
     formula = check(parse(situation), loaded.ontology, map)
@@ -57,7 +57,7 @@ def map_after(situation: str | None, text: str = SITE) -> Map:
 
 @asynccontextmanager
 async def simulator(speed: float | None = None, text: str = SITE) -> AsyncIterator[Server]:
-    """The site, served at a free port."""
+    """Serve the site at a free port."""
     loaded, map = site(text)
     server = Server(Simulation(map, loaded.ontology), speed=speed)
     await server.start()
@@ -68,5 +68,5 @@ async def simulator(speed: float | None = None, text: str = SITE) -> AsyncIterat
 
 
 def run(test: Coroutine[object, object, None]) -> None:
-    """Run a test's coroutine. They take seconds; the limit is for those that hang, and far above what a busy machine needs."""
+    """Run a test's coroutine. Tests take seconds; the limit is for one that hangs, and allows for a busy machine."""
     asyncio.run(asyncio.wait_for(test, HANG_TIME))

@@ -1,4 +1,4 @@
-"""A room of 8 by 6 m for the simulator's tests: a cupboard with a jar, a table, a platform, and two robots; and ways to run it."""
+"""A room of 8 by 6 m for the simulator's tests: a cupboard with a jar, a table, a platform and two robots; and a class to run it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Start = tuple[float, float, float]
 
 
 def box(name: str, type: str, position: tuple[float, float, float], size: tuple[float, float, float], **values: Value) -> Object:
-    """A box of the given width, depth and height."""
+    """Return a box of the given width, depth and height."""
     place: dict[str, Value] = {"PositionX": position[0], "PositionY": position[1], "PositionZ": position[2], "Shape.Form": "Box"}
     extent: dict[str, Value] = {"Shape.Width": size[0], "Shape.Depth": size[1], "Shape.Height": size[2]}
     return Object(name=name, type=type, values={**place, **extent, **values})
@@ -31,7 +31,7 @@ def robot(name: str, start: Start, speed: float = 0.8, type: str = "PioneerP3DX"
 
 
 def shell() -> list[Object]:
-    """The empty room."""
+    """Return the empty room's objects."""
     return [
         box("Floor1", "Floor", (4, 3, -0.1), (8.2, 6.2, 0.1)),
         box("WallS", "Wall", (4, -0.05, 0), (8.2, 0.1, 2.5)),
@@ -52,7 +52,7 @@ def room(first_start: Start = (1.5, 1.5, 0.0), second_start: Start = (6.5, 4.5, 
 
 
 class Run:
-    """A simulation, and what happened in it that must not."""
+    """A simulation that records forbidden collisions."""
 
     def __init__(self, map: Map) -> None:
         self.simulation = Simulation(map, ONTOLOGY)
@@ -64,7 +64,7 @@ class Run:
         self.collisions |= {pair for pair in self.simulation.scene.robot_contacts() if not things & set(pair)}
 
     def start(self, robot: str, command: Command) -> list[CommandDone | CommandGivenUp]:
-        """Give a command; the list holds its end when that has come."""
+        """Start a command. The returned list gets its result when the command ends."""
         ends: list[CommandDone | CommandGivenUp] = []
         self.simulation.command(robot, command, ends.append)
         return ends
@@ -72,7 +72,7 @@ class Run:
     def run_until(self, condition: Callable[[], object], limit: float = 120.0) -> None:
         start_time = self.simulation.time
         while not condition():
-            assert self.simulation.time - start_time < limit, f"nothing came of it in {limit} s of simulated time"
+            assert self.simulation.time - start_time < limit, f"the condition does not hold after {limit} s of simulated time"
             self.step()
 
     def execute(self, robot: str, command: Command) -> CommandDone | CommandGivenUp:
@@ -81,7 +81,7 @@ class Run:
         return ends[0]
 
     def execute_all(self, robot: str, *commands: Command) -> None:
-        """The commands one after the other, all of which must be done."""
+        """Execute the commands one after the other; each has to succeed."""
         for command in commands:
             end = self.execute(robot, command)
             assert isinstance(end, CommandDone), f"{robot} {command}: {end}"

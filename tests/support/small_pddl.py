@@ -1,4 +1,4 @@
-"""Small planning problems of our own, each with something that problems of the field have and that is easily got wrong."""
+"""Small planning problems, each with a feature of published problems that is easily handled wrongly."""
 
 from __future__ import annotations
 

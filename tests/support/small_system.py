@@ -1,6 +1,6 @@
-"""A whole system in one process, with real sockets and files: Repository, Registry, Task Manager, devices, and the desk at it.
+"""A whole system in one process with real sockets and files: Repository, Registry, Task Manager, devices and the API service.
 
-Quick to start, for what pages and programs see through the desk; devices take as long for their work as they say.
+It starts quickly, for tests of pages and programs that use the API; the devices' work takes the time that they declare.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ LOOPBACK = "127.0.0.1"
 
 
 class Porter(Device):
-    """Takes things wherever they are to be, in `seconds`, but for those that it `drops`. `steps`: so often it says how far it is."""
+    """Carries things in `seconds`, except those that it `drops`. `steps`: the number of its progress reports."""
 
     type = "PioneerP3DX"
 
@@ -55,9 +55,9 @@ class Porter(Device):
         super().__init__(name)
         self.price, self.seconds, self.drops, self.steps = price, seconds, drops, steps
         self.refuses = ""
-        """Why it gives no terms."""
+        """The reason with which it refuses terms; empty if it gives terms."""
         self.thinks = 0.0
-        """Seconds that it takes to say its terms."""
+        """Seconds that it takes to give terms."""
         self.delivered: list[str] = []
 
     async def _able(self, task: Task) -> None:
@@ -87,7 +87,7 @@ class Porter(Device):
 
 
 class SmallSystem:
-    """The parts of a running system. The Task Manager can be ended and started again, with its journal."""
+    """The components of a running system. The Task Manager can be stopped and started again from its journal."""
 
     def __init__(self, data: Path, porters: Sequence[Porter]) -> None:
         self.data, self.porters = data, porters
@@ -130,7 +130,7 @@ class SmallSystem:
         async def carry_out(task: object, report: Report) -> object:
             if isinstance(task, ReadRecords):
                 return await journal.carry_out(task, report)
-            assert isinstance(task, Problem), "a Task Manager asks for nothing else"
+            assert isinstance(task, Problem), "a Task Manager's only other background work is planning"
             return await asyncio.to_thread(plan, task)
 
         def make_manager(address: str) -> TaskManager:
@@ -159,7 +159,7 @@ class SmallSystem:
 
 @asynccontextmanager
 async def running(data: Path, *porters: Porter, clock: Clock | None = None) -> AsyncIterator[tuple[SmallSystem, LiveApi]]:
-    """The system, and the desk at it. `clock`: what standing orders go by."""
+    """Run the system with the API service. `clock` is the Scheduler's clock."""
     system = SmallSystem(data, porters)
     async with AsyncExitStack() as stack:
         stack.push_async_callback(system.stop)
@@ -169,14 +169,14 @@ async def running(data: Path, *porters: Porter, clock: Clock | None = None) -> A
 
 @asynccontextmanager
 async def live_api_at(system: SmallSystem, clock: Clock | None = None) -> AsyncIterator[LiveApi]:
-    """The API, served at a port, as its clients have it."""
+    """Serve the API at a port, and connect to it as clients do."""
     async with api_at(system, clock) as url, live_api(url) as api:
         yield api
 
 
 @asynccontextmanager
 async def api_at(system: SmallSystem, clock: Clock | None = None) -> AsyncIterator[str]:
-    """Where the API is; there is a Scheduler behind it, that goes by the clock."""
+    """Serve the API, with a Scheduler on this clock, and yield its address."""
     async with (
         scheduler_at(system, clock),
         open_api_service(system.addresses, system.data) as api_service,
@@ -204,7 +204,7 @@ async def scheduler_at(system: SmallSystem, clock: Clock | None = None) -> Async
 
 
 class Time(Clock):
-    """A clock that goes when it is told to; a Scheduler that goes by it is woken when something is due."""
+    """A clock that tests advance. It wakes the Scheduler that uses it when something is due."""
 
     def __init__(self, start_time: float) -> None:
         super().__init__()
@@ -228,7 +228,7 @@ class Time(Clock):
         self._now = end_time
 
     async def _wait_answered(self, scheduler: Scheduler) -> None:
-        """Until the Task Manager has answered, if it is there: a message that is on its way must not be late by hours."""
+        """Wait until the Task Manager has answered, if it is up: the delay of a message must not become hours."""
         deadline = asyncio.get_running_loop().time() + 5.0
         while asyncio.get_running_loop().time() < deadline:
             await asyncio.sleep(0.01)
@@ -236,11 +236,11 @@ class Time(Clock):
                 return
 
     def add(self, seconds: float) -> None:
-        """While nobody goes by it."""
+        """Advance the clock while no Scheduler uses it."""
         self._now += seconds
 
     async def jump(self, seconds: float) -> None:
-        """As when the machine was asleep."""
+        """Advance the clock at once, as after a suspend of the machine."""
         self._now += seconds
         assert self._node is not None
         self._node.feed(TimerFired(OrdersDue()))

@@ -1,4 +1,4 @@
-"""What every plan has to be, for tests of the planner."""
+"""A check of plans for tests of the planner."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from somrs.planner.planning import plan
 
 
 def make_sound_plan(problem: Problem) -> Plan:
-    """The plan, which leads to the goal in every order that its links allow."""
+    """Plan the problem, and check that the plan leads to the goal in every order that its links allow."""
     result = plan(problem)
     assert isinstance(result, Plan), result
     assert validate(result, problem) == []

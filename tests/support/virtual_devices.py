@@ -1,4 +1,4 @@
-"""Authors' coroutines on virtual time, for tests that run whole systems in one process."""
+"""Runs authors' coroutines on virtual time, for tests that run whole systems in one process."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Pause:
 
 
 def make_ask(component: Component, now: Callable[[], float]) -> Ask:
-    """Asks a component on the spot."""
+    """Return a function that asks a component directly."""
 
     numbers = itertools.count()
 
@@ -44,7 +44,7 @@ async def _no_repository(body: Body) -> Body:
 
 
 def in_virtual_time(device: Device, ask: Ask = _no_repository, reports: list[Report] | None = None) -> CarryOut:
-    """Carries out what a Service Manager asks of the device. An author's coroutines may wait with `Pause` only."""
+    """Return a function that carries the device's work out. The author's coroutines may wait only with `Pause`."""
 
     running: dict[str, Coroutine[Any, Any, object]] = {}
 
@@ -74,7 +74,7 @@ def _played(running: Coroutine[Any, Any, object], advances: list[object]) -> Wor
             pause = running.send(None)
         except StopIteration as stop:
             result.append(stop.value)
-        except Exception as error:  # noqa: BLE001  # whatever went wrong is the answer, as in runtime/node.py
+        except Exception as error:  # noqa: BLE001  # any error is an answer, as in runtime/node.py
             result.append(error)
         for advance in advances:
             yield waited, advance

@@ -1,4 +1,4 @@
-"""A whole system on virtual time for tests: Repository, Registry, Task Manager, and devices whose work is a script."""
+"""A whole system on virtual time for tests: Repository, Registry, Task Manager, and devices with scripted work."""
 
 from __future__ import annotations
 
@@ -52,17 +52,17 @@ facts:
 """
 
 Script = Callable[[Order], Work]
-"""What a device does about an order: pairs of seconds and what it then reports."""
+"""A device's script for an order: pairs of seconds and the report that follows."""
 
 Undoes = Callable[[Order, str], Work]
-"""What a device does to restore a situation."""
+"""A device's script that restores a situation."""
 
 
 @dataclass(slots=True)
 class Robot:
-    """A scripted device: its price, how long it says it takes, and what really happens (None: the effect, in that time).
+    """A scripted device: price, declared duration, and the script of its work (None: the effect, after the duration).
 
-    `mute`: it never says what it costs. `halts`: how long it takes to stop. `valid_for`: how long its terms hold.
+    `mute`: it gives no terms. `halts`: seconds that it takes to stop. `valid_for`: seconds for which its terms hold.
     """
 
     name: str
@@ -74,9 +74,9 @@ class Robot:
     halts: float = 1.0
     valid_for: float = 60.0
     lays_down: str | None = None
-    """What holds once it was stopped; None: it does not say."""
+    """The situation that it reports after a stop; None: no report."""
     undoes: Undoes | None = None
-    """What it does to undo its work; None: it cannot."""
+    """The script of its compensation; None: it cannot compensate."""
     orders: list[Order] = field(default_factory=list)
 
     def carry_out(self, task: object) -> Work:
@@ -103,12 +103,12 @@ class Robot:
 
 
 def transfer_effect(order: Order) -> str:
-    """The effect of a TransferObject, as arranged."""
+    """Return the effect of a TransferObject, as arranged."""
     return f"{order.inputs['Object']} isOn {order.inputs['Destination']}"
 
 
 class Client:
-    """Hears what is answered to clients."""
+    """Records the answers to clients."""
 
     def __init__(self) -> None:
         self.received: list[Message] = []
@@ -120,7 +120,7 @@ class Client:
 
 
 class VirtualSystem:
-    """Everything at its address. `tasks` are given with `submit`, and looked at with `view`."""
+    """The components of a system, each at its address. `submit` starts a task, and `view` returns its state."""
 
     def __init__(
         self,
@@ -144,7 +144,7 @@ class VirtualSystem:
         for robot in robots:
             self.join(robot)
         self.problems: list[Problem] = []
-        """What the planner was asked."""
+        """The problems that the planner received."""
         self.world.add("tm", self._new_manager(), self._plan, journaled=SCHEMA)
         self.world.run(settle)
         self._question_count = 0
@@ -154,7 +154,7 @@ class VirtualSystem:
         self._join(robot, Profile(name=robot.name, type=type, capabilities=(capability,), valid_for=robot.valid_for, lease=3600))
 
     def restart(self, robot: Robot, *, snapshot: bool = False) -> None:
-        """The robot's Service Manager is killed, and comes up again with its journal; with a snapshot in it, if that is wanted."""
+        """Kill and restart the robot's Service Manager, from its journal and, if requested, a snapshot."""
         address = f"devices/{robot.name}"
         if snapshot:
             self.world.snapshot(address)
@@ -183,7 +183,7 @@ class VirtualSystem:
         return manager
 
     def restart_manager(self, *, snapshot: bool = False) -> None:
-        """The Task Manager is killed, and comes up again with its journal; with a snapshot in it, if that is wanted."""
+        """Kill and restart the Task Manager, from its journal and, if requested, a snapshot."""
         if snapshot:
             self.world.snapshot("tm")
         self.world.revive("tm")
@@ -193,7 +193,7 @@ class VirtualSystem:
         return self.repository.contents.map
 
     def ask(self, body: object) -> object:
-        """A client's question, and what the Task Manager answers."""
+        """Send a client's request, and return the Task Manager's answer."""
         self._question_count += 1
         id = message_id("client", self._question_count)
         header = Header(sender="client", recipient="tm", message_id=id, reply_to="client")
@@ -219,14 +219,14 @@ class VirtualSystem:
         return view(self.manager.state.tasks[task])
 
     def finish(self, *tasks: str, seconds: float = 3600) -> list[TaskView]:
-        """Let time pass until all tasks ended."""
+        """Let time pass until all tasks have ended."""
         ended = self.world.run(seconds, lambda: all(self.manager.state.tasks[task].outcome is not None for task in tasks))
         assert ended, [self.manager.state.tasks[task].events for task in tasks]
         self.world.run(2)
         return [self.view(task) for task in tasks]
 
     def protocol_messages(self, task: str) -> list[tuple[str, str]]:
-        """The messages of the protocol in a task, by type and service, without Progress."""
+        """Return the messages of the protocol in a task, by type and service, without Progress."""
         return [
             (type(message.body).__name__, (message.header.participant or "").partition("#")[0].partition(".")[0])
             for message in self.world.messages
@@ -235,6 +235,6 @@ class VirtualSystem:
 
     def _plan(self, task: object) -> Work:
         if not isinstance(task, Problem):
-            raise TypeError(f"a Task Manager has plans made, and wanted {task}")
+            raise TypeError(f"a Task Manager's only background work is planning, not {task}")
         self.problems.append(task)
         yield self._planning, plan(task)

@@ -1,5 +1,5 @@
-"""Where tests start one system after the other, their programs come out of a process that has imported what they need, also what only one
-of them needs. That saves each system five seconds of CPU, and changes nothing else: a program out of it is a process as it always is."""
+"""Starts the programs of systems under test by forking a process that has imported all their modules. This saves five seconds of CPU for
+each system; otherwise these programs are like any others."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ PROGRAMS = (
     "somrs.scheduling.program",
     "somrs.storage.repository_store",
     "somrs.task_manager.manager",
-    # What NiceGUI is made of; it reads the environment itself when it is imported.
+    # Dependencies of NiceGUI; NiceGUI itself reads the environment when it is imported.
     "docutils.core",
     "fastapi",
     "fastapi.middleware.gzip",
@@ -48,7 +48,7 @@ PID = struct.Struct("i")
 
 
 def launcher() -> Launcher:
-    """One of its own for a system."""
+    """Return a new launcher for a system."""
     return Launcher(begin_launcher())
 
 
@@ -69,10 +69,10 @@ def _warm() -> socket.socket:
 
 
 class Program:
-    """A process out of it, without an event loop."""
+    """A program that was forked from it, without an event loop."""
 
     def __init__(self, arguments: Sequence[str], log: Path) -> None:
-        """Run `somrs` with the arguments; what it says goes to the log."""
+        """Run `somrs` with the arguments, and write its output to the log."""
         self._channel = begin_launcher().channel
         request = Start(arguments=tuple(arguments), environment={**os.environ})
         with log.open("wb") as log_file:
@@ -88,7 +88,7 @@ class Program:
         return bool(select.select([self._channel], [], [], 0)[0])
 
     def wait(self) -> None:
-        """Return when it has ended."""
+        """Wait until it has ended."""
         with self._channel, self._replies:
             self._replies.readline()
 
@@ -98,7 +98,7 @@ def main() -> None:
     for name in PROGRAMS:
         importlib.import_module(name)
     import_common()
-    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # nobody asks how a launcher ended
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # nothing waits for a launcher
     with socket.socket(fileno=os.dup(sys.stdin.fileno())) as request_socket:
         while True:
             _, files, _, _ = socket.recv_fds(request_socket, 1, 1)

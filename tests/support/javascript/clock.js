@@ -1,4 +1,4 @@
-// Time that passes only when it is told to.
+// A clock that advances only when a test lets time pass.
 
 export const clock = {
   now: 0,
@@ -10,7 +10,7 @@ export const clock = {
     return this.last;
   },
 
-  // Let milliseconds pass, with all that happens in them.
+  // Let milliseconds pass, with all timers that are due in them.
   async pass(milliseconds = 0) {
     const end = this.now + milliseconds;
     await settled();
@@ -30,7 +30,7 @@ export const clock = {
   },
 };
 
-// All that waits for nothing but its turn has happened.
+// Wait until all pending promises have been handled.
 export async function settled() {
   for (let turn = 0; turn < 4; turn++)
     await new Promise((done) => {

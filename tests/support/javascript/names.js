@@ -1,5 +1,5 @@
-// What the page's import map says, said to node: `somrs-FOLDER/NAME.js` is in a component's folder, and Vue and three.js are those that NiceGUI
-// brings along, so that what is tested is what runs.
+// Resolves module names for node as the page's import map does: `somrs-FOLDER/NAME.js` is in a component's folder, and Vue and three.js are
+// those of NiceGUI, so tests use the same versions as the product.
 
 import { spawnSync } from "node:child_process";
 import { existsSync } from "node:fs";
@@ -11,7 +11,7 @@ const OF_NICEGUI = { vue: "static/vue.esm-browser.js", "nicegui-scene": "element
 
 let nicegui = null;
 
-// Where NiceGUI is: the project's own Python has it, or the one that PYTHON names.
+// The folder of NiceGUI in the project's own Python, or in the one that PYTHON names.
 function niceguiFolder() {
   if (nicegui) return nicegui;
   const own = fileURLToPath(new URL(".venv/bin/python", ROOT));

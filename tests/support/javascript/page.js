@@ -1,5 +1,5 @@
-// A page to test components in, without a browser. To be imported before what is tested. Nothing is laid out here: all sizes are 0 but
-// those that a test gives.
+// A page for tests of components without a browser. Import it before the module under test. There is no layout: all sizes are 0 except
+// those that a test sets.
 
 import { JSDOM, VirtualConsole } from "jsdom";
 import { settled } from "./clock.js";
@@ -8,7 +8,7 @@ import "./server.js";
 export { clock, settled } from "./clock.js";
 export { server } from "./server.js";
 
-// What goes wrong in a listener fails the test.
+// An error in a listener fails the test.
 const heard = new VirtualConsole().on("jsdomError", (error) => setImmediate(() => {
   throw error;
 }));
@@ -45,18 +45,18 @@ globalThis.ResizeObserver = class {
 };
 
 export const page = {
-  calm: false, // whether somebody asked for less motion
-  sized: new Map(), // by element: what tells that it has another size
+  calm: false, // whether the user prefers reduced motion
+  sized: new Map(), // by element: the function that reports a new size
 };
 
-globalThis.console.info = () => {}; // Vue greets developers
+globalThis.console.info = () => {}; // Vue prints a notice for developers
 
 // Components
 
 const QUASAR = ["q-btn", "q-icon", "q-tooltip"];
 
-// The component on the page, as Vue makes it there; a warning of Vue's, as of a name in a template that is nowhere, fails the test.
-// Gives the element, the component itself, and what it told: [event, value].
+// Mounts the component on the page, as Vue does there. A warning of Vue, such as for an unknown name in a template, fails the test.
+// Returns the element, the component itself, and its events: [event, value].
 export async function mounted(component, properties = {}) {
   const { createApp, h, reactive } = await import("vue");
   const given = reactive({ ...properties });
@@ -106,5 +106,5 @@ export async function click(element) {
   await settled();
 }
 
-// What is read, with the blanks of layout taken out.
+// The text of an element, with the whitespace of the layout collapsed.
 export const text = (element) => element.textContent.replace(/\s+/g, " ").trim();

@@ -1,4 +1,4 @@
-// For `node --import`: has the modules found by the names that they have in the browser.
+// For `node --import`: resolves modules by their names in the browser.
 
 import { register } from "node:module";
 

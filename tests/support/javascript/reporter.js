@@ -1,4 +1,4 @@
-// Says which tests failed and why, and how many passed.
+// Reports the failed tests with their errors, and the number of passed ones.
 
 import { inspect } from "node:util";
 

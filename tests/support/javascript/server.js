@@ -1,10 +1,10 @@
-// A server that says what the test wants.
+// A server with the answers that a test defines.
 
 globalThis.location = new URL("http://somrs.test/");
 
 export const server = {
-  answers: {}, // by address without what is asked for: what is answered, or a function of { query, body } that gives it
-  asked: [], // addresses, in order
+  answers: {}, // by path without the query: the answer, or a function of { query, body } that returns it
+  asked: [], // the addresses of requests, in order
   sockets: [],
   away: false,
 
@@ -12,7 +12,7 @@ export const server = {
     Object.assign(this, { answers: {}, asked: [], sockets: [], away: false });
   },
 
-  // The last connection to the address.
+  // The last connection to the path.
   socket(path) {
     return this.sockets.findLast((one) => new URL(one.url).pathname === path);
   },
@@ -46,7 +46,7 @@ globalThis.WebSocket = class {
     this.onclose?.();
   }
 
-  // What the server does.
+  // Actions of the server.
   open() {
     this.onopen?.();
   }
