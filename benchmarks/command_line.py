@@ -1,4 +1,4 @@
-"""How long `somrs --help` takes, beside starting Python at all and importing what a command needs (side by side, in turns)."""
+"""Measures `somrs --help` beside bare Python and the imports that a command needs, in turns."""
 
 from __future__ import annotations
 

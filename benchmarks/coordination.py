@@ -1,6 +1,6 @@
-"""What coordination costs: one coordinator contracts one of ten bidders, durably, in SO-MRS and in others' systems.
+"""Measures coordination: one coordinator contracts one of ten bidders, durably, in SO-MRS and in other systems.
 
-`python benchmarks/coordination.py` measures all of them in turns; names as arguments measure only those.
+`python benchmarks/coordination.py` measures all of them in turns, or those that its arguments name.
 """
 
 from __future__ import annotations
@@ -27,24 +27,24 @@ from somrs.deployment.programs import run_program
 
 WARM_UP = Round(seconds=1.0, concurrency=MAX_CONVERSATIONS)
 START_TIME = 60.0
-"""Seconds that a contestant has to be ready."""
+"""Seconds for a contestant to become ready."""
 
 STALL_TIME = 30.0
-"""Seconds after a round by which it has to have finished the last conversations."""
+"""Seconds after a round for a contestant to finish its last conversations."""
 
 END_TIME = 15.0
-"""Seconds that it has to end by itself."""
+"""Seconds for a contestant to end by itself."""
 
 
 class Entry(Struct, frozen=True, kw_only=True):
-    """A contestant: the class that it is, what it is in words, and the packages that it needs besides SO-MRS."""
+    """A contestant: its module and class, its title, and the packages that it needs besides SO-MRS."""
 
     module: str
     kind: str
     title: str
     packages: tuple[str, ...] = ()
     apart: bool = False
-    """It does something else than the others, and stands below them."""
+    """It does something different, and is listed below the others."""
 
 
 ENTRIES: dict[str, Entry] = {
@@ -60,13 +60,13 @@ ENTRIES: dict[str, Entry] = {
 
 @dataclass(slots=True, kw_only=True)
 class Figures:
-    """What was measured of one contestant at one number of conversations at a time."""
+    """The measurements of one contestant with one number of conversations at a time."""
 
     rates: list[float] = field(default_factory=list)
     """Conversations per second, one figure for each round."""
     latencies: list[float] = field(default_factory=list)
     cpu: float | None = 0.0
-    """Seconds of all its processes together; None where the operating system does not tell."""
+    """CPU seconds of all its processes; None if the operating system does not report them."""
 
     def add(self, measured: Measured, cpu: float | None) -> None:
         self.rates.append(len(measured.latencies) / measured.elapsed)
@@ -99,7 +99,7 @@ class Child:
         msgspec.json.decode(self._read_line(START_TIME), type=Ready)
 
     def measure(self, round: Round) -> tuple[Measured, float | None]:
-        """What it measured, and the processor's seconds that it took."""
+        """Return the measurement, and the CPU seconds that it took."""
         cpu_before = cpu_seconds(self._process.pid)
         assert self._process.stdin is not None
         self._process.stdin.write(msgspec.json.encode(round) + b"\n")
@@ -123,16 +123,16 @@ class Child:
         late.start()
         try:
             while line := self._process.stdout.readline():
-                if line.startswith(b"{"):  # libraries greet on standard output, too
+                if line.startswith(b"{"):  # libraries print greetings on standard output, too
                     return line
         finally:
             late.cancel()
         log_text = self.log.read_text(errors="replace").strip()[-2000:] or "nothing"
-        raise Failed(f"{ENTRIES[self.name].title}: it ended, or was ended after {seconds:g} s without a word; its log says:\n{log_text}")
+        raise Failed(f"{ENTRIES[self.name].title}: it ended, or did not answer within {seconds:g} s; its log:\n{log_text}")
 
 
 def cpu_seconds(root: int) -> float | None:
-    """Of a process and all that came of it, including those that have ended since, as far as they were waited for."""
+    """Return the CPU seconds of a process and its descendants, including ended ones that were waited for."""
     if not Path("/proc").is_dir():
         return None
     tick = os.sysconf("SC_CLK_TCK")
@@ -142,7 +142,7 @@ def cpu_seconds(root: int) -> float | None:
         if entry.name.isdecimal():
             try:
                 fields = (entry / "stat").read_text().rpartition(")")[2].split()
-            except OSError:  # it ended meanwhile
+            except OSError:  # the process has just ended
                 continue
             parents[int(entry.name)] = int(fields[1])
             times[int(entry.name)] = sum(map(int, fields[11:15])) / tick
@@ -150,14 +150,14 @@ def cpu_seconds(root: int) -> float | None:
 
 
 def _ancestors(pid: int, parents: dict[int, int]) -> Iterator[int]:
-    """The process and those that it comes from."""
+    """Yield the process and its ancestors."""
     while pid:
         yield pid
         pid = parents.get(pid, 0)
 
 
 def compete(names: Sequence[str], rounds: int, seconds: float) -> dict[int, dict[str, Figures]]:
-    """Measure them in turns: in each round every contestant gets the same time, alone and in a crowd."""
+    """Measure the contestants in turns: each gets the same time in each round, with one conversation and with many at a time."""
     results: dict[int, dict[str, Figures]] = {concurrency: {name: Figures() for name in names} for concurrency in (1, MAX_CONVERSATIONS)}
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="coordination-")))
@@ -213,9 +213,9 @@ def contestant(entry: Entry) -> Callable[[], Contestant]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").strip().splitlines()[0])
-    parser.add_argument("names", nargs="*", metavar="NAME", help=f"who takes part: {', '.join(ENTRIES)} (all of them, if none is named)")
-    parser.add_argument("--rounds", type=int, default=3, help="how often each gets its turn")
-    parser.add_argument("--seconds", type=float, default=3.0, help="how long a turn is")
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"contestants: {', '.join(ENTRIES)} (default: all)")
+    parser.add_argument("--rounds", type=int, default=3, help="number of rounds")
+    parser.add_argument("--seconds", type=float, default=3.0, help="seconds for each contestant in a round")
     parser.add_argument("--contestant", choices=ENTRIES, help=argparse.SUPPRESS)
     parser.add_argument("--data", type=Path, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
@@ -225,11 +225,11 @@ def main() -> None:
     if unknown := [name for name in arguments.names if name not in ENTRIES]:
         parser.error(f"there is no contestant {', '.join(unknown)}; there are {', '.join(ENTRIES)}")
     if arguments.rounds < 1 or not 0 < arguments.seconds <= 600:
-        parser.error("--rounds is 1 or more, and --seconds more than 0 and at most 600")
+        parser.error("--rounds has to be at least 1, and --seconds more than 0 and at most 600")
     selected = arguments.names or [*ENTRIES]
     for name in selected:
         if not present(ENTRIES[name]):
-            print(f"{ENTRIES[name].title}: left out, because it is not installed; pip install -e '.[rivals]' brings it")
+            print(f"{ENTRIES[name].title}: left out, because it is not installed; pip install -e '.[rivals]' installs it")
     taking_part = [name for name in selected if present(ENTRIES[name])]
     print(
         f"One coordinator, {BIDDERS} bidders, {MESSAGES} messages a conversation; {arguments.rounds} rounds of {arguments.seconds:g} s each"

@@ -1,6 +1,6 @@
-"""What editing an ontology with 5,000 objects on the map costs, and looking back on 10,000 changes, as the windows ask for it.
+"""Measures changes of an ontology with 5,000 objects on the map, and queries of a history of 10,000 changes, as the windows make them.
 
-The times are of processors, of both sides together: asked and answered in one process. Run it as `python benchmarks/editing.py`.
+The times are CPU times of both sides together, as both are in one process. Run it as `python benchmarks/editing.py`.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def definition_change(*definitions: Definition) -> Define:
 
 
 def measure_changes(repository: Repository) -> None:
-    """Inside the Repository, without the way there."""
+    """Measure changes in the Repository itself, without the transport."""
     ontology = repository.contents.ontology
     types, attributes = ontology.types, ontology.attributes
     narrow = (Constraint(attribute="PositionX", maximum=100.0),)
@@ -72,13 +72,13 @@ def received_message(body: Consider | UpdateMap, identity: object) -> Received:
 
 
 def open_repository(journal: Journal) -> JournaledComponent:
-    """The Repository that the journal has, or a new one."""
+    """Return the Repository that the journal contains, or a new one."""
     journaled, _ = journal.begin(REPOSITORY_ADDRESS, lambda address: Repository(address, Contents(ontology=upper(), map=hall())))
     return journaled
 
 
 def fill_journal(path: Path) -> None:
-    """A file in which much happened, and which is left without a snapshot of it."""
+    """Write a journal with many changes and without a snapshot."""
     journal = repository_journal(path)
     journaled = open_repository(journal)
     assert isinstance(journaled.component, Repository)
@@ -93,7 +93,7 @@ def fill_journal(path: Path) -> None:
             if isinstance(effect, Record):
                 journal.store_record(effect.entry)
     journal.close()
-    print(f"\n{EVENTS} updates, of which each is kept, in {format_time(time.process_time() - started_at)}")
+    print(f"\n{EVENTS} updates, each stored, in {format_time(time.process_time() - started_at)}")
 
 
 async def time_request(title: str, ask: Callable[[], Awaitable[object]]) -> None:
@@ -103,11 +103,11 @@ async def time_request(title: str, ask: Callable[[], Awaitable[object]]) -> None
 
 
 async def measure_history(path: Path) -> None:
-    """Over HTTP, from the same process."""
+    """Measure queries over HTTP from the same process."""
     started_at = time.process_time()
     journal = repository_journal(path)
     journaled = open_repository(journal)
-    print(f"\nlooking back on {journaled.number} changes; they were handled again in {format_time(time.process_time() - started_at)}")
+    print(f"\nqueries of {journaled.number} changes; they were replayed in {format_time(time.process_time() - started_at)}")
     started_at = time.process_time()
     journal.snapshot(journaled)
     print(f"  {'a snapshot':46} {format_time(time.process_time() - started_at):>10}")
@@ -135,7 +135,7 @@ async def measure_history(path: Path) -> None:
 
 
 def _refuse_new(address: str) -> Repository:
-    raise AssertionError("the file has one")
+    raise AssertionError("the journal contains a Repository")
 
 
 def rename(name: str, new_name: str) -> Define:

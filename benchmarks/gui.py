@@ -1,8 +1,8 @@
-"""What the windows cost their server: poses of 50 robots at 20 Hz, for one, two and four who look. And how long pages take (`pages.py`).
+"""Measures the windows' server with poses of 50 robots at 20 Hz for one, two and four viewers, and the loading of pages (`pages.py`).
 
-The real server of the windows and the API behind it, a process each. The poses come from the real simulator, in which 50 robots drive to
-and fro, and, as that may not keep 20 Hz beside all else on two cores, from a program that speaks the robot link and plays 50 robots of
-which every one moved in every tick. CPU is that of the two, from /proc. Run it as `python benchmarks/gui.py`.
+The windows' server and the API are real processes. The poses come from the real simulator, in which 50 robots drive around, and from a
+program that speaks the robot link and moves all 50 robots in every tick, because the simulator may not reach 20 Hz on two busy cores. CPU
+is that of both servers, from /proc. Run it as `python benchmarks/gui.py`.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ HEADER = struct.Struct("<ddII")
 
 
 def hall() -> str:
-    """A site: a hall of 42 by 42 m with robots in rows."""
+    """Return a site: a hall of 42 by 42 m with robots in rows."""
     floor = "{type: Floor, at: [21, 21, -0.1], Shape: {Form: Box, Width: 42, Depth: 42, Height: 0.1}}"
     storey = f"{{type: Storey, parts: {{Floor1: {floor}}}}}"
     lines = ["map: Hall", "objects:", f"  Building1: {{type: Building, parts: {{Storey1: {storey}}}}}"]
@@ -57,7 +57,7 @@ def home(robot: int) -> tuple[float, float]:
 
 
 class Processes:
-    """A Repository, a Registry, and the windows of a site, without devices; `simulator`: where that is, if another than its own."""
+    """A Repository, a Registry, and the windows of a site without devices. `simulator`: the address of another simulator than its own."""
 
     def __init__(self, folder: Path, simulator: str | None = None) -> None:
         self._reservation = Reservation("127.0.0.1", 6)
@@ -86,7 +86,7 @@ class Processes:
         self._reservation.close()
 
     def start(self, program: str, port: int, *options: str) -> int:
-        """Start a program, and return its process when it is ready."""
+        """Start a program, and return its process id when it is ready."""
         line = [sys.executable, "-m", "somrs.cli.main", "run", program, "--data", str(self.folder), "--port", str(port), *options]
         process = subprocess.Popen(line, stdout=subprocess.PIPE, env=self._reservation.environment)
         self._stack.callback(process.wait)
@@ -97,14 +97,14 @@ class Processes:
         return process.pid
 
     def spent(self) -> float:
-        """Seconds of CPU that the two servers have used."""
+        """Return the CPU seconds of the two servers."""
         fields = [Path(f"/proc/{process}/stat").read_text().rpartition(") ")[2].split() for process in self.servers]
         return sum(int(columns[11]) + int(columns[12]) for columns in fields) / os.sysconf("SC_CLK_TCK")
 
 
 @dataclass(slots=True)
 class ViewerTraffic:
-    """What one who looks was sent."""
+    """The data that a viewer received."""
 
     ticks: float = 0
     moved: float = 0
@@ -130,7 +130,7 @@ def simulate_viewers(url: str, viewers: int) -> Iterator[list[ViewerTraffic]]:
 
 
 async def measure_viewers(processes: Processes, title: str) -> None:
-    """Print what each number of viewers costs the two servers."""
+    """Print the cost of each number of viewers for the two servers."""
     assert processes.addresses.gui is not None
     shares: dict[int, list[float]] = {viewers: [] for viewers in (0, *VIEWERS)}
     received: dict[int, list[ViewerTraffic]] = {viewers: [] for viewers in VIEWERS}
@@ -156,7 +156,7 @@ async def measure_viewers(processes: Processes, title: str) -> None:
         ticks = sum(viewer_traffic.ticks for viewer_traffic in totals) / max(1, len(totals)) / ROUND_TIME
         moved = sum(viewer_traffic.moved for viewer_traffic in totals) / max(1, sum(viewer_traffic.ticks for viewer_traffic in totals))
         size = sum(viewer_traffic.bytes for viewer_traffic in totals) / max(1, len(totals)) / ROUND_TIME / 1000
-        print(f"  {f'{viewers} who look':42} {share:10.2%} {increase} {ticks:8.1f} {moved:6.1f} {size:6.1f}", flush=True)
+        print(f"  {f'{viewers} viewers':42} {share:10.2%} {increase} {ticks:8.1f} {moved:6.1f} {size:6.1f}", flush=True)
         before_share, before_viewers = share, viewers
 
 
@@ -188,11 +188,11 @@ async def measure_real() -> None:
 
 @asynccontextmanager
 async def player() -> AsyncIterator[str]:
-    """Speaks the operator's part of the robot link, and tells of robots that move all the time."""
+    """Speak the operator's part of the robot link, and report robots that move all the time."""
 
     async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         writer.write(encode_line(Welcome(time=0.0)))
-        with contextlib.suppress(asyncio.IncompleteReadError, ConnectionError, asyncio.CancelledError):  # the last, at the end of all
+        with contextlib.suppress(asyncio.IncompleteReadError, ConnectionError, asyncio.CancelledError):  # cancelled at the end
             await reader.readuntil(b"\n")
             while not isinstance(request := read_by_server(await reader.readuntil(b"\n")), Ask) or not isinstance(request.question, Follow):
                 pass

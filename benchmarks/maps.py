@@ -1,4 +1,4 @@
-"""What maps of 5,000 objects cost: loading, checking, asking and changing them, beside the least work of the kind.
+"""Measures loading, checking, querying and changing maps of 5,000 objects, beside the minimum of such work.
 
 Run it as `python benchmarks/maps.py`.
 """
@@ -27,7 +27,7 @@ SHAPE: dict[str, Value] = {"Shape.Form": "Box", "Shape.Width": 1.2, "Shape.Depth
 
 
 def hall() -> Map:
-    """A storey with many tables, and a jar on each."""
+    """Return a storey with many tables, and a jar on each."""
     floor: dict[str, Value] = {"PositionX": 1250.0, "PositionY": 0.0, "PositionZ": -0.1, "Shape.Form": "Box", "Shape.Height": 0.1}
     objects = [
         Object(name="Building1", type="Building"),
@@ -50,7 +50,7 @@ def load(text: str, map: Map) -> None:
     assert load_text(text).map == map
     ways = {
         "yaml.CSafeLoader, the bare text": lambda: yaml.load(text, yaml.CSafeLoader),
-        "load_text: checked, with places for errors": lambda: load_text(text),
+        "load_text: checked, with positions for errors": lambda: load_text(text),
     }
     side_by_side(f"loading {len(map.objects)} objects, {len(text) // 1000} kB", ways, rounds=3)
 
@@ -58,10 +58,10 @@ def load(text: str, map: Map) -> None:
 def check(map: Map, ontology: Ontology) -> None:
     assert violations(map, ontology) == []
     ways = {
-        "a look at each value and fact": lambda: (
+        "one access to each value and fact": lambda: (
             sum(value is not None for item in map.objects.values() for value in item.values.values()) + sum(1 for _ in map.facts())
         ),
-        "violations: does the map obey its types": lambda: violations(map, ontology),
+        "violations: does the map conform to its types": lambda: violations(map, ontology),
     }
     side_by_side("checking", ways, rounds=5)
 
@@ -115,16 +115,16 @@ def write(map: Map, ontology: Ontology) -> None:
     numbers = iter(range(10**9))
 
     def typed(rest: str) -> str:
-        """Another text each time, as what is typed is."""
+        """Return a new text each time, as when a user types."""
         return f"Jar7 isOn ?Where: Platform AND Jar7.PositionX < {next(numbers)} AND Jar7.Color = {rest}"
 
     assert check_text(typed("Red"), ontology, map, {}).ok
     ways = {
         "parse: the text alone": lambda: parse(typed("Red")),
-        "checked: does it fit ontology and map": lambda: check_text(typed("Red"), ontology, map, {}),
-        "complete: what can come at its end": lambda: complete(text := typed(""), len(text), ontology, map),
+        "checked: does it conform to ontology and map": lambda: check_text(typed("Red"), ontology, map, {}),
+        "complete: proposals for its end": lambda: complete(text := typed(""), len(text), ontology, map),
     }
-    side_by_side("writing a formula, as the windows ask with each key", ways)
+    side_by_side("writing a formula, as the windows do after each key", ways)
 
 
 def main() -> None:

@@ -1,7 +1,7 @@
-"""How long pages take in a real browser until they can be used: on the paper's scenario, on a map of 5,000 objects, and of a task with
-more than 1,000 messages; and until others see a change. Medians, in milliseconds.
+"""Measures how long pages take in a real browser until they are usable: on the paper's scenario, on a map of 5,000 objects, and of a task
+with more than 1,000 messages; and how long a change takes to reach another viewer. Medians, in milliseconds.
 
-Real processes, and Chromium without a screen. Run by `gui.py`, or by itself as `python benchmarks/pages.py`.
+It uses real processes, and Chromium without a screen. `gui.py` runs it; it also runs alone as `python benchmarks/pages.py`.
 """
 
 from __future__ import annotations
@@ -44,16 +44,16 @@ FLAGS = (
 )
 ROUNDS = 5
 SIDE = 50
-"""Tables along each side of the large hall; each has a jar on it."""
+"""The number of tables along each side of the large hall; each has a jar on it."""
 PARCELS = 45
 TASK_TIME = 600.0
-"""Seconds for a task of that many parcels."""
+"""Seconds for a task with this number of parcels."""
 
 Measure = Callable[[], float]
 
 
 def main() -> None:
-    table = Table(title="Pages, until they can be used; milliseconds", title_justify="left")
+    table = Table(title="Pages: milliseconds until they are usable", title_justify="left")
     for column in ("", "first", "median", "worst"):
         table.add_column(column, justify="left" if not column else "right")
     with sync_playwright() as started:
@@ -69,7 +69,7 @@ def main() -> None:
 
 
 class Running:
-    """A system whose event loop is in a thread of its own: Playwright has this one's."""
+    """A system whose event loop runs in another thread, because Playwright uses the loop of this one."""
 
     def __init__(self, site: list[Path], data: Path) -> None:
         self._loop = asyncio.new_event_loop()
@@ -94,7 +94,7 @@ def row(table: Table, name: str, times: list[float]) -> None:
 
 
 def open_page(page: Page, url: str, usable: str) -> float:
-    """Milliseconds from asking for the page until what is named can be seen."""
+    """Return the milliseconds from the request for the page until the element `usable` is visible."""
     started_at = time.perf_counter()
     page.goto(url, wait_until="commit")
     page.locator(usable).first.wait_for(state="visible", timeout=120_000)
@@ -123,13 +123,13 @@ def scenario(browser: Browser, folder: Path, table: Table) -> None:
             ("fleet", "/fleet", "text=Robot1"),
             ("history", "/history", "text=Export"),
         ):
-            page = pages(browser)  # the first time with an empty cache
+            page = pages(browser)  # an empty cache for the first time
             row(table, name, [open_page(page, url + path, usable) for _ in range(ROUNDS)])
             page.context.close()
 
 
 def hall_map() -> Map:
-    """A storey with 2,500 tables in rows, and a jar on each."""
+    """Return a storey with 2,500 tables in rows, and a jar on each."""
     width = 3.0 * (SIDE + 1)
     floor: dict[str, Value] = {"PositionX": width / 2, "PositionY": width / 2, "PositionZ": -0.1, "Shape.Form": "Box", "Shape.Height": 0.1}
     objects = [
@@ -157,9 +157,9 @@ def hall(browser: Browser, folder: Path, table: Table) -> None:
         page, other_page = pages(browser), pages(browser)
         row(table, "map of 5,000 objects", [open_page(page, f"{url}/map", "[data-name=Table0]") for _ in range(ROUNDS)])
         open_page(other_page, f"{url}/map", "[data-name=Table0]")
-        row(table, "  a change of one object, seen by another who looks", [change_object(url, other_page, n) for n in range(ROUNDS)])
+        row(table, "  a change of one object, until another viewer sees it", [change_object(url, other_page, n) for n in range(ROUNDS)])
         open_page(page, f"{url}/map", "[data-name=Table0]")
-        row(table, "  a step of the wheel, drawn", [zoom_page(page) for _ in range(ROUNDS)])
+        row(table, "  one step of the mouse wheel, until it is drawn", [zoom_page(page) for _ in range(ROUNDS)])
         row(table, "new task, 5,000 objects", [open_page(page, f"{url}/define", "[data-name=Table0]") for _ in range(ROUNDS)])
         row(table, "ontology, 5,000 objects", [open_page(page, f"{url}/ontology", "[role=treeitem]") for _ in range(ROUNDS)])
 
@@ -174,7 +174,7 @@ def change_object(url: str, other_page: Page, n: int) -> float:
 
 
 def zoom_page(page: Page) -> float:
-    """Until the frame after it has been drawn."""
+    """Return the milliseconds of a zoom step until the next frame is drawn."""
     page.mouse.move(400, 400)
     started_at = time.perf_counter()
     page.mouse.wheel(0, -120)

@@ -1,6 +1,6 @@
-"""How long planning takes, by the size of the map and the length of the plan: `python benchmarks/planning.py`.
+"""Measures planning by the size of the map and by the length of the plan: `python benchmarks/planning.py`.
 
-`python benchmarks/planning.py somrs 10000 five` is one measurement, in a process whose memory is its own.
+`python benchmarks/planning.py somrs 10000 five` runs one measurement, in a process that measures its own memory.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ from somrs.planner_service.engines import driver, plan_in_process
 RUNS = 3
 SIZES = (50, 100, 1_000, 10_000, 100_000)
 PATIENCE = 60.0
-"""Seconds after which a contestant is given up."""
+"""Seconds after which a contestant is stopped."""
 MEGABYTE = 1024
-"""In the kilobytes that Linux counts memory in."""
+"""Kilobytes, the unit in which Linux reports memory."""
 
 ONE_STEP_GOAL = "Jar7 isOn Shelf9"
 FIVE_STEP_GOAL = "Jar7.Clean = TRUE AND Jar7 isOn Shelf9 AND Jar8.Clean = TRUE"
@@ -69,7 +69,7 @@ ONTOLOGY: Ontology = upper().extended(
 
 
 def store(size: int) -> Map:
-    """Half jars, half shelves, ten washers."""
+    """Return a map of half jars, half shelves, and ten washers."""
     jars = [Object(name=f"Jar{n}", type="Jar") for n in range(size // 2)]
     shelves = [Object(name=f"Shelf{n}", type="Shelf") for n in range(size // 2)]
     washers = [Object(name=f"Washer{n}", type="Washer") for n in range(10)]
@@ -77,7 +77,7 @@ def store(size: int) -> Map:
 
 
 def corridor(length: int) -> Map:
-    """Rooms in a row, all doors shut, a robot in the first room."""
+    """Return a map of rooms in a row with closed doors, and a robot in the first room."""
     rooms = [Object(name=f"Room{n}", type="Room") for n in range(length)]
     doors = [Object(name=f"Door{n}", type="Door", values={"Open": False}) for n in range(length - 1)]
     ways = [
@@ -101,16 +101,16 @@ def problems() -> Iterator[tuple[str, Problem]]:
     ten = " AND ".join(f"Jar{n}.Clean = TRUE AND Jar{n} isOn Shelf99" for n in range(10))
     yield "ten jars washed, 5000 objects", problem(store(5_000), ten, TRANSFER, WASH)
     yield "whatever is on a shelf taken off it, 5000 objects", problem(store(5_000), "NOT ?x isOn Shelf9", TRANSFER)
-    yield "what nobody can do, 5000 objects", problem(store(5_000), "Shelf1 isOn Shelf2", TRANSFER, WASH)
+    yield "a goal out of reach, 5000 objects", problem(store(5_000), "Shelf1 isOn Shelf2", TRANSFER, WASH)
     for length in (10, 50, 200):
         yield f"through {length} rooms", problem(corridor(length), f"Robot1 isInside Room{length - 1}", DRIVE, OPEN)
 
 
 def measure(contestant: str, size: int, task: str) -> dict[str, float] | None:
-    """Seconds to the first plan and to the same task a moment later, on a map on which a jar was moved meanwhile; megabytes.
-    None when there was no plan in time."""
+    """Return the seconds to the first plan, and to the same task after a jar was moved, and the memory in megabytes; None without a plan
+    in time."""
     current_problem = problem(store(size), ONE_STEP_GOAL if task == "one" else FIVE_STEP_GOAL, TRANSFER, WASH)
-    gc.set_threshold(YOUNG_OBJECTS)  # as the programs do that plan
+    gc.set_threshold(YOUNG_OBJECTS)  # as in the programs that plan
     memory_before = _memory()
     plan_lengths: list[int | None] = []
     if contestant == "unified-planning":
@@ -140,13 +140,13 @@ def _seconds(work: Callable[[], object]) -> float:
 
 
 def _memory() -> float:
-    """The most that this process and those that it started had at a time, in megabytes."""
+    """Return the peak memory of this process and its children, in megabytes."""
     kilobytes = max(resource.getrusage(owner).ru_maxrss for owner in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     return kilobytes / MEGABYTE
 
 
 def measure_in_process(contestant: str, size: int, task: str) -> dict[str, float] | None:
-    """The measurement in a process of its own; None when it took too long, or too much."""
+    """Run the measurement in a separate process; None if it took too much time or memory."""
     command = [sys.executable, __file__, contestant, str(size), task]
     try:
         completed = subprocess.run(command, stdout=subprocess.PIPE, text=True, timeout=2 * PATIENCE, check=True)
@@ -157,7 +157,7 @@ def measure_in_process(contestant: str, size: int, task: str) -> dict[str, float
 
 
 def by_size() -> None:
-    """How time and memory grow with the map, and what that costs without looking for what matters first."""
+    """Print time and memory by the size of the map, and those of a planner without an analysis of relevance."""
     rivals = importlib.util.find_spec("unified_planning") is not None and driver() is not None
     contestants = ["somrs", *(["unified-planning"] if rivals else [])]
     print(f"{'':26} {'objects':>8} {'first plan':>12} {'the next':>12} {'memory':>10}")
@@ -171,7 +171,7 @@ def by_size() -> None:
                 times = f"{format_time(result['first']):>12} {format_time(result['again']):>12}"
                 print(f"{label + ', ' + contestant:28} {size:6} {times} {result['memory']:7.0f} MB", flush=True)
     if not rivals:
-        print("without unified-planning and Fast Downward, which pip install -e '.[planner,rivals]' brings")
+        print("without unified-planning and Fast Downward; pip install -e '.[planner,rivals]' installs them")
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""How fast simulated time passes, beside the bare physics of the same world; and ways through an office, beside a search in C.
+"""Measures the speed of simulated time beside the bare physics of the same world, and paths through an office beside a search in C.
 
 Run it as `python benchmarks/simulator.py [office.building.yaml]`.
 """
@@ -46,7 +46,7 @@ DELIVER: Jobs = {
 
 
 def work(simulation: Simulation, jobs: Jobs) -> None:
-    """Step until the robots have done their jobs."""
+    """Step the simulation until the robots have done their jobs."""
     open_jobs = {robot: list(commands) for robot, commands in jobs.items()}
 
     def run_next(robot: str, end: CommandDone | CommandGivenUp | None = None) -> None:
@@ -62,7 +62,7 @@ def work(simulation: Simulation, jobs: Jobs) -> None:
 
 
 def pace(title: str, map: Map, ontology: Ontology, jobs: Jobs) -> None:
-    """Print how many seconds of simulated time pass in one on the wall."""
+    """Print the simulated seconds per second of wall-clock time."""
     setup_times, whole, bare = [], [], []
     simulated = 0.0
     for _ in range(ROUNDS):
@@ -93,7 +93,7 @@ def scenario() -> tuple[Map, Ontology]:
 
 
 def rest(map: Map, ontology: Ontology) -> None:
-    """Print what a simulator costs in which nothing moves."""
+    """Print the CPU share of a simulator in which nothing moves."""
 
     async def measure_cpu() -> float:
         server = Server(Simulation(map, ontology), speed=None)
@@ -109,7 +109,7 @@ def rest(map: Map, ontology: Ontology) -> None:
 
 
 def office_boxes() -> dict[str, tuple[str, Box, float]]:
-    """45 x 25 m: a corridor in the middle, and twelve rooms with desks on either side; type, middle and size, height."""
+    """Return an office of 45 x 25 m, with a corridor and twelve rooms with desks: type, center and size, and height of each object."""
     boxes: dict[str, tuple[str, Box, float]] = {}
     for row, (low, high) in enumerate(((0, 11), (14, 25))):
         for i in range(12):
@@ -128,7 +128,7 @@ def box(name: str, type: str, place: Box, height: float, z: float = 0.0) -> Obje
 
 
 def grid_search(boxes: dict[str, tuple[str, Box, float]], cell: float = 0.1) -> Callable[[tuple[float, float], tuple[float, float]], float]:
-    """Dijkstra in C over the cells in which the robot meets nothing; the grid is ready when it is asked."""
+    """Return a function that runs Dijkstra's algorithm in C on a prepared grid of the cells that are free for the robot."""
     xs, ys = np.meshgrid(np.arange(0, 45 + cell / 2, cell), np.arange(0, 25 + cell / 2, cell), indexing="ij")
     free = (np.minimum(xs, 45 - xs) >= RADIUS) & (np.minimum(ys, 25 - ys) >= RADIUS)
     for _, (x, y, width, depth), _ in boxes.values():
@@ -161,14 +161,14 @@ def navigation() -> None:
     path = navigator.path(start, goal, RADIUS)
     assert path is not None
     path_length, plain = length(path), search(start, goal)
-    print(f"\nan office of 45 x 25 m, {len(objects)} objects: a way of {path_length:.1f} m, by the cells of a grid {plain:.1f} m")
+    print(f"\nan office of 45 x 25 m, {len(objects)} objects: a path of {path_length:.1f} m, on the grid {plain:.1f} m")
     ways: dict[str, Callable[[], object]] = {
-        "scipy's Dijkstra over a ready grid of 10 cm": lambda: search(start, goal),
-        "path: found, smoothed, with room kept": lambda: navigator.path(start, goal, RADIUS),
+        "scipy's Dijkstra on a prepared grid of 10 cm": lambda: search(start, goal),
+        "path: found, smoothed, with a margin": lambda: navigator.path(start, goal, RADIUS),
         "Navigator: the map is read": lambda: Navigator(map, ontology),
-        "both, from nothing": lambda: Navigator(map, ontology).path(start, goal, RADIUS),
+        "both together": lambda: Navigator(map, ontology).path(start, goal, RADIUS),
     }
-    side_by_side("finding ways", ways, rounds=5)
+    side_by_side("finding paths", ways, rounds=5)
 
 
 def main() -> None:

@@ -1,7 +1,7 @@
-"""What the start of a system costs: CPU and memory of its programs, by `somrs up` and each started by itself, in turns.
+"""Measures the start of a system: CPU and memory of its programs, by `somrs up` and as separate processes, in turns.
 
-The paper's scenario with its windows. CPU is what each process has used when all are ready, from /proc; memory is what is its own (Pss: of
-what several processes share, each has its share). Run it as `python benchmarks/start.py`.
+It starts the paper's scenario with its windows. CPU is that of each process until all are ready, from /proc; memory is the proportional set
+size (Pss), which divides shared memory among the processes that share it. Run it as `python benchmarks/start.py`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ ROUNDS = 5
 
 
 class Singly(Launcher):
-    """Starts each program as a Python of its own."""
+    """Starts each program as a separate Python."""
 
     async def start(self, arguments: Sequence[str], log: Path, environment: Mapping[str, str]) -> Process:
         line = [sys.executable, "-m", "somrs.cli.main", *arguments]
@@ -52,19 +52,19 @@ class Cost:
 
 
 def cpu(process: int) -> float:
-    """Seconds that the process has used."""
+    """Return the CPU seconds of the process."""
     fields = Path(f"/proc/{process}/stat").read_text().rpartition(") ")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def memory(process: int) -> float:
-    """Megabytes."""
+    """Return the memory of the process in megabytes."""
     lines = Path(f"/proc/{process}/smaps_rollup").read_text().splitlines()
     return sum(int(line.split()[1]) for line in lines if line.startswith("Pss:")) / 1024
 
 
 async def started_singly() -> Cost:
-    """All programs of a system, each a Python of its own, without what starts them."""
+    """Start all programs of a system as separate Pythons; the cost excludes the program that starts them."""
     with tempfile.TemporaryDirectory() as folder:
         system = System([SITE], Path(folder), windows=True, launcher=Singly())
         started_at = time.perf_counter()
@@ -74,7 +74,7 @@ async def started_singly() -> Cost:
 
 
 def started_by_command() -> Cost:
-    """`somrs up`, and all that comes out of it."""
+    """Start a system with `somrs up`; the cost includes all its processes."""
     with tempfile.TemporaryDirectory() as folder:
         line = [sys.executable, "-m", "somrs.cli.main", "up", str(SITE), "--data", folder]
         started_at = time.perf_counter()
@@ -91,7 +91,7 @@ def started_by_command() -> Cost:
 
 
 def descendants(process: int) -> list[int]:
-    """The processes that it has started, and those that they have."""
+    """Return the children of a process, and their descendants."""
     children = [int(id) for id in Path(f"/proc/{process}/task/{process}/children").read_text().split()]
     return [*children, *(descendant for child in children for descendant in descendants(child))]
 

@@ -1,4 +1,4 @@
-"""Ways of doing something, timed side by side: in turns, in one run, so that what else the machine does strikes all of them."""
+"""Times several ways of doing something, in turns in one run, so that other load on the machine affects all of them alike."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from collections.abc import Callable, Mapping
 
 ROUNDS = 9
 ROUND_TIME = 0.02
-"""Seconds that each way gets in a round, at the least."""
+"""The minimum duration of each way in a round, in seconds."""
 
 UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"))
 
 
 def side_by_side(title: str, ways: Mapping[str, Callable[[], object]], rounds: int = ROUNDS) -> None:
-    """Print the median time of each way, its best, and how many times the median of the first way that is."""
+    """Print the median time of each way, its best time, and the ratio of its median to that of the first way."""
     repeats = {name: _repeats(way) for name, way in ways.items()}
     times: dict[str, list[float]] = {name: [] for name in ways}
     for _ in range(rounds):
@@ -28,19 +28,19 @@ def side_by_side(title: str, ways: Mapping[str, Callable[[], object]], rounds: i
 
 
 def format_time(seconds: float) -> str:
-    """The time in a unit that suits it."""
+    """Return the time as text, in a suitable unit."""
     scale, unit = next((entry for entry in UNITS if seconds >= entry[0]), UNITS[-1])
     return f"{seconds / scale:.3g} {unit}"
 
 
 def _repeats(way: Callable[[], object]) -> int:
-    """How often to do it in a round; doing it once before also warms it up."""
+    """Return how often to repeat the way in a round. The first run also warms it up."""
     first_time = _seconds(way, 1)
     return max(1, round(ROUND_TIME / max(min(first_time, _seconds(way, 1)), 1e-7)))
 
 
 def _seconds(way: Callable[[], object], repeats: int) -> float:
-    """Seconds that it takes once, over so many times."""
+    """Return the mean seconds of one run over so many runs."""
     started = time.perf_counter()
     for _ in range(repeats):
         way()

@@ -1,4 +1,4 @@
-"""What a SOAP message costs, beside msgspec's JSON of the same structs and lxml alone on the same bytes: `python benchmarks/wire.py`."""
+"""Measures SOAP messages beside msgspec's JSON of the same structs and lxml alone on the same bytes: `python benchmarks/wire.py`."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ EXAMPLES: dict[str, tuple[Header, Body]] = {
 
 
 def compare(name: str, message: Message) -> None:
-    """Print what writing and reading the message cost."""
+    """Print the cost of writing and reading the message."""
     document = soap.encode(message)
     assert soap.decode(document) == message
     tree = etree.fromstring(document)
@@ -72,7 +72,7 @@ def compare(name: str, message: Message) -> None:
 
 
 def over_http(message: Message) -> None:
-    """Print what it costs to hand over a message that is answered with 202, server and sender on one core."""
+    """Print the cost of sending a message that is answered with 202, with both sides on one core."""
 
     async def accept(message: Message) -> None:
         return None

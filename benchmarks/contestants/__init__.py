@@ -1,1 +1,1 @@
-"""Who takes part in `coordination.py`: each holds the same conversations in a way of its own, in processes of its own."""
+"""The contestants of `coordination.py`: each holds the same conversations in its own way, in its own processes."""

@@ -1,4 +1,4 @@
-"""What every contestant has to be able to do, and the loop in which its process measures it when it is told to."""
+"""The interface of a contestant, and the loop in which its process measures it on request."""
 
 from __future__ import annotations
 
@@ -13,46 +13,46 @@ import msgspec
 
 BIDDERS = 10
 MAX_CONVERSATIONS = 16
-"""The most conversations that are held at the same time."""
+"""The maximum number of conversations at the same time."""
 
 MESSAGES = 3 * BIDDERS + 3
 """Arrange and Terms with each, Accept with one, Cancel with the others, Execute, Completed and End."""
 
 
 class Contestant(Protocol):
-    """`line` tells the conversations apart that are held at the same time; one line holds one after the other."""
+    """A contestant. `line` distinguishes simultaneous conversations; a line holds one conversation after the other."""
 
     async def start(self, data: Path) -> None: ...
 
     async def converse(self, line: int) -> None:
-        """A whole conversation, from asking for the work to knowing that it is done and over."""
+        """Hold a whole conversation, from the request for the work to the knowledge that it has ended."""
         ...
 
     async def stop(self) -> None: ...
 
 
 class Round(msgspec.Struct, frozen=True, kw_only=True):
-    """What is to be measured: for so many seconds, so many conversations at a time."""
+    """A request for a measurement: its duration in seconds, and the number of conversations at a time."""
 
     seconds: float
     concurrency: int
 
 
 class Measured(msgspec.Struct, frozen=True, kw_only=True):
-    """How long all of it took, and each conversation in it; in seconds."""
+    """The duration of a measurement, and of each conversation in it, in seconds."""
 
     elapsed: float
     latencies: list[float]
 
 
 class Ready(msgspec.Struct, frozen=True, kw_only=True):
-    """It is up; conversations can begin."""
+    """The contestant is ready for conversations."""
 
     name: str
 
 
 async def measure(contestant: Contestant, round: Round) -> Measured:
-    """Hold conversations until the time is over; those that have begun by then are finished, and count."""
+    """Hold conversations until the time is over. Conversations that have begun by then are finished, and count."""
     latencies: list[float] = []
     started_at = time.perf_counter()
     end = started_at + round.seconds
@@ -69,7 +69,7 @@ async def measure(contestant: Contestant, round: Round) -> Measured:
 
 
 async def take_part(name: str, create: Callable[[], Contestant], data: Path) -> None:
-    """Be measured as the lines on standard input say, until there are no more."""
+    """Run measurements as the lines on standard input request, until its end."""
     contestant = create()
     loop = asyncio.get_running_loop()
     try:

@@ -1,4 +1,4 @@
-"""The messages of a conversation, for contestants that have none of their own: as large as the protocol's, and as many."""
+"""The messages of a conversation, for contestants without their own: as many as the protocol's, and of the same size."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Body = dict[str, str | float]
 
 
 class Note(Struct, frozen=True, kw_only=True):
-    """A message. What is in its header is what is in one of the Failure Recovery Protocol."""
+    """A message. Its header has the same information as one of the Failure Recovery Protocol."""
 
     kind: str
     sender: str
@@ -49,11 +49,11 @@ BODIES: dict[str, Body] = {
     "Completed": {"situation": GOAL},
     "End": {"outcome": "accomplished"},
 }
-"""What each message says."""
+"""The body of each message."""
 
 
 class Speaker:
-    """Writes the messages of one side. Ids are unique, and cheaper than those that say the same after a restart."""
+    """Writes the messages of one side. Ids are unique, and cheaper than ids that are reproduced after a restart."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -76,7 +76,7 @@ class Speaker:
 
 
 class Bidder:
-    """What a bidder answers. It offers at a price that differs from one conversation to the next, so that each wins some."""
+    """A bidder. Its price differs from one conversation to the next, so that each bidder gets some contracts."""
 
     def __init__(self, name: str, number: int) -> None:
         self._speaker, self._number = Speaker(name), number
@@ -98,7 +98,7 @@ class Bidder:
 
 
 class Negotiation:
-    """The coordinator's side of one conversation: what it says first, and what it says to what it hears."""
+    """The coordinator's side of one conversation: its first messages, and its answers."""
 
     def __init__(self, speaker: Speaker, transaction: str, bidders: tuple[str, ...]) -> None:
         self._speaker, self._transaction, self._bidders = speaker, transaction, bidders

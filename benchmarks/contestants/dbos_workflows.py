@@ -1,11 +1,9 @@
 """DBOS on its SQLite system database: a durable workflow for each conversation, in one process, in two forms.
 
-`Steps` is the fastest for DBOS: the bidders are functions that a workflow calls as steps, one after the other in a thread (that was
-faster than coroutines, and than all at the same time). A step is written once, when it is over, so two messages (Arrange and its
-Terms, Execute and its Completed) cost one write. `Messages` is
-what the other contestants do: the bidders are workflows of their own, and everything is said with `send` and `recv`; what goes to all
-of them goes in one transaction. Both on a write-ahead log with `synchronous=FULL`, which DBOS does not choose by itself, and which
-makes it faster.
+`Steps` is the fastest variant for DBOS: a workflow calls the bidders as steps, one after the other in a thread (faster than coroutines, and
+than all at the same time). A step is written once, at its end, so two messages (Arrange and its Terms, Execute and its Completed) cost one
+write. `Messages` works as the other contestants do: the bidders are separate workflows, and all messages use `send` and `recv`; a message
+to all bidders is one transaction. Both use a write-ahead log with `synchronous=FULL`, which is not DBOS's default, and is faster.
 """
 
 from __future__ import annotations
@@ -25,10 +23,10 @@ from contestants.conversation import Bidder, Negotiation, Note, Speaker
 COORDINATOR = "task-manager"
 NAMES = tuple(f"robot-{number}" for number in range(BIDDERS))
 POLL = 0.001
-"""Seconds between two looks for messages: on SQLite DBOS polls, and this is the shortest that it takes."""
+"""The polling interval in seconds: on SQLite DBOS polls for messages, and this is the shortest interval."""
 
 Record = dict[str, Any]
-"""A note, as DBOS writes it."""
+"""A note in the form that DBOS stores."""
 
 bidders = {name: Bidder(name, number) for number, name in enumerate(NAMES)}
 speaker = Speaker(COORDINATOR)
@@ -44,7 +42,7 @@ def _launch(data: Path) -> None:
 
     @sqlalchemy.event.listens_for(engine, "connect")
     def prepare(connection: Any, record: Any) -> None:
-        connection.isolation_level = "IMMEDIATE"  # so, too, DBOS's own connections
+        connection.isolation_level = "IMMEDIATE"  # as in DBOS's own connections
         for setting in ("journal_mode=WAL", "synchronous=FULL", "busy_timeout=30000", "foreign_keys=ON"):
             connection.execute(f"PRAGMA {setting}")
 
@@ -63,7 +61,7 @@ def _launch(data: Path) -> None:
 
 @DBOS.step()
 def ask(record: Record) -> Record | None:
-    """Tell a bidder something; its answer."""
+    """Send a bidder a note, and return its answer."""
     answer = bidders[record["recipient"]].answer(Note(**record))
     return _record(answer) if answer is not None else None
 
@@ -93,7 +91,7 @@ class Steps:
 
 
 def _mailbox(name: str, transaction: str) -> str:
-    """The id of a party's workflow in a conversation."""
+    """Return the id of a party's workflow in a conversation."""
     return f"{transaction}/{name}"
 
 
@@ -103,7 +101,7 @@ async def _send_notes(notes: list[Note]) -> None:
 
 @DBOS.workflow()
 async def bid(name: str) -> str:
-    """A bidder's part in one conversation: until it is told that it is over for it."""
+    """A bidder's workflow in one conversation: it runs until its Cancel or End."""
     while True:
         note = Note(**await DBOS.recv_async())
         answer = bidders[name].answer(note)

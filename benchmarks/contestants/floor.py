@@ -1,5 +1,5 @@
-"""The least that such a conversation can cost in Python: calls within one process, msgpack, and a journal. No addresses, no
-sessions, nothing that could fail, nothing that is sent again."""
+"""The lower bound for such a conversation in Python: calls within one process, msgpack, and a journal; no addresses, sessions, failures or
+repeated messages."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Hear = Callable[[Note], list[Note]]
 
 
 class Floor:
-    """Every message is encoded, handed over, decoded, and on disk before anything is answered."""
+    """Encodes, delivers and decodes every message, and stores it on disk before the answer."""
 
     async def start(self, data: Path) -> None:
         self._journal = Journal(data / "floor.sqlite")

@@ -1,4 +1,4 @@
-"""A journal in one SQLite file, for contestants that have none: one thread writes whatever waits in one transaction."""
+"""A journal in one SQLite file, for contestants without their own: one thread writes all waiting entries in one transaction."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Waiting = tuple[bytes, asyncio.Future[None]]
 
 
 class Journal:
-    """Write-ahead log with `synchronous=FULL`. Belongs to the event loop in which it was made."""
+    """A write-ahead log with `synchronous=FULL`. It belongs to the event loop in which it was made."""
 
     def __init__(self, path: Path) -> None:
         self._loop = asyncio.get_running_loop()
@@ -21,7 +21,7 @@ class Journal:
         self._thread.start()
 
     def append(self, entry: bytes) -> asyncio.Future[None]:
-        """Done when the entry is on disk."""
+        """Append an entry. The future is done when the entry is on disk."""
         written: asyncio.Future[None] = self._loop.create_future()
         self._waiting.put((entry, written))
         return written

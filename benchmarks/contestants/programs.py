@@ -1,4 +1,4 @@
-"""Processes that a contestant starts besides its own, and ends."""
+"""The additional processes of a contestant."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ import sys
 from pathlib import Path
 
 START_TIME = 30.0
-"""Seconds that a process has to say that it is ready."""
+"""Seconds for a process to report that it is ready."""
 
 END_TIME = 5.0
-"""Seconds that it has to end by itself."""
+"""Seconds for a process to end by itself."""
 
 
 class Programs:
-    """Started one after the other, ended in the opposite order. Each ends, too, when its standard input is closed."""
+    """Processes that are started one after the other, and ended in the opposite order. Each ends when its standard input is closed."""
 
     def __init__(self, data: Path) -> None:
         self._data = data
         self._running: list[asyncio.subprocess.Process] = []
 
     async def start(self, module: str, *arguments: str) -> str:
-        """Run `contestants.MODULE` with the arguments; what it says when it is ready."""
+        """Run `contestants.MODULE` with the arguments, and return its report that it is ready."""
         line = [sys.executable, "-m", f"contestants.{module}", *arguments]
         process = await asyncio.create_subprocess_exec(
             *line,
@@ -53,9 +53,9 @@ class Programs:
 
 
 async def wait_for_end() -> None:
-    """Wait until whoever started it wants it to end, or is gone."""
+    """Wait until standard input is closed: the process that started this one has ended, or wants it to end."""
     reader = asyncio.StreamReader()
-    # Not in a thread: a process that is forked meanwhile could never close its copy of standard input.
+    # This is not a thread, because a process that is forked meanwhile could never close its copy of standard input.
     await asyncio.get_running_loop().connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), sys.stdin)
     await reader.read()
 

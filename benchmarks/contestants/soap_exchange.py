@@ -1,5 +1,5 @@
-"""A bare exchange over SOAP and HTTP between two processes, without any protocol: an Arrange that is on disk before it is answered
-with Terms, on the same connection. What SO-MRS's conversations are made of costs this much at the least, as long as they are so."""
+"""A bare exchange over SOAP and HTTP between two processes, without a protocol: an Arrange is stored on disk and answered with Terms on the
+same connection. This is a lower bound for the messages of SO-MRS."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ TERMS = frp.Terms(effect=GOAL, price=4.0, duration=1.0, start_from=1767225600.0,
 
 
 class Exchange:
-    """The asking side; it starts the other. A conversation is one question and its answer."""
+    """The requesting side, which starts the other one. A conversation is one request and its answer."""
 
     async def start(self, data: Path) -> None:
         self._programs, self._wire = Programs(data), Wire()
@@ -70,5 +70,5 @@ async def _serve() -> None:
 
 
 if __name__ == "__main__":
-    assert len(sys.argv) == 1, "it is given nothing"
+    assert len(sys.argv) == 1, "it takes no arguments"
     run_program(_serve())

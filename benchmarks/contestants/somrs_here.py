@@ -1,4 +1,4 @@
-"""SO-MRS with all its parts in one process: messages go from one to the next without leaving it, and everything is kept."""
+"""SO-MRS with all components in one process: messages do not leave it, and every input is stored."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What both ways of running SO-MRS in `coordination.py` have in common: a site, its carriers, and plans without a search."""
+"""The common parts of both SO-MRS contestants of `coordination.py`: a site, its carriers, and plans without a search."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from somrs.service_manager.sdk.device import Device, Situation, Task, service
 CARRIERS = tuple(f"Robot{number + 1}" for number in range(BIDDERS))
 PLACES = ("Cupboard001", "Platform001")
 EVENT_LIMIT = 1_000_000
-"""More events than a task has: whoever has seen so many waits for its end."""
+"""More events than a task has, so that a request for later events waits for the task's end."""
 
 
 def site() -> str:
-    """A room with a jar for each conversation that is held at the same time, and the carriers."""
+    """Return a site with a jar for each simultaneous conversation, and the carriers."""
     jars = "\n".join(f"  Jar{line}: {{type: Jar, at: [1, {line / 10}, 0.8]}}" for line in range(MAX_CONVERSATIONS))
     robots = "\n".join(f"  {name}: {{type: PioneerP3DX, at: [{number / 2 + 2}, 3]}}" for number, name in enumerate(CARRIERS))
     facts = "\n".join(f"  - Jar{line} isOn {PLACES[0]}" for line in range(MAX_CONVERSATIONS))
@@ -53,12 +53,12 @@ facts:
 
 def site_loaded() -> LoadedModel:
     loaded = load_text(site(), "site.yaml")
-    assert loaded.map is not None, "there are objects in it"
+    assert loaded.map is not None, "the site has objects"
     return loaded
 
 
 class Carrier(Device):
-    """Carries a jar in no time. Its price differs from one order to the next, so that each wins some."""
+    """Carries a jar in no time. Its price differs from one order to the next, so that each carrier gets some contracts."""
 
     type = "PioneerP3DX"
     capacity = MAX_CONVERSATIONS
@@ -82,13 +82,13 @@ class Carrier(Device):
 
 
 def one_step(problem: Problem) -> Plan:
-    """The plan that a search would find: to carry the jar to where it is wanted."""
+    """Return the plan that a search would find: to carry the jar to the place in the goal."""
     assert isinstance(problem.goal, Relation), problem.goal
     jar, place = problem.goal.arguments
     service_type = next(available.service_type for available in problem.services if available.service_type.name == "TransferObject")
     inputs: dict[str, Term] = {"Object": jar, "Destination": place}
     source = Name(_other_place(str(place)))
-    assert service_type.precondition is not None, "the thing has to be somewhere"
+    assert service_type.precondition is not None, "the precondition names the thing's place"
     return Plan(
         steps=(
             Step(
@@ -107,11 +107,11 @@ def _other_place(place: str) -> str:
 
 
 Ask = Callable[[Message], Awaitable[Message]]
-"""Has a message answered by whoever is at its address."""
+"""Sends a message to its address, and returns the answer."""
 
 
 class Lines:
-    """The clients: each has a jar of its own, and wishes it where it is not, again and again."""
+    """The clients: each has its own jar, and submits tasks that carry it back and forth."""
 
     def __init__(self, ask: Ask, task_manager: str) -> None:
         self._ask, self._task_manager = ask, task_manager
@@ -140,7 +140,7 @@ class Lines:
 
 
 def map_of(loaded: LoadedModel) -> Map:
-    assert loaded.map is not None, "there are objects in it"
+    assert loaded.map is not None, "the site has objects"
     return loaded.map
 
 

@@ -1,4 +1,4 @@
-"""SO-MRS on one machine: each part in a process of its own, SOAP over HTTP between them; five devices share process, port and file."""
+"""SO-MRS on one machine with a process for each component, and SOAP over HTTP; five devices share a process, a port and a file."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from somrs.task_manager.manager import SCHEMA, TaskManager
 
 HOST = "127.0.0.1"
 GROUP = BIDDERS // 2
-"""So many devices are in one process."""
+"""The number of devices in one process."""
 
 
 class OverHttp:
-    """The clients' process; it starts the others."""
+    """The clients' process, which starts the others."""
 
     async def start(self, data: Path) -> None:
         self._programs, self._wire = Programs(data), Wire()
@@ -57,12 +57,12 @@ class OverHttp:
 
     async def _ask(self, message: Message) -> Message:
         answer = await self._wire.post(message, timeout=90.0)
-        assert answer is not None, "a request is answered"
+        assert answer is not None, "a request gets an answer"
         return answer
 
 
 async def _task_manager(data: Path, port: int) -> None:
-    """As `somrs.deployment.programs` has it, but for the plans."""
+    """Run the Task Manager as `somrs.deployment.programs` does, except for the plans."""
     addresses = Addresses.read(data)
     journal = Journal(data / "task-manager.sqlite", SCHEMA)
     host = Host(HOST, port)

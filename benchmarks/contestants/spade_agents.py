@@ -1,8 +1,8 @@
-"""SPADE: eleven agents that talk by XMPP over sockets, through SPADE's own server.
+"""SPADE: eleven agents that use XMPP over sockets, with SPADE's own server.
 
-SPADE hands a message over without XMPP when both agents are in one process. So the manager is in one process, the bidders in
-another, and the server in a third, which is also the fastest for SPADE here. What an agent receives is in the same journal as the
-floor's before it is answered: SPADE itself keeps nothing. The server does not keep its users on disk, which is in its favour.
+SPADE does not use XMPP between agents of one process. Therefore the manager, the bidders and the server are in three processes, which is
+also the fastest variant here. An agent writes received messages to the floor's journal before it answers; SPADE itself stores nothing. The
+server does not store its users on disk, which makes it faster.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from somrs.deployment.programs import run_program
 
 DOMAIN = "localhost"
 PATIENCE = 60.0
-"""Seconds that an agent waits for a message before it waits anew."""
+"""Seconds after which an agent repeats its wait for a message."""
 
 Hear = Callable[[Note], list[Note]]
 
@@ -40,7 +40,7 @@ def _jid(name: str) -> str:
 
 
 async def _agent(name: str, port: int, journal: Journal, hear: Hear) -> tuple[object, Callable[[list[Note]], Awaitable[None]]]:
-    """An agent that is connected, and what makes it send."""
+    """Connect an agent, and return it with its function to send notes."""
     from spade.agent import Agent
     from spade.behaviour import CyclicBehaviour
     from spade.message import Message
@@ -49,7 +49,7 @@ async def _agent(name: str, port: int, journal: Journal, hear: Hear) -> tuple[ob
         async def run(self) -> None:
             message = await self.receive(timeout=PATIENCE)
             if message is not None:
-                self.agent.submit(self.handle(message.body))  # the next one is not to wait for the disk
+                self.agent.submit(self.handle(message.body))  # the next message does not wait for the disk
 
         async def handle(self, text: str) -> None:
             document = text.encode()
@@ -68,7 +68,7 @@ async def _agent(name: str, port: int, journal: Journal, hear: Hear) -> tuple[ob
 
 
 class Spade:
-    """The manager's process; it starts the other two."""
+    """The manager's process, which starts the other two."""
 
     async def start(self, data: Path) -> None:
         self._programs = Programs(data)
@@ -131,7 +131,7 @@ async def _server(port: int) -> None:
     assert spec is not None, "it was imported above"
     assert spec.origin is not None, "it has a file"
     certificates = Path("certificates").resolve()
-    shutil.copytree(Path(spec.origin).parent / "network" / "certs", certificates)  # it writes its own beside those
+    shutil.copytree(Path(spec.origin).parent / "network" / "certs", certificates)  # the server writes its own beside them
     server = Server(
         Parameters(
             host=DOMAIN,
@@ -142,16 +142,16 @@ async def _server(port: int) -> None:
             connection_timeout=3600,
         )
     )
-    # On the loopback address only, and without its pages, which are served at a port that cannot be chosen.
+    # The server uses the loopback address only, and not its web pages, whose port cannot be chosen.
     server._public_ip = server._http_server = None
     serving = asyncio.create_task(server.start())
     await server.ready.wait()
     ready()
     await wait_for_end()
     serving.cancel()
-    for child in multiprocessing.active_children():  # it hashes passwords in processes of its own
+    for child in multiprocessing.active_children():  # the server hashes passwords in child processes
         child.kill()
-    os._exit(0)  # it catches the cancellation, and goes on
+    os._exit(0)  # the server ignores the cancellation
 
 
 if __name__ == "__main__":

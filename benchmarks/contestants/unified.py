@@ -1,5 +1,5 @@
-"""unified-planning (https://github.com/aiplan4eu/unified-planning) driving Fast Downward on the tasks of `planning.py`: all objects
-of the map, and the same services as actions."""
+"""unified-planning (https://github.com/aiplan4eu/unified-planning) with Fast Downward on the tasks of `planning.py`: all objects of the
+map, and the same services as actions."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from somrs.planner.model.problem import Problem
 
 
 def unified_task(problem: Problem, washed: tuple[str, ...], places: dict[str, str]) -> Any:
-    """The task of `problem`, a store, as unified-planning has it; the goal is that jars are washed and stand on places."""
+    """Return the task of `problem` in unified-planning's form. The goal is that jars are washed and stand on places."""
     from unified_planning.shortcuts import BoolType, Equals, Fluent, InstantaneousAction, Not, Object, UserType
     from unified_planning.shortcuts import Problem as Task
 
@@ -44,7 +44,7 @@ def unified_task(problem: Problem, washed: tuple[str, ...], places: dict[str, st
 
 
 def steps(task: Any, seconds: float) -> int | None:
-    """How many steps its plan has; None when there is none in time."""
+    """Return the number of steps of its plan, or None without a plan in time."""
     from unified_planning.shortcuts import OneshotPlanner, get_environment
 
     get_environment().credits_stream = None
