@@ -9,7 +9,7 @@ async def main() -> None:
     async with Client() as system:
         task = await system.submit("Jar002 isOn Platform001")
         async for view in system.watch(task):
-            print(view.phase, *(f"{step.service or 'nobody yet'}: {step.state}" for step in view.steps))
+            print(view.phase, *(f"{step.service or 'not arranged'}: {step.state}" for step in view.steps))
         print(view.outcome, view.explanation, await system.query("?Thing isOn Platform001"))
 
 

@@ -62,7 +62,7 @@ def test_enough_goes_wrong_and_every_rung_of_the_ladder_is_used(many_runs: Resul
     assert sum(many_runs.troubled.values()) > 150
     for outcome in Outcome:
         assert many_runs.troubled[outcome]
-    for rung in (
+    for recovery in (
         "replaced",
         "planned anew",
         "waited for another task",
@@ -72,7 +72,7 @@ def test_enough_goes_wrong_and_every_rung_of_the_ladder_is_used(many_runs: Resul
         "undone by the participant",
         "stranded",
     ):
-        assert many_runs.rungs[rung], f"no recovery counted as: {rung}"
+        assert many_runs.recoveries[recovery], f"no recovery counted as: {recovery}"
 
 
 PRINTED = """

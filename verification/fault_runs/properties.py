@@ -373,7 +373,7 @@ class Witness:
         device that never came back, and objects moved for two Task Managers, as a delayed report may describe the earlier action."""
         scenario_run, contents = self._scenario_run, self._scenario_run.contents
         assert contents is not None, "the Repository runs at the end of a run"
-        for action in {deed.object: deed for deed in scenario_run.reality.actions}.values():
+        for action in {action.object: action for action in scenario_run.reality.actions}.values():
             tasks = self._worked.get(action.object, set()) | {
                 other_action.task for other_action in scenario_run.reality.actions if other_action.object == action.object
             }

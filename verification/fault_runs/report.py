@@ -13,7 +13,7 @@ from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.event_text import sentence
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.knowledge import Rejected, UpdateMap
-from verification.fault_runs.result import RUNGS, Result
+from verification.fault_runs.result import RECOVERIES, Result
 from verification.fault_runs.scenario_run import ScenarioRun
 
 REPORTED_BODIES = (
@@ -78,8 +78,8 @@ def figures(result: Result, seconds: float) -> Table:
         "accomplished despite a failure", "", f"{result.troubled[Outcome.ACCOMPLISHED] / troubled_count:.1%}" if troubled_count else "-"
     )
     table.add_section()
-    for rung in (*dict.fromkeys(RUNGS.values()), "stranded", "given up", "rejected"):
-        table.add_row(rung, str(result.rungs[rung]), "")
+    for recovery in (*dict.fromkeys(RECOVERIES.values()), "stranded", "given up", "rejected"):
+        table.add_row(recovery, str(result.recoveries[recovery]), "")
     table.add_section()
     table.add_row("messages per run", f"{result.messages / result.runs:.0f}" if result.runs else "-", "")
     table.add_row("inputs per run", f"{result.inputs / result.runs:.0f}" if result.runs else "-", "")

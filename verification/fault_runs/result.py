@@ -15,7 +15,7 @@ from verification.fault_runs.properties import Violation
 from verification.fault_runs.scenario import Scenario
 from verification.fault_runs.scenario_run import ComponentFactory, ScenarioRun
 
-RUNGS: dict[type[Event], str] = {
+RECOVERIES: dict[type[Event], str] = {
     events.HandlerBegun: "handlers",
     events.ServiceReplaced: "replaced",
     events.Replanned: "planned anew",
@@ -42,7 +42,7 @@ class Result:
     tasks: Counter[str] = field(default_factory=Counter)
     troubled: Counter[str] = field(default_factory=Counter)
     """Tasks with a failure in them or around them, by outcome."""
-    rungs: Counter[str] = field(default_factory=Counter)
+    recoveries: Counter[str] = field(default_factory=Counter)
     messages: int = 0
     inputs: int = 0
     failed: dict[int, tuple[str, str]] = field(default_factory=dict)
@@ -51,7 +51,7 @@ class Result:
         self.runs += result.runs
         self.tasks += result.tasks
         self.troubled += result.troubled
-        self.rungs += result.rungs
+        self.recoveries += result.recoveries
         self.messages += result.messages
         self.inputs += result.inputs
         self.failed |= result.failed
@@ -93,10 +93,10 @@ def _run(seed: int) -> Result:
             ):
                 result.troubled[record.outcome] += 1
             for event in record.events:
-                if (rung := RUNGS.get(type(event.event))) is not None:  # type: ignore[arg-type]  # records of today have an event
-                    result.rungs[rung] += 1
+                if (recovery := RECOVERIES.get(type(event.event))) is not None:  # type: ignore[arg-type]  # new records have an event
+                    result.recoveries[recovery] += 1
                 elif isinstance(event.event, events.WorkStranded) and not event.event.taken:
-                    result.rungs["stranded"] += 1
-            result.rungs["given up"] += record.outcome is Outcome.FAILED
-    result.rungs["rejected"] += len(scenario_run.client.rejected)
+                    result.recoveries["stranded"] += 1
+            result.recoveries["given up"] += record.outcome is Outcome.FAILED
+    result.recoveries["rejected"] += len(scenario_run.client.rejected)
     return result

@@ -173,8 +173,8 @@ class ScenarioRun:
             raise Violation(Property.UNHANDLED_INPUT, text) from error
 
     def _play(self) -> None:
-        for number, wish in enumerate(self.scenario.requests):
-            self._schedule(wish.at, partial(self.world.fire_timer, "client", f"submit {number}"))
+        for number, request in enumerate(self.scenario.requests):
+            self._schedule(request.at, partial(self.world.fire_timer, "client", f"submit {number}"))
         for fault in self.scenario.faults:
             self._schedule_fault(fault)
         for offset, callback in sorted(self._scheduled, key=lambda entry: entry[0]):

@@ -143,7 +143,7 @@ class RunningSystem:
         for robot, state in (await self.operator.robots()).items():
             pose = {"PositionX": state.x, "PositionY": state.y, "RotationZ": math.remainder(state.yaw, math.tau)}
             parts += [f"{robot}.{path} = {value:.3f}" for path, value in pose.items()]
-        await self.client.update(UpdateMap(situation=" AND ".join(parts), author="whoever sets it right"))
+        await self.client.update(UpdateMap(situation=" AND ".join(parts), author="reset"))
 
     async def mend(self) -> None:
         for device in DEVICES:

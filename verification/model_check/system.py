@@ -36,7 +36,7 @@ LinkState = tuple[int, int, int, int]
 class LostDisk(Enum):
     """The side that may lose its journal, once and at any moment."""
 
-    NONE = "nobody's"
+    NONE = "none"
     PARTICIPANT = "the participant's"
     COORDINATOR = "the coordinator's"
 

@@ -20,7 +20,7 @@ export const server = {
 
 globalThis.fetch = async (address, options) => {
   server.asked.push(address);
-  if (server.away) throw new TypeError("nobody answers");
+  if (server.away) throw new TypeError("no answer");
   const url = new URL(address, location.href);
   const found = server.answers[url.pathname];
   const body = typeof found === "function" ? found({ query: url.searchParams, body: options?.body && JSON.parse(options.body) }) : found;
