@@ -188,9 +188,9 @@ def test_what_has_nothing_to_do_with_it_does_not_stand_in_the_way(keeper: Keeper
         (
             [ObjectAdded(Object(name="Jar9", type="Jar", values=JAR))],
             [FactAdded(Fact("isOn", ("Jar9", "Table1")))],
-            "Jar9 isOn Table1 was said since",
+            "Jar9 isOn Table1 was added since",
         ),
-        ([ObjectAdded(Object(name="Jar9", type="Jar", values=JAR))], [ValueSet("Jar9", "Color", "Red")], "Jar9 is not as it was"),
+        ([ObjectAdded(Object(name="Jar9", type="Jar", values=JAR))], [ValueSet("Jar9", "Color", "Red")], "Jar9 was changed since"),
     ],
 )
 def test_what_was_changed_since_stands_in_the_way(
@@ -240,7 +240,7 @@ def test_nothing_gets_a_name_of_which_the_ontology_says_something(keeper: Keeper
     way = FunctionType(name="way", parameters=("Table", "Table"), values={"Table1 Table2": 3.0})
     keeper.ask(Define(definitions=Definitions(functions=(way,))), Defined)
     update(keeper, ObjectRemoved("Table2"))
-    assert "the function way speaks of another Table2" in keeper.broken(RenameObject(name="Jar2", to="Table2"))[0].message
+    assert "the function way refers to another Table2" in keeper.broken(RenameObject(name="Jar2", to="Table2"))[0].message
 
 
 def test_history_stays_with_what_was_renamed_and_not_with_the_name(keeper: Keeper) -> None:
@@ -267,7 +267,7 @@ def test_undoing_a_new_name_takes_along_what_came_since(keeper: Keeper) -> None:
     [
         (RenameObject(name="Jar7", to="Krug"), "there is no object Jar7"),
         (RenameObject(name="Jar1", to="Jar2"), "an object of this name is on the map already"),
-        (RenameObject(name="Jar1", to="a b"), "no name that formulas can use"),
+        (RenameObject(name="Jar1", to="a b"), "not a name that formulas can use"),
         (RenameObject(name="Robot1", to="Rob"), "is a device"),
     ],
 )

@@ -1,8 +1,8 @@
-"""The Repository: the common ontology and a map of the environment, for all who ask, change and follow them.
+"""The Repository: it keeps the ontology and the map, answers queries, applies changes, and publishes them to subscribers.
 
 Paper, "Repository": a realisation of the common knowledge of the environment's representation, and a storage of its maps.
-What an update comes to is `update.py`'s, what a change of the ontology `definition.py`'s, what undoing one `undo.py`'s; what happened
-and how things were is `history_queries.py`'s, how answers are cut into pages `pages.py`'s, what the Repository knows `state.py`'s.
+Elsewhere: the effect of a map update (`update.py`), of a change of the ontology (`definition.py`) and of an undo (`undo.py`);
+history (`history_queries.py`); paging (`pages.py`); the stored state (`state.py`).
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ from somrs.repository.update import update_outcome
 from somrs.repository.version_conflict import version_conflicts
 
 MOST_ROWS = 1000
-"""So many ways in which a formula holds are told at most."""
+"""The maximum number of rows in the answer to a QueryMap."""
 
 
 READS = ReadOntology | ReadMap | QueryMap | Consider | ReadHistory | ReadEvents
@@ -92,7 +92,7 @@ READS = ReadOntology | ReadMap | QueryMap | Consider | ReadHistory | ReadEvents
 
 
 class Repository:
-    """Owns `contents`: nobody else changes them."""
+    """The component. It owns `contents`; no other code changes them."""
 
     def __init__(self, address: str, contents: Contents) -> None:
         contents.address = address
@@ -101,7 +101,7 @@ class Repository:
 
     @classmethod
     def restored(cls, contents: Contents) -> Self:
-        """The Repository that has these contents."""
+        """The Repository with the contents of a snapshot."""
         return cls(contents.address, contents)
 
     @property
@@ -110,18 +110,18 @@ class Repository:
 
     @property
     def open(self) -> list[str]:
-        """Nothing: what is asked of a Repository is done in a moment."""
+        """Always empty: a Repository completes each request at once."""
         return []
 
     def handle(self, event: Input, now: float) -> list[Effect]:
-        """What to do about the input."""
+        """The effects of an input."""
         return [*self._effects(event, now)]
 
     def _effects(self, event: Input, now: float) -> Effects:
         match event:
             case Started(address):
                 self.contents.address = address
-                # Who followed the map before the Repository went down learns which version it is at, and reads what it missed.
+                # After a restart, each subscriber receives the current version and reads the changes that it missed.
                 yield from [
                     self._notify_subscriber(subscriber, self._subscribed(subscriber), now) for subscriber in self.contents.subscriptions
                 ]
@@ -169,7 +169,7 @@ class Repository:
     def _answer(self, request: Message, body: Body) -> Send:
         return Send(reply(request, body, self.contents.address))
 
-    # Asking
+    # Queries
 
     def _read(self, message: Message, question: ReadOntology | ReadMap) -> Effect:
         contents = self.contents
@@ -193,7 +193,7 @@ class Repository:
         return Rows(rows=rows, version=self.contents.version, more=len(rows) < len(matching_rows))
 
     def _answered(self, message: Message, value: object, now: float) -> Effects:
-        """The archive answered something."""
+        """Handle an answer of the archive."""
         match message.body, value:
             case Undo() as undo, ArchivedEvents(events):
                 yield from self._run_once(message, lambda: self._alter(message, undo, self._undo_outcome(undo, events), now))
@@ -202,10 +202,10 @@ class Repository:
             case _:
                 yield self._answer(message, archive_reply(message, value, self.contents))
 
-    # Changing
+    # Changes
 
     def _run_once(self, message: Message, work: Callable[[], Iterator[Effect]]) -> Effects:
-        """Carry a request out, or answer it again if it was carried out."""
+        """Execute a request, or repeat the stored answer if the request was executed before."""
         answer = self.contents.answered.get(normalised_id(message.header.message_id))
         if answer is not None:
             yield self._answer(message, answer)
@@ -228,7 +228,7 @@ class Repository:
             return undo_outcome(events[0], contents)
         message = f"there is no version {undo.version} that could be undone; the latest is {contents.version}"
         if 0 < undo.version <= contents.since:
-            message = f"what was before version {undo.version} is not known any more; from version {contents.since + 1} on, it is"
+            message = f"version {undo.version} cannot be undone: history is stored only from version {contents.since + 1} on"
         violation = Violation(subject=f"version {undo.version}", rule="unknown-version", message=message, section=VERSION)
         return Outcome(map=contents.map, ontology=contents.ontology, broken=(violation,))
 
@@ -240,7 +240,7 @@ class Repository:
         return replace(outcome, broken=(*late, *outcome.broken)) if late else outcome
 
     def _alter(self, message: Message, alteration: Alteration, outcome: Outcome, now: float) -> Effects:
-        """Make the change, unless rules would be broken or somebody was quicker."""
+        """Apply the change, or reject it if it breaks rules or conflicts with a later change."""
         contents = self.contents
         outcome = self._with_conflicts(alteration, outcome)
         answer_type: type[Updated | Defined] = Defined if isinstance(alteration, Define) else Updated
@@ -273,19 +273,19 @@ class Repository:
         yield from self._publish(news, now)
 
     def _remember_answer(self, message: Message, answer: Answer) -> Send:
-        """The answer to a request that was dealt with, which is remembered."""
+        """Send the answer and store it, for the case that the request arrives again."""
         answered = self.contents.answered
         answered[normalised_id(message.header.message_id)] = answer
         while len(answered) > REMEMBERED:
             del answered[next(iter(answered))]
         return self._answer(message, answer)
 
-    # Following
+    # Subscriptions
 
     def _subscribe(self, message: Message, lease: float, now: float) -> Effects:
         subscriber = message.header.sender
         if subscriber == ANONYMOUS:
-            raise InputError("changes can only be sent to somebody who has an address: set the sender to one that can be reached")
+            raise InputError("changes can only be sent to a client that has an address: set the sender to one that can be reached")
         self.contents.subscriptions[subscriber] = Subscription(until=now + grant_lease(lease), version=self.contents.version)
         yield self._answer(message, self._subscribed(subscriber))
         yield self._next_expiry()
@@ -294,7 +294,7 @@ class Repository:
         return MapSubscribed(version=self.contents.version, until=self.contents.subscriptions[subscriber].until)
 
     def _publish(self, news: MapChanged | OntologyChanged, now: float) -> Effects:
-        # What is too large for one message is read by pages: the version alone tells the subscriber that it missed something.
+        # A change that is too large for one message is read by pages: the new version shows the subscriber that it missed a change.
         large = size(news) > PAGE_BYTES * 1.25
         for address, subscription in self.contents.subscriptions.items():
             if subscription.until > now:
@@ -306,7 +306,7 @@ class Repository:
         return Send(Message(header=Header(sender=address, recipient=subscriber, message_id=identity), body=news))
 
     def _undelivered(self, message: Message) -> Effects:
-        """A subscriber that cannot be reached is dropped, unless it subscribed again since the message was sent."""
+        """Drop a subscriber that cannot be reached, unless it subscribed again after the message was sent."""
         match message.body:
             case MapChanged(event=event):
                 version = event.version
@@ -332,8 +332,10 @@ def _ask(message: Message, task: Task) -> Ask:
 
 
 def only_reads(event: Input) -> bool:
-    """Whether a request that changes nothing is answered on its connection, which ends with the process. Whoever is to be answered at an
-    address waits for that, however often the process ends."""
+    """Whether the input is a read request that is answered on its connection.
+
+    Such a request need not survive a restart, because the connection ends with the process. An answer to an address must survive it.
+    """
     match event:
         case Received(message) | Answered(ArchiveWanted(message)):
             return message.header.reply_to == ANONYMOUS and isinstance(message.body, READS)
@@ -355,4 +357,4 @@ SCHEMA = Schema(
     is_read_only=only_reads,
     snapshot_after=500,
 )
-"""What its journal is made of. An update of a map with 5,000 objects takes two milliseconds."""
+"""The types in the Repository's journal. An update of a map with 5,000 objects takes two milliseconds."""

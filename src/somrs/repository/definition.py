@@ -1,4 +1,4 @@
-"""Working out what a change of the ontology comes to: the ontology after it, the map after it, and whether both make sense."""
+"""Computes the outcome of a change of the ontology: the new ontology, the new map, and the rules that they break."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from somrs.repository.outcome import Outcome, apply_revision, differing_definiti
 
 
 def define_outcome(map: Map, ontology: Ontology, define: Define) -> Outcome:
-    """What a change of the ontology comes to."""
+    """The outcome of a change of the ontology."""
     if impossible := (*_impossible(ontology, define), *_text_violations(define)):
         return Outcome(map=map, ontology=ontology, broken=impossible)
     renamer = Renamer(define.renamed, ontology)
@@ -31,12 +31,12 @@ def define_outcome(map: Map, ontology: Ontology, define: Define) -> Outcome:
     changes = tuple(renamer.changes(map)) if define.renamed else ()
     map_after = map.changed(changes)
     broken = [*lost_dependencies(ontology, ontology_after), *ontology_violations(ontology_after)]
-    if replaced := [*_replaced(define)]:  # what was said of it is not to be said of something else in silence
+    if replaced := [*_replaced(define)]:  # statements about the removed definition must not silently apply to its successor
         broken += [
             *violations_after(map, ontology, remaining_ontology, replaced),
             *_adopted(ontology, remaining_ontology, define, replaced),
         ]
-    # A formula that does not fit its ontology cannot be asked whether it holds.
+    # A formula that does not fit the ontology cannot be evaluated.
     sound = _without_broken_formulas(ontology_after, broken)
     renamed_ontology = renamer.ontology(ontology)
     broken += violations_after(
@@ -63,7 +63,7 @@ def define_outcome(map: Map, ontology: Ontology, define: Define) -> Outcome:
 
 
 def rename_outcome(map: Map, ontology: Ontology, rename: RenameObject) -> Outcome:
-    """What comes of giving an object another name. The ontology changes if it speaks of the object."""
+    """The outcome of renaming an object. The ontology changes as well if it refers to the object."""
     if impossible := tuple(_impossible_object(map, ontology, rename)):
         return Outcome(map=map, ontology=ontology, broken=impossible)
     renaming = Renaming(section=Section.OBJECTS, name=rename.name, to=rename.to)
@@ -74,13 +74,13 @@ def rename_outcome(map: Map, ontology: Ontology, rename: RenameObject) -> Outcom
 
 
 def _replaced(define: Define) -> Iterator[DefinitionKey]:
-    """What is removed to make room for something that gets its name."""
+    """The removed definitions whose names other definitions take over."""
     targets = {(renaming.section, renaming.to) for renaming in define.renamed}
     return (definition_key for definition_key in define.removed if (definition_key.section, definition_key.name) in targets)
 
 
 def _adopted(ontology: Ontology, remaining_ontology: Ontology, define: Define, replaced: Iterable[DefinitionKey]) -> Iterator[Violation]:
-    """Definitions that speak of something that is removed, and unchanged would speak of what gets its name."""
+    """Violations for definitions that refer to a removed definition, and would refer to the one that takes over its name."""
     renamer = Renamer(define.renamed, ontology)
     new_definitions = {key_of(definition): definition for definition in define.definitions.all_definitions()}
     for definition_key in replaced:
@@ -91,7 +91,7 @@ def _adopted(ontology: Ontology, remaining_ontology: Ontology, define: Define, r
                 definition, definition_key, ontology
             ):
                 message = (
-                    f"speaks of the {definition_key} that is removed, and would mean what gets its name; "
+                    f"refers to the {definition_key} that is removed, and would refer to the one that takes over its name; "
                     "change it first, or in the same change"
                 )
                 yield Violation(subject=renamed_key.name, rule="replaced", message=message, section=renamed_key.section)
@@ -103,7 +103,7 @@ def _without_broken_formulas(ontology: Ontology, broken: Iterable[Violation]) ->
     return ontology.extended(structs.replace(type, constraints=()) for type in object_types) if object_types else ontology
 
 
-# What cannot be done at all
+# Requests that are impossible
 
 
 def _wrong(subject: DefinitionKey | Renaming, rule: str, message: str) -> Violation:
@@ -149,10 +149,10 @@ def _wrong_renamings(ontology: Ontology, define: Define) -> Iterator[Violation]:
         if find_definition(ontology, target) is not None and (renaming.section, renaming.to) not in leaving:
             yield _wrong(renaming, "duplicate", f"cannot be renamed: there is a {target} already; take another name")
         elif arriving[renaming.section, renaming.to] > 1:
-            yield _wrong(renaming, "duplicate", f"cannot be renamed: something else is to be called {renaming.to}, too; take another name")
+            yield _wrong(renaming, "duplicate", f"cannot be renamed: another definition is renamed to {renaming.to} too; take another name")
     for (section, name), count in Counter((renaming.section, renaming.name) for renaming in renamings).items():
         if count > 1:
-            yield Violation(subject=name, rule="duplicate", message=f"is to get {count} names; give it one", section=section)
+            yield Violation(subject=name, rule="duplicate", message=f"is renamed {count} times; give it one new name", section=section)
 
 
 def _impossible_object(map: Map, ontology: Ontology, rename: RenameObject) -> Iterator[Violation]:
@@ -161,28 +161,26 @@ def _impossible_object(map: Map, ontology: Ontology, rename: RenameObject) -> It
         hint = nearest(rename.name, map.objects) or "add it first"
         yield Violation(subject=rename.name, rule="unknown-object", message=f"there is no object {rename.name} on the map; {hint}")
     elif ontology.is_subtype(object.type, "Device"):
-        message = "is a device, and its program knows itself by this name; let it leave the map, and join under another name"
+        message = "is a device, and its program uses this name; remove it from the map, and let it join under another name"
         yield Violation(subject=rename.name, rule="device", message=message)
     if rename.to in map.objects:
         message = f"cannot be called {rename.to}: an object of this name is on the map already; take another name"
         yield Violation(subject=rename.name, rule="duplicate", message=message)
     else:
-        # What is said of one that is gone would be said of this one, and nobody could tell the two apart any more.
+        # Definitions may still refer to a removed object of the new name. They would then refer to the renamed object.
         for definition in ontology:
             if speaks_of(definition, DefinitionKey(section=Section.OBJECTS, name=rename.to), ontology):
-                message = f"cannot be called {rename.to}: the {key_of(definition)} speaks of another {rename.to}; take another name"
+                message = f"cannot be called {rename.to}: the {key_of(definition)} refers to another {rename.to}; take another name"
                 yield Violation(subject=rename.name, rule="duplicate", message=message)
     yield from _unusable(DefinitionKey(section=Section.OBJECTS, name=rename.name), rename.to)
 
 
 def _unusable(subject: DefinitionKey | Renaming, name: str) -> Iterator[Violation]:
     if not is_name(name):
-        message = f"{name!r} is no name that formulas can use; take letters, digits, _ and -, a letter first"
+        message = f"{name!r} is not a name that formulas can use; use letters, digits, _ and -, and begin with a letter"
         yield _wrong(subject, "name", message)
 
 
 def _unknown(subject: DefinitionKey | Renaming, ontology: Ontology) -> str:
-    hint = (
-        nearest(subject.name, getattr(ontology, subject.section)) or "somebody else may have removed or renamed it: read the ontology again"
-    )
+    hint = nearest(subject.name, getattr(ontology, subject.section)) or "it may have been removed or renamed: read the ontology again"
     return f"there is no {SINGULAR[subject.section]} {subject.name}; {hint}"

@@ -1,4 +1,4 @@
-"""Questions that the archive has to answer: what happened, and how the map and the ontology were."""
+"""Queries that the archive answers: past events, and past versions of the map and the ontology."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from somrs.repository.rollback import shorten_event
 from somrs.repository.state import ArchivedEvents, Contents, EventsOf, HistoryOf, PageOf
 
 MAX_EVENTS = 1000
-"""On one page."""
+"""The maximum number of events on a page."""
 
 
 def history_query(question: ReadHistory) -> HistoryOf:
@@ -32,21 +32,21 @@ def history_query(question: ReadHistory) -> HistoryOf:
 
 
 def events_query(question: ReadEvents) -> EventsOf:
-    """Raises InputError for a question about two directions at once."""
+    """The archive's task for ReadEvents. Raises InputError if both `before` and `after` are given."""
     if question.before is not None and question.after is not None:
-        raise InputError("events are told before a version or after one: give one of the two")
-    # One more than was asked for says that there are more.
+        raise InputError("events are read either before a version or after one: give one of the two")
+    # One event more than requested shows that there are more.
     limit = _limit(question.limit) + 1
     return EventsOf(limit=limit, before=question.before, after=question.after, ontology=question.ontology, brief=question.brief)
 
 
 def undo_query(undo: Undo) -> EventsOf:
-    """The one event that is to be undone."""
+    """The archive's task for the event to undo."""
     return EventsOf(limit=1, before=undo.version + 1)
 
 
 def page_query(question: ReadMap | ReadOntology, at_version: int, contents: Contents) -> PageOf:
-    """The page of the past that is asked for. Raises InputError for a version that is not known."""
+    """The archive's task for a page of a past version. Raises InputError for a version that is not stored."""
     if not contents.since <= at_version <= contents.version:
         first = f", from version {contents.since} on" if contents.since else ""
         raise InputError(
@@ -56,7 +56,7 @@ def page_query(question: ReadMap | ReadOntology, at_version: int, contents: Cont
 
 
 def archive_reply(message: Message, value: object, contents: Contents) -> Body:
-    """What the archive's answer says to whoever asked."""
+    """The reply to a request from the archive's answer."""
     match message.body, value:
         case ReadHistory(object=name), ArchivedEvents(events):
             return _history(name, events, contents)
@@ -66,7 +66,7 @@ def archive_reply(message: Message, value: object, contents: Contents) -> Body:
         case ReadMap() | ReadOntology(), MapPage() | OntologyPage() as page_:
             return page_
         case question, _:
-            subject = f"the history of {question.object}" if isinstance(question, ReadHistory) else "what happened"
+            subject = f"the history of {question.object}" if isinstance(question, ReadHistory) else "the archive"
             return Fault(code="Receiver", text=f"{subject} cannot be read: {value}")
 
 

@@ -12,11 +12,11 @@ from somrs.entish.parse import parse
 from somrs.errors import FormulaError
 
 NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-"""What XML 1.0 (clause 2.2) has no way to say."""
+"""Characters that XML 1.0 excludes (clause 2.2)."""
 
 
 def is_name(text: str) -> bool:
-    """Whether formulas can speak of what is called so."""
+    """Whether formulas can use the text as a name."""
     try:
         return parse(f"{text} = {text}") == Comparison(Name(text), "=", Name(text))
     except FormulaError:
@@ -24,13 +24,13 @@ def is_name(text: str) -> bool:
 
 
 def text_problem(text: str) -> str:
-    """What is wrong with a text that would make every message unreadable in which it is; empty when nothing is."""
+    """Why no message can carry the text; empty when messages can."""
     match = NOT_XML.search(text)
-    return f"the character U+{ord(match[0]):04X} cannot be sent to anybody; leave it out" if match else ""
+    return f"the character U+{ord(match[0]):04X} cannot be sent in a message; leave it out" if match else ""
 
 
 def texts(value: object, path: str = "") -> Iterator[tuple[str, str]]:
-    """All texts in a Struct, with the keys that lead to them."""
+    """All texts in a Struct, each as its path and the text."""
     match value:
         case str():
             yield path, value

@@ -1,4 +1,4 @@
-"""From one ontology to another: the change that leads there."""
+"""The change of the ontology that turns one ontology into another."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from somrs.repository.outcome import revision
 
 
 def diff_ontologies(current_ontology: Ontology, target_ontology: Ontology, author: str = "", expected_version: int | None = None) -> Define:
-    """What has to be removed and defined so that the known ontology becomes the wanted one."""
+    """The Define request that turns `current_ontology` into `target_ontology`."""
     change = revision(current_ontology, target_ontology) or Revision()
     target_keys = set(map(key_of, change.after.all_definitions()))
     removed = tuple(definition_key for definition_key in map(key_of, change.before.all_definitions()) if definition_key not in target_keys)

@@ -1,4 +1,4 @@
-"""What a change of the map or of the ontology comes to, and how what is wrong with it is told."""
+"""The outcome of a change of the map or of the ontology, and the messages that report it."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from somrs.protocol.messages.knowledge import BrokenRule, Considered, Definition
 from somrs.protocol.messages.paging import PAGE_BYTES, PAGE_ITEMS, fit_page
 
 SITUATION, VERSION = "situation", "version"
-"""Sections of a request, in which rules may be broken, too."""
+"""Parts of a request that a violation may refer to."""
 
 MAX_PROBLEMS = 50
-"""So many problems are told at once."""
+"""The maximum number of problems in one message."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """The map and the ontology after a change, and what changed on the way there, at the least; nothing for a change that says what is.
+    """The map and the ontology after a change, and the smallest set of changes that leads there (empty for a change without effect).
 
-    With `broken` rules it is not to be made; the rest is as far as it could be worked out.
+    A change with `broken` rules must not be applied. The other fields are then filled only as far as they could be computed.
     """
 
     map: Map
@@ -35,12 +35,12 @@ class Outcome:
 
     @property
     def objects(self) -> tuple[str, ...]:
-        """The objects that the changes are about, each once."""
+        """The names of the changed objects, each once."""
         return tuple(dict.fromkeys(name for change in self.changes for name in objects_of(change)))
 
     @property
     def definitions(self) -> tuple[DefinitionKey, ...]:
-        """The definitions that are other than they were, by the names that they have and had."""
+        """The changed definitions, under their old and their new names."""
         if self.revision is None:
             return ()
         return tuple(
@@ -50,14 +50,14 @@ class Outcome:
         )
 
     def change_notice(self, version: int) -> OntologyChanged:
-        """What subscribers hear of a change of the ontology."""
+        """The notification that subscribers receive about a change of the ontology."""
         definitions = self.revision.after if self.revision is not None else Definitions()
         removed = tuple(definition_key for definition_key in self.definitions if find_definition(self.ontology, definition_key) is None)
         return OntologyChanged(definitions=definitions, version=version, removed=removed, changes=self.changes, renamed=self.renamed)
 
 
 def revision(ontology_before: Ontology, ontology_after: Ontology) -> Revision | None:
-    """What leads from the one ontology to the other; None when they are the same."""
+    """The revision that turns the first ontology into the second; None when they are equal."""
     old, new = (
         by_kind(differing_definitions(ontology_before, ontology_after)),
         by_kind(differing_definitions(ontology_after, ontology_before)),
@@ -66,12 +66,12 @@ def revision(ontology_before: Ontology, ontology_after: Ontology) -> Revision | 
 
 
 def apply_revision(ontology: Ontology, revision: Revision) -> Ontology:
-    """The ontology after the revision: its definitions in the order in which everybody comes to have them."""
+    """The ontology after the revision. The order of the definitions is the same for every component that applies it."""
     return _replace_definitions(ontology, revision.before, revision.after)
 
 
 def revert_revision(ontology: Ontology, revision: Revision) -> Ontology:
-    """The ontology as it was before the revision."""
+    """The ontology before the revision."""
     return _replace_definitions(ontology, revision.after, revision.before)
 
 
@@ -85,7 +85,7 @@ def _replace_definitions(ontology: Ontology, old: Definitions, new: Definitions)
 
 
 def differing_definitions(ontology: Ontology, other_ontology: Ontology) -> Iterator[Definition]:
-    """The definitions of the one that the other does not have, or has otherwise."""
+    """The definitions of the first ontology that the second lacks or defines differently."""
     for definition in ontology:
         theirs = find_definition(other_ontology, key_of(definition))
         if theirs is not definition and theirs != definition:
@@ -93,7 +93,7 @@ def differing_definitions(ontology: Ontology, other_ontology: Ontology) -> Itera
 
 
 def rejected(broken: Iterable[Violation], version: int) -> Rejected:
-    """The problems, each once, and not too many of them for one message."""
+    """The Rejected message: each problem once, at most `MAX_PROBLEMS` of them."""
     violations = list(dict.fromkeys(broken))
     texts = list(dict.fromkeys(map(_problem_text, violations)))
     if len(texts) > MAX_PROBLEMS:
@@ -102,12 +102,12 @@ def rejected(broken: Iterable[Violation], version: int) -> Rejected:
 
 
 def _problem_text(violation: Violation) -> str:
-    """For people. What is wrong with what was asked is said without repeating what that was."""
+    """The violation as text for people. A violation of the situation or version needs no subject: the request has only one of each."""
     return violation.message if violation.section in (SITUATION, VERSION) else str(violation)
 
 
 def considered(outcome: Outcome, version: int) -> Considered:
-    """What would come of it, as much of it as goes into a message."""
+    """The Considered message: the outcome, cut to the size of a message."""
     room = PAGE_BYTES // 4
     broken = list(dict.fromkeys(outcome.broken))
     full_revision = outcome.revision

@@ -1,4 +1,4 @@
-"""The ontology and a map by pages."""
+"""Cuts the ontology and the map into pages that fit into messages."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from somrs.protocol.messages.paging import fit_page
 
 
 def ontology_page(ontology: Ontology, version: int, offset: int, changed_at: int) -> OntologyPage:
-    """The page behind the first `offset` definitions. `changed_at`: the version in which the ontology changed last."""
+    """The page that follows the first `offset` definitions. `changed_at`: the version in which the ontology changed last."""
     definitions = list(ontology)
     page = list(fit_page(definitions[max(offset, 0) :]))
     end = max(offset, 0) + len(page)
@@ -19,7 +19,7 @@ def ontology_page(ontology: Ontology, version: int, offset: int, changed_at: int
 
 
 class MapPages:
-    """A map made ready to be read by pages, in the order of names."""
+    """The pages of a map, in the order of object names."""
 
     def __init__(self, map: Map) -> None:
         self.map = map
@@ -29,7 +29,7 @@ class MapPages:
             self._facts.setdefault(fact.arguments[0] if fact.arguments else "", []).append(fact)
 
     def page(self, version: int, last_name: str) -> MapPage:
-        """The page behind the object `last_name`. Facts about nothing in particular are on the first page."""
+        """The page that follows the object `last_name`. Facts without arguments are on the first page."""
         start = bisect_right(self._names, last_name) if last_name else 0
         rows = ((self.map.objects[name], self._facts.get(name, [])) for name in self._names[start:])
         page = list(fit_page(rows))

@@ -1,4 +1,4 @@
-"""Going back: the changes that take changes back, and the map and the ontology as they were before them."""
+"""Inverse changes, and the past states of the map and the ontology that they lead to."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from somrs.protocol.messages.paging import PAGE_BYTES, PAGE_ITEMS, fit_page, siz
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PastState:
-    """The map and the ontology as they were at a version; `changed_at` is the version in which the ontology changed last before it."""
+    """The map and the ontology in a past version; `changed_at` is the version in which the ontology had changed last."""
 
     map: Map
     ontology: Ontology
@@ -23,7 +23,7 @@ class PastState:
 
 
 def inverse(map: Map, changes: Iterable[Change]) -> tuple[Change, ...]:
-    """The changes that lead back to the map from what the changes make of it. Those that remove an object name its facts, too."""
+    """The changes that undo `changes` and restore `map`. Changes that remove an object must list its facts as well."""
     objects: dict[str, Object | None] = {}
     facts: dict[Fact, bool] = {}
     inverse_changes: list[Change] = []
@@ -58,7 +58,7 @@ def _with_value(object: Object, path: str, value: float | str | bool | None) -> 
 
 
 def rewind_map(map: Map, inverses: Iterable[Iterable[Change]]) -> Map:
-    """The map as it was, by what leads back from each event, the latest first. As `Map.changed`, but quick for a hundred thousand."""
+    """The past map: applies the inverse changes of each event, latest event first. Like `Map.changed`, but fast for 100,000 events."""
     objects = dict(map.objects)
     facts = dict.fromkeys(map.facts())
     for changes in inverses:
@@ -69,7 +69,7 @@ def rewind_map(map: Map, inverses: Iterable[Iterable[Change]]) -> Map:
                 case ObjectAdded(object):
                     objects[object.name] = object
                 case ObjectRemoved(name):
-                    objects.pop(name, None)  # its facts are taken back by name
+                    objects.pop(name, None)  # changes of their own remove its facts
                 case FactAdded(fact):
                     facts[fact] = None
                 case FactRemoved(fact):
@@ -78,7 +78,7 @@ def rewind_map(map: Map, inverses: Iterable[Iterable[Change]]) -> Map:
 
 
 def shorten_event(event: Event, room: int = PAGE_BYTES) -> Event:
-    """The event as it goes into a message: of one that is too long, the first of its changes, and how many there are."""
+    """The event cut to `room` bytes: an event that is too long keeps its first changes and their total number."""
     if size(event) <= room:
         return event
     changes = tuple(fit_page(event.changes, PAGE_ITEMS, room // 2))

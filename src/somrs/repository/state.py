@@ -1,4 +1,4 @@
-"""All that a Repository knows, as one tree of data; what it asks of the archive of what happened, and what it hears from there."""
+"""The state of a Repository as one tree of data; its queries to the archive of events, and the answers."""
 
 from __future__ import annotations
 
@@ -11,32 +11,35 @@ from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.knowledge import Defined, Event, ReadMap, ReadOntology, Rejected, Updated
 
 REMEMBERED = 20_000
-"""So many requests are remembered with their answers; one of them that comes again is answered again, not carried out again."""
+"""The number of answers that are stored. A request that arrives again within this number receives the stored answer."""
 
 Answer = Updated | Rejected | Defined
 
 
 class LeasesDue(Struct, frozen=True, tag=True):
-    """The timer: the next subscription runs out."""
+    """The timer: the next subscription expires."""
 
 
 class ArchiveWanted(Struct, frozen=True, tag=True):
-    """The question: something from the archive, for this request. One that comes again asks the same."""
+    """The question: data from the archive for this request. A repeated request asks the same question."""
 
     message: Message
 
 
 class HistoryOf(Struct, frozen=True, kw_only=True, tag=True):
-    """A task of the archive: the latest events that changed an object, newest first, as `ArchivedEvents`. If it had other names before,
-    what happened to it then is told, too."""
+    """A task of the archive: the latest `limit` events that changed an object, newest first, as `ArchivedEvents`. Events from before a
+    renaming of the object are included."""
 
     object: str
     limit: int
 
 
 class EventsOf(Struct, frozen=True, kw_only=True, tag=True):
-    """A task of the archive: `limit` events, newest first, from the version before `before`; or, with `after`, oldest first, from the
-    version behind it; as `ArchivedEvents`. `ontology`: only what changed that; `brief`: only how many changes they were."""
+    """A task of the archive: at most `limit` events as `ArchivedEvents`, newest first, with versions less than `before`; or, with `after`,
+    oldest first, with versions greater than `after`.
+
+    `ontology`: only events that changed the ontology. `brief`: only the number of changes of each event.
+    """
 
     limit: int
     before: int | None = None
@@ -46,8 +49,8 @@ class EventsOf(Struct, frozen=True, kw_only=True, tag=True):
 
 
 class PageOf(Struct, frozen=True, kw_only=True, tag=True):
-    """A task of the archive: `map` and `ontology` are as at `version`; which page is asked for of what they were `at_version`, before
-    that? A `MapPage` or an `OntologyPage`, as the question wants."""
+    """A task of the archive: a page of the map or ontology as it was in the earlier version `at_version`, computed back from `map` and
+    `ontology` in `version`. The answer is a `MapPage` or an `OntologyPage`, depending on the question."""
 
     question: ReadMap | ReadOntology
     at_version: int
@@ -60,28 +63,31 @@ Task = HistoryOf | EventsOf | PageOf
 
 
 class ArchivedEvents(Struct, frozen=True, tag="Happened"):
-    """Events that were asked for."""
+    """The archive's answer to `HistoryOf` and `EventsOf`."""
 
     events: tuple[Event, ...]
 
 
 class DefinitionChange(Struct, frozen=True, kw_only=True):
-    """That a definition changed: in which version, and by whom."""
+    """The version and the author of the latest change of a definition."""
 
     version: int
     author: str
 
 
 class Subscription(Struct, frozen=True, kw_only=True):
-    """Somebody is told of changes until `until`; it subscribed when the map was at `version`."""
+    """A subscription to changes until `until`, in seconds; `version` is the version at which the client subscribed."""
 
     until: float
     version: int
 
 
 class Contents(Struct, kw_only=True):
-    """`changed_at`: the version in which each object changed last, 0 if it is not there; `defined_at`: likewise of definitions;
-    `answered`: by message id, oldest first; `subscriptions`: by address; `since`: the first version to which a way leads back."""
+    """The state of a Repository.
+
+    `changed_at`: the version in which each object changed last (0 if it has no entry); `defined_at`: the same for definitions;
+    `answered`: stored answers by message id, oldest first; `subscriptions`: by address; `since`: the earliest version that can be restored.
+    """
 
     ontology: Ontology
     map: Map
@@ -94,7 +100,7 @@ class Contents(Struct, kw_only=True):
     since: int = 0
 
     def last_change(self, definition_key: DefinitionKey) -> DefinitionChange | None:
-        """When the definition changed last; None if it never did."""
+        """The latest change of the definition; None if it never changed."""
         return self.defined_at.get(definition_key.section, {}).get(definition_key.name)
 
     @property

@@ -1,7 +1,7 @@
-"""Undoing a version: what brings back what it changed, if nothing changed that since; otherwise, what stands in the way.
+"""Undoes a version: computes the reverse change, or the later changes that prevent it.
 
-A change of the ontology is undone by another one: what it defined is defined as before, and its renamings go the other way, so that they
-take along what came to be since. A change of the map is undone by the changes that lead back.
+A change of the ontology is undone by another one that restores the old definitions and reverses the renamings. The reversed renamings also
+apply to definitions and objects added since. A change of the map is undone by the inverse changes.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from somrs.repository.update import changes_outcome
 
 
 def undo_outcome(event: Event, contents: Contents) -> Outcome:
-    """What comes of undoing the event now."""
+    """The outcome of undoing the event now."""
     map, ontology = contents.map, contents.ontology
     renamed = [renaming for renaming in event.renamed if renaming.section is Section.OBJECTS]
     if renamed:
@@ -39,9 +39,9 @@ def undo_outcome(event: Event, contents: Contents) -> Outcome:
 
 
 def _definitions(event: Event, revision: Revision, contents: Contents) -> tuple[Define, list[Violation]]:
-    """The change of the ontology that undoes the event, and what stands in its way."""
+    """The change of the ontology that undoes the event, and the conflicts with later changes."""
     renamer = Renamer(event.renamed, contents.ontology)
-    # What made room for something that got its name comes back once that has its own name again.
+    # A definition whose name was taken over is restored after its successor has its old name again.
     targets = {DefinitionKey(section=renaming.section, name=renaming.to) for renaming in event.renamed}
     targets -= {DefinitionKey(section=renaming.section, name=renaming.name) for renaming in event.renamed}
     restored: list[Definition] = [definition for definition in revision.before.all_definitions() if key_of(definition) in targets]
@@ -59,7 +59,7 @@ def _definitions(event: Event, revision: Revision, contents: Contents) -> tuple[
             find_definition(contents.ontology, definition_key),
         )
         if old is not None and renamer.definition(old) == new:
-            continue  # it goes with the renamings
+            continue  # the reversed renamings restore it
         if now != new:
             broken.append(_conflict_violation(event, definition_key, _changed_since(definition_key, new is None, now is None, contents)))
         if old is not None:
@@ -84,7 +84,7 @@ def _conflict_violation(event: Event, definition_key: DefinitionKey, message: st
     return Violation(subject=definition_key.name, rule="changed-since", message=full_message, section=definition_key.section)
 
 
-# Of the map
+# The map
 
 
 def _map_conflicts(event: Event, contents: Contents) -> Iterator[Violation]:
@@ -98,7 +98,7 @@ def _map_conflicts(event: Event, contents: Contents) -> Iterator[Violation]:
 
 
 def _map_difference(change: Change, event: Event, contents: Contents) -> tuple[str, str]:
-    """What a change is about, and in what the map is not any more as it left it; empty when it is."""
+    """The subject of a change, and how the map now differs from the change's result (empty when it does not differ)."""
     map = contents.map
     match change:
         case ValueSet(name, path, value):
@@ -113,10 +113,10 @@ def _map_difference(change: Change, event: Event, contents: Contents) -> tuple[s
             if name not in map.objects:
                 return name, f"{name} is not on the map any more"
             if map.objects[name] != object:
-                return name, f"{name} is not as it was after it"
+                return name, f"{name} was changed since"
             new_facts = [fact for fact in map.facts_about(name) if FactAdded(fact) not in event.changes]
             if new_facts and ObjectRemoved(name) in event.before:
-                return name, f"{new_facts[0]} was said since, and would not hold without {name}"
+                return name, f"{new_facts[0]} was added since, and cannot hold without {name}"
             return name, ""
         case ObjectRemoved(name):
             return name, f"there is a {name} on the map again" if name in map.objects else ""

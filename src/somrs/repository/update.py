@@ -1,4 +1,4 @@
-"""Working out what an update does to a map: what it comes to in the end, and whether the map would still obey its types."""
+"""Computes the outcome of a map update: the net changes, and the rules that the new map breaks."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from somrs.repository.outcome import SITUATION, Outcome
 
 
 def update_outcome(map: Map, ontology: Ontology, update: UpdateMap) -> Outcome:
-    """What the single changes, and then the situation, make of the map."""
+    """The outcome of an update: first its single changes are applied, then its situation."""
     if impossible := tuple(_impossible(map, ontology, update.changes)):
         return Outcome(map=map, ontology=ontology, broken=impossible)
     changes = [*_both_ways(update.changes, ontology)]
@@ -44,7 +44,7 @@ def update_outcome(map: Map, ontology: Ontology, update: UpdateMap) -> Outcome:
 
 
 def changes_outcome(map: Map, ontology: Ontology, changes: Sequence[Change]) -> Outcome:
-    """What changes that are possible make of the map."""
+    """The outcome of changes that are known to be possible."""
     net = tuple(_net_changes(map, map.changed(changes), changes))
     result = Outcome(map=map.changed(net), ontology=ontology, changes=net)
     broken = tuple(_text_violations(net)) or tuple(_violations(map, result, ontology))
@@ -52,7 +52,7 @@ def changes_outcome(map: Map, ontology: Ontology, changes: Sequence[Change]) -> 
 
 
 def _clear_unknown(map: Map, changes: Iterable[Change]) -> Iterator[Change]:
-    """An object that nothing was known of is known again once anybody says where or how it is."""
+    """Changes that clear the attribute Unknown of each object about which the update states a fact or a value."""
     assertions = [change for change in changes if not isinstance(change, FactRemoved)]
     flagged = {change.object for change in assertions if isinstance(change, ValueSet) and change.path == UNKNOWN and change.value}
     for name in dict.fromkeys(objects_of(change)[0] for change in assertions):
@@ -61,7 +61,7 @@ def _clear_unknown(map: Map, changes: Iterable[Change]) -> Iterator[Change]:
 
 
 def _impossible(map: Map, ontology: Ontology, changes: Iterable[Change]) -> Iterator[Violation]:
-    """What cannot be done at all, whatever the types say."""
+    """Violations for changes that are impossible, whatever the types allow."""
     presence = dict.fromkeys(map.objects, True)
     for change in changes:
         match change:
@@ -70,7 +70,7 @@ def _impossible(map: Map, ontology: Ontology, changes: Iterable[Change]) -> Iter
                     message = "is on the map already; set its values, or give the new object another name"
                     yield Violation(subject=object.name, rule="duplicate", message=message)
                 if not is_name(object.name):
-                    message = f"{object.name!r} is no name that formulas can use; take letters, digits, _ and -, a letter first"
+                    message = f"{object.name!r} is not a name that formulas can use; use letters, digits, _ and -, and begin with a letter"
                     yield Violation(subject=object.name, rule="name", message=message)
                 presence[object.name] = True
             case ObjectRemoved(name) | ValueSet(name):
@@ -89,7 +89,7 @@ def _unknown(name: str, presence: dict[str, bool]) -> str:
 
 
 def _both_ways(changes: Iterable[Change], ontology: Ontology) -> Iterator[Change]:
-    """The changes; what is said of a symmetric relation is taken back whichever way round it was said."""
+    """The changes. A removed fact of a symmetric relation is removed in both orders of its arguments."""
     for change in changes:
         yield change
         if isinstance(change, FactRemoved) and ontology.relations[change.fact.relation].symmetric:
@@ -97,9 +97,9 @@ def _both_ways(changes: Iterable[Change], ontology: Ontology) -> Iterator[Change
 
 
 def _net_changes(map_before: Map, map_after: Map, changes: Iterable[Change]) -> Iterator[Change]:
-    """The least changes that lead from the one map to the other, which differ in nothing but what `changes` speak of.
+    """The smallest set of changes from one map to the other. The maps differ only in what `changes` mention.
 
-    Facts go before their objects and come after them, each by name: so a change is in the history of all it concerns.
+    Facts are removed before their objects and added after them. Each is listed, so that it is in the history of every object in it.
     """
     names: dict[str, None] = {}
     facts: dict[Fact, None] = {}
@@ -129,7 +129,7 @@ def _net_changes(map_before: Map, map_after: Map, changes: Iterable[Change]) -> 
 
 
 def _text_violations(changes: Iterable[Change]) -> Iterator[Violation]:
-    """Texts that would make every message unreadable in which they are."""
+    """Violations for texts that no message can carry."""
     for change in changes:
         match change:
             case ObjectAdded(object):
@@ -144,8 +144,8 @@ def _text_violations(changes: Iterable[Change]) -> Iterator[Violation]:
 
 
 def _violations(map_before: Map, outcome: Outcome, ontology: Ontology) -> list[Violation]:
-    """Which rules would be broken by what changed."""
+    """The rules that the changes break."""
     removed = [map_before.objects[change.name].type for change in outcome.changes if isinstance(change, ObjectRemoved)]
     if any(ontology.is_subtype(type_name, ABSTRACT) for type_name in removed):
-        return violations(outcome.map, ontology)  # it may have been the root, which is nobody's part
+        return violations(outcome.map, ontology)  # the removed object may have been the root, which is part of no object
     return violations_of(outcome.map, ontology, outcome.objects, map_before) if outcome.changes else []

@@ -1,4 +1,4 @@
-"""Whether what somebody wants to change was changed by others since he looked at it."""
+"""Optimistic concurrency: detects that a change affects objects or definitions that changed after the expected version."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from somrs.repository.state import Contents
 
 
 def version_conflicts(alteration: Alteration, outcome: Outcome, contents: Contents) -> Iterator[Violation]:
-    """What of it changed after the version that was expected."""
+    """The changed objects and definitions that changed after the expected version. Undo requests have no expected version."""
     if isinstance(alteration, Undo) or alteration.expected_version is None:
         return
     expected = alteration.expected_version
     if expected > contents.version:
-        message = f"version {expected} is still to come, the latest is {contents.version}: read it again"
+        message = f"version {expected} does not exist yet, the latest is {contents.version}: read it again"
         yield Violation(subject=VERSION, rule="overtaken", message=message, section=VERSION)
         return
     match alteration:
@@ -28,7 +28,7 @@ def version_conflicts(alteration: Alteration, outcome: Outcome, contents: Conten
         case RenameObject(name=name):
             yield from _objects([name], expected, contents)
         case UpdateMap():
-            # A fact says something of its first object: that a thing leaves a table is no news about the table.
+            # A fact describes its first object: when an object leaves a table, the table does not change.
             yield from _objects([objects_of(change)[0] for change in outcome.changes], expected, contents)
 
 
@@ -45,7 +45,7 @@ def _definitions(define: Define, expected: int, contents: Contents) -> Iterator[
             is_now = "changed" if find_definition(contents.ontology, definition_key) is not None else "removed or renamed"
             message = (
                 f"{person_name(latest.author)} {is_now} it in version {latest.version}, after version {expected} that was expected; "
-                "look at it again and decide anew"
+                "read it again before you change it"
             )
             yield Violation(subject=definition_key.name, rule="overtaken", message=message, section=definition_key.section)
 
@@ -54,5 +54,5 @@ def _objects(names: list[str], expected: int, contents: Contents) -> Iterator[Vi
     for name in dict.fromkeys(names):
         version = contents.changed_at.get(name, 0)
         if version > expected:
-            message = f"changed in version {version}, after version {expected} that was expected; read it again and decide anew"
+            message = f"changed in version {version}, after version {expected} that was expected; read it again before you change it"
             yield Violation(subject=name, rule="overtaken", message=message)

@@ -38,7 +38,7 @@ from tests.support.lab import contents, lab
 ONTOLOGY, MAP = lab()
 TYPES, OBJECTS = Section.TYPES, Section.OBJECTS
 CRATE, BASKET = ObjectType(name="Crate", parent="Jar"), ObjectType(name="Basket", parent="Jar")
-NO_NAME = "'A b' is no name that formulas can use; take letters, digits, _ and -, a letter first"
+NO_NAME = "'A b' is not a name that formulas can use; use letters, digits, _ and -, and begin with a letter"
 RED = ValueSet("Jar1", "Color", "Red")
 ON_TABLE1, ON_TABLE2 = Fact("isOn", ("Jar1", "Table1")), Fact("isOn", ("Jar1", "Table2"))
 
@@ -72,7 +72,7 @@ def violation_rows(broken: Iterable[Violation]) -> list[tuple[str, str, str, str
                 ("types", "Jarr", "", "unknown-name", "there is no type Jarr; did you mean Jar?"),
                 (
                     "types", "Xyzzyq", "", "unknown-name",
-                    "there is no type Xyzzyq; somebody else may have removed or renamed it: read the ontology again",
+                    "there is no type Xyzzyq; it may have been removed or renamed: read the ontology again",
                 ),
             ],
         ),
@@ -94,13 +94,13 @@ def violation_rows(broken: Iterable[Violation]) -> list[tuple[str, str, str, str
         (
             Define(renamed=renamed(("Jar", "New"), ("Can", "New"))),
             [
-                ("types", name, "", "duplicate", "cannot be renamed: something else is to be called New, too; take another name")
+                ("types", name, "", "duplicate", "cannot be renamed: another definition is renamed to New too; take another name")
                 for name in ("Jar", "Can")
             ],
         ),
         (
             Define(renamed=renamed(("Jar", "New"), ("Jar", "Newer"))),
-            [("types", "Jar", "", "duplicate", "is to get 2 names; give it one")],
+            [("types", "Jar", "", "duplicate", "is renamed 2 times; give it one new name")],
         ),
         (
             Define(definitions=types(structs.replace(CRATE, name="A b"), CRATE, structs.replace(CRATE, parent="Can"))),
@@ -109,8 +109,8 @@ def violation_rows(broken: Iterable[Violation]) -> list[tuple[str, str, str, str
         (
             Define(definitions=types(structs.replace(CRATE, doc="\x00", defaults={"Color": "\ufffe", "Label": "fine\n"}))),
             [
-                ("types", "Crate", "defaults.Color", "text", "the character U+FFFE cannot be sent to anybody; leave it out"),
-                ("types", "Crate", "doc", "text", "the character U+0000 cannot be sent to anybody; leave it out"),
+                ("types", "Crate", "defaults.Color", "text", "the character U+FFFE cannot be sent in a message; leave it out"),
+                ("types", "Crate", "doc", "text", "the character U+0000 cannot be sent in a message; leave it out"),
             ],
         ),
     ],
@@ -171,7 +171,7 @@ def test_a_problem_is_told_once() -> None:
         (
             "Robot1",
             "Robot2",
-            [("device", "is a device, and its program knows itself by this name; let it leave the map, and join under another name")],
+            [("device", "is a device, and its program uses this name; remove it from the map, and let it join under another name")],
         ),
         ("Jar1", "Jar2", [("duplicate", "cannot be called Jar2: an object of this name is on the map already; take another name")]),
         ("Jar1", "A b", [("name", NO_NAME)]),
@@ -194,7 +194,7 @@ def test_an_object_is_renamed_in_the_ontology_too_and_gets_no_name_of_which_that
     assert (outcome.ontology.types["Jar"], outcome.renamed) == (now, renamed(("Table2", "Table3"), section=OBJECTS))
     reduced_map = MAP.changed((ObjectRemoved("Table2"),))
     [violation] = rename_outcome(reduced_map, SPEAKING, RenameObject(name="Table1", to="Table2")).broken
-    message = "cannot be called Table2: the type Jar speaks of another Table2; take another name"
+    message = "cannot be called Table2: the type Jar refers to another Table2; take another name"
     assert violation == Violation(subject="Table1", rule="duplicate", message=message)
 
 
@@ -295,7 +295,7 @@ def test_an_update_comes_to_the_least_changes(update: UpdateMap, changes: tuple[
 def test_rules_that_an_update_breaks_are_told_with_what_it_comes_to() -> None:
     outcome = update_outcome(MAP, ONTOLOGY, UpdateMap(changes=(ValueSet("Jar1", "Color", "Mauve"), ValueSet("Jar2", "Label", "\x01"))))
     assert violation_rows(outcome.broken) == [
-        ("objects", "Jar2", "Label", "text", "Label: the character U+0001 cannot be sent to anybody; leave it out")
+        ("objects", "Jar2", "Label", "text", "Label: the character U+0001 cannot be sent in a message; leave it out")
     ], "values are looked at once they can be said"
     bad = Object(name="Jar9", type="Jar", values={"Label": "\x02", "PositionX": 1.0, "Color": "Red"})
     assert [
@@ -405,8 +405,8 @@ def make_contents(**changed_at: int) -> Contents:
     return repository_contents
 
 
-WHAT_CHANGED = "changed in version {}, after version {} that was expected; read it again and decide anew"
-WHO_CHANGED = "{} it in version {}, after version {} that was expected; look at it again and decide anew"
+WHAT_CHANGED = "changed in version {}, after version {} that was expected; read it again before you change it"
+WHO_CHANGED = "{} it in version {}, after version {} that was expected; read it again before you change it"
 NEW_JAR = structs.replace(ONTOLOGY.types["Jar"], doc="new")
 
 
@@ -423,7 +423,7 @@ NEW_JAR = structs.replace(ONTOLOGY.types["Jar"], doc="new")
         (RenameObject(name="Jar2", to="Jar8", expected_version=0), []),
         (
             RenameObject(name="Jar1", to="Jar8", expected_version=8),
-            [("version", "version", "version 8 is still to come, the latest is 7: read it again")],
+            [("version", "version", "version 8 does not exist yet, the latest is 7: read it again")],
         ),
         (RenameObject(name="Jar1", to="Jar8", expected_version=7), []),
         (Undo(version=1), []),
@@ -518,8 +518,8 @@ def test_what_is_a_name(text: str, name: bool) -> None:
     ("text", "problem"),
     [
         ("a\tb\r\nc ł\U0001f916\ud7ff\ue000\ufffd", ""),
-        ("a\x0b", "the character U+000B cannot be sent to anybody; leave it out"),
-        ("\ud800", "the character U+D800 cannot be sent to anybody; leave it out"),
+        ("a\x0b", "the character U+000B cannot be sent in a message; leave it out"),
+        ("\ud800", "the character U+D800 cannot be sent in a message; leave it out"),
     ],
 )
 def test_what_cannot_be_said(text: str, problem: str) -> None:

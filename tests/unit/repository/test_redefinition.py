@@ -188,7 +188,7 @@ def test_renaming_and_redefining_come_together(keeper: Keeper) -> None:
     [
         (rename(Section.TYPES, "Tim", "Can1"), "there is no type Tim; did you mean Tin?"),
         (rename(Section.TYPES, "Tin", "Jar"), "there is a type Jar already"),
-        (rename(Section.TYPES, "Tin", "A b"), "no name that formulas can use"),
+        (rename(Section.TYPES, "Tin", "A b"), "not a name that formulas can use"),
         (rename(Section.OBJECTS, "Tin1", "Tin9"), "is renamed by itself"),
         (remove(Section.TYPES, "Tim"), "there is no type Tim"),
         (remove(Section.OBJECTS, "Tin1"), "by an update of the map"),

@@ -207,9 +207,9 @@ def test_a_situation_that_is_none_is_rejected(repository: Repository) -> None:
 
 @pytest.mark.parametrize("name", ["", "a b", "AND", "a.b", "?x", "1st", "Jar1 "])
 def test_names_are_such_that_formulas_can_use_them(repository: Repository, name: str) -> None:
-    assert "no name that formulas can use" in problems(repository, ObjectAdded(msgspec.structs.replace(JAR, name=name)))
+    assert "not a name that formulas can use" in problems(repository, ObjectAdded(msgspec.structs.replace(JAR, name=name)))
     answer = ask(repository, Define(definitions=Definitions(types=(ObjectType(name=name, parent="Jar"),))), Rejected)
-    assert "no name that formulas can use" in answer.problems[0]
+    assert "not a name that formulas can use" in answer.problems[0]
 
 
 def test_texts_are_such_that_messages_can_carry_them(repository: Repository) -> None:
@@ -280,7 +280,7 @@ def test_an_expected_version_holds_for_the_objects_that_are_touched(repository: 
     assert update(repository, ValueSet("Jar2", "Color", "Red"), expected=0) == Updated(version=2)
     assert "Jar1: changed in version 1" in problems(repository, ValueSet("Jar1", "Color", "Red"), expected=0)
     assert update(repository, ValueSet("Jar1", "Color", "Red"), expected=1) == Updated(version=3)
-    assert "still to come" in problems(repository, ValueSet("Jar1", "Color", "Blue"), expected=99)
+    assert "does not exist yet" in problems(repository, ValueSet("Jar1", "Color", "Blue"), expected=99)
 
 
 # Definitions

@@ -114,7 +114,7 @@ def test_a_version_that_is_not_known_is_a_fault(first_version: int, at_version: 
 
 
 def test_events_are_told_in_one_direction(repository: Repository) -> None:
-    fault = Fault(code="Sender", text="events are told before a version or after one: give one of the two")
+    fault = Fault(code="Sender", text="events are read either before a version or after one: give one of the two")
     assert ask(repository, ReadEvents(before=3, after=1), Fault) == fault
 
 
@@ -139,8 +139,8 @@ def test_there_is_no_history_of_what_never_was(repository: Repository, name: str
     ("question", "text"),
     [
         (ReadHistory(object="Jar1"), "the history of Jar1 cannot be read: disk gone"),
-        (ReadEvents(), "what happened cannot be read: disk gone"),
-        (ReadMap(at_version=0), "what happened cannot be read: disk gone"),
+        (ReadEvents(), "the archive cannot be read: disk gone"),
+        (ReadMap(at_version=0), "the archive cannot be read: disk gone"),
     ],
 )
 def test_a_broken_archive_is_the_receivers_fault(repository: Repository, question: Body, text: str) -> None:
@@ -153,7 +153,7 @@ def test_a_broken_archive_is_the_receivers_fault(repository: Repository, questio
         (0, None, 5, "there is no version 5 that could be undone; the latest is 2"),
         (0, 1, 2, "there is no version 2 that could be undone; the latest is 2"),
         (0, None, 0, "there is no version 0 that could be undone; the latest is 2"),
-        (1, 1, 1, "what was before version 1 is not known any more; from version 2 on, it is"),
+        (1, 1, 1, "version 1 cannot be undone: history is stored only from version 2 on"),
     ],
 )
 def test_what_cannot_be_undone_says_why(
@@ -281,7 +281,7 @@ def test_what_it_does_not_understand(repository: Repository) -> None:
         text="a Repository does not understand Discover; it reads, queries, updates and follows maps and ontologies",
     )
     assert ask(repository, SubscribeMap(lease=60), Fault, sender=ANONYMOUS) == Fault(
-        code="Sender", text="changes can only be sent to somebody who has an address: set the sender to one that can be reached"
+        code="Sender", text="changes can only be sent to a client that has an address: set the sender to one that can be reached"
     )
     assert repository.open == []
 
