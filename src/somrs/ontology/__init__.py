@@ -1,1 +1,1 @@
-"""The shared vocabulary of a building: attributes, relations, types, objects, maps, service types, and what is true."""
+"""Ontologies and maps: definitions, objects and facts, and the evaluation of formulas on them."""

@@ -1,4 +1,4 @@
-"""Which objects of a map a change of its ontology concerns: whether they still conform has to be looked at, and of no others."""
+"""The objects of a map that a change of its ontology may affect. Only their conformance is checked again."""
 
 from __future__ import annotations
 
@@ -16,33 +16,33 @@ _WORD = re.compile(r"\w+(?:-\w+)*")
 
 
 def violations_after(map: Map, ontology_before: Ontology, ontology_after: Ontology, changed: Iterable[DefinitionKey]) -> list[Violation]:
-    """What is wrong with a map that obeyed the ontology `ontology_before`, now that the `changed` definitions of it are as in
-    `ontology_after`."""
+    """The violations of a map after a change of the ontology. The map conformed to `ontology_before`; the `changed` definitions are now
+    those of `ontology_after`."""
     names: dict[Section, set[str]] = {section: set() for section in Section}
     for definition_key in changed:
         if not _only_doc_differs(ontology_before, ontology_after, definition_key):
             names[definition_key.section].add(definition_key.name)
     types = _types(ontology_before, ontology_after, names)
     if any(_was_abstract(name, ontology_before, ontology_after) and map.of_type(name) for name in types):
-        return violations(map, ontology_after)  # it may be the root, which is nobody's part
+        return violations(map, ontology_after)  # such an object may be the root, which is part of no object
     objects = {object for name in types for object in map.of_type(name)}
     objects.update(name for relation in names[Section.RELATIONS] for fact in map.facts(relation) for name in fact.arguments)
     return violations_of(map, ontology_after, objects) if objects else []
 
 
 def _only_doc_differs(ontology_before: Ontology, ontology_after: Ontology, definition_key: DefinitionKey) -> bool:
-    """Whether nothing is different but what people read."""
+    """Whether only the documentation differs."""
     old, new = find_definition(ontology_before, definition_key), find_definition(ontology_after, definition_key)
     return old is not None and new is not None and structs.replace(old, doc="") == structs.replace(new, doc="")
 
 
 def _was_abstract(name: str, ontology_before: Ontology, ontology_after: Ontology) -> bool:
-    """Whether objects of the type became physical ones, or the other way round, or have lost their type."""
+    """Whether the type changed between abstract and physical, or was removed."""
     return ontology_before.is_subtype(name, ABSTRACT) != ontology_after.is_subtype(name, ABSTRACT)
 
 
 def _types(ontology_before: Ontology, ontology_after: Ontology, changed: dict[Section, set[str]]) -> set[str]:
-    """The types of which objects have other rules than they had."""
+    """The types whose objects have other rules than before."""
     attributes = changed[Section.ATTRIBUTES]
     words = attributes | changed[Section.RELATIONS] | changed[Section.FUNCTIONS]
     moved = any(_parent(ontology_before, name) != _parent(ontology_after, name) for name in changed[Section.TYPES])
@@ -56,7 +56,7 @@ def _types(ontology_before: Ontology, ontology_after: Ontology, changed: dict[Se
 
 
 def _speaks_of(type: ObjectType, words: set[str], moved: bool) -> bool:
-    """Whether a formula of the type has one of the words in it, or, if types `moved`, a variable of some type."""
+    """Whether a formula of the type uses one of the names, or, if types have `moved` in the hierarchy, a typed variable."""
     formulas: Iterator[str] = (constraint.formula for constraint in type.constraints if constraint.formula is not None)
     return any((moved and ":" in formula) or not words.isdisjoint(_WORD.findall(formula)) for formula in formulas)
 

@@ -1,4 +1,4 @@
-"""Does a formula fit an ontology, and the objects of a map: names, numbers of arguments, types, kinds of values, units."""
+"""Checks a formula against an ontology and the objects of a map: names, numbers of arguments, types, kinds of values, units."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from somrs.ontology.units import convert_unit
 
 
 class _Sort(StrEnum):
-    """What a term stands for; the values are what a person calls it."""
+    """What a term denotes. The values are descriptions for error messages."""
 
     OBJECT = "an object"
     NUMBER = "a number"
@@ -41,13 +41,13 @@ class _Sort(StrEnum):
     TRUTH = "TRUE or FALSE"
     WORD = "a value of a list"
     NAME = "a name"
-    """An object, or a value of a list: what it is compared with decides."""
+    """An object or a value of an enumeration; the other side of the comparison decides which."""
     OPEN = "anything"
-    """A variable of which nothing is known yet."""
+    """A variable whose meaning is not known yet."""
 
 
 class _Meaning(Struct, frozen=True):
-    """`type` of an object, `unit` of a number, `attribute` whose list a word is of."""
+    """The meaning of a term: the `type` of an object, the `unit` of a number, the `attribute` of an enumeration value."""
 
     sort: _Sort
     type: str = ROOT
@@ -63,9 +63,9 @@ _Scope = dict[str, _Meaning]
 
 
 def check(formula: Formula | str, ontology: Ontology, map: Map | None = None, variables: Mapping[str, str] | None = None) -> Formula:
-    """The formula, when everything in it is known and fits; FormulaError at the first thing that is not.
+    """The formula, if it fits the ontology. Raises FormulaError for the first mistake.
 
-    `variables` declares types of variables, beside those written in the formula. With a map, a constant must be one of
+    `variables` declares types of variables, in addition to those in the formula. With a map, each constant must be one of
     its objects or a value of the attribute that it is compared with.
     """
     reading = read(formula if isinstance(formula, str) else str(formula))
@@ -77,7 +77,7 @@ def check(formula: Formula | str, ontology: Ontology, map: Map | None = None, va
 def mistakes(
     reading: ParsedFormula, ontology: Ontology, map: Map | None = None, variables: Mapping[str, str] | None = None
 ) -> list[FormulaError]:
-    """What does not fit in a formula that can be read, at most one of each atom; the one that `check` raises is the first."""
+    """The mistakes in a parsed formula, at most one for each atom. `check` raises the first."""
     checker = _FormulaChecker(reading, ontology, map, variables or {})
     checker.formula(reading.formula, checker.declared())
     return checker.errors
@@ -89,7 +89,7 @@ class _FormulaChecker:
         self.errors: list[FormulaError] = []
 
     def declared(self) -> _Scope:
-        """What the formula itself and its author say of the variables."""
+        """The meanings of the variables that are declared in the formula or by the caller."""
         scope: _Scope = {}
         first_occurrences: dict[str, tuple[Atom, Variable]] = {}
         for atom, term in self.reading.places:
@@ -117,7 +117,7 @@ class _FormulaChecker:
         return _Meaning(_Sort.OBJECT, type_name)
 
     def formula(self, formula: Formula, scope: _Scope) -> None:
-        """Checks the parts; what one part of a conjunction says of a variable holds for the others."""
+        """Check the parts. In a conjunction, what one part implies about a variable holds for the other parts."""
         match formula:
             case And(parts):
                 simple = [part for part in parts if not isinstance(part, Or)]
@@ -155,7 +155,7 @@ class _FormulaChecker:
             self._object(atom, term, joined, scope)
 
     def _object(self, atom: Atom, term: Term, type_name: str, scope: _Scope) -> str:
-        """The type of the object that a term must be, as far as it is known."""
+        """The most specific known type of a term that must be an object."""
         expected_meaning = _Meaning(_Sort.OBJECT, type_name)
         match term:
             case Variable(name):
@@ -174,7 +174,7 @@ class _FormulaChecker:
     def _merge_meanings(
         self, atom: Atom, term: Term, actual_meaning: _Meaning, expected_meaning: _Meaning, narrowing: bool = True
     ) -> _Meaning:
-        """What a term is of which both are said; `narrowing` when an object of the first may also be one of the second."""
+        """The meaning of a term that must have both meanings. `narrowing`: the expected type may be a subtype of the actual one."""
         if _Sort.OPEN in (actual_meaning.sort, expected_meaning.sort):
             return expected_meaning if actual_meaning.sort is _Sort.OPEN else actual_meaning
         if actual_meaning.sort is not expected_meaning.sort:
@@ -204,7 +204,7 @@ class _FormulaChecker:
             subject = f"{term.owner}, a {owner}," if fixed else f"a {owner}"
             raise self.reading.error(atom, term, f"{subject} has no attribute {term.path}", nearest(term.path, attributes))
         if attribute.kind is Kind.COMPLEX:
-            raise self.reading.error(atom, term, f"{term.path} is made of others", f"name one of {', '.join(attribute.attributes)}")
+            raise self.reading.error(atom, term, f"{term.path} is a group of attributes", f"name one of {', '.join(attribute.attributes)}")
         return _Meaning(_KINDS[attribute.kind], unit=attribute.unit, attribute=attribute)
 
     def _call(self, atom: Atom, term: Call, scope: _Scope) -> _Meaning:
@@ -213,8 +213,8 @@ class _FormulaChecker:
             hint = nearest(term.function, self.ontology.functions)
             raise self.reading.error(atom, term, f"there is no function {term.function}", hint)
         if len(function.parameters) != len(term.arguments):
-            problem = f"{term.function} is of {len(function.parameters)} objects, not {len(term.arguments)}"
-            raise self.reading.error(atom, term, problem, f"it is of {', '.join(function.parameters)}")
+            problem = f"{term.function} takes {len(function.parameters)} objects, not {len(term.arguments)}"
+            raise self.reading.error(atom, term, problem, f"it takes {', '.join(function.parameters)}")
         for argument, type_name in zip(term.arguments, function.parameters, strict=True):
             self._object(atom, argument, type_name, scope)
         read_from = self.ontology.attributes.get(function.attribute.rpartition(".")[2]) if function.attribute else None
@@ -275,7 +275,7 @@ class _FormulaChecker:
         self._units(atom, atom.right if isinstance(atom.right, Number) else atom.left, left_meaning.unit, right_meaning.unit)
 
     def _infer_meaning(self, atom: Comparison, term: Term, meaning: _Meaning, other_meaning: _Meaning, scope: _Scope) -> _Meaning:
-        """What a term means beside the other side of the comparison."""
+        """The meaning of a term, given the meaning of the other side of the comparison."""
         if isinstance(term, Variable) and meaning.sort is _Sort.OPEN and other_meaning.sort not in (_Sort.OPEN, _Sort.NAME):
             scope[term.name] = other_meaning
             return other_meaning
@@ -316,7 +316,7 @@ class _FormulaChecker:
 
 
 def _says_little(part: Formula) -> bool:
-    """An equation of two variables says something only when one of them is known."""
+    """Whether the part is an equation of two variables, which gives information only when the meaning of one is known."""
     return isinstance(part, Comparison) and isinstance(part.left, Variable) and isinstance(part.right, Variable)
 
 

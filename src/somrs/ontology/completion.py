@@ -1,4 +1,4 @@
-"""What can come next in a formula that is being written: from the grammar, the ontology and the map. `cursor.py` says where one is."""
+"""Completions of an incomplete formula, from the grammar, the ontology and the map. `cursor.py` analyses the cursor position."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from somrs.ontology.units import is_convertible
 from somrs.ontology.values import constant
 
 MAX_COMPLETIONS = 60
-"""So many are offered; whoever wants another one types more of it."""
+"""The maximum number of suggestions; more typed characters narrow them down."""
 
 MAX_NEW_VARIABLES = 3
-"""Variables that are offered where none was begun."""
+"""The maximum number of suggested new variables where no `?` was typed."""
 
 VALUE_TYPES = {"number": "any number", "text": "any text", "truth": "TRUE or FALSE"}
 UNITS = ("mm", "cm", "m", "km", "g", "kg", "s", "min", "h", "m/s", "km/h", "rad", "deg", "%", "EUR")
-"""What people write most; others are known, too."""
+"""The units that are suggested; formulas accept all units of pint."""
 
 
 class Completion(Struct, frozen=True, kw_only=True):
-    """`text` may be written, and `suffix` behind it. `kind`: object, relation, attribute, value, type, variable, function, keyword,
-    operator or unit."""
+    """A suggestion: the `text` to insert, and a `suffix` to insert after it. `kind`: object, relation, attribute, value, type, variable,
+    function, keyword, operator or unit."""
 
     text: str
     kind: str
@@ -41,7 +41,7 @@ class Completion(Struct, frozen=True, kw_only=True):
 
 
 class Completions(Struct, frozen=True, kw_only=True):
-    """What may stand from `start` to `end` of the text, the likeliest first."""
+    """The suggestions for the text from `start` to `end`, most likely first."""
 
     start: int
     end: int
@@ -49,7 +49,7 @@ class Completions(Struct, frozen=True, kw_only=True):
 
 
 class _Ranked(Struct, frozen=True):
-    """`group` and `preference` order those that match as well."""
+    """A suggestion with its rank: `match` first, then `group`, then `preference`; lower is better."""
 
     item: Completion
     match: int
@@ -58,7 +58,7 @@ class _Ranked(Struct, frozen=True):
 
 
 def complete(text: str, position: int, ontology: Ontology, map: Map, variables: Mapping[str, str] | None = None) -> Completions:
-    """What can come at the place in the text. `variables`: types of variables, beside those that the text says."""
+    """The completions at a position in the text. `variables`: types of variables, in addition to those in the text."""
     cursor = locate_cursor(text, min(max(position, 0), len(text)), ontology, map, variables or {})
     if cursor.spot is Spot.NOWHERE:
         return Completions(start=cursor.start, end=cursor.end)
@@ -72,13 +72,13 @@ def complete(text: str, position: int, ontology: Ontology, map: Map, variables: 
 
 
 def fitting_objects(ontology: Ontology, map: Map, slot: Slot, typed: str = "") -> list[Object]:
-    """The objects that may stand there, the likeliest first; with `typed`, those whose name or label has it in it."""
+    """The objects that fit the slot, most likely first; with `typed`, only those whose name, type or label contains it."""
     candidates = sorted(_objects(typed.casefold(), ontology, map, slot), key=itemgetter(0, 1))
     return [map.objects[name] for _, _, name in candidates]
 
 
 class _Completer:
-    """What may be offered at one cursor."""
+    """Finds the suggestions at one cursor."""
 
     def __init__(self, cursor: Cursor, ontology: Ontology, map: Map) -> None:
         self.cursor, self.ontology, self.map = cursor, ontology, map
@@ -149,7 +149,7 @@ class _Completer:
                 yield from self.words({f"?{name}": type_name or "a variable"}, "variable", group, "" if self.cursor.enclosure else " ")
 
     def typed_variables(self, group: int) -> Iterator[_Ranked]:
-        """Variables with the types that may stand here: for any such object."""
+        """New variables with the types that fit here."""
         likely = _likely(self.cursor.slot, self.ontology, self.map)
         ordered = sorted(self.ontology.subtypes(self.cursor.slot.type), key=lambda name: (not likely(name), not self.map.of_type(name)))
         for name in ordered if self.typed.startswith("?") else [] if self.typed else ordered[:MAX_NEW_VARIABLES]:
@@ -159,7 +159,7 @@ class _Completer:
     # Relations and functions
 
     def relations(self) -> Iterator[_Ranked]:
-        """Those of two objects, of which the first is written already."""
+        """The binary relations that fit the object before the cursor."""
         for relation in self.ontology.relations.values():
             if len(relation.joins) != 2 or (match := _match(self.typed, relation.name)) is None:
                 continue
@@ -169,7 +169,7 @@ class _Completer:
                 yield _Ranked(Completion(text=relation.name, kind="relation", detail=detail, suffix=" "), match, 0, preference)
 
     def prefixed_relations(self, group: int) -> Iterator[_Ranked]:
-        """Those that stand before what they join."""
+        """The relations that are not binary; they are written before their arguments."""
         signatures = {
             relation.name: f"({', '.join(relation.joins)})" for relation in self.ontology.relations.values() if len(relation.joins) != 2
         }
@@ -240,7 +240,7 @@ class _Completer:
                 yield _Ranked(item, match, 0 if fits else 1, 0 if self.map.of_type(name) else 1)
         yield from self.words(VALUE_TYPES, "type", 2)
 
-    # What goes on
+    # Operators and connectives
 
     def operators(self, group: int) -> Iterator[_Ranked]:
         if self.typed or not self.cursor.comparable:
@@ -257,7 +257,7 @@ class _Completer:
 
 
 def _objects(typed: str, ontology: Ontology, map: Map, slot: Slot) -> Iterator[tuple[int, int, str]]:
-    """The objects that may stand in a place of a relation, or begin an atom: how well they match, how likely they are, their names."""
+    """The objects that fit the slot, each as match, preference and name; lower numbers are better."""
     fits: dict[str, int | None] = {}
     likely = _likely(slot, ontology, map)
     for name, object in map.objects.items():
@@ -274,7 +274,7 @@ def _objects(typed: str, ontology: Ontology, map: Map, slot: Slot) -> Iterator[t
 
 
 class _Likely:
-    """Whether objects of a type are likely meant: what services act on, or what stands there in other facts, and its like."""
+    """Whether objects of a type are likely at a place: types that services act on, or that occur there in other facts."""
 
     def __init__(self, types: Iterable[str], ontology: Ontology) -> None:
         self.types, self.ontology = frozenset(types) - {ROOT, PHYSICAL, ABSTRACT}, ontology
@@ -298,14 +298,14 @@ def _likely(slot: Slot, ontology: Ontology, map: Map) -> _Likely:
 
 @lru_cache(maxsize=8)
 def service_effects(ontology: Ontology) -> Mapping[str, tuple[str, ...]]:
-    """The relations and attributes that services change, and the types of what they are about."""
+    """The relations and attributes that services change, with the types of their arguments."""
     types_by_effect: dict[str, tuple[str, ...]] = {}
     for service in ontology.services.values():
         types = {parameter.name: parameter.type for parameter in service.inputs}
         try:
             changed = [*literals(parse(service.effect))]
         except FormulaError:
-            continue  # the page of the ontology says so
+            continue  # the Ontology page shows the error
         for literal in changed:
             match literal:
                 case Relation(relation, arguments) | Not(Relation(relation, arguments)):
@@ -316,7 +316,7 @@ def service_effects(ontology: Ontology) -> Mapping[str, tuple[str, ...]]:
 
 
 def units_of(attribute: AttributeType | None) -> tuple[str, ...]:
-    """The units in which people write values of the attribute, its own first."""
+    """The units to suggest for values of the attribute, its own first."""
     own_unit = attribute.unit if attribute is not None else None
     if own_unit is None:
         return ()
@@ -325,12 +325,12 @@ def units_of(attribute: AttributeType | None) -> tuple[str, ...]:
 
 
 def _types_overlap(type_name: str, other_type: str, ontology: Ontology) -> bool:
-    """Whether an object of the one type may be one of the other."""
+    """Whether one type is the other or a subtype of it."""
     return ontology.is_subtype(type_name, other_type) or ontology.is_subtype(other_type, type_name)
 
 
 def _match(typed: str, word: str) -> int | None:
-    """How well a word begins with what was typed, in small letters; None where it does not have it in it."""
+    """How a word contains the typed text, which is in lower case: 0 at its start, 1 at the start of a part, 2 elsewhere; None if not."""
     if not typed:
         return 0
     folded = word.casefold()
@@ -349,11 +349,11 @@ def _free_name(type_name: str, taken_names: Mapping[str, str | None]) -> str:
 
 
 def describe_object(object: Object) -> str:
-    """What people are told of an object beside its name."""
+    """The description of an object for people: its type and label."""
     label = object.values.get("Label")
     return f"{object.type}, {label}" if label else object.type
 
 
 def format_value(value: Value, attribute: AttributeType | None) -> str:
-    """A value as a formula has it."""
+    """A value as it is written in a formula."""
     return str(constant(value, attribute))

@@ -1,6 +1,6 @@
-"""Does a map obey its ontology? The rules for ontologies themselves are `consistency.py`'s.
+"""Checks whether a map conforms to its ontology. `consistency.py` checks the ontology itself.
 
-Every rule looks at one object and the facts about it, so that an update is checked by checking what it touched.
+Every rule concerns one object and the facts about it, so an update is checked by checking the objects that it touches.
 """
 
 from __future__ import annotations
@@ -25,8 +25,7 @@ SELF_VARIABLE = "Self"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Violation:
-    """A broken rule. `subject` is an object, a fact, or a definition of the `section`; `path` the attribute or key in it that is at
-    fault."""
+    """A broken rule. `subject` is an object, a fact, or a definition of the `section`; `path` is the wrong attribute or key in it."""
 
     subject: str
     rule: str
@@ -39,21 +38,22 @@ class Violation:
 
 
 def violations(map: Map, ontology: Ontology) -> list[Violation]:
-    """Everything that is wrong with the map."""
+    """All violations on the map."""
     checker = _Checker(map, ontology, None)
     return [*checker.rootless(), *checker.all_violations()]
 
 
 def violations_of(map: Map, ontology: Ontology, objects: Iterable[str], map_before: Map | None = None) -> list[Violation]:
-    """What is wrong with these objects, the facts about them, and what they are part of: what an update of them may have broken.
+    """The violations of these objects, the facts about them, and the objects that they are part of.
 
-    `touched_objects` tells which objects changes concern. With the map `map_before`, which was in order, an object whose values are as they
-    were there is not looked at for its values again."""
+    `touched_objects` finds the objects of an update. With `map_before`, a map that conformed, the values of unchanged objects are not
+    checked again.
+    """
     return [*_Checker(map, ontology, set(objects), map_before).all_violations()]
 
 
 def touched_objects(map_before: Map, changes: Iterable[Change]) -> set[str]:
-    """The objects whose rules the changes may break: those that they name, and the neighbours of those that go."""
+    """The objects whose rules the changes may break: those that they name, and the neighbours of removed objects."""
     names: set[str] = set()
     for change in changes:
         names.update(objects_of(change))
@@ -63,7 +63,7 @@ def touched_objects(map_before: Map, changes: Iterable[Change]) -> set[str]:
 
 
 class _Checker:
-    """One pass over the map, or over what the objects in `touched` concern."""
+    """One check of the map, or of the `touched` objects and the objects that they are part of."""
 
     def __init__(self, map: Map, ontology: Ontology, touched: set[str] | None, map_before: Map | None = None) -> None:
         self.map, self.ontology, self.touched, self.map_before = map, ontology, touched, map_before
@@ -73,7 +73,7 @@ class _Checker:
         self.wholes: dict[str, str] = {}
         self.schemas: dict[str, _Schema] = {}
         self._rule_results: dict[tuple[object, ...], bool] = {}
-        """Whether rules about an object's own values hold, by its type and those values."""
+        """Cached results of rules about an object's own values, by type, rule and values."""
         self._index()
 
     def _index(self) -> None:
@@ -82,7 +82,7 @@ class _Checker:
                 self.wholes[fact.arguments[0]] = fact.arguments[1]
                 self.parts.setdefault(fact.arguments[1], []).append(fact.arguments[0])
         if self.touched is not None:
-            # A whole is checked when one of its parts changes: its counts and its formulas speak of the parts.
+            # A whole is checked when one of its parts changes, because its rules count the parts and its formulas refer to them.
             self.touched = {whole for name in self.touched for whole in (name, *self._enclosing_wholes(name))}
         touched = self.touched
         self.facts = [fact for fact in self.map.facts() if touched is None or not touched.isdisjoint(fact.arguments)]
@@ -98,7 +98,7 @@ class _Checker:
             yield name
 
     def _nested_parts(self, whole: str) -> Iterator[str]:
-        """Parts, and parts of parts: a floor of a room is a floor of the storey."""
+        """The parts at any depth: a floor of a room is also a floor of the storey."""
         visited_names: set[str] = set()
         waiting = [whole]
         while waiting:
@@ -179,9 +179,9 @@ class _Checker:
         return [name for name, object in self.map.objects.items() if object.type in abstract and name not in self.wholes]
 
     def _place(self, object: Object, schema: _Schema) -> Iterator[Violation]:
-        """What is part of nothing is the root, or stands somewhere: a position, or a relation that says where."""
+        """Violations of the rule for places: an object is the root, is a part, has a position, or a relation such as isOn places it."""
         wholes = [*self._enclosing_wholes(object.name)]
-        if object.name in wholes and object.name == min(wholes):  # said once for the whole cycle
+        if object.name in wholes and object.name == min(wholes):  # report a cycle once
             message = f"is a part of itself: {' isPartOf '.join([object.name, *wholes])}"
             yield Violation(subject=object.name, rule="cycle", message=message)
         if self.ontology.is_subtype(object.type, ABSTRACT):
@@ -200,7 +200,7 @@ class _Checker:
     def _constraints(
         self, object: Object, constraints: Iterable[tuple[str, Constraint]], schema: _Schema, wrong: set[str]
     ) -> Iterator[Violation]:
-        """Constraints on values that are `wrong` already are left out, and formulas as soon as any value is."""
+        """Broken constraints. Those on attributes in `wrong` are skipped; formulas are skipped if any value is wrong."""
         for owner, constraint in constraints:
             if constraint.formula is not None:
                 if not wrong and not self._constraint_holds(object, constraint.formula):
@@ -215,14 +215,14 @@ class _Checker:
     def _constraint_holds(self, object: Object, text: str) -> bool:
         if not _is_about_itself(text):
             return self._holds_on_map(object, text)
-        # Of many things of a kind, most are alike in what a rule speaks of.
+        # Most objects of a type have equal values of the attributes in a rule, so results are cached.
         key = object.type, text, *((value := object.values.get(path), type(value)) for path in _paths(text))
         if key not in self._rule_results:
             self._rule_results[key] = self._is_true(parse(text), {SELF_VARIABLE: Name(object.name)})
         return self._rule_results[key]
 
     def _is_true(self, formula: Formula, bound: Mapping[str, Term]) -> bool:
-        """Whether a formula holds that speaks of nothing but an object's own values: what `holds` says, without looking for anything."""
+        """Whether a formula over an object's own values holds: the same as `formula_holds`, without a search."""
         match formula:
             case And(parts):
                 return all(self._is_true(part, bound) for part in parts)
@@ -233,7 +233,7 @@ class _Checker:
             case Comparison(left_term, operator, right_term):
                 left_value, right_value = (measure(term, self.map, self.ontology, bound) for term in (left_term, right_term))
                 return left_value is not None and right_value is not None and compare(left_value, operator, right_value)
-        raise TypeError(f"{formula} speaks of others")
+        raise TypeError(f"{formula} refers to other objects")
 
     def _holds_on_map(self, object: Object, text: str) -> bool:
         return formula_holds(substitute(parse(text), {SELF_VARIABLE: Name(object.name)}), self.map, self.ontology)
@@ -257,7 +257,7 @@ class _Checker:
                 yield Violation(subject=str(fact), rule="relation-types", message=message)
 
     def _exclusive(self, name: str, facts: list[Fact]) -> Iterator[Violation]:
-        """A functional relation has one value; of a group of excluding relations one holds."""
+        """Violations of functional relations and of groups of relations that exclude each other."""
         first: dict[str, Fact] = {}
         for fact in facts:
             relation = self.ontology.relations.get(fact.relation)
@@ -273,7 +273,7 @@ class _Checker:
 
 @lru_cache(maxsize=1024)
 def _is_about_itself(text: str) -> bool:
-    """Whether a constraint's formula speaks of nothing but the object's own values."""
+    """Whether a constraint's formula only has the object's own values in it."""
     formula = parse(text)
     atoms = (literal.atom if isinstance(literal, Not) else literal for literal in literals(formula))
     simple = all(isinstance(atom, Comparison) and not any(isinstance(term, Call) for term in terms(atom)) for atom in atoms)
@@ -283,12 +283,12 @@ def _is_about_itself(text: str) -> bool:
 
 @lru_cache(maxsize=1024)
 def _paths(text: str) -> tuple[str, ...]:
-    """The attributes that a formula speaks of."""
+    """The attribute paths in a formula, each once."""
     return tuple(dict.fromkeys(term.path for term in terms(parse(text)) if isinstance(term, Attribute)))
 
 
 class _Schema:
-    """What a type asks of its objects, inherited rules included, looked up once for all of them."""
+    """The rules for the objects of a type, inherited ones included, computed once for all objects."""
 
     def __init__(self, ontology: Ontology, type_name: str) -> None:
         types: list[ObjectType] = [ontology.types[name] for name in ontology.ancestors(type_name)]
@@ -299,7 +299,7 @@ class _Schema:
         self.external_constraints = tuple(
             (owner, c) for owner, c in self.constraints if c.formula is not None and not _is_about_itself(c.formula)
         )
-        """Those that may be broken by what happens to other objects."""
+        """The constraints that changes of other objects may break."""
         self.defaults: dict[str, Value] = {}
         for type in reversed(types):
             self.defaults.update(type.defaults)
@@ -307,7 +307,7 @@ class _Schema:
 
 
 def value_problem(attribute: AttributeType, value: Value) -> str:
-    """What is wrong with the value of an attribute; empty when nothing is."""
+    """Why the value does not fit the attribute; empty when it fits."""
     match attribute.kind:
         case Kind.COMPLEX:
             return f"{attribute.name} is made of {', '.join(attribute.attributes)}; write them below it, not a value"

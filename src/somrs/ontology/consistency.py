@@ -1,4 +1,4 @@
-"""Does an ontology make sense by itself: known names, no cycles, units that exist, formulas that can be checked."""
+"""Checks an ontology by itself: known names, no cycles, known units, formulas that fit."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ from somrs.ontology.units import COMMON as COMMON_UNITS
 from somrs.ontology.units import is_known_unit as unit_known
 
 UNSPECIFIED_ATTRIBUTE = AttributeType(name="", kind=Kind.TEXT)
-"""An attribute of which nothing is said; a limit of 0 is something."""
+"""An attribute with default fields, to find out which fields are set: a limit of 0 is set."""
 
 VALUES = ("number", "text", "truth")
-"""What an input or output of a service can be besides an object."""
+"""The types of inputs and outputs of services besides object types."""
 
 
 def ontology_violations(ontology: Ontology, definitions: Iterable[Definition] | None = None) -> list[Violation]:
-    """Everything that is wrong with the ontology, or with these definitions of it, definition by definition."""
+    """All violations in the ontology, or only those in the given definitions of it, definition by definition."""
     all_violations: list[Violation] = []
     for definition in ontology if definitions is None else definitions:
         section, violations = _definition_violations(definition, ontology)
@@ -91,7 +91,7 @@ def _attribute(attribute: AttributeType, ontology: Ontology) -> Iterator[Violati
 
 
 def _nested_attributes(ontology: Ontology, name: str) -> set[str]:
-    """All attributes that a complex one is made of, at any depth."""
+    """All attributes within a complex attribute, at any depth."""
     inner_names: set[str] = set()
     waiting = [name]
     while waiting:
@@ -140,7 +140,7 @@ def _type(type: ObjectType, ontology: Ontology) -> Iterator[Violation]:
         if part.type not in ontology.types:
             yield _unknown(type.name, "type", part.type, ontology.types, f"parts.{index}.type")
         if part.maximum is not None and part.maximum < part.minimum:
-            message = f"at least {part.minimum} and at most {part.maximum} of {part.type} cannot be; swap or mend them"
+            message = f"at least {part.minimum} and at most {part.maximum} of {part.type} is impossible; correct the limits"
             yield Violation(subject=type.name, rule="parts", message=message, path=f"parts.{index}")
     attributes = ontology.attributes_of(type.name)
     for path, value in type.defaults.items():
@@ -179,7 +179,7 @@ def _service(service: ServiceType, ontology: Ontology) -> Iterator[Violation]:
             if parameter.type not in ontology.types and parameter.type not in VALUES:
                 yield _unknown(service.name, "type", parameter.type, [*ontology.types, *VALUES], f"{side}.{parameter.name}")
             if parameter.name in typed:
-                message = f"?{parameter.name} is there twice; give one of them another name"
+                message = f"?{parameter.name} is declared twice; give one of the two another name"
                 yield Violation(subject=service.name, rule="duplicate", message=message, path=f"{side}.{parameter.name}")
             typed[parameter.name] = parameter.type
     are_types_known = all(type in ontology.types or type in VALUES for type in typed.values())
@@ -202,7 +202,7 @@ def _formula(subject: str, text: str, ontology: Ontology, typed: dict[str, str],
 
 
 def _cost(service: ServiceType, text: str, ontology: Ontology, typed: dict[str, str]) -> Iterator[Violation]:
-    """A term is checked as one side of a comparison with a number."""
+    """Check a cost term, as one side of a comparison with a number."""
     try:
         term = parse_term(text)
         check(Comparison(term, ">=", Number(0)), ontology, None, typed)
@@ -231,7 +231,7 @@ def _parent(
             yield Violation(subject=subject, rule="cycle", message=message, path="parent")
             return
         if parent in chain[:-1]:
-            return  # a cycle above; said of those in it
+            return  # the cycle is among the ancestors, and is reported for them
         parent = definitions[parent].parent
 
 

@@ -1,6 +1,6 @@
-"""Where one is in a formula that is being written, and what is known there. What may be written is `completion.py`'s business.
+"""Analyses the cursor position in an incomplete formula. `completion.py` makes the suggestions.
 
-Mistakes elsewhere do not matter: only the atom at the cursor is read, up to it.
+Mistakes elsewhere in the text do not matter: only the atom at the cursor is parsed, up to the cursor.
 """
 
 from __future__ import annotations
@@ -30,34 +30,34 @@ Tokens = list[tuple[str, str]]
 
 
 class Spot(Enum):
-    """What comes at the cursor."""
+    """The kind of text that is expected at the cursor."""
 
     NOWHERE = auto()
     """A comment, or a place where nothing fits."""
     ATOM = auto()
     """The beginning of an atom."""
     RELATION = auto()
-    """Behind an object: a relation."""
+    """After an object: a relation."""
     OBJECT = auto()
     """An argument of a relation or function."""
     ATTRIBUTE = auto()
-    """Behind an object and a point."""
+    """After an object and a dot."""
     VALUE = auto()
-    """Behind a comparison."""
+    """After a comparison operator."""
     TERM = auto()
-    """Behind + - or *."""
+    """After + - or *."""
     UNIT = auto()
-    """Behind a number."""
+    """After a number."""
     TYPE = auto()
-    """Behind a variable and a colon."""
+    """After a variable and a colon."""
     VARIABLE = auto()
-    """Behind a question mark, where more than objects can be."""
+    """After a question mark, where variables for values are possible too."""
     CONTINUATION = auto()
-    """Behind what needs nothing more."""
+    """After a complete term or atom."""
 
 
 class Slot(Struct, frozen=True, kw_only=True):
-    """A place in a relation or function, and the type that is joined there; `relation` None: the beginning of an atom."""
+    """An argument place of a relation or function, and the type expected there; `relation` None: the beginning of an atom."""
 
     relation: str | None = None
     place: int = 0
@@ -65,12 +65,13 @@ class Slot(Struct, frozen=True, kw_only=True):
 
 
 class Cursor(Struct, frozen=True, kw_only=True):
-    """What is written from `start` to `end` is what is completed; `typed` is the part of it before the cursor.
+    """The context at the cursor. A completion replaces the text from `start` to `end`; `typed` is the part of it before the cursor.
 
-    `owner` is the type of the object before the cursor, `object` its name if it is one of the map, `path` the attribute written of it so
-    far. `compared` is the path on the other side of the comparison and `attribute` what it leads to. `enclosure`: `(` within
-    parentheses, `"` within a text. `comparable`, `complete`: a comparison, or AND and OR, can come next. `negated`: the atom is
-    behind NOT."""
+    `owner` is the type of the object before the cursor, `object` its name if it is on the map, and `path` the part of the attribute path
+    before the cursor. `compared` is the path on the other side of the comparison, and `attribute` the attribute at its end. `enclosure`:
+    `(` within parentheses, `"` within a text. `comparable`: a comparison operator can come next; `complete`: AND or OR can. `negated`:
+    the atom follows NOT.
+    """
 
     spot: Spot
     start: int = 0
@@ -90,7 +91,7 @@ class Cursor(Struct, frozen=True, kw_only=True):
 
 
 def locate_cursor(text: str, position: int, ontology: Ontology, map: Map, variables: Mapping[str, str]) -> Cursor:
-    """Where `position` is in the text."""
+    """The context at `position` in the text. `variables`: declared types, in addition to those in the text."""
     text_before = text[:position]
     lexemes = [*_LEXEME.finditer(text_before)]
     last_lexeme = lexemes[-1] if lexemes else None
@@ -107,7 +108,7 @@ def locate_cursor(text: str, position: int, ontology: Ontology, map: Map, variab
         start = word.start() if word is not None else position
     rest = _REST.match(text, position)
     end = rest.end() if rest is not None and (start < position or position == 0 or not text_before[-1].isdigit()) else position
-    # Only a word at the cursor is replaced: `|isOn` completes what is before it.
+    # The word after the cursor is replaced only if the cursor is within it or at its end: `|isOn` keeps `isOn`.
     end = end if start < position else position
     variable_types = {**dict.fromkeys(_named(text, start, end)), **variables, **_declared(text, start, ontology)}
     placer = _CursorPlacer(ontology, map, {**variable_types, **_inferred(text, variable_types, ontology)})
@@ -127,7 +128,7 @@ def _replace_fields(cursor: Cursor, **changes: object) -> Cursor:
 
 
 def _atom(text: str, start: int) -> int:
-    """Where the atom begins in which `start` is: behind the last AND, OR, NOT or parenthesis that groups."""
+    """The start of the atom that contains `start`: after the last AND, OR, NOT or grouping parenthesis."""
     atom_start = 0
     groups: list[bool] = []
     named = False
@@ -144,13 +145,13 @@ def _atom(text: str, start: int) -> int:
                 atom_start = lexeme.start()
             named = False
         else:
-            # A name that a parenthesis follows is applied to what is in it.
+            # A parenthesis after a name encloses arguments.
             named = lexeme["word"] is not None and not lexeme["word"].startswith("?")
     return atom_start
 
 
 def _named(text: str, start: int, end: int) -> list[str]:
-    """The variables of the text, but for what is being written."""
+    """The names of the variables in the text, without the one at the cursor."""
     lexemes = [lexeme for lexeme in _LEXEME.finditer(text) if (lexeme["word"] or "").startswith("?") and len(lexeme["word"]) > 1]
     return [lexeme["word"][1:] for lexeme in lexemes if not (lexeme.start() == start and lexeme.end() <= end)]
 
@@ -161,7 +162,7 @@ def _declared(text: str, position: int, ontology: Ontology) -> dict[str, str]:
 
 
 def _inferred(text: str, variable_types: Mapping[str, str | None], ontology: Ontology) -> dict[str, str]:
-    """What relations say of variables that have no type."""
+    """The types of untyped variables, inferred from the relations in which they occur."""
     inferred_types: dict[str, str] = {}
     words = [lexeme["word"] or lexeme["sign"] or "" for lexeme in _LEXEME.finditer(text)]
     for index, word in enumerate(words):
@@ -175,13 +176,13 @@ def _inferred(text: str, variable_types: Mapping[str, str | None], ontology: Ont
 
 
 class _CursorPlacer:
-    """What the beginning of an atom says of what comes next."""
+    """Determines the cursor context from the beginning of an atom."""
 
     def __init__(self, ontology: Ontology, map: Map, variables: Mapping[str, str | None]) -> None:
         self.ontology, self.map, self.variables = ontology, map, variables
 
     def cursor_after(self, atom: str) -> Cursor:
-        """The cursor behind the beginning of an atom; its place in the text is not known here."""
+        """The cursor after the beginning of an atom, without its position in the text."""
         if atom.lstrip().startswith(")"):
             return Cursor(spot=Spot.CONTINUATION, complete=True)
         try:
@@ -230,7 +231,7 @@ class _CursorPlacer:
         return Cursor(spot=Spot.CONTINUATION, attribute=attribute)
 
     def _call(self, tokens: Tokens) -> Slot | None:
-        """The parenthesis that is open at the end: whose arguments stand in it, and which comes."""
+        """The relation or function whose argument list is open at the end, and the place of the next argument; None without one."""
         open_: list[tuple[str, int]] = []
         for index, (kind, _) in enumerate(tokens):
             if kind == "LPAR":
@@ -248,7 +249,7 @@ class _CursorPlacer:
         return Slot(relation=name if relation is not None else "", place=place, type=type_name)
 
     def _attribute(self, tokens: Tokens) -> Cursor:
-        """Behind a point: of which object, and which attribute so far."""
+        """The cursor after a dot: the owner, and the attribute path so far."""
         end = len(tokens) - 1
         path: list[str] = []
         while end >= 2 and tokens[end - 1][0] == "NAME" and tokens[end - 2][0] == "DOT":
@@ -259,7 +260,7 @@ class _CursorPlacer:
         return Cursor(spot=Spot.ATTRIBUTE, owner=self._type(owner) or ROOT, object=named, path=".".join(path))
 
     def _type(self, term: Tokens) -> str | None:
-        """The type of the object that a term stands for; None when it stands for none."""
+        """The type of the object that a term denotes; None when it does not denote an object."""
         match term:
             case [("NAME", name)]:
                 return self.map.objects[name].type if name in self.map.objects else ROOT
@@ -273,7 +274,7 @@ class _CursorPlacer:
         return name if name in self.ontology.types or name == ROOT else None
 
     def _value_of(self, term: Tokens) -> tuple[str, AttributeType | None]:
-        """The attribute that a term reads, with the path that leads there."""
+        """The path of the attribute that a term reads, and the attribute."""
         term, _ = _term(term)
         if term and term[-1][0] == "NAME" and ("DOT", ".") in term:
             names = [text for kind, text in term[term.index(("DOT", ".")) :] if kind == "NAME"]
@@ -287,7 +288,7 @@ class _CursorPlacer:
 
 
 def _term(tokens: Tokens) -> tuple[Tokens, Tokens]:
-    """The first term of the tokens, and what follows it."""
+    """The first term of the tokens, and the remaining tokens."""
     end = 1
     if len(tokens) > 1 and tokens[1][0] == "LPAR":
         depth = 0
@@ -306,6 +307,6 @@ def _term(tokens: Tokens) -> tuple[Tokens, Tokens]:
 
 
 def _split(tokens: Tokens, kind: str) -> list[Tokens]:
-    """The tokens before and behind the first of a kind."""
+    """The tokens before and after the first token of a kind."""
     split_index = next((index for index, token in enumerate(tokens) if token[0] == kind), None)
     return [tokens] if split_index is None else [tokens[:split_index], tokens[split_index + 1 :]]

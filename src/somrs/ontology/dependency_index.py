@@ -1,7 +1,7 @@
-"""What SO-MRS itself relies on: its programs call these definitions by name, so that they can be changed in what they say besides, but
-neither be removed nor renamed, nor become something else.
+"""The definitions that SO-MRS itself relies on, because its programs use them by name.
 
-What only says how things look, or is an example, is not among them.
+They can be extended, but not removed or renamed, and their meaning must stay the same. Definitions that only describe appearance, or
+serve as examples, are not among them.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def required_definitions(ontology: Ontology) -> tuple[DefinitionKey, ...]:
 
 
 def lost_dependencies(ontology_before: Ontology, ontology_after: Ontology) -> Iterator[Violation]:
-    """What SO-MRS could rely on before a change of the ontology, and could not after it."""
+    """Violations for the definitions that SO-MRS relies on, and that a change of the ontology removes or alters."""
     for definition_key in required_definitions(ontology_before):
         old, new = find_definition(ontology_before, definition_key), find_definition(ontology_after, definition_key)
         if new is None:
@@ -52,12 +52,12 @@ def lost_dependencies(ontology_before: Ontology, ontology_after: Ontology) -> It
             yield Violation(subject=definition_key.name, rule="relied", message=message, section=definition_key.section)
         elif old is not None and old != new:
             for path, required_value in _changed_keys(old, new, ontology_before, ontology_after):
-                message = f"SO-MRS itself relies on what it is, so {path} stays {required_value}; define another beside it"
+                message = f"SO-MRS itself relies on it, so {path} must stay {required_value}; define another beside it"
                 yield Violation(subject=definition_key.name, rule="relied", message=message, path=path, section=definition_key.section)
 
 
 def _changed_keys(old: Definition, new: Definition, ontology_before: Ontology, ontology_after: Ontology) -> Iterator[tuple[str, str]]:
-    """The keys in which a definition is not what it was, and what they have to be."""
+    """The keys that must not change but did, and their required values."""
     match old, new:
         case AttributeType(), AttributeType():
             if old.kind is not new.kind:
@@ -74,7 +74,7 @@ def _changed_keys(old: Definition, new: Definition, ontology_before: Ontology, o
             if len(old.parameters) != len(new.parameters):
                 yield "parameters", f"a list of {len(old.parameters)} types"
         case ObjectType(), ObjectType():
-            # It may come to be below something new, as long as it stays below what SO-MRS relies on.
+            # The parent may change, as long as the type keeps the ancestors that SO-MRS relies on.
             required_ancestors = [name for name in ontology_before.ancestors(old.name)[1:] if name in REQUIRED_NAMES[Section.TYPES]]
             if lost_ancestors := [name for name in required_ancestors if not ontology_after.is_subtype(new.name, name)]:
                 yield "parent", f"{lost_ancestors[0]}, or a type below it"

@@ -1,4 +1,4 @@
-"""What must change in a map so that an effect holds. What the change removes follows from the relations' definitions."""
+"""Computes the changes of a map that make an effect true. The definitions of the relations determine which facts are removed."""
 
 from __future__ import annotations
 
@@ -32,10 +32,13 @@ from somrs.ontology.values import measure
 
 
 def changes(effect: Formula, map: Map, ontology: Ontology) -> list[Change]:
-    """The changes that make an effect without variables true, and no others: none when it already holds.
+    """The smallest set of changes that makes an effect without variables true; none when it already holds.
 
-    A functional relation gives up the old tuple with the same first argument, and so do the other relations that it
-    excludes. Attributes that follow from a relation (where a thing stands that is put on another) are not invented.
+    A new fact of a functional relation replaces the old fact with the same first argument, and the facts of the relations that it
+    excludes. Attributes that a relation implies (the position of an object that is put on another) are not computed.
+
+    Raises:
+        FormulaError: the effect has a variable, contradicts itself, or does not say what becomes true.
     """
     return _make_changes(effect, map, ontology)[0]
 
@@ -46,7 +49,7 @@ def apply_effect(effect: Formula, map: Map, ontology: Ontology) -> Map:
 
 
 def evaluate_effect(effect: Formula, map: Map, ontology: Ontology) -> Formula:
-    """The effect with what is calculated in it from values on the map: `?A.Charge = ?A.Charge - 5` says what is so after it."""
+    """The effect with its arithmetic evaluated on the map, so that `?A.Charge = ?A.Charge - 5` states the value after the effect."""
     return conjunction(*(_evaluate_part(part, map, ontology) for part in conjuncts(effect)))
 
 
@@ -76,7 +79,7 @@ def _make_changes(effect: Formula, map: Map, ontology: Ontology) -> tuple[list[C
 
 
 def _key(change: Change) -> object:
-    """What a change is about: of two changes with one key, the later one counts."""
+    """The subject of a change. Of two changes with the same key, the later one applies."""
     match change:
         case ValueSet(object, path):
             return object, path
@@ -86,13 +89,13 @@ def _key(change: Change) -> object:
 
 
 class _ChangeBuilder:
-    """One effect, and the map and ontology in which it is to be made true."""
+    """Builds the changes for one effect on one map."""
 
     def __init__(self, effect: Formula, map: Map, ontology: Ontology) -> None:
         self.effect, self.map, self.ontology = effect, map, ontology
 
     def error(self, part: Formula, term: Term | None, problem: str, hint: str = "") -> FormulaError:
-        """That a term of a part of the effect is wrong, or the part itself."""
+        """The error for a term in a part of the effect, or for the part itself (`term` None)."""
         first = next(literals(part))
         return read(str(self.effect)).error(first.atom if isinstance(first, Not) else first, term, problem, hint)
 
@@ -141,7 +144,7 @@ class _ChangeBuilder:
             yield FactAdded(fact)
 
     def _rivals(self, relation: RelationType, first: str) -> Iterator[Fact]:
-        """The facts about `first` that cannot stay when it enters into the relation."""
+        """The facts about `first` that a new fact of the relation with this first argument replaces."""
         for other_relation in self.ontology.relations.values():
             if (other_relation.name == relation.name and relation.functional) or (
                 other_relation.name != relation.name and relation.excludes is not None and other_relation.excludes == relation.excludes
@@ -179,7 +182,7 @@ class _ChangeBuilder:
         return attributes[target.path]
 
     def _value(self, part: Comparison, attribute: AttributeType, source: Term) -> Value:
-        """What the source stands for now, as a value of the attribute."""
+        """The value of the source on the map, converted to a value of the attribute."""
         measured = measure(source, self.map, self.ontology)
         if measured is None:
             raise self.error(part, source, f"{source} has no value")

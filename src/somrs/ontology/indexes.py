@@ -1,4 +1,4 @@
-"""Where to find things by a key without walking through all of them. A map's indexes, which its successors share."""
+"""The indexes of a map, which the maps derived from it share."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ T = TypeVar("T", bound=Hashable)
 
 
 MAX_OWN_KEYS = 256
-"""With more keys than this of their own, copies put them together with what they share."""
+"""A copy merges its own keys into the shared ones when it has more own keys than this."""
 
 
 class Index(Generic[K, T]):
-    """The things under each key, in the order in which they came.
+    """Maps each key to its things, in the order of insertion.
 
-    A copy shares what it was made of, and has of its own what is under the keys that were changed since.
+    A copy shares the data of the original, and stores only the keys that were changed since (copy on write).
     """
 
     __slots__ = ("_changed", "_own_keys", "_shared")
@@ -37,7 +37,7 @@ class Index(Generic[K, T]):
         yield from (key for key, things in self._changed.items() if things)
 
     def copy(self) -> Index[K, T]:
-        """Another one, which may be changed while this one stays."""
+        """A copy. Changes of the copy do not affect this index."""
         new_index: Index[K, T] = Index()
         if len(self._changed) > MAX_OWN_KEYS:
             merged_things = {**self._shared, **self._changed}

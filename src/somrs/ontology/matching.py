@@ -1,4 +1,4 @@
-"""Which service types can make a formula true, and with which inputs: unification of their effects with what is wanted."""
+"""Finds the service types that can make a formula true, and with which inputs, by unification of their effects with the goal."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ DEVICE = "Device"
 """The type of `?Provider`."""
 
 _GOAL_PREFIX = "wanted "
-"""Before the names of the wanted formula's variables, which are not those of the same names in the effect. Entish has
-no blanks in names."""
+"""The prefix that separates variables of the goal from variables of the same name in the effect. Names in Entish have
+no spaces."""
 
 _OPPOSITE = {"=": "!=", "!=": "=", "<": ">=", ">=": "<", ">": "<=", "<=": ">"}
 _MIRRORED = {"=": "=", "!=": "!=", "<": ">", ">=": "<=", ">": "<", "<=": ">="}
@@ -49,10 +49,11 @@ _VALUE_TYPES: Mapping[str, type[Number] | type[Text] | type[Truth]] = {"number":
 def unifiers(
     offered: Formula, goal: Literal, ontology: Ontology, types: Mapping[str, str], map: Map | None = None
 ) -> Iterator[dict[str, Term]]:
-    """The ways in which making `offered` true may make `goal` true: for variables of `offered`, constants or variables
-    of `goal`. `types` are those of the variables of `offered`; with a map, constants must be of them.
+    """The bindings with which `offered` may make `goal` true. They bind variables of `offered` to constants or variables
+    of `goal`. `types` are the types of the variables of `offered`; with a map, constants must have these types.
 
-    May: where a value is still open on one side, or a thing is put somewhere else only if that is another place.
+    A binding is possible, but not certain, where a value is still open on one side, or where a goal `NOT` is reached only if an open
+    destination is another place.
     """
     unifier = _Unifier(offered, ontology, map, certain=False)
     for match in unifier.ways(unifier.start(types, goal), unifier.rename_variables(goal)):
@@ -60,17 +61,17 @@ def unifiers(
 
 
 def can_achieve(service: ServiceType, goal: Formula, ontology: Ontology, map: Map | None = None) -> bool:
-    """Whether the effect of the service can make some atom of the wanted formula true."""
+    """Whether the effect of the service can make at least one literal of the goal true."""
     effect, types = parse(service.effect), types_of(service, ontology)
     return any(next(unifiers(effect, literal, ontology, types, map), None) is not None for literal in literals(goal))
 
 
 def achieving_bindings(service: ServiceType, goal: Formula, ontology: Ontology, map: Map | None = None) -> Iterator[dict[str, Term]]:
-    """The bindings of the service's variables with which its effect is sure to make every conjunct of the wanted formula
-    true (of an OR: every conjunct of one alternative), each once. Variables that do not matter are left out.
+    """The bindings of the service's variables with which its effect certainly makes every conjunct of the goal
+    true (of an OR: every conjunct of one alternative), each once. Irrelevant variables are left out.
 
-    What already holds is not looked at: take it out of `goal` before. An output never stands for a constant, since
-    its value is known only afterwards.
+    The current map is not considered: remove conjuncts that already hold from `goal` first. An output is never bound to a constant,
+    because its value is known only after the service.
     """
     effect, types = parse(service.effect), types_of(service, ontology)
     outputs = {output.name for output in service.outputs}
@@ -88,13 +89,13 @@ def achieving_bindings(service: ServiceType, goal: Formula, ontology: Ontology, 
 
 
 def types_of(service: ServiceType, ontology: Ontology) -> dict[str, str]:
-    """The types of the variables in a service's formulas, as far as it declares them."""
+    """The types of a service's variables: its inputs, its outputs and `?Provider`."""
     provider = {PROVIDER: DEVICE} if DEVICE in ontology.types else {}
     return provider | {parameter.name: parameter.type for parameter in (*service.inputs, *service.outputs)}
 
 
 class _Match(Struct, frozen=True):
-    """What the variables of both sides stand for so far, and the types of those that are open."""
+    """A partial unifier: the bindings of the variables of both sides, and the types of the unbound ones."""
 
     bound: dict[str, Term]
     types: dict[str, str]
@@ -106,7 +107,7 @@ class _Match(Struct, frozen=True):
 
 
 class _Unifier:
-    """An effect to be matched; `certain`: only ways that make the wanted true whatever the open variables are."""
+    """Unifies one effect with goals. `certain`: only bindings that make the goal true for any values of the unbound variables."""
 
     def __init__(self, effect: Formula, ontology: Ontology, map: Map | None, certain: bool) -> None:
         self.effect, self.ontology, self.map, self.certain = conjuncts(effect), ontology, map, certain
@@ -138,7 +139,7 @@ class _Unifier:
             yield from self.ways(match, goal)
 
     def ways(self, match: _Match, goal: Literal) -> Iterator[_Match]:
-        """Every way in which one conjunct of the effect makes the wanted literal true."""
+        """The extensions of a match with which one conjunct of the effect makes the goal literal true."""
         for part in self.effect:
             match part, goal:
                 case (Relation() as effect_atom, Relation() as goal_atom) | (Not(Relation() as effect_atom), Not(Relation() as goal_atom)):
@@ -164,8 +165,11 @@ class _Unifier:
                 yield extended_match
 
     def _displaced(self, match: _Match, offered: Relation, goal: Relation) -> Iterator[_Match]:
-        """NOT wanted, because its first argument enters a relation that it excludes, or another tuple of its own. Each argument of a
-        symmetric relation is its first."""
+        """The extensions with which the offered fact makes `NOT goal` true.
+
+        Both have the same first argument, and either their relations exclude each other, or the relation is functional and the other
+        arguments differ. Each argument of a symmetric relation counts as its first.
+        """
         offered_relation, goal_relation = (self.ontology.relations.get(relation) for relation in (offered.relation, goal.relation))
         if offered_relation is None or goal_relation is None or not offered.arguments or not goal.arguments:
             return
@@ -222,7 +226,7 @@ class _Unifier:
             yield extended_match
 
     def _compare(self, left_value: Constant, operator: str, right_value: Constant, path: str) -> bool:
-        """Compares as values of the attribute: in its unit where they name none, and with its tolerance."""
+        """Compare two values of the attribute at the path, in its unit if they have none, and with its tolerance."""
         attribute = attribute_at(path, self.ontology)
         unit, tolerance = (attribute.unit, attribute.tolerance) if attribute else (None, 0.0)
         sides = [Number(side.value, side.unit or unit) if isinstance(side, Number) else side for side in (left_value, right_value)]
@@ -234,7 +238,7 @@ class _Unifier:
         )
 
     def _join(self, match: _Match, offered: Term, goal_term: Term, path: str = "") -> _Match | None:
-        """Makes two terms the same; of two variables, the effect's stands for the wanted one."""
+        """Unify two terms. Of two variables, the one of the effect is bound to the one of the goal."""
         offered_value, goal_value = match.resolve(offered), match.resolve(goal_term)
         if offered_value == goal_value:
             return match
@@ -259,7 +263,7 @@ class _Unifier:
         return self._of_type(bound, term, type_name) if type_name is not None else bound
 
     def _of_type(self, match: _Match, term: Term, type_name: str) -> _Match | None:
-        """The match, if the term can be of the type; an open variable is of it from then on."""
+        """The match, if the term can have the type; an unbound variable gets the type. None otherwise."""
         resolved_term = match.resolve(term)
         match resolved_term:
             case Variable(name):
@@ -291,6 +295,6 @@ def _about_attribute(comparison: Comparison) -> Comparison | None:
 
 
 def _orders(atom: Relation, relation: RelationType | None) -> list[tuple[Term, ...]]:
-    """The arguments, in each order in which they say the same."""
+    """The arguments in each equivalent order: both for a symmetric relation."""
     is_symmetric = relation is not None and relation.symmetric and len(atom.arguments) == 2
     return [atom.arguments, atom.arguments[::-1]] if is_symmetric else [atom.arguments]

@@ -1,4 +1,4 @@
-"""What definitions and objects are called: of which section of an ontology something is, by which name, and what it is to be called."""
+"""Names of definitions and objects: the section of an ontology that a name belongs to, keys of definitions, and renamings."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from somrs.ontology.types import AttributeType, Definition, FunctionType, Object
 
 
 class Section(StrEnum):
-    """Where something is named: each has names of its own."""
+    """A namespace: names are unique within a section."""
 
     ATTRIBUTES = "attributes"
     RELATIONS = "relations"
@@ -20,7 +20,7 @@ class Section(StrEnum):
     TYPES = "types"
     SERVICES = "services"
     OBJECTS = "objects"
-    """Of the map."""
+    """The objects of the map."""
 
 
 SINGULAR = {
@@ -31,11 +31,11 @@ SINGULAR = {
     Section.SERVICES: "service type",
     Section.OBJECTS: "object",
 }
-"""What one of a section is called in a sentence."""
+"""The word for an element of each section, for texts."""
 
 
 class DefinitionKey(Struct, frozen=True, kw_only=True):
-    """A definition, by its name."""
+    """The identity of a definition: its section and name."""
 
     section: Section
     name: str
@@ -45,7 +45,7 @@ class DefinitionKey(Struct, frozen=True, kw_only=True):
 
 
 class Renaming(Struct, frozen=True, kw_only=True):
-    """Something of the section gets another name."""
+    """A definition or object of the section gets the new name `to`."""
 
     section: Section
     name: str
@@ -74,7 +74,7 @@ def key_of(definition: Definition) -> DefinitionKey:
 
 
 def find_definition(ontology: Ontology, definition_key: DefinitionKey) -> Definition | None:
-    """The definition of that name, if there is one."""
+    """The definition with the key; None if the ontology does not have it, or for an object."""
     definition: Definition | None = (
         getattr(ontology, definition_key.section).get(definition_key.name) if definition_key.section is not Section.OBJECTS else None
     )
@@ -82,7 +82,7 @@ def find_definition(ontology: Ontology, definition_key: DefinitionKey) -> Defini
 
 
 def revise_ontology(ontology: Ontology, removed: Iterable[DefinitionKey], definitions: Iterable[Definition]) -> Ontology:
-    """The ontology without what is removed, then with the definitions added or in place of those of the same names."""
+    """The ontology without the removed definitions, and with `definitions` added. They replace definitions of the same names."""
     removed_keys = set(removed)
     remaining_definitions = (
         ontology if not removed_keys else (definition for definition in ontology if key_of(definition) not in removed_keys)

@@ -1,4 +1,4 @@
-"""Objects, the facts between them, and maps; and the changes that lead from one map to the next."""
+"""Objects, facts, maps, and the changes from one map to the next."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from somrs.ontology.types import PART_OF, Value
 
 
 class Object(Struct, frozen=True, kw_only=True):
-    """An instance of a type. `values` are by attribute path (`PositionX`, `Shape.Height`), numbers in the attribute's unit."""
+    """An instance of a type. `values` has attribute paths as keys (`PositionX`, `Shape.Height`); numbers are in the attribute's unit."""
 
     name: str
     type: str
@@ -19,7 +19,7 @@ class Object(Struct, frozen=True, kw_only=True):
 
 
 class Fact(Struct, frozen=True):
-    """A relation that holds between objects, named by the relation."""
+    """A relation that holds between objects."""
 
     relation: str
     arguments: tuple[str, ...]
@@ -35,13 +35,13 @@ class ObjectAdded(Struct, frozen=True, tag=True):
 
 
 class ObjectRemoved(Struct, frozen=True, tag=True):
-    """The object goes, and with it every fact about it."""
+    """An object is removed, and with it every fact about it."""
 
     name: str
 
 
 class ValueSet(Struct, frozen=True, tag=True):
-    """An attribute of an object gets a value; None takes the value away."""
+    """An attribute of an object gets a value; None removes the value."""
 
     object: str
     path: str
@@ -60,7 +60,7 @@ Change = ObjectAdded | ObjectRemoved | ValueSet | FactAdded | FactRemoved
 
 
 def objects_of(change: Change) -> tuple[str, ...]:
-    """The names of the objects that a change is about."""
+    """The names of the objects that a change concerns."""
     match change:
         case ObjectAdded(object):
             return (object.name,)
@@ -71,16 +71,16 @@ def objects_of(change: Change) -> tuple[str, ...]:
 
 
 class Map:
-    """The objects of an environment and the facts between them, of which one object, the root, holds all others.
+    """The objects of an environment and the facts between them. One object, the root, contains all others.
 
-    A value: `changed` returns another map and shares what did not change.
+    A map is immutable: `changed` returns a new map that shares the unchanged data.
     """
 
     def __init__(self, objects: Iterable[Object] = (), facts: Iterable[Fact] = ()) -> None:
         self.objects: dict[str, Object] = {object.name: object for object in objects}
         self._facts: dict[str, dict[tuple[str, ...], None]] = {}
-        # Made when first asked for: the facts of a relation by the object at a place in them; the objects by exact type, and by
-        # the values of an attribute.
+        # Indexes, built on first use: the facts of a relation by the object at a place; the objects by exact type, and by the values of
+        # an attribute.
         self._by_argument: dict[str, dict[int, Index[str, tuple[str, ...]]]] = {}
         self._by_type: Index[str, str] | None = None
         self._by_value: dict[str, Index[Value, str]] = {}
@@ -93,14 +93,14 @@ class Map:
     __hash__ = None  # type: ignore[assignment]  # compared by content, too large to be a key
 
     def __getstate__(self) -> tuple[dict[str, Object], dict[str, dict[tuple[str, ...], None]]]:
-        return self.objects, self._facts  # its indexes are sooner made than read
+        return self.objects, self._facts  # building the indexes is faster than loading them
 
     def __setstate__(self, state: tuple[dict[str, Object], dict[str, dict[tuple[str, ...], None]]]) -> None:
         Map.__init__(self)
         self.objects, self._facts = state
 
     def has_fact(self, relation: str, arguments: tuple[str, ...]) -> bool:
-        """Whether the fact is on the map as written; symmetry is `truth`'s business."""
+        """Whether the fact is on the map as written. `truth.py` handles symmetric relations."""
         return arguments in self._facts.get(relation, ())
 
     def facts(self, relation: str | None = None) -> Iterator[Fact]:
@@ -110,15 +110,15 @@ class Map:
                 yield Fact(name, arguments)
 
     def count(self, relation: str) -> int:
-        """How many facts of the relation there are."""
+        """The number of facts of the relation."""
         return len(self._facts.get(relation, ()))
 
     def facts_with(self, relation: str, place: int, name: str) -> Collection[tuple[str, ...]]:
-        """The arguments of the relation's facts in which the object is the argument at `place`, counted from 0."""
+        """The argument tuples of the relation's facts that have the object at `place`, counted from 0."""
         return self._argument_index(relation, place).values_for(name)
 
     def objects_at(self, relation: str, place: int) -> Iterable[str]:
-        """The objects that are the argument at `place` in any of the relation's facts."""
+        """The objects at `place` in the relation's facts."""
         return self._argument_index(relation, place).keys()
 
     def _argument_index(self, relation: str, place: int) -> Index[str, tuple[str, ...]]:
@@ -136,13 +136,13 @@ class Map:
             yield from (Fact(relation, arguments) for arguments in dict.fromkeys(argument_tuples))
 
     def of_type(self, type_name: str) -> Collection[str]:
-        """The names of the objects of exactly this type; sub-types are the ontology's business."""
+        """The names of the objects of exactly this type, without its subtypes."""
         if self._by_type is None:
             self._by_type = Index((object.type, object.name) for object in self.objects.values())
         return self._by_type.values_for(type_name)
 
     def with_value(self, path: str, value: Value) -> Collection[str]:
-        """The names of the objects that have the value of their own; defaults are the ontology's business."""
+        """The names of the objects that set the value themselves, without those that have it by default."""
         if path not in self._by_value:
             value_pairs = ((object.values.get(path), object.name) for object in self.objects.values())
             self._by_value[path] = Index((value, name) for value, name in value_pairs if value is not None)
@@ -153,16 +153,16 @@ class Map:
         return (self.objects[arguments[0]] for arguments in self.facts_with(PART_OF, 1, whole) if arguments[0] in self.objects)
 
     def whole(self, part: str) -> str | None:
-        """The object that this one is a direct part of."""
+        """The object that `part` is a direct part of; None for a root."""
         return next((arguments[1] for arguments in self.facts_with(PART_OF, 0, part)), None)
 
     def roots(self) -> list[str]:
-        """The objects that are part of nothing; a map has one."""
+        """The objects that are part of no other; a valid map has one abstract object among them."""
         parts = {arguments[0] for arguments in self._facts.get(PART_OF, ())}
         return [name for name in self.objects if name not in parts]
 
     def changed(self, changes: Iterable[Change]) -> Map:
-        """The map after the changes. Conformance is not checked here."""
+        """The map after the changes. `conformance.py` checks whether it conforms to the ontology."""
         map_after = Map()
         map_after.objects = self.objects
         map_after._facts = dict(self._facts)
@@ -170,7 +170,7 @@ class Map:
         map_after._by_type = self._by_type.copy() if self._by_type is not None else None
         map_after._by_value = dict(self._by_value)
         owned_keys: set[str] = set()
-        """The relations and attributes of which `after` has facts and indexes of its own."""
+        """The relations and attributes whose facts and indexes `map_after` has copied already."""
         for change in changes:
             if map_after.objects is self.objects and not isinstance(change, FactAdded | FactRemoved):
                 map_after.objects = dict(self.objects)
@@ -197,7 +197,7 @@ class Map:
                     map_after._remove(fact, owned_keys)
         return map_after
 
-    # Changing a map that nobody else has yet
+    # Changes in place, of a map that no other code refers to yet
 
     def _insert_object(self, object: Object, owned_keys: set[str]) -> None:
         self.objects[object.name] = object
@@ -208,7 +208,7 @@ class Map:
                 self._own_values(path, owned_keys).add(value, object.name)
 
     def _unindex_object(self, name: str, owned_keys: set[str]) -> None:
-        """The indexes forget an object, if they know it."""
+        """Remove an object from the indexes, if it is there."""
         object = self.objects.get(name)
         if object is None:
             return
@@ -218,7 +218,7 @@ class Map:
             self._set(object, path, None, owned_keys)
 
     def _set(self, object: Object, path: str, value: Value | None, owned_keys: set[str]) -> None:
-        """The index of the attribute's values learns the new value of an object, whose old one it has."""
+        """Replace the old value of an object in the index of the attribute's values."""
         if path not in self._by_value:
             return
         index = self._own_values(path, owned_keys)
@@ -251,7 +251,7 @@ class Map:
 
 
 def differences(map_before: Map, map_after: Map) -> Iterator[Change]:
-    """The changes that lead from one map to the other: few looks where the one was made of the other by `changed`."""
+    """The changes from one map to the other. This is fast when one map was derived from the other with `changed`."""
     for relation in map_after._facts.keys() | map_before._facts.keys():
         old, new = map_before._facts.get(relation, {}), map_after._facts.get(relation, {})
         if old is not new:

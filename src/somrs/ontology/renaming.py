@@ -1,6 +1,6 @@
-"""Giving definitions and objects other names, everywhere where they are spoken of: in other definitions and their formulas, and on a map.
+"""Renames definitions and objects everywhere: in the definitions, in formulas, and on a map.
 
-All renamings happen at once, so that two things may swap their names. Whether the names are free is the caller's business.
+All renamings happen at once, so that two definitions can swap names. The caller checks that the new names are free.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ from somrs.ontology.services import Handler, Parameter, ServiceType
 from somrs.ontology.types import AttributeType, Constraint, Definition, FunctionType, Kind, ObjectType, Ontology, RelationType
 
 _FRESH_PREFIX = "anew "
-"""Before another name, which nothing has: names have no blanks."""
+"""A prefix that makes an unused name, because names have no spaces."""
 
 
 def speaks_of(statement: Formula | Definition, definition_key: DefinitionKey, ontology: Ontology) -> bool:
-    """Whether the formula or definition would be another one if what is named had another name."""
+    """Whether a renaming of the named definition or object would change the formula or definition."""
     renamer = Renamer(
         (Renaming(section=definition_key.section, name=definition_key.name, to=_FRESH_PREFIX + definition_key.name),), ontology
     )
@@ -47,7 +47,7 @@ def speaks_of(statement: Formula | Definition, definition_key: DefinitionKey, on
 
 
 class Renamer:
-    """What each thing is called after the renamings, in an ontology as it was before them."""
+    """Applies renamings to definitions, objects, facts and formulas. `ontology` is the one before the renamings."""
 
     def __init__(self, renamings: Iterable[Renaming], ontology: Ontology) -> None:
         self._new_names: dict[Section, dict[str, str]] = {section: {} for section in Section}
@@ -59,16 +59,16 @@ class Renamer:
         return structs.replace(definition_key, name=self._name(definition_key.section, definition_key.name))
 
     def ontology(self, definitions: Iterable[Definition]) -> Ontology:
-        """The definitions after the renamings; those that are not concerned are the same as before."""
+        """The definitions after the renamings. Unaffected definitions stay the same objects."""
         return Ontology(map(self.definition, definitions))
 
     def definition(self, definition: Definition) -> Definition:
-        """The definition as it is after the renamings; the very same one, if they do not concern it."""
+        """The definition after the renamings; the same object if they do not affect it."""
         renamed = self._renamed(definition)
         return definition if renamed == definition else renamed
 
     def object(self, object: Object) -> Object:
-        """The object likewise."""
+        """The object after the renamings; the same object if they do not affect it."""
         values = {self._path(path): value for path, value in object.values.items()}
         name, type = self._name(Section.OBJECTS, object.name), self._type(object.type)
         is_unchanged = (name, type) == (object.name, object.type) and values.keys() == object.values.keys()
@@ -79,7 +79,7 @@ class Renamer:
         return Fact(self._name(Section.RELATIONS, fact.relation), arguments)
 
     def changes(self, map: Map) -> Iterator[Change]:
-        """What becomes of the map: facts go before their objects and come after them, each by name."""
+        """The changes of the map. Facts are removed before their objects and added after them, each by a change of its own."""
         objects = [(old, new) for old, new in ((old, self.object(old)) for old in map.objects.values()) if new is not old]
         facts = [(old, new) for old, new in ((old, self.fact(old)) for old in map.facts()) if new != old]
         yield from (FactRemoved(old) for old, _ in facts)
@@ -99,7 +99,7 @@ class Renamer:
         return self._name(Section.TYPES, name)
 
     def _path(self, path: str) -> str:
-        """Every attribute on the way: `Shape.Height`."""
+        """The path with each attribute in it renamed: both in `Shape.Height`."""
         if not self._new_names[Section.ATTRIBUTES]:
             return path
         return ".".join(self._name(Section.ATTRIBUTES, name) for name in path.split("."))
@@ -172,7 +172,7 @@ class Renamer:
     # Formulas
 
     def _text(self, text: str | None) -> str | None:
-        """The formula, as it was written if nothing in it has another name; so is one that cannot be read."""
+        """The renamed formula. The original text stays if no name in it changes, or if it cannot be parsed."""
         if text is None:
             return None
         try:
@@ -208,7 +208,7 @@ class Renamer:
                 return Comparison(self._side(left_term, right_term), operator, self._side(right_term, left_term))
 
     def _side(self, term: Term, other_term: Term) -> Term:
-        """One side of a comparison: a name on it may be a value of an enumeration, which is nobody's name."""
+        """One side of a comparison. A name may be a value of an enumeration, which no renaming affects."""
         if isinstance(term, Name) and isinstance(other_term, Attribute):
             attribute = self._ontology.attributes.get(other_term.path.rpartition(".")[2])
             if attribute is not None and attribute.kind is Kind.ENUMERATION:

@@ -1,4 +1,4 @@
-"""The structure of ontology and map files, as pydantic models, and the JSON Schema that editors complete and check with."""
+"""The structure of ontology and map files as pydantic models, and the JSON Schema that editors use for completion and checks."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ class _Entry(BaseModel):
 
 
 class AttributeEntry(_Entry):
-    """A property that objects can have."""
+    """A property of objects."""
 
     kind: Kind = Field(strict=False, description="number, text, truth, enumeration (one of `values`) or complex (made of `attributes`)")
     unit: str | None = Field(None, description="Of a number: a unit such as m, rad, kg, m/s, EUR, percent")
-    tolerance: float = Field(0.0, ge=0, description="Of a number: how far two values may differ and still be equal, in the unit")
+    tolerance: float = Field(0.0, ge=0, description="Of a number: two values that differ by at most this much, in the unit, are equal")
     minimum: float | None = None
     maximum: float | None = None
-    values: list[str] = Field([], description="Of an enumeration: the names that it may be")
+    values: list[str] = Field([], description="Of an enumeration: the possible values")
     attributes: list[str] = Field([], description="Of a complex attribute: the attributes it is made of")
     doc: str = ""
 
 
 class RelationEntry(_Entry):
-    """A relation and the types it joins."""
+    """A relation between objects of the given types."""
 
     joins: list[str] = Field(min_length=1, description="The type of each argument")
     symmetric: bool = False
-    functional: bool = Field(False, description="The first argument stands in it to one tuple of others at a time")
-    excludes: str | None = Field(None, description="A group: a first argument is in one relation of the group at a time")
+    functional: bool = Field(False, description="Each first argument occurs in at most one fact of the relation at a time")
+    excludes: str | None = Field(None, description="A group: each first argument is in at most one relation of the group at a time")
     doc: str = ""
 
 
@@ -47,7 +47,7 @@ class FunctionEntry(_Entry):
     """A function of objects whose result is a number."""
 
     parameters: list[str] = Field(min_length=1, description="The type of each argument")
-    attribute: str | None = Field(None, description="The attribute of its one argument that it reads")
+    attribute: str | None = Field(None, description="The attribute of its single argument that the function reads")
     values: dict[str, float] = Field({}, description="Its values, by the names of its arguments joined by spaces: Depot Harbour: 12")
     unit: str | None = None
     doc: str = ""
@@ -68,42 +68,42 @@ class ConstraintEntry(_Entry):
     minimum: float | None = None
     maximum: float | None = None
     values: list[Plain] = Field([], description="The values that the attribute may have")
-    formula: str | None = Field(None, description="Entish; ?Self is the object, further typed variables are sub-objects of it")
-    doc: str = Field("", description="What the rule means, for the person who broke it")
+    formula: str | None = Field(None, description="Entish; ?Self is the object, other typed variables are its sub-objects")
+    doc: str = Field("", description="The meaning of the rule, for the message about a violation")
 
 
 class TypeEntry(_Entry):
     """A type of objects."""
 
-    parent: str | None = Field(None, description="The type whose attributes and rules this one has, too")
-    attributes: list[str] = Field([], description="What objects of the type may have")
-    required: list[str] = Field([], description="What objects of the type must have")
+    parent: str | None = Field(None, description="The type whose attributes and rules this type inherits")
+    attributes: list[str] = Field([], description="Optional attributes of objects of the type")
+    required: list[str] = Field([], description="Mandatory attributes of objects of the type")
     parts: list[PartEntry] = []
     constraints: list[ConstraintEntry] = []
-    defaults: Attributes = Field({}, description="Values that objects of the type have unless they say otherwise")
-    driver: str | None = Field(None, description="module:Class of the program that serves such a device")
+    defaults: Attributes = Field({}, description="Values of attributes that an object does not set itself")
+    driver: str | None = Field(None, description="module:Class of the program that serves a device of the type")
     doc: str = ""
 
 
 class HandlerEntry(_Entry):
-    """A predefined procedure: what is to be brought about when a step fails, or is to be undone."""
+    """A predefined procedure: a formula to make true when a step fails or is compensated."""
 
     on: Occasion = Field(strict=False, description="failure or compensation")
-    effect: str = Field(description="Entish; what is to be brought about, by whichever services can")
-    when: str | None = Field(None, description="Entish; the situation that the procedure is for")
+    effect: str = Field(description="Entish; the formula to make true, by any suitable services")
+    when: str | None = Field(None, description="Entish; the situation in which the procedure applies")
 
 
 class ServiceEntry(_Entry):
     """A type of service."""
 
-    inputs: dict[str, str] = Field({}, description="Variables and their types; number, text and truth are for values")
+    inputs: dict[str, str] = Field({}, description="Variables and their types: object types, or number, text and truth for values")
     outputs: dict[str, str] = {}
-    precondition: str | None = Field(None, description="Entish; what must hold for the service to be possible")
-    effect: str = Field(description="Entish; what holds after it")
+    precondition: str | None = Field(None, description="Entish; the formula that must hold before the service")
+    effect: str = Field(description="Entish; the formula that holds after the service")
     kind: ServiceKind = Field(ServiceKind.PHYSICAL, strict=False)
     parent: str | None = None
     handlers: list[HandlerEntry] = []
-    cost: str | float | None = Field(None, description="A number, or an Entish term over the inputs and ?Provider: what doing it costs")
+    cost: str | float | None = Field(None, description="The estimated cost: a number, or an Entish term over the inputs and ?Provider")
     doc: str = ""
 
 
@@ -114,7 +114,7 @@ class ObjectEntry(BaseModel):
 
     type: str
     at: list[str | float] | None = Field(None, min_length=2, max_length=3, description="PositionX, PositionY and, if given, PositionZ")
-    turned: str | float | None = Field(None, description="RotationZ: counter-clockwise, in radians unless a unit is written: 90 deg")
+    turned: str | float | None = Field(None, description="RotationZ: counter-clockwise, in radians unless a unit is given: 90 deg")
     parts: dict[str, ObjectEntry] = Field({}, description="The objects that are integral parts of this one")
 
 
@@ -125,26 +125,26 @@ ENTRIES: dict[str, type[BaseModel]] = {
     "types": TypeEntry,
     "services": ServiceEntry,
 }
-"""The sections of a file that define something, and what an entry of each looks like."""
+"""The sections of a file that hold definitions, and the model of an entry in each."""
 
 RESERVED = frozenset(ObjectEntry.model_fields)
-"""Keys of an object that are no attributes."""
+"""Keys of an object that are not attributes."""
 
 
 class File(_Entry):
     """A file with a part of an ontology, a part of a map, or both."""
 
-    uses: list[str] = Field([], description="Other files that this one builds on, relative to it")
+    uses: list[str] = Field([], description="Files that this one builds on; paths are relative to this file")
     ontology: str | None = Field(None, description="The ontology's name")
-    without: list[str] = Field([], description="What is not taken over from the upper ontology, or is defined anew here: types Jar")
+    without: list[str] = Field([], description="Definitions of the upper ontology that this file removes or redefines: types Jar")
     attributes: dict[str, AttributeEntry] = {}
     relations: dict[str, RelationEntry] = {}
     functions: dict[str, FunctionEntry] = {}
     types: dict[str, TypeEntry] = {}
     services: dict[str, ServiceEntry] = {}
     map: str | None = Field(None, description="The map's name")
-    objects: dict[str, ObjectEntry] = Field({}, description="The map's objects; exactly one, the root, holds all others")
-    facts: list[str] = Field([], description="Relations that hold between objects: Jar002 isOn Cupboard001")
+    objects: dict[str, ObjectEntry] = Field({}, description="The map's objects; exactly one, the root, contains all others")
+    facts: list[str] = Field([], description="Relations that hold between objects, such as Jar002 isOn Cupboard001")
 
 
 def json_schema() -> dict[str, Any]:
@@ -154,6 +154,6 @@ def json_schema() -> dict[str, Any]:
 
 
 def published_schema() -> dict[str, Any]:
-    """The JSON Schema as it lies in the package."""
+    """The JSON Schema file in the package."""
     schema: dict[str, Any] = json.loads(resources.files("somrs.ontology").joinpath("data/somrs.schema.json").read_text("utf-8"))
     return schema

@@ -1,4 +1,4 @@
-"""Service types: what devices can do, in the words of the ontology (paper, "Services")."""
+"""Service types: the services that devices can offer, in terms of the ontology (paper, "Services")."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ class ServiceKind(StrEnum):
 
 
 class Occasion(StrEnum):
-    """When a handler is called for."""
+    """The occasion on which a handler applies."""
 
     FAILURE = "failure"
-    """A service failed, or was found to have failed: before the step is given to another."""
+    """A step failed: the handler runs before the step is given to another service."""
     COMPENSATION = "compensation"
-    """What a step did is to be undone: instead of restoring what was before it."""
+    """A step is undone: the handler runs instead of restoring the state before the step."""
 
 
 class Parameter(Struct, frozen=True, kw_only=True):
@@ -42,9 +42,9 @@ class Handler(Struct, frozen=True, kw_only=True):
     """A predefined procedure for failure handling or compensation (paper, "Failure handling and recovery": a concrete plan should
     contain them).
 
-    `effect` is to be brought about, by whichever services can, when `on` comes to a step and `when` holds on the map (None:
-    always). Both are Entish, and speak of the step's inputs, and of the device that did it as `?Provider`. `service_type` says
-    for which steps a task's handler is (None: all); one of a service type is for the steps of that type.
+    When `on` occurs for a step and `when` holds on the map (None: always), `effect` becomes a goal, for any suitable services. Both are
+    Entish formulas over the step's inputs and `?Provider`, the device that executed the step. `service_type` limits a task's handler to
+    the steps of that type (None: all steps). A handler in a service type applies to the steps of that type.
     """
 
     on: Occasion
@@ -54,11 +54,11 @@ class Handler(Struct, frozen=True, kw_only=True):
 
 
 class ServiceType(Struct, frozen=True, kw_only=True):
-    """What a service of this type needs and brings about.
+    """The inputs, outputs, precondition and effect of the services of one type.
 
-    `precondition` (None: always) and `effect` are Entish; their variables are the inputs, the outputs and `?Provider`.
-    A variable of the precondition that is no input is found in the map (`?Object isOn ?Source`). `cost` is an Entish term over
-    the inputs and `?Provider`: what doing it costs, as far as can be told before anybody is asked.
+    `precondition` (None: always) and `effect` are Entish formulas; their variables are the inputs, the outputs and `?Provider`.
+    Other variables of the precondition are bound by the map (`?Object isOn ?Source`). `cost` is an Entish term over the inputs and
+    `?Provider`: an estimate of the price, before services state their terms.
     """
 
     name: str

@@ -1,8 +1,8 @@
-"""What is true in a map: does a formula hold, and for which objects and values. `changes` of a map are in `effects.py`.
+"""Evaluates formulas on a map: whether a formula holds, and for which objects and values. `effects.py` computes changes of a map.
 
-The world is closed: a relation that is not on the map does not hold. An attribute without a value, its own or its type's
-default, makes every comparison with it false, `!=` included. Numbers within the tolerance of the attribute are the same
-number, so of `<`, `=` and `>` exactly one holds between two numbers.
+The world is closed: a relation that is not on the map does not hold. A comparison with an attribute that has no value, neither its own nor
+a default, is false, also for `!=`. Numbers within the tolerance of the attribute are equal, so exactly one of `<`, `=` and `>` holds
+between two numbers.
 """
 
 from __future__ import annotations
@@ -45,13 +45,16 @@ __all__ = ["Bindings", "bindings", "evaluate", "formula_holds", "value_of"]
 Bindings = dict[str, Term]
 
 ALTERNATIVES = 20_000
-"""Of a formula with variables: more combinations of its ORs are taken for a mistake."""
+"""The maximum number of alternatives of a formula with variables; more are taken for a mistake."""
 
 
 def bindings(formula: Formula, map: Map, ontology: Ontology, initial_bindings: Mapping[str, Term] | None = None) -> Iterator[Bindings]:
-    """Every way in which the formula holds, each once: `initial_bindings`, and a term for every other free variable.
+    """All bindings of the free variables with which the formula holds, each once. They extend `initial_bindings`.
 
-    A variable that occurs only behind NOT is not free: `NOT ?x isOn Table1` says that nothing stands on it.
+    A variable that occurs only after NOT is not free: `NOT ?x isOn Table1` means that nothing stands on Table1.
+
+    Raises:
+        FormulaError: the formula has too many alternatives, or no equation gives a variable for values its value.
     """
     query = _Query(map, ontology, formula, initial_bindings or {})
     if query.impossible:
@@ -72,7 +75,7 @@ def bindings(formula: Formula, map: Map, ontology: Ontology, initial_bindings: M
 
 
 def formula_holds(formula: Formula, map: Map, ontology: Ontology) -> bool:
-    """Whether there is a way in which the formula holds."""
+    """Whether the formula holds for at least one binding of its free variables."""
     return next(bindings(formula, map, ontology), None) is not None
 
 
@@ -84,7 +87,7 @@ class _Goal(Struct, frozen=True, eq=False):
 
 
 class _Query:
-    """One question to one map: the formula's variables and what they range over, and the search for bindings."""
+    """One query of one map: the formula's variables, their domains, and the search for bindings."""
 
     def __init__(self, map: Map, ontology: Ontology, formula: Formula, initial_bindings: Mapping[str, Term]) -> None:
         self.map, self.ontology, self.formula = map, ontology, formula
@@ -100,10 +103,10 @@ class _Query:
         self._fits: dict[tuple[str, str], bool] = {}
         self.impossible = any(name in self.types and not self.admits(name, term) for name, term in self.initial_bindings.items())
 
-    # What variables range over
+    # Domains of variables
 
     def admits(self, variable: str, term: Term) -> bool:
-        """Whether the variable may stand for the term."""
+        """Whether the variable may be bound to the term."""
         type_name = self.types.get(variable)
         if variable in self.objects:
             object = self.map.objects.get(term.name) if isinstance(term, Name) else None
@@ -126,7 +129,7 @@ class _Query:
         return self._fits[key]
 
     def domain(self, variable: str) -> list[str]:
-        """The objects that an object variable ranges over."""
+        """The names of the objects in the domain of an object variable."""
         type_name = self.types.get(variable)
         if type_name not in self._domains:
             if type_name is None or type_name == ROOT:
@@ -136,7 +139,7 @@ class _Query:
             self._domains[type_name] = names
         return self._domains[type_name]
 
-    # Testing what is bound
+    # Tests of bound formulas
 
     def is_true(self, formula: Formula, bound: Bindings) -> bool:
         """Whether the formula, whose free variables are all bound, holds."""
@@ -174,7 +177,7 @@ class _Query:
 
 
 class _Branch:
-    """A conjunction of literals, solved by taking next the literal that leaves the fewest possibilities."""
+    """A conjunction of literals. The search always takes the literal with the fewest possible bindings next."""
 
     def __init__(self, query: _Query, literals: tuple[Literal, ...], free: tuple[str, ...], initial_bindings: Bindings) -> None:
         self.query, self.free, self.initial_bindings = query, free, initial_bindings
@@ -188,7 +191,7 @@ class _Branch:
         self._require_definitions(initial_bindings)
 
     def _require_definitions(self, initial_bindings: Bindings) -> None:
-        """A variable that stands for a value must get it by `=` from something."""
+        """Raise FormulaError for a variable that stands for a value and that no equation defines."""
         known_variables = {name for name in self.free if name in initial_bindings or name in self.query.objects}
         grown = True
         while grown:
@@ -203,9 +206,9 @@ class _Branch:
                 )
 
     def _definable(self, goal: _Goal, known_variables: set[str] | Bindings) -> Iterator[tuple[str, Term]]:
-        """The unknown variables that the goal can give a value, and the term whose value it is.
+        """The unknown variables that the goal can define, each with the term for its value.
 
-        A value is taken from the first term written that has one, not from any equal within tolerance.
+        The first equation in the formula defines the value; terms that are equal within tolerance may differ from it.
         """
         for variable, term in _equations(goal.literal):
             if variable in known_variables or not all(name in known_variables for name in variables(term)):
@@ -233,7 +236,7 @@ class _Branch:
             yield from self.search(open_goals, extended_bindings)
 
     def _steps(self, goal: _Goal, bound: Bindings) -> Iterator[tuple[int, partial[Iterator[Bindings]]]]:
-        """What can be done to bind variables of the goal, and about how many possibilities that leaves."""
+        """The search steps that bind variables of the goal, each with its estimated number of results."""
         query = self.query
         for variable, term in self._definable(goal, bound):
             yield 1, partial(self._define, variable, term, bound)
@@ -258,7 +261,7 @@ class _Branch:
             yield {**bound, variable: Name(name)}
 
     def _filtered(self, variable: str) -> list[str]:
-        """The objects that pass the goals about the variable alone."""
+        """The objects in the variable's domain for which the goals that only have this variable hold."""
         own_literals = [goal.literal for goal in self.goals if set(goal.required_variables) - self.initial_bindings.keys() == {variable}]
         domain = self.query.domain(variable)
         return [
@@ -295,7 +298,7 @@ class _Branch:
                 yield extended_bindings
 
     def _tuples(self, relation: str, names: list[str | None]) -> Iterator[tuple[str, ...]]:
-        """The tuples of the relation that may fit the names known so far."""
+        """The argument tuples of the relation that may fit the known names."""
         map = self.query.map
         for backwards in (False, True) if self.query.is_symmetric(relation, len(names)) else (False,):
             stored = names[::-1] if backwards else names
@@ -307,7 +310,7 @@ class _Branch:
 
 
 def _equations(literal: Literal) -> Iterator[tuple[str, Term]]:
-    """`?w = term`, both ways round."""
+    """The variable and the term of an equation `?w = term`, in both directions."""
     if isinstance(literal, Comparison) and literal.operator == "=":
         for variable, term in ((literal.left, literal.right), (literal.right, literal.left)):
             if isinstance(variable, Variable):

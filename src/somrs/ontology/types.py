@@ -1,7 +1,7 @@
-"""The definitions an ontology is made of, as frozen values. Objects are in `objects.py`, service types in `services.py`.
+"""The definitions of an ontology, as frozen values. Objects are in `objects.py`, service types in `services.py`.
 
-Paper, "Environment representation": attributes, relations, types with parent, attributes, obligatory sub-objects and
-constraints. Effects need to know a little more of relations: what is functional, and what excludes what.
+Paper, "Environment representation": attributes, relations, and types with a parent, attributes, obligatory sub-objects and
+constraints. Effects need two more properties of relations than the paper has: `functional` and `excludes`.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ Value = float | str | bool
 ROOT = "Object"
 PHYSICAL = "PhysicalObject"
 UNKNOWN = "Unknown"
-"""The attribute that is TRUE of an object of which nothing is known (upper ontology)."""
+"""The attribute that is TRUE for an object whose state is not known (upper ontology)."""
 
 WORKING = "Working"
-"""The attribute that is FALSE of a device that cannot do what it is for (upper ontology)."""
+"""The attribute that is FALSE for a device that is out of order (upper ontology)."""
 
 ABSTRACT = "AbstractObject"
 PART_OF = "isPartOf"
-"""The relation of a sub-object to the object that it is a part of; built in, because maps are nested by it."""
+"""The relation of a sub-object to the object that it is a part of. It is built in, because it defines the hierarchy of a map."""
 
 
 class Kind(StrEnum):
-    """What the values of an attribute are."""
+    """The kind of an attribute's values."""
 
     NUMBER = "number"
     """A number, in the attribute's unit."""
@@ -38,11 +38,11 @@ class Kind(StrEnum):
     ENUMERATION = "enumeration"
     """One of a list of names."""
     COMPLEX = "complex"
-    """Made of attributes itself, as Shape is."""
+    """A group of attributes, such as Shape."""
 
 
 class AttributeType(Struct, frozen=True, kw_only=True):
-    """A property that objects can have. `unit` is a pint unit; `tolerance` is in that unit, for `=` between numbers."""
+    """A property of objects. `unit` is a pint unit; numbers that differ by at most `tolerance`, in that unit, are equal."""
 
     name: str
     kind: Kind
@@ -56,10 +56,10 @@ class AttributeType(Struct, frozen=True, kw_only=True):
 
 
 class RelationType(Struct, frozen=True, kw_only=True):
-    """A relation and the types it joins.
+    """A relation between objects, and the type of each argument (`joins`).
 
-    `functional`: the first argument stands in it to one tuple of others at a time (a jar is on one thing).
-    `excludes`: the name of a group; a first argument is in one relation of the group at a time (on, held by, in transit).
+    `functional`: each first argument occurs in at most one fact of the relation at a time (a jar is on one thing).
+    `excludes`: the name of a group; each first argument is in at most one relation of the group at a time (on, held by, in transit).
     """
 
     name: str
@@ -71,9 +71,11 @@ class RelationType(Struct, frozen=True, kw_only=True):
 
 
 class FunctionType(Struct, frozen=True, kw_only=True):
-    """A function of objects, with a number as result. With `attribute` it reads that attribute of its one argument
-    (`range(?Provider)`); with `values` it is a table, by the names of its arguments joined by spaces (`Depot Harbour`);
-    with neither, it is one that SO-MRS computes (`distance`)."""
+    """A function of objects whose result is a number.
+
+    With `attribute`, the function reads that attribute of its single argument (`range(?Provider)`). With `values`, it is a table whose
+    keys are the names of the arguments, joined by spaces (`Depot Harbour`). With neither, SO-MRS computes it (`distance`).
+    """
 
     name: str
     parameters: tuple[str, ...]
@@ -85,7 +87,7 @@ class FunctionType(Struct, frozen=True, kw_only=True):
 
 class Constraint(Struct, frozen=True, kw_only=True):
     """A rule for the objects of a type: a range or an enumeration for an attribute path, or a formula about `?Self`
-    in which further typed variables stand for its sub-objects."""
+    in which other typed variables denote its sub-objects."""
 
     attribute: str | None = None
     minimum: float | None = None
@@ -93,11 +95,11 @@ class Constraint(Struct, frozen=True, kw_only=True):
     values: tuple[Value, ...] = ()
     formula: str | None = None
     doc: str = ""
-    """What the rule means, for the person who broke it."""
+    """The meaning of the rule, for the message about a violation."""
 
 
 class Part(Struct, frozen=True, kw_only=True):
-    """Sub-objects that every object of a type has: of which type, and how many (`maximum` None: no limit)."""
+    """The sub-objects of one type that every object of the owning type has, and their number (`maximum` None: no limit)."""
 
     type: str
     minimum: int = 1
@@ -107,8 +109,8 @@ class Part(Struct, frozen=True, kw_only=True):
 class ObjectType(Struct, frozen=True, kw_only=True):
     """A type of objects.
 
-    `attributes` may be had, `required` must be; both add to the parent's. `defaults` are values that objects of the type
-    have unless they say otherwise. `driver` names the program (`module:Class`) that serves such a device.
+    `attributes` are optional, `required` are mandatory; both add to those of the parent. `defaults` are the values of attributes that an
+    object does not set itself. `driver` names the program (`module:Class`) that serves a device of the type.
     """
 
     name: str
@@ -126,7 +128,7 @@ Definition = AttributeType | RelationType | FunctionType | ObjectType | ServiceT
 
 
 class Ontology:
-    """All definitions by name. Never changed: `extended` returns another one."""
+    """All definitions by name. An ontology is immutable: `extended` returns a new one."""
 
     def __init__(self, definitions: Iterable[Definition] = ()) -> None:
         self.attributes: dict[str, AttributeType] = {}
@@ -158,11 +160,11 @@ class Ontology:
         yield from self.services.values()
 
     def extended(self, definitions: Iterable[Definition]) -> Ontology:
-        """This ontology with more definitions; one with a known name replaces the old one."""
+        """This ontology with more definitions. A definition replaces an existing one of the same name."""
         return Ontology([*self, *definitions])
 
     def ancestors(self, type_name: str) -> tuple[str, ...]:
-        """The type itself, then its parent, and so on up to the root. Unknown types and cycles end the walk."""
+        """The type itself, its parent, and so on up to the root. Unknown types and cycles end the sequence."""
         if (cached_ancestors := self._ancestors.get(type_name)) is not None:
             return cached_ancestors
         ancestor_names: dict[str, None] = {}
@@ -173,7 +175,7 @@ class Ontology:
         return self._ancestors.setdefault(type_name, tuple(ancestor_names))
 
     def is_subtype(self, type_name: str, ancestor: str) -> bool:
-        """Whether every object of `type_name` is one of `ancestor` too."""
+        """Whether every object of `type_name` is also an object of `ancestor`."""
         return ancestor == ROOT or ancestor in self.ancestors(type_name)
 
     def subtypes(self, type_name: str) -> Iterator[str]:
@@ -181,7 +183,7 @@ class Ontology:
         return (name for name in self.types if self.is_subtype(name, type_name))
 
     def attributes_of(self, type_name: str) -> Mapping[str, AttributeType]:
-        """What objects of the type may have, inherited ones included, complex ones spread out: by path (`Shape.Height`)."""
+        """The attributes of the type by path (`Shape.Height`): own and inherited ones; complex ones with all attributes in them."""
         if (cached_attributes := self._attributes_of.get(type_name)) is not None:
             return cached_attributes
         attributes: dict[str, AttributeType] = {}
@@ -201,12 +203,12 @@ class Ontology:
             yield from self._spread(inner, f"{path}.{inner}")
 
     def default(self, type_name: str, path: str) -> Value | None:
-        """The value that objects of the type have at the path unless they say otherwise."""
+        """The default value at the path: the type's own or the nearest ancestor's; None without one."""
         for ancestor in self.ancestors(type_name):
             if path in self.types[ancestor].defaults:
                 return self.types[ancestor].defaults[path]
         return None
 
     def driver(self, type_name: str) -> str | None:
-        """The program that serves devices of the type, its own or the nearest ancestor's."""
+        """The driver of the type: its own or the nearest ancestor's; None without one."""
         return next((d for ancestor in self.ancestors(type_name) if (d := self.types[ancestor].driver)), None)

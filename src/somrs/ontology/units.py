@@ -1,4 +1,4 @@
-"""Numbers from one unit to another, through pint, which takes 0.8 s of a start: it is imported only for what maps do not usually say."""
+"""Conversion between units with pint. Importing pint takes 0.8 s, so it is imported only for units that maps rarely use."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from functools import lru_cache
 from typing import Any
 
 COMMON = frozenset({"m", "rad", "kg", "s", "m/s", "percent", "EUR"})
-"""In which most attributes are."""
+"""The units of most attributes; they are known without pint."""
 
 USUAL_FACTORS = {("deg", "rad"): math.pi / 180, ("cm", "m"): 0.01, ("mm", "m"): 0.001, ("km/h", "m/s"): 1 / 3.6}
-"""What maps usually say, as pint would have it."""
+"""The most frequent conversions, with the factors of pint."""
 
 
 @lru_cache(maxsize=1)
@@ -19,12 +19,12 @@ def _registry() -> Any:
     import pint
 
     registry: Any = pint.UnitRegistry()
-    registry.define("EUR = [money] = € = euro")  # prices; exchange rates are no business of units
+    registry.define("EUR = [money] = € = euro")  # prices; exchange rates are not supported
     return registry
 
 
 def _not_units() -> tuple[type[Exception], ...]:
-    """What pint raises on unknown units, other dimensions, and texts that are no unit at all."""
+    """The exceptions of pint for unknown units, other dimensions, and texts that are not units."""
     from pint.errors import PintError
 
     return (PintError, AssertionError, AttributeError, KeyError, ValueError, TypeError, ArithmeticError, SyntaxError, tokenize.TokenError)
@@ -32,8 +32,8 @@ def _not_units() -> tuple[type[Exception], ...]:
 
 @lru_cache(maxsize=8192)
 def convert_unit(value: float, unit: str, target_unit: str) -> float | None:
-    """The value in another unit; None when the one cannot be expressed in the other. A unit that pint does not know
-    can be expressed in itself only."""
+    """The value in another unit; None when the units are not convertible. A unit that pint does not know is convertible
+    only to itself."""
     if unit == target_unit:
         return value
     if (unit, target_unit) in USUAL_FACTORS:

@@ -1,4 +1,4 @@
-"""What terms stand for in a map: values of attributes and functions, and how two of them compare."""
+"""Evaluates terms on a map: values of attributes and functions, arithmetic, and comparisons."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from somrs.ontology.types import AttributeType, Kind, Ontology, Value
 from somrs.ontology.units import convert_unit
 
 DIGITS = 12
-"""Of what is calculated; binary fractions differ from decimal ones beyond them."""
+"""Significant digits of calculated numbers; beyond them, binary fractions differ from decimal ones."""
 ROUNDING = 1e-9
-"""Two numbers that differ relatively by less are the same: what conversion between units may add."""
+"""Two numbers with a smaller relative difference are equal; conversion between units may cause it."""
 
 
 class MeasuredValue(Struct, frozen=True):
-    """What a term stands for; a number with the tolerance, in its unit, of the attribute that it was read from."""
+    """The value of a term. A number has the tolerance, in its unit, of the attribute that it was read from."""
 
     constant: Constant
     tolerance: float = 0.0
 
 
 def evaluate(term: Term, map: Map, ontology: Ontology) -> Value | None:
-    """The value of a term without variables, a number in its own unit; None where an attribute has no value."""
+    """The value of a term without variables; a number is in its own unit. None where an attribute has no value."""
     measured = measure(term, map, ontology)
     if measured is None:
         return None
@@ -34,7 +34,7 @@ def evaluate(term: Term, map: Map, ontology: Ontology) -> Value | None:
 
 
 def value_of(object_name: str, path: str, map: Map, ontology: Ontology) -> Value | None:
-    """An object's own value of an attribute, else its type's default."""
+    """An object's own value of an attribute, or else the default of its type; None without either."""
     object = map.objects.get(object_name)
     if object is None:
         return None
@@ -43,12 +43,12 @@ def value_of(object_name: str, path: str, map: Map, ontology: Ontology) -> Value
 
 
 def attribute_at(path: str, ontology: Ontology) -> AttributeType | None:
-    """The attribute that a path leads to: `Shape.Height` to Height."""
+    """The attribute at the end of a path: Height for `Shape.Height`."""
     return ontology.attributes.get(path.rpartition(".")[2])
 
 
 def constant(value: Value, attribute: AttributeType | None) -> Constant:
-    """A value of the attribute as a term."""
+    """The term for a value of the attribute."""
     match value:
         case bool():
             return Truth(value)
@@ -59,7 +59,7 @@ def constant(value: Value, attribute: AttributeType | None) -> Constant:
 
 
 def measure(term: Term, map: Map, ontology: Ontology, bound: Mapping[str, Term] | None = None) -> MeasuredValue | None:
-    """What a term stands for under the bindings, or None where there is no value."""
+    """The value of a term under the bindings, or None where there is no value."""
     match term:
         case Variable(name):
             value = (bound or {}).get(name)
@@ -79,7 +79,7 @@ def measure(term: Term, map: Map, ontology: Ontology, bound: Mapping[str, Term] 
 
 
 def _calculated(left_value: MeasuredValue, operator: str, right_value: MeasuredValue) -> MeasuredValue | None:
-    """What two numbers come to: a sum in the unit of the first that has one, a product in the units' product."""
+    """The result of an operation: a sum or difference in the unit of the first number that has one, a product in the units' product."""
     left_number, right_number = left_value.constant, right_value.constant
     if not isinstance(left_number, Number) or not isinstance(right_number, Number):
         return None
@@ -107,7 +107,7 @@ def _calculated(left_value: MeasuredValue, operator: str, right_value: MeasuredV
 
 
 def _exact(value: float, unit: str | None) -> Number:
-    """Decimals are calculated with as they are written: 0.1 + 0.2 is 0.3."""
+    """The number rounded to `DIGITS`, so that 0.1 + 0.2 is 0.3."""
     return Number(float(f"{value:.{DIGITS}g}"), unit)
 
 
@@ -140,7 +140,7 @@ def _function_value(name: str, arguments: list[str], map: Map, ontology: Ontolog
 
 
 def _distance(object_name: str, other_name: str, map: Map, ontology: Ontology) -> float | None:
-    """In metres, between two positions; in the plane when one of them has no height."""
+    """The distance of two positions in metres; in the plane when one of them has no PositionZ."""
     gaps = [_gap(object_name, other_name, path, map, ontology) for path in ("PositionX", "PositionY", "PositionZ")]
     if gaps[0] is None or gaps[1] is None:
         return None
@@ -158,7 +158,7 @@ def _gap(object_name: str, other_name: str, path: str, map: Map, ontology: Ontol
 
 
 def compare(left_value: MeasuredValue, operator: str, right_value: MeasuredValue) -> bool:
-    """Whether the comparison holds; things of different kinds do not compare, so that none does."""
+    """Whether the comparison holds. Every comparison between values of different kinds is false."""
     match left_value.constant, right_value.constant:
         case Number() as left_number, Number() as right_number:
             gap = _same_or_gap(left_number, right_number, left_value.tolerance, right_value.tolerance)
@@ -179,7 +179,7 @@ def _text(constant: Constant) -> str:
 
 
 def _same_or_gap(left_number: Number, right_number: Number, left_tolerance: float, right_tolerance: float) -> float | None:
-    """By how much the left is more than the right, 0 within tolerance; None when their units do not fit."""
+    """The left number minus the right one, 0 within tolerance; None when their units are not convertible."""
     right_value, tolerance = right_number.value, right_tolerance
     if left_number.unit is not None and right_number.unit is not None and left_number.unit != right_number.unit:
         exact, upper_bound = (

@@ -208,7 +208,7 @@ def limited(**fields: object) -> ObjectType:
             ),
             [
                 broken("types", "unknown-name", "parts.1.type", "no type is called Bxo; did you mean Box?"),
-                broken("types", "parts", "parts.2", "at least 3 and at most 2 of Box cannot be; swap or mend them"),
+                broken("types", "parts", "parts.2", "at least 3 and at most 2 of Box is impossible; correct the limits"),
             ],
         ),
         (type_(defaults={"Load": 2.0, "Shape.Load": 3.0}), []),
@@ -294,13 +294,13 @@ def limited(**fields: object) -> ObjectType:
         (
             service(outputs=(Parameter(name="x", type="Box"), Parameter(name="y", type="numbr"))),
             [
-                broken("services", "duplicate", "outputs.x", "?x is there twice; give one of them another name"),
+                broken("services", "duplicate", "outputs.x", "?x is declared twice; give one of the two another name"),
                 broken("services", "unknown-name", "outputs.y", "no type is called numbr; did you mean number?"),
             ],
         ),
         (
             service(inputs=(*X, Parameter(name="Provider", type="Box"))),
-            [broken("services", "duplicate", "inputs.Provider", "?Provider is there twice; give one of them another name")],
+            [broken("services", "duplicate", "inputs.Provider", "?Provider is declared twice; give one of the two another name")],
         ),
         (
             service(precondition="?x isOm ?Provider", effect="?x isOn ?Provider AND"),

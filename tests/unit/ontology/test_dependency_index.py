@@ -63,7 +63,7 @@ def test_all_of_it_is_in_the_upper_ontology() -> None:
 def test_a_file_cannot_take_it_away_either() -> None:
     with pytest.raises(ModelError, match="neither removed nor renamed"):
         load_text("without: [types Device]\n")
-    with pytest.raises(ModelError, match="kind stays number"):
+    with pytest.raises(ModelError, match="kind must stay number"):
         load_text("without: [attributes Weight]\nattributes:\n  Weight: {kind: text}\n")
     ontology = load_text("without: [attributes Weight]\nattributes:\n  Weight: {kind: number, unit: kg, maximum: 50}\n").ontology
     assert ontology.attributes["Weight"].maximum == 50
@@ -108,7 +108,7 @@ def test_what_has_to_stay_of_a_definition(section: Section, definition: Definiti
         Violation(
             subject=definition.name,
             rule="relied",
-            message=f"SO-MRS itself relies on what it is, so {path} stays {required_value}; define another beside it",
+            message=f"SO-MRS itself relies on it, so {path} must stay {required_value}; define another beside it",
             path=path,
             section=section,
         )

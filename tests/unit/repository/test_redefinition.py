@@ -198,8 +198,8 @@ def test_renaming_and_redefining_come_together(keeper: Keeper) -> None:
         (rename(Section.TYPES, "Device", "Machine"), "neither removed nor renamed"),
         (remove(Section.ATTRIBUTES, "PositionX"), "neither removed nor renamed"),
         (remove(Section.RELATIONS, "isPartOf"), "neither removed nor renamed"),
-        (Define(definitions=Definitions(attributes=(AttributeType(name="PositionX", kind=Kind.TEXT),))), "kind stays number"),
-        (types(ObjectType(name="MobileRobot", parent="Furniture")), "parent stays Device"),
+        (Define(definitions=Definitions(attributes=(AttributeType(name="PositionX", kind=Kind.TEXT),))), "kind must stay number"),
+        (types(ObjectType(name="MobileRobot", parent="Furniture")), "parent must stay Device"),
     ],
 )
 def test_what_cannot_be_done_is_said_clearly(keeper: Keeper, define: Define, problem: str) -> None:

@@ -1,1 +1,1 @@
-"""Ontologies and maps as YAML files: read, checked, written."""
+"""Ontologies and maps as YAML files: reading, checking and writing."""

@@ -1,4 +1,4 @@
-"""Writing ontologies and maps as YAML that `loading.py` reads back."""
+"""Writes ontologies and maps as YAML that `loading.py` reads back."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _POSITION = ("PositionX", "PositionY", "PositionZ")
 
 
 def dump_map(map: Map, ontology: Ontology, name: str | None = None) -> str:
-    """The map as YAML text: parts below their wholes, positions and turns in their short forms."""
+    """The map as YAML text: parts nested in their wholes, positions and rotations in the short forms `at` and `turned`."""
     parts: dict[str, list[str]] = {}
     wholes: dict[str, str] = {}
     for fact in map.facts(PART_OF):
@@ -37,7 +37,7 @@ def dump_map(map: Map, ontology: Ontology, name: str | None = None) -> str:
 
     objects = {object.name: tree(object) for object in map.objects.values() if object.name not in wholes}
     facts = [str(fact) for fact in map.facts() if not (fact.relation == PART_OF and wholes.get(fact.arguments[0]) == fact.arguments[1])]
-    for looped in map.objects.keys() - nested:  # parts of themselves: no tree holds them
+    for looped in map.objects.keys() - nested:  # objects in a cycle of parts: no tree contains them
         objects[looped] = _object(map.objects[looped], ontology)
         facts.append(str(Fact(PART_OF, (looped, wholes[looped]))))
     return _yaml({"map": name or next(iter(objects), "map"), "objects": objects, **({"facts": Lines(facts)} if facts else {})})
@@ -62,7 +62,7 @@ def _nested(values: dict[str, Value]) -> dict[str, Any]:
         node = tree
         for step in outer:
             inner = node.setdefault(step, {})
-            if not isinstance(inner, dict):  # a value where a part of it has one, too; wrong, but to be read back as it is
+            if not isinstance(inner, dict):  # both the path and a path below it have values: invalid, but kept
                 node, leaf_key = tree, path
                 break
             node = inner
@@ -73,8 +73,10 @@ def _nested(values: dict[str, Value]) -> dict[str, Any]:
 
 
 def dump_ontology(ontology: Ontology, base: Ontology | None = None, name: str | None = None, *, whole: bool = False) -> str:
-    """The ontology as YAML text, leaving out what `base` has already, unless it is to be the `whole`; what it has otherwise, or not,
-    is said not to be taken over from there."""
+    """The ontology as YAML text, without the definitions that `base` has (with `whole`: with them).
+
+    The key `without` lists the definitions of `base` that the ontology redefines or lacks.
+    """
     text: dict[str, Any] = {"ontology": name} if name else {}
     if base is not None and (overridden_names := [*_overridden_names(ontology, base)]):
         text["without"] = overridden_names
@@ -93,7 +95,7 @@ def dump_ontology(ontology: Ontology, base: Ontology | None = None, name: str | 
 
 
 def _overridden_names(ontology: Ontology, base: Ontology) -> Iterator[str]:
-    """What the other has that this one has otherwise, or not at all."""
+    """The definitions of `base` that the ontology redefines or lacks."""
     for definition in base:
         definition_key = key_of(definition)
         if find_definition(ontology, definition_key) != definition:
@@ -146,7 +148,7 @@ def _service(service: ServiceType) -> dict[str, Any]:
 
 
 def _fields(definition: Any, *names: str) -> dict[str, Any]:
-    """What differs from a definition's plain default: nothing, false, 0 and the empty list are not written, except limits of 0."""
+    """The fields of a definition that differ from their defaults: None, false, 0 and empty lists are left out, except limits of 0."""
     written_fields: dict[str, Any] = {}
     for name in names:
         value = getattr(definition, name)
@@ -160,7 +162,7 @@ def _is_number(value: Value | None) -> bool:
 
 
 def _plain(value: Any) -> Any:
-    """Whole numbers without a point; they are read back as the same numbers."""
+    """The value for YAML: tuples as lists, and whole numbers without a decimal point, which read back as the same numbers."""
     if isinstance(value, tuple):
         return [_plain(item) for item in value]
     if isinstance(value, dict):

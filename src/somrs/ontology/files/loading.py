@@ -1,6 +1,6 @@
-"""Reading ontologies and maps from YAML files. Their structure is in `schema.py`, writing them in `dump.py`.
+"""Reads ontologies and maps from YAML files. `schema.py` defines their structure, `dump.py` writes them.
 
-Every problem is found at once and says its file and line; what follows only from another problem is left out.
+One run reports all problems with file and line, without those that only follow from other problems.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from somrs.ontology.units import convert_unit
 
 NAME = re.compile(r"[^\W\d]\w*(?:-\w+)*")
 MAP_KEYS = frozenset(("map", "objects", "facts"))
-"""The keys of a file that say what there is."""
+"""The keys of a file that belong to the map."""
 
 _FACT = re.compile(rf"({NAME.pattern})\s+({NAME.pattern})\s+({NAME.pattern})")
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\S.*?)\s*")
@@ -40,7 +40,7 @@ _POSITION = ("PositionX", "PositionY", "PositionZ")
 
 @dataclass(frozen=True, slots=True)
 class LoadedModel:
-    """What files hold: the ontology with everything they build on, and their map, if they have one."""
+    """The content of files: the ontology, including its base, and the map, if there is one."""
 
     ontology: Ontology
     map: Map | None
@@ -48,25 +48,25 @@ class LoadedModel:
 
 @lru_cache(maxsize=1)
 def upper() -> Ontology:
-    """The ontology that every other one builds on."""
+    """The upper ontology, on which all others build."""
     text = resources.files("somrs.ontology").joinpath("data/upper.yaml").read_text("utf-8")
     return _Reading(Ontology()).finish([Source("upper.yaml", text)]).ontology
 
 
 def load(paths: Iterable[str | FilePath], base: Ontology | None = None) -> LoadedModel:
-    """Read the files and those they use. Raises ModelError with all that is wrong."""
+    """Read the files and those that they use. Raises ModelError with all problems."""
     reading = _Reading(base if base is not None else upper())
     return reading.finish(reading.sources([FilePath(path) for path in paths]))
 
 
 def load_text(text: str, file: str = "text", base: Ontology | None = None) -> LoadedModel:
-    """Like `load`, for one file's text that may not lie in a file."""
+    """Like `load`, for a text. `file` is its name in problems."""
     return _Reading(base if base is not None else upper()).finish([Source(file, text)])
 
 
 def load_definitions(text: str, file: str, base: Ontology) -> Ontology:
-    """The base with the definitions of a file's text added, or in place of those of the same names, and without what it says is not there.
-    A map in it is left out. Raises ModelError with all that is wrong."""
+    """The base with the definitions of a text added or replaced, and without those that the text lists under `without`. A map in the text
+    is ignored. Raises ModelError with all problems."""
     source = Source(file, text)
     if isinstance(source.data, dict):
         for key in MAP_KEYS & source.data.keys():
@@ -76,13 +76,13 @@ def load_definitions(text: str, file: str, base: Ontology) -> Ontology:
 
 @dataclass(slots=True)
 class _Place:
-    """Where an object, a fact or a definition was read."""
+    """The place in a file where an object, a fact or a definition was read."""
 
     source: Source
     path: Path
 
     def line(self, inner: str = "") -> int | None:
-        """The line of the key that `inner` names, or of as much of it as is written."""
+        """The line of the key at the path `inner`, or at the longest part of it that is written."""
         keys = self.source.keys(self.path)
         if inner in keys:
             return self.source.line((*self.path, inner))
@@ -93,16 +93,16 @@ class _Place:
 
 @dataclass(slots=True)
 class _Reading:
-    """One `load` under way."""
+    """The state of one `load`."""
 
     base: Ontology
     replacing: bool = False
-    """Whether definitions may take the place of others in the base."""
+    """Whether definitions may replace those of the base."""
     problems: list[Problem] = field(default_factory=list)
     broken: set[str] = field(default_factory=set)
-    """Names whose definition has a problem already; what others say about them is not reported."""
+    """Names whose definition has a problem; further problems that mention them are not reported."""
     half_read: set[str] = field(default_factory=set)
-    """Objects of which a value could not be read; what they lack is not reported."""
+    """Objects with an unreadable value; missing values of them are not reported."""
     definitions: dict[str, Definition] = field(default_factory=dict)
     places: dict[str, _Place] = field(default_factory=dict)
     """By section and name: `objects Jar002`, `types Jar`, `facts Jar002 isOn Cupboard001`."""
@@ -112,7 +112,7 @@ class _Reading:
     map_file: Source | None = None
 
     def sources(self, paths: list[FilePath]) -> list[Source]:
-        """The files, each once, those that a file uses before it."""
+        """The files, each once; a file comes after those that it uses."""
         ordered_sources: list[Source] = []
         visited_paths: set[FilePath] = set()
 
@@ -126,7 +126,7 @@ class _Reading:
             except (OSError, UnicodeDecodeError) as error:
                 reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
                 file, line = (user[0].file, user[0].line(user[1])) if user else (display_path, None)
-                message = f"{display_path} cannot be read: {reason}; mend the path or the file"
+                message = f"{display_path} cannot be read: {reason}; correct the path or the file"
                 self.problems.append(Problem(file=file, line=line, subject="file", rule="file", message=message))
                 return
             used_files = source.data.get("uses") if isinstance(source.data, dict) else None
@@ -140,7 +140,7 @@ class _Reading:
         return ordered_sources
 
     def finish(self, sources: list[Source]) -> LoadedModel:
-        """Everything the sources say, checked."""
+        """The checked content of the sources. Raises ModelError with all problems."""
         good = [source for source in sources if self._structure(source)]
         given_base = self.base
         for source in good:
@@ -148,7 +148,7 @@ class _Reading:
         for source in good:
             self._definitions(source)
         ontology = self.base.extended(self.definitions.values())
-        # What the base has is in order, unless something of it is gone; what replaces something is looked at by whoever has the map, too.
+        # The base is consistent unless definitions of it were removed. The Repository checks replacements, because it also has the map.
         concerned = self.definitions.values() if self.replacing or self.base is given_base else None
         for violation in ontology_violations(ontology, concerned):
             self._report(violation)
@@ -166,7 +166,7 @@ class _Reading:
         return LoadedModel(ontology, map if self.has_map else None)
 
     def _report(self, violation: Violation) -> None:
-        """Put the violation on its line, unless it only follows from a problem that is known already."""
+        """Report the violation with its line, unless it only follows from a problem that is already reported."""
         report_text = f"{violation.subject} {violation.message}"
         if not self.broken.isdisjoint(re.findall(r"\w[\w-]*", report_text)):
             return
@@ -196,11 +196,11 @@ class _Reading:
     # Ontologies
 
     def _remove_definitions(self, source: Source) -> None:
-        """Leave out of the base what the source does not want, or defines anew."""
+        """Remove the definitions from the base that the source lists under `without`."""
         entries = source.data.get("without")
         for index, text in enumerate(entries if isinstance(entries, list) else ()):
             if not isinstance(text, str):
-                continue  # whoever looks at the structure says so
+                continue  # reported with the structure
             section, _, name = text.partition(" ")
             place = _Place(source, ("without", index))
             if section not in ENTRIES or not name:
@@ -208,7 +208,7 @@ class _Reading:
                 self._problem(place, "without", "structure", message)
             elif name not in getattr(self.base, section):
                 hint = nearest(name, getattr(self.base, section)) or "leave it out here"
-                self._problem(place, name, "unknown-name", f"is not among the {section} that are there; {hint}")
+                self._problem(place, name, "unknown-name", f"is not among the {section} of the base ontology; {hint}")
             else:
                 definition_key = DefinitionKey(section=Section(section), name=name)
                 self.base = revise_ontology(self.base, (definition_key,), ())
@@ -316,7 +316,7 @@ class _Reading:
         return values
 
     def _value(self, subject: str, place: _Place, attribute: AttributeType | None, path: str, value: Any, key: str) -> Value | None:
-        """The value as written, a number in the attribute's unit; None after a problem. Its kind is the conformance check's business."""
+        """The value, a number in the attribute's unit; None after a problem. `conformance.py` checks its kind."""
         if isinstance(value, bool | float) or (isinstance(value, str) and (attribute is None or attribute.kind is not Kind.NUMBER)):
             return value
         if not isinstance(value, str) or attribute is None:
@@ -349,14 +349,14 @@ class _Reading:
                 return
             fact = Fact(atom.relation, tuple(argument.name for argument in atom.arguments))
         if fact in self.facts:
-            self._problem(place, str(fact), "duplicate", "is said already; leave this one out")
+            self._problem(place, str(fact), "duplicate", "is stated already; remove this one")
         self.facts[fact] = None
         self.places.setdefault(f"facts {fact}", place)
 
     def _named(self, name: Any, place: _Place) -> bool:
         if isinstance(name, str) and NAME.fullmatch(name) and name not in ("AND", "OR", "NOT", "TRUE", "FALSE"):
             return True
-        message = "is no name; a name is a letter and then letters, digits, _ or -, and not AND, OR, NOT, TRUE or FALSE"
+        message = "is not a name; a name is a letter and then letters, digits, _ or -, and not AND, OR, NOT, TRUE or FALSE"
         self._problem(place, str(name), "name", message)
         self.broken.add(str(name))
         return False

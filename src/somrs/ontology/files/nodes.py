@@ -1,7 +1,7 @@
-"""From YAML text to plain values, and back to the lines they stand on. What the values mean is `loading.py`'s business.
+"""Parses YAML text into plain values, and finds the line of each value. `loading.py` interprets the values.
 
-YAML is read by its 1.2 core rules: only `true` and `false` are truths (`Off`, `No` and `y` are names), `1e-3` is a number, dates are text.
-Aliases are refused: a few lines of them can stand for gigabytes, and types with defaults say better what objects have in common.
+The rules are those of the YAML 1.2 core schema: only `true` and `false` are booleans (`Off`, `No` and `y` are names), `1e-3` is a number,
+dates are text. Aliases are rejected: a few lines of them can expand to gigabytes, and defaults of types serve the same purpose.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from somrs.errors import Problem
 Path = tuple[str | int, ...]
 
 DEPTH = 200
-"""How deeply brackets may be nested; the C parser recurses."""
+"""The maximum nesting of brackets; the C parser recurses."""
 
 _RESOLVERS: list[tuple[str, str, str]] = [
     ("tag:yaml.org,2002:bool", r"^(?:true|True|TRUE|false|False|FALSE)$", "tTfF"),
@@ -36,7 +36,7 @@ class _Loader(yaml.CSafeLoader):
 
 
 class Dumper(yaml.CSafeDumper):
-    """Writes what `read` reads: quotes exactly the texts that would be read as something else."""
+    """Quotes exactly the texts that `Source` would otherwise read as values of another kind."""
 
     yaml_implicit_resolvers: dict[Any, Any] = {}
 
@@ -45,7 +45,7 @@ class Dumper(yaml.CSafeDumper):
 
 
 class Lines(list[Any]):
-    """A list of which each item is written on a line of its own."""
+    """A list that is written with each item on its own line."""
 
 
 Dumper.add_representer(Lines, lambda dumper, lines: dumper.represent_sequence("tag:yaml.org,2002:seq", lines, flow_style=False))
@@ -54,13 +54,13 @@ for _tag, _pattern, _first in _RESOLVERS:
     for _class in (_Loader, Dumper):
         _class.add_implicit_resolver(_tag, re.compile(_pattern), [*_first, ""] if _tag.endswith("null") else list(_first))
 
-# The number a plain scalar stands for; PyYAML's own constructors read 1.1's octal and base-60 numbers.
+# Numbers of the core schema; PyYAML's own constructors read the octal and base-60 numbers of YAML 1.1.
 _Loader.add_constructor("tag:yaml.org,2002:int", lambda _, node: float(node.value))
 _Loader.add_constructor("tag:yaml.org,2002:float", lambda _, node: float(re.sub(r"^([-+]?)\.(inf|nan)$", r"\1\2", node.value.lower())))
 
 
 class Source:
-    """One YAML file as read: its values, its problems, and the line of every value."""
+    """One parsed YAML file: its values, its problems, and the line of each value."""
 
     def __init__(self, file: str, text: str) -> None:
         self.file = file
@@ -69,7 +69,7 @@ class Source:
         self._root: yaml.Node | None = None
         self._indexes: dict[int, dict[str, tuple[int, yaml.Node]]] = {}
         if _depth(text) > DEPTH:
-            self._problem(None, "syntax", f"more than {DEPTH} brackets inside each other; nothing that a map needs is so deep")
+            self._problem(None, "syntax", f"more than {DEPTH} nested brackets; no map needs so many")
             return
         try:
             loader = _Loader(text)
@@ -86,7 +86,7 @@ class Source:
             self._problem(None, "syntax", f"this is not YAML: {error}")
 
     def line(self, path: Path) -> int | None:
-        """The line where the path's key or item stands; of a path that leads nowhere, of as much of it as there is."""
+        """The line of the key or item at the path, or at the longest part of the path that exists; None for an empty file."""
         node, line = self._root, 1 if self._root is not None else None
         for step in path:
             if isinstance(node, yaml.MappingNode):
@@ -102,7 +102,7 @@ class Source:
         return line
 
     def keys(self, path: Path) -> set[str]:
-        """The keys of the mapping at the path."""
+        """The keys of the mapping at the path; empty when there is no mapping."""
         node = self._root
         for step in path:
             entry = self._entries(node).get(str(step)) if isinstance(node, yaml.MappingNode) else None
@@ -112,7 +112,7 @@ class Source:
         return set(self._entries(node)) if isinstance(node, yaml.MappingNode) else set()
 
     def _entries(self, node: yaml.MappingNode) -> dict[str, tuple[int, yaml.Node]]:
-        """By key: its line and its value."""
+        """The line and the value of each key."""
         if id(node) not in self._indexes:
             entries = {key.value: (key.start_mark.line + 1, value) for key, value in node.value if isinstance(key, yaml.ScalarNode)}
             self._indexes[id(node)] = entries
@@ -122,7 +122,7 @@ class Source:
         self.problems.append(Problem(file=self.file, line=line, subject=subject, rule=rule, message=message))
 
     def _clean(self, root: yaml.Node) -> bool:
-        """Report aliases and keys written twice; YAML itself would let the last one win. False when the values cannot be built."""
+        """Report aliases and repeated keys; of repeated keys, YAML itself would use the last. False when the values cannot be built."""
         visited_ids: set[int] = set()
         aliased = False
         stack = [root]
@@ -157,7 +157,7 @@ def _repeated(node: yaml.MappingNode) -> Iterator[tuple[yaml.ScalarNode, int]]:
 
 
 def _depth(text: str) -> int:
-    """At most how many flow collections are open at once; brackets in texts and comments count too, which is harmless."""
+    """The maximum nesting of flow collections. Brackets in texts and comments count too, which is harmless."""
     depth = deepest = 0
     for bracket in re.findall(r"[\[\]{}]", text):
         depth = depth + 1 if bracket in "[{" else max(depth - 1, 0)

@@ -1,4 +1,4 @@
-"""A whole site as one YAML file: the map, and what its ontology has beyond the upper one."""
+"""Writes a whole site as one YAML file: the map, and the definitions that are not in the upper ontology."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Is a file built as `schema.py` says, and what do its entries define? What the names in it mean is `loading.py`'s business."""
+"""Checks a file against `schema.py`, and makes definitions from its entries. `loading.py` resolves the names in them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from somrs.ontology.types import AttributeType, Constraint, Definition, Function
 
 
 def structure_problems(source: Source) -> tuple[list[Problem], set[str]]:
-    """What is wrong with the file, and the names of the definitions and objects that cannot be used because of it."""
+    """The problems of the file's structure, and the names of the definitions and objects that cannot be used because of them."""
     if source.problems and source.data is None:
         return source.problems, set()
     if not isinstance(source.data, dict):
@@ -32,7 +32,7 @@ def structure_problems(source: Source) -> tuple[list[Problem], set[str]]:
         for detail in error.errors(include_url=False):
             path: Path = tuple(detail["loc"])
             while path and not _leads(source.data, path) and detail["type"] != "missing":
-                path = path[:-1]  # pydantic adds the alternatives that it tried
+                path = path[:-1]  # pydantic appends the alternatives that it tried
             owner = _owner(path)
             if owner is not None:
                 broken.add(owner)
@@ -43,7 +43,7 @@ def structure_problems(source: Source) -> tuple[list[Problem], set[str]]:
 
 
 def definition(name: str, entry: BaseModel, defaults: dict[str, Value]) -> Definition:
-    """What an entry defines; `defaults` are those of a type, in the units of their attributes."""
+    """The definition of an entry; `defaults` are those of a type, in the units of their attributes."""
     match entry:
         case AttributeEntry():
             return AttributeType(
@@ -78,7 +78,7 @@ def definition(name: str, entry: BaseModel, defaults: dict[str, Value]) -> Defin
 
 
 def flat(values: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Nested attributes by path: `Shape: {Height: 1}` and `Shape.Height: 1` are the same."""
+    """Nested values by path: `Shape: {Height: 1}` and `Shape.Height: 1` are equivalent."""
     for key, value in values.items():
         if isinstance(value, dict):
             yield from flat(value, f"{prefix}{key}.")
@@ -96,7 +96,7 @@ def _leads(data: Any, path: Path) -> bool:
 
 
 def _owner(path: Path) -> str | None:
-    """The name of the definition or object that a path leads into."""
+    """The name of the definition or object that a path is in; None for other paths."""
     if len(path) < 2 or path[0] not in (*ENTRIES, "objects"):
         return None
     if path[0] != "objects":
@@ -108,14 +108,14 @@ def _owner(path: Path) -> str | None:
 
 
 def _model(path: Path) -> type[BaseModel]:
-    """What the entry at the place has to look like."""
+    """The model of the entry at the path."""
     annotation: Any = File
     for step in path:
         if isinstance(annotation, type) and issubclass(annotation, BaseModel):
             annotation = annotation.model_fields[str(step)].annotation
-        else:  # what a list or a dictionary is of
+        else:  # the element type of a list or a dictionary
             annotation = get_args(annotation)[-1]
-    model: type[BaseModel] = annotation  # nothing else has keys that may be unknown
+    model: type[BaseModel] = annotation  # only models have keys that can be unknown
     return model
 
 

@@ -1,7 +1,7 @@
-"""OWL 2 and SHACL: an ontology and a map for Protégé, reasoners and validators, and back.
+"""Export to OWL 2 and SHACL, for Protégé, reasoners and validators, and import from OWL 2.
 
-Everything is said in OWL, as far as it has words; `words.py` has those that it lacks. The SHACL shapes say the rules for maps once more,
-for validators. What is read back is what OWL says. rdflib is asked for only when a file is to be written or read.
+Definitions are written in OWL where it can express them; `words.py` has the vocabulary for the rest. The SHACL shapes repeat the rules for
+maps, for validators; the import ignores them. rdflib is imported only to write or read a file.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class Format(StrEnum):
-    """How a graph is written down."""
+    """The file format of a graph."""
 
     TURTLE = "turtle"
     XML = "xml"
@@ -29,9 +29,11 @@ class Format(StrEnum):
 
 
 class OwlImport(Struct, frozen=True, kw_only=True):
-    """What a file says. `ontology` are the definitions that are in it, under the names that their IRIs give them; `renamings` says which
-    of them got another name, `removed` which are marked as deprecated. `notes`: what else is in the file, which is not taken over, and
-    what to do about it."""
+    """The content of a file.
+
+    `ontology` has the definitions in the file, under the names in their IRIs. `renamings` are the definitions with a new label, `removed`
+    those that are marked as deprecated. `notes` describe what was not imported, and what to do about it.
+    """
 
     ontology: Ontology
     removed: tuple[DefinitionKey, ...] = ()
@@ -41,7 +43,7 @@ class OwlImport(Struct, frozen=True, kw_only=True):
 
 
 def export(ontology: Ontology, map: Map | None = None, format: Format = Format.TURTLE, *, shapes: bool = True) -> bytes:
-    """The ontology, and the map if it is given, as a file. Raises UsageError where rdflib is not installed."""
+    """The ontology, and the map if it is given, as a file. Raises UsageError if rdflib is not installed."""
     _require_rdflib()
     from somrs.ontology.owl.writing import serialised
 
@@ -49,7 +51,7 @@ def export(ontology: Ontology, map: Map | None = None, format: Format = Format.T
 
 
 def to_graph(ontology: Ontology, map: Map | None = None, *, shapes: bool = True) -> Graph:
-    """The same as a graph."""
+    """The ontology, and the map if it is given, as a graph. Raises UsageError if rdflib is not installed."""
     _require_rdflib()
     from somrs.ontology.owl.writing import graph_of
 
@@ -57,8 +59,8 @@ def to_graph(ontology: Ontology, map: Map | None = None, *, shapes: bool = True)
 
 
 def read(text: str, file: str, base: Ontology) -> OwlImport:
-    """What a Turtle or RDF/XML file says, of definitions that build on those of `base`. Raises ModelError with all that is wrong, and
-    UsageError where rdflib is not installed."""
+    """The content of a Turtle or RDF/XML file whose definitions build on those of `base`. Raises ModelError with all problems, and
+    UsageError if rdflib is not installed."""
     _require_rdflib()
     from somrs.ontology.owl.reading import read as reading
 
@@ -67,6 +69,6 @@ def read(text: str, file: str, base: Ontology) -> OwlImport:
 
 def _require_rdflib() -> None:
     try:
-        import rdflib  # noqa: F401  # whether it is there
+        import rdflib  # noqa: F401  # only to see whether it is installed
     except ImportError:
-        raise UsageError("OWL files need rdflib, which the core does without: pip install 'somrs[api]'") from None
+        raise UsageError("OWL files need rdflib, which is not installed: pip install 'somrs[api]'") from None

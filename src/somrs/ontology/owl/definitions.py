@@ -1,4 +1,4 @@
-"""Definitions as OWL 2: types are classes, attributes and relations are properties, what an object must have is a cardinality."""
+"""Writes definitions as OWL 2: types become classes, attributes and relations properties, required attributes cardinalities."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ D = TypeVar("D")
 
 
 def write_definitions(ontology: Ontology, graph: Graph, nodes: Nodes) -> None:
-    """Put the whole ontology into the graph."""
+    """Add the whole ontology to the graph."""
     _Writer(ontology, graph, nodes).write()
 
 
 def is_binary(relation: RelationType) -> bool:
-    """Whether it is a property; any other relation is a class of facts."""
+    """Whether the relation is a property in OWL; any other relation is a class of facts."""
     return len(relation.joins) == 2
 
 
@@ -55,7 +55,7 @@ class _Writer:
                 self._graph.add((subject, predicate, object))
 
     def _note(self, subject: IdentifiedNode, **notes: str | float | None) -> None:
-        """Annotations of our vocabulary, as far as there is anything to say."""
+        """Add annotations of the vocabulary, except for empty values."""
         for name, value in notes.items():
             if value or (value == 0 and name in ("minimum", "maximum")):
                 self._add(subject, V[name], literal(value))
@@ -120,7 +120,7 @@ class _Writer:
             for number, joined in enumerate(relation.joins, 1):
                 restriction = self._restriction(argument(number), (OWL.allValuesFrom, iri(Section.TYPES, joined)))
                 self._add(subject, RDFS.subClassOf, restriction)
-            # OWL can say neither of facts.
+            # OWL has neither property for facts that are individuals.
             self._add(subject, V.functional, Literal(True) if relation.functional else None)
             self._add(subject, V.symmetric, Literal(True) if relation.symmetric else None)
         self._note(subject, excludes=relation.excludes)
@@ -166,7 +166,7 @@ class _Writer:
             self._constraint(subject, constraint, number)
 
     def _constraint(self, subject: URIRef, constraint: Constraint, rank: int) -> None:
-        """Said of the class; that it was said is annotated with its place and its meaning."""
+        """Add a constraint to the class. Its position and documentation are annotations of the statement."""
         predicate: URIRef = V.constraint
         target: Node = literal(constraint.formula or "")
         if constraint.attribute is not None:

@@ -1,4 +1,4 @@
-"""A map as OWL 2 individuals: objects with their values, and the facts between them."""
+"""Writes a map as OWL 2 individuals: objects with their values, and the facts between them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from somrs.ontology.types import Ontology
 
 
 def write_map(map: Map, ontology: Ontology, graph: Graph, nodes: Nodes) -> None:
-    """Put the map into the graph."""
+    """Add the map to the graph."""
     for object in map.objects.values():
         _object(object, graph)
     for fact in map.facts():
@@ -40,7 +40,7 @@ def _object(object: Object, graph: Graph) -> None:
 
 
 def _owner(name: str, subject: URIRef, outer: list[str], graph: Graph) -> URIRef:
-    """The individual that has the value at the end of a path: the object, or the value of a complex attribute of it. It has a name, so
+    """The individual that has the last attribute of a path: the object, or the value of a complex attribute. Such a value has an IRI, so
     that editors can show it."""
     for depth, step in enumerate(outer, 1):
         value = VALUES[".".join([quote_name(name), *outer[:depth]])]

@@ -1,4 +1,4 @@
-"""What each thing in an OWL file is to us: a type, an attribute, a relation, a function, a service type, an object."""
+"""Classifies the nodes of an OWL file: types, attributes, relations, functions, service types and objects."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from somrs.ontology.owl.source import Source, sorted_iris
 from somrs.ontology.owl.words import SHAPES, VALUES, V, section_of
 
 MENTION_PREDICATES = {RDF.type, RDFS.label}
-"""What is said of a thing that is only mentioned."""
+"""The predicates of a node that is only mentioned, not defined."""
 
 
 class Kinds:
-    """By IRI: what each is called. Those of `base` that are only mentioned are there, too."""
+    """The nodes of each kind, with their names. Definitions of `base` that the file only mentions are included."""
 
     def __init__(self, source: Source) -> None:
         self._source = source
@@ -44,7 +44,7 @@ class Kinds:
 
     @property
     def objects(self) -> dict[URIRef, str]:
-        """Individuals that are objects of a map."""
+        """The individuals that are objects of a map."""
         if self._objects is None:
             graph, source = self._source.graph, self._source
             typed = [node for node, kind in graph.subject_objects(RDF.type) if kind == OWL.NamedIndividual or self.is_type(kind)]
@@ -61,7 +61,7 @@ class Kinds:
         return node in self.types or (isinstance(node, URIRef) and section_of(node) is Section.TYPES)
 
     def is_mentioned_only(self, node: URIRef, definitions: Mapping[str, Any], name: str) -> bool:
-        """Whether it is one of ours of which nothing is said: others refer to it."""
+        """Whether the node is a known definition that the file only refers to, without statements about it."""
         graph = self._source.graph
         if section_of(node) is None or name not in definitions or any(word not in MENTION_PREDICATES for word in graph.predicates(node)):
             return False
@@ -81,7 +81,7 @@ class Kinds:
         )
 
     def _mentioned(self, section: Section) -> list[URIRef]:
-        """Those of ours that a file uses without declaring them."""
+        """The nodes with an IRI of the section that the file uses, declared or not."""
         graph = self._source.graph
         words = {*graph.predicates(), *graph.objects()}
         return sorted(word for word in words if isinstance(word, URIRef) and section_of(word) is section)
@@ -102,5 +102,5 @@ class Kinds:
 
 
 def is_vocabulary(node: Node) -> bool:
-    """Whether it belongs to the vocabulary, to OWL itself, or is a shape."""
+    """Whether the node belongs to the vocabulary of SO-MRS, OWL, RDF or SHACL, or is a shape."""
     return isinstance(node, URIRef) and str(node).startswith((str(V), str(OWL), str(RDFS), str(RDF), str(SHAPES), str(SH)))

@@ -1,4 +1,4 @@
-"""Small texts in annotations: in which order names come, and defaults."""
+"""Reads and writes annotations for the order of names and for default values."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ T = TypeVar("T", bound=Value)
 
 
 def ordered(items: Sequence[Value]) -> str:
-    """A hint that keeps the order of what OWL has as a set; one thing needs none."""
+    """A hint for the order of items that OWL has as a set; empty for fewer than two items."""
     return json.dumps(list(items), ensure_ascii=False) if len(items) > 1 else ""
 
 
 def in_order(items: Iterable[T], hint: str | None) -> tuple[T, ...]:
-    """The items, each once, as a hint orders them; those that it does not have come last, by name. A hint may also be names with spaces
-    between them, as people write it."""
+    """The items, each once, in the order of the hint; items that are not in it come last, by name. A hint may also be names separated by
+    spaces, which are easier to write by hand."""
     text = (hint or "").strip()
     try:
         order = json.loads(text) if text.startswith("[") else text.split()
@@ -29,12 +29,12 @@ def in_order(items: Iterable[T], hint: str | None) -> tuple[T, ...]:
 
 
 def _key(item: object) -> tuple[type, object]:
-    """TRUE is not 1."""
+    """The key of an item, which distinguishes TRUE from 1."""
     return (float, float(item)) if isinstance(item, int | float) and not isinstance(item, bool) else (type(item), str(item))
 
 
 def read_default(text: str) -> tuple[str, Value]:
-    """A default as it is written: `Shape.Height = 0.14`. Raises ValueError."""
+    """The path and value of a default in its written form: `Shape.Height = 0.14`. Raises ValueError for other texts."""
     path, sign, value = text.partition("=")
     if not sign:
         raise ValueError("there is no = in it")

@@ -1,4 +1,4 @@
-"""Data ranges: what the values of an attribute are, and limits of them, as OWL says it and as we do."""
+"""Converts between OWL data ranges and the kinds and limits of attribute values."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ TEXTS = {XSD.string, XSD.normalizedString, XSD.token, RDFS.Literal, RDF.PlainLit
 
 
 class Range(Struct, frozen=True, kw_only=True):
-    """Values of a kind (None: any), within limits or of a list."""
+    """Values of a kind (None: any), within limits or from a list."""
 
     kind: Kind | None = None
     minimum: float | None = None
@@ -34,14 +34,14 @@ class Range(Struct, frozen=True, kw_only=True):
 
 
 class Unclear(Exception):
-    """A data range that we have no words for; the message says what it is."""
+    """An unsupported data range or restriction; the message describes it."""
 
 
 # Writing
 
 
 class Nodes:
-    """Blank nodes with numbers, so that the same ontology gives the same file."""
+    """Numbered blank nodes, so that the same ontology always gives the same file."""
 
     def __init__(self) -> None:
         self._count = 0
@@ -52,14 +52,14 @@ class Nodes:
 
 
 def range_of(attribute: AttributeType, graph: Graph, nodes: Nodes) -> IdentifiedNode:
-    """What the values of a simple attribute are."""
+    """The node of the data range of a simple attribute."""
     return range_node(
         Range(kind=attribute.kind, minimum=attribute.minimum, maximum=attribute.maximum, values=attribute.values), graph, nodes
     )
 
 
 def range_node(value_range: Range, graph: Graph, nodes: Nodes) -> IdentifiedNode:
-    """The node of a data range; its parts are put into the graph."""
+    """The node of a data range; its parts are added to the graph."""
     parts: list[IdentifiedNode] = []
     if value_range.minimum is not None or value_range.maximum is not None:
         facets = ((XSD.minInclusive, value_range.minimum), (XSD.maxInclusive, value_range.maximum))
@@ -109,7 +109,7 @@ def list_of(items: Any, graph: Graph, nodes: Nodes) -> IdentifiedNode:
 
 
 def read_range(node: Node, graph: Graph) -> Range:
-    """What a data range means to us. Raises Unclear."""
+    """The kind and limits of a data range. Raises Unclear for an unsupported one."""
     if isinstance(node, URIRef):
         return Range(kind=_kind(node))
     if (base := graph.value(node, OWL.onDatatype)) is not None:
@@ -154,9 +154,9 @@ def _kind_of(values: tuple[Value, ...]) -> Kind | None:
 
 
 def value_of(node: Node) -> Value:
-    """A literal as we have it. Raises Unclear."""
+    """The value of a literal. Raises Unclear for a node that is not a literal."""
     if not isinstance(node, Literal):
-        raise Unclear(f"{node}, where a value should stand")
+        raise Unclear(f"{node}, where a value is expected")
     if node.datatype in NUMBERS:
         return float(str(node))
     if node.datatype == XSD.boolean:

@@ -1,4 +1,4 @@
-"""Definitions and objects of an OWL file, whether we wrote it, Protégé changed it, or somebody else did."""
+"""Reads definitions and objects from an OWL file: an export of SO-MRS, an edited one, or one from another source."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ T = TypeVar("T")
 
 
 def read(text: str, file: str, base: Ontology) -> OwlImport:
-    """What the file says. Raises ModelError."""
+    """The content of the file. Raises ModelError with all problems."""
     source = Source(text, file, base)
     reading = _Reading(source, base)
     definitions = reading.definitions()
@@ -49,7 +49,7 @@ class _Reading:
         self.kinds = Kinds(source)
 
     def definitions(self) -> list[Definition]:
-        """In the order in which they were written."""
+        """The definitions, in their original order."""
         self._vocabulary()
         kinds = self.kinds
         definitions: list[Definition] = [
@@ -62,7 +62,7 @@ class _Reading:
         return [*definitions, *types.values(), *self._read_each(kinds.services, self._service)]
 
     def _vocabulary(self) -> None:
-        """What every file of ours has."""
+        """Mark the vocabulary and the header of the file as used."""
         source = self._source
         for node in [*NOTES, V.Value, V.Fact, V.Function, V.Service, HAS_PART]:
             source.mark_subtree_used(node)
@@ -83,7 +83,9 @@ class _Reading:
         for node, definition in definitions.items():
             if definition.name in names:
                 other_node = names[definition.name]
-                self._source.problem(node, "duplicate", f"is called as <{other_node}> is; give one of them another name", definition.name)
+                self._source.problem(
+                    node, "duplicate", f"has the same name as <{other_node}>; give one of the two another name", definition.name
+                )
             names[definition.name] = node
         return [definitions[node] for node in sorted(definitions, key=self._source.rank)]
 
@@ -124,18 +126,18 @@ class _Reading:
 
     def _range(self, node: URIRef, ranges: list[Node]) -> Range:
         if not ranges:
-            self._source.note(node, "it has no range, and is taken for a text; give it one: xsd:decimal, xsd:string, xsd:boolean")
+            self._source.note(node, "it has no range, and is treated as a text; give it one: xsd:decimal, xsd:string, xsd:boolean")
             return Range(kind=Kind.TEXT)
         if len(ranges) > 1:
             self._source.problem(node, "range", f"has {len(ranges)} ranges; an attribute has one")
         try:
             value_range = read_range(ranges[0], self._source.graph)
         except Unclear as unclear:
-            self._source.note(node, f"its range is {unclear}; it is taken for a text")
+            self._source.note(node, f"its range is {unclear}; it is treated as a text")
             return Range(kind=Kind.TEXT)
         self._source.mark_subtree_used(ranges[0])
         if value_range.kind is None:
-            self._source.note(node, "its range lists what are no texts; it is taken for a list of names")
+            self._source.note(node, "its range lists values that are not texts; it is treated as an enumeration of names")
         return msgspec.structs.replace(value_range, kind=value_range.kind or Kind.ENUMERATION)
 
     def _inner_attributes(self, value: URIRef) -> tuple[str, ...]:
@@ -183,10 +185,10 @@ class _Reading:
         if len(named) == 1 and len(classes) == 1:
             return source.name(named[0], Section.TYPES)
         reason = "it has none" if not classes else "what it has is not one class"
-        source.note(node, f"{local_name(side)} is to be one class, and {reason}; {ROOT} is taken")
+        source.note(node, f"{local_name(side)} must be one class, and {reason}; {ROOT} is used")
         for class_node in classes:
             if not isinstance(class_node, URIRef):
-                source.mark_subtree_used(class_node)  # a class with a name says more than that it stands here
+                source.mark_subtree_used(class_node)  # a named class has statements of its own
         return ROOT
 
     def _arguments(self, node: URIRef) -> tuple[str, ...]:
@@ -206,7 +208,7 @@ class _Reading:
                 source.mark_used(node, RDFS.subClassOf, superclass)
                 source.mark_subtree_used(superclass)
         if not types_by_number or sorted(types_by_number) != list(range(1, len(types_by_number) + 1)):
-            source.problem(node, "relation", "has no arguments, or misses one; say `argument1 only TYPE`, and so on")
+            source.problem(node, "relation", "has no arguments, or misses one; state `argument1 only TYPE`, and so on")
         return tuple(types_by_number[number] for number in sorted(types_by_number))
 
     # Functions and services
@@ -241,14 +243,14 @@ class _Reading:
         superclasses = [class_node for class_node in source.take_objects(node, RDFS.subClassOf) if isinstance(class_node, URIRef)]
         parents = sorted(source.name(class_node, Section.SERVICES) for class_node in superclasses if class_node != V.Service)
         if len(parents) > 1:
-            source.problem(node, "parent", f"is below {' and '.join(parents)}; a service type has one parent", name)
+            source.problem(node, "parent", f"has the parents {' and '.join(parents)}; a service type has one parent", name)
         handlers, kind = source.text_of(node, V.handlers), source.text_of(node, V.kind) or ServiceKind.PHYSICAL.value
         if kind not in [*ServiceKind]:
             source.problem(node, "value", f"the kind is physical, cognitive or software, not {kind!r}")
             kind = ServiceKind.PHYSICAL.value
         effect = source.text_of(node, V.effect)
         if effect is None:
-            source.problem(node, "effect", "has no effect; say with somrs:effect what holds after it", name)
+            source.problem(node, "effect", "has no effect; state with somrs:effect what holds after it", name)
         return ServiceType(
             name=name,
             effect=effect or "",

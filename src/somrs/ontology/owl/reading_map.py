@@ -1,4 +1,4 @@
-"""The individuals of an OWL file as objects with values, and the facts between them."""
+"""Reads the individuals of an OWL file as objects with values, and the facts between them."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from somrs.ontology.owl.words import argument, local_name, section_of
 from somrs.ontology.types import Ontology, Value
 
 MAX_DEPTH = 8
-"""So deep may the values of complex attributes be."""
+"""The maximum nesting of the values of complex attributes."""
 
 
 def read_map(source: Source, kinds: Kinds, ontology: Ontology) -> Map:
-    """Whether it obeys its types is `conformance`'s business."""
+    """The map in the file. `conformance.py` checks it."""
     reading = _Reading(source, kinds, ontology)
     objects = [reading.object(node, name) for node, name in kinds.objects.items()]
     return Map([map_object for map_object in objects if map_object is not None], reading.facts())
@@ -40,7 +40,7 @@ class _Reading:
         ]
         if len(names) != 1:
             if not names and not self._is_spoken_of(node):
-                source.note(node, "it is an individual of no type that there is here, and is left out; give it one of the types")
+                source.note(node, "it is an individual of no known type, and is left out; give it one of the types")
                 return None
             problem = f"is of the types {' and '.join(names)}" if names else "is of no type"
             source.problem(node, "type", f"{problem}; an object has one type", name)
@@ -52,7 +52,7 @@ class _Reading:
         return Object(name=name, type=names[0], values=values)
 
     def _is_spoken_of(self, node: URIRef) -> bool:
-        """Whether values or facts make it an object all the same."""
+        """Whether the node has values or facts, and so must be an object."""
         return any(word in self._kinds.attributes or self._relation(word) is not None for word in self._source.graph.predicates(node))
 
     def _values(self, node: Node, prefix: str, depth: int) -> list[tuple[str, Value]]:
@@ -78,7 +78,7 @@ class _Reading:
         for subject, word, object_node in source.graph:
             relation = self._relation(word)
             if relation is not None and subject in objects and isinstance(object_node, URIRef):
-                facts.append(Fact(relation, (objects[subject], objects.get(object_node) or source.name(object_node, Section.OBJECTS))))  # type: ignore[index]  # it is in them
+                facts.append(Fact(relation, (objects[subject], objects.get(object_node) or source.name(object_node, Section.OBJECTS))))  # type: ignore[index]  # checked above
                 source.mark_used(subject, word, object_node)
         for node, kind in source.graph.subject_objects(RDF.type):
             relation = self._relation(kind)

@@ -1,5 +1,5 @@
-"""SHACL shapes that others wrote: limits and required attributes come in as the constraints of types. Ours are made of the definitions,
-and are not read back."""
+"""Reads SHACL shapes from other sources: limits and required attributes become constraints of types. The shapes that SO-MRS writes only
+repeat the definitions, and are not read."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SUPPORTED_PREDICATES = {
 
 
 def read_shapes(source: Source, kinds: Kinds, types: dict[str, ObjectType], base: Ontology) -> None:
-    """Add to the types what shapes say of them."""
+    """Add the constraints and required attributes of the shapes to the types."""
     graph = source.graph
     for shape in sorted_iris(graph.subjects(RDF.type, SH.NodeShape)):
         if shape.startswith(str(SHAPES)):
@@ -75,7 +75,7 @@ def _path(node: Node | None, source: Source, kinds: Kinds) -> str:
     unknown = next((step for step in steps if step not in kinds.attributes), None)
     if unknown is not None or not steps:
         raise Unclear(
-            f"a path that leads over no attribute ({source.display_name(unknown) if unknown is not None else 'empty'}); say it as a formula"
+            f"a path without attributes ({source.display_name(unknown) if unknown is not None else 'empty'}); state it as a formula"
         )
     return ".".join(kinds.attributes[step] for step in steps)
 
@@ -98,7 +98,7 @@ def _constraint(node: Node, path: str, source: Source) -> Constraint | None:
 
 
 def _mark_own_shapes(source: Source) -> None:
-    """What we wrote counts as understood, also the pieces of it that editors of OWL leave over: they lose lists in what is no OWL."""
+    """Mark the shapes of SO-MRS as used, and also the fragments of them that OWL editors leave, which lose lists outside OWL."""
     graph = source.graph
     for shape in sorted_iris(graph.subjects(RDF.type, SH.NodeShape)):
         if shape.startswith(str(SHAPES)):

@@ -1,4 +1,4 @@
-"""One type of an OWL file: its parent, attributes, parts, defaults and constraints."""
+"""Reads one type of an OWL file: its parent, attributes, parts, defaults and constraints."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from somrs.ontology.types import ROOT, Constraint, ObjectType, Part, Value
 
 
 class _RankedConstraint(Struct, frozen=True):
-    """A constraint, and its place among those of its type."""
+    """A constraint, and its position among those of its type."""
 
     rank: float
     constraint: Constraint
@@ -65,7 +65,7 @@ class _Reading:
             try:
                 restriction = read_restriction(superclass, source, self._kinds.attributes)
             except Unclear as unclear:
-                source.note(self._node, f"it is said to be below {unclear}")
+                source.note(self._node, f"its superclass is {unclear}")
                 source.mark_used(self._node, RDFS.subClassOf, superclass)
                 source.mark_subtree_used(superclass)
                 continue
@@ -81,10 +81,10 @@ class _Reading:
                 case Part():
                     self.parts.append(restriction)
                 case _:
-                    source.note(self._node, "it says something of an argument, and is no relation")
+                    source.note(self._node, "it has a rule for an argument, and is not a relation")
 
     def parent(self, name: str) -> str | None:
-        """The nearest class above it."""
+        """The name of the nearest superclass; None for the root."""
         source = self._source
         superclasses = [
             class_node
@@ -98,9 +98,9 @@ class _Reading:
         ]
         names = sorted({source.name(class_node, Section.TYPES) for class_node in nearest})
         if len(names) > 1:
-            source.problem(self._node, "parent", f"is below {' and '.join(names)}; a type has one parent: keep one of them", name)
+            source.problem(self._node, "parent", f"has the parents {' and '.join(names)}; a type has one parent: keep one of them", name)
         if not names and name != ROOT:
-            source.note(self._node, f"it is below no other class; {ROOT} is taken as its parent")
+            source.note(self._node, f"it has no superclass; {ROOT} is used as its parent")
             return ROOT
         return names[0] if names else None
 
@@ -115,7 +115,7 @@ class _Reading:
         return superclasses
 
     def _by_domain(self) -> list[str]:
-        """Attributes that say themselves of what they are."""
+        """The attributes whose domain includes the type."""
         source, names = self._source, []
         for property, name in self._kinds.attributes.items():
             for domain in source.graph.objects(property, RDFS.domain):
@@ -157,7 +157,7 @@ class _Reading:
         return Constraint(attribute=restriction.path, minimum=limits.minimum, maximum=limits.maximum, values=limits.values)
 
     def _annotated(self, constraint: Constraint) -> _RankedConstraint:
-        """With its place and its meaning, which are said of the statement."""
+        """The constraint with its position and documentation, which are annotations of its statement."""
         source = self._source
         for axiom in source.graph.subjects(OWL.annotatedSource, self._node):
             if self._is_annotation_of(axiom, constraint):
@@ -168,7 +168,7 @@ class _Reading:
         return _RankedConstraint(float("inf"), constraint)
 
     def _is_annotation_of(self, axiom: Node, constraint: Constraint) -> bool:
-        """Editors may write what is annotated a second time; so what it says counts, not which node it is."""
+        """Whether the axiom annotates the constraint. Editors may duplicate the annotated node, so the content is compared."""
         target = self._source.graph.value(axiom, OWL.annotatedTarget)
         if target is None:
             return False

@@ -1,4 +1,4 @@
-"""What a class says of its instances by cardinalities and ranges: attributes that they may or must have, limits, parts."""
+"""Reads the restrictions of a class: optional and required attributes, limits of values, and parts."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ class RequiredAttribute(Struct, frozen=True):
 
 
 class AttributeLimits(Struct, frozen=True):
-    """The values at an attribute path are within limits."""
+    """The limits of the values at an attribute path."""
 
     path: str
     limits: Range
 
 
 class ArgumentType(Struct, frozen=True):
-    """Of a fact: which argument is of which type."""
+    """The type of an argument of a fact; arguments are counted from 1."""
 
     number: int
     type: str
@@ -44,7 +44,7 @@ MIN_CARDINALITIES = (OWL.minCardinality, OWL.minQualifiedCardinality, OWL.cardin
 
 
 def read_restriction(node: Node, source: Source, attributes: dict[Node, str]) -> Restriction:
-    """What a restriction means to us; `attributes` are the properties that are attributes. Raises Unclear."""
+    """The meaning of a restriction. `attributes` are the properties that are attributes. Raises Unclear for unsupported restrictions."""
     graph = source.graph
     property_node = graph.value(node, OWL.onProperty)
     if property_node is None or (node, RDF.type, OWL.Restriction) not in graph:
@@ -54,7 +54,9 @@ def read_restriction(node: Node, source: Source, attributes: dict[Node, str]) ->
     if isinstance(property_node, URIRef) and (number := _argument_number(property_node)) is not None:
         return ArgumentType(number, source.name(_class(graph.value(node, OWL.allValuesFrom)), Section.TYPES))
     if property_node not in attributes:
-        raise Unclear(f"a rule for {source.display_name(property_node)}, which is no attribute; say it as a formula with somrs:constraint")
+        raise Unclear(
+            f"a rule for {source.display_name(property_node)}, which is not an attribute; state it as a formula with somrs:constraint"
+        )
     if (range_node := graph.value(node, OWL.allValuesFrom)) is not None:
         return _read_limits(attributes[property_node], range_node, source, attributes)
     if (node, OWL.someValuesFrom, None) in graph:
@@ -66,7 +68,7 @@ def read_restriction(node: Node, source: Source, attributes: dict[Node, str]) ->
         if (max_count := graph.value(node, facet)) is not None and int(str(max_count)) == 1:
             return OptionalAttribute(attributes[property_node])
     raise Unclear(
-        f"a rule for {attributes[property_node]}; an attribute has one value: say `max 1` (may have), `exactly 1` (must have) or `only`"
+        f"a rule for {attributes[property_node]}; an attribute has one value: state `max 1` (may have), `exactly 1` (must have) or `only`"
     )
 
 
@@ -78,7 +80,7 @@ def _read_limits(path: str, values: Node, source: Source, attributes: dict[Node,
         return AttributeLimits(f"{path}.{inner.path}", inner.limits)
     limits = read_range(values, source.graph)
     if limits.minimum is None and limits.maximum is None and not limits.values:
-        raise Unclear(f"what {path} is made of; the attribute's own range says that")
+        raise Unclear(f"the composition of {path}; the attribute's own range defines it")
     return AttributeLimits(path, limits)
 
 
@@ -114,7 +116,7 @@ def _argument_number(property_node: URIRef) -> int | None:
 
 
 def merge_parts(parts: Iterator[Part]) -> list[Part]:
-    """`min 1 Wall` and `max 4 Wall` are one."""
+    """The parts with the limits for the same type combined: `min 1 Wall` and `max 4 Wall` become one part."""
     part_by_type: dict[str, Part] = {}
     for part in parts:
         earlier_part = part_by_type.get(part.type)

@@ -1,7 +1,7 @@
-"""The rules for maps as SHACL shapes, so that somebody else's validator can judge a map, too.
+"""Writes the rules for maps as SHACL shapes, so that other validators can check a map.
 
-They are made of the definitions, and say the same. What SHACL has no words for is left to our own check: formulas, that a map has one
-root, and that everything is somewhere.
+The shapes are derived from the definitions. Rules that SHACL cannot express are left to `conformance.py`: formulas, the single root of a
+map, and the place of each object.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from somrs.ontology.types import PART_OF, ROOT, AttributeType, Constraint, Kind,
 
 
 def write_shapes(ontology: Ontology, graph: Graph, nodes: Nodes) -> None:
-    """Put the shapes into the graph."""
+    """Add the shapes to the graph."""
     _Shapes(ontology, graph, nodes).write()
 
 
@@ -113,7 +113,7 @@ class _Shapes:
                 self._constraint(shape, constraint)
 
     def _required(self, shape: URIRef, type_name: str, name: str) -> None:
-        """Of objects whose type gives it a default it is not asked."""
+        """Add a required attribute. Objects whose type has a default for it are exempt."""
         path = iri(Section.ATTRIBUTES, name)
         if any(self._defaults(ancestor, name) for ancestor in self._ontology.ancestors(type_name)):
             return
@@ -138,7 +138,7 @@ class _Shapes:
         self._property(shape, part_path, qualifiedValueShape=of_class, qualifiedMinCount=Literal(part.minimum), qualifiedMaxCount=max_count)
 
     def _constraint(self, shape: URIRef, constraint: Constraint) -> None:
-        assert constraint.attribute is not None, "only those are asked for"
+        assert constraint.attribute is not None, "only constraints on attributes have shapes"
         steps = [iri(Section.ATTRIBUTES, step) for step in constraint.attribute.split(".")]
         path = steps[0] if len(steps) == 1 else self._list(steps)
         message = Literal(constraint.doc) if constraint.doc else None
@@ -167,7 +167,7 @@ class _Shapes:
         self._add(shape, closed=Literal(True), ignoredProperties=self._list([RDF.type]))
         if relation.functional:
             twice = f"?one a <{word}> ; <{argument(1)}> $this . ?other a <{word}> ; <{argument(1)}> $this . FILTER (?one != ?other)"
-            functional_shape = self._shape(f"{name}.once", f"{relation.name} holds once of an object", targetObjectsOf=argument(1))
+            functional_shape = self._shape(f"{name}.once", f"{relation.name} holds at most once for an object", targetObjectsOf=argument(1))
             self._sparql(functional_shape, twice)
 
     def _sparql(self, shape: URIRef, pattern: str) -> None:
@@ -176,7 +176,7 @@ class _Shapes:
         self._add(shape, sparql=node)
 
     def _groups(self) -> None:
-        """Of the relations of a group, one holds of an object."""
+        """Add shapes for the groups of relations that exclude each other."""
         groups: dict[str, list[RelationType]] = {}
         for relation in self._ontology.relations.values():
             if relation.excludes:
@@ -203,12 +203,12 @@ class _Shapes:
             part_of = iri(Section.RELATIONS, PART_OF)
             shape = self._shape("cycle", "Nothing is a part of itself", targetSubjectsOf=part_of)
             self._sparql(shape, f"$this <{part_of}>+ $this")
-        object_shape = self._shape("object", "Every object is of a type that there is", targetClass=OWL.NamedIndividual)
+        object_shape = self._shape("object", "Every object has a known type", targetClass=OWL.NamedIndividual)
         self._add(object_shape, **{"or": self._list(self._of_class([iri(Section.TYPES, ROOT), V.Value, V.Function]))})
 
 
 def _fact_pattern(relation: RelationType, number: int) -> str:
-    """A pattern: the relation holds, with `$this` as its first argument."""
+    """The SPARQL pattern for a fact of the relation with `$this` as its first argument."""
     word = iri(Section.RELATIONS, relation.name)
     if is_binary(relation):
         return f"$this <{word}> ?to{number} ."

@@ -1,4 +1,4 @@
-"""An OWL file as it was read: its graph, what of it was understood, and where things stand in its text."""
+"""A parsed OWL file: its graph, the statements that were imported, and the line of each node."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from somrs.ontology.owl.words import ONTOLOGY, V, local_name, section_of
 from somrs.ontology.types import Ontology
 
 WORDS = frozenset(("AND", "OR", "NOT", "TRUE", "FALSE"))
-"""Entish's own."""
+"""The keywords of Entish."""
 
 ADVICE = {
     OWL.imports: "other files are not read; merge them into this one (in Protégé: Refactor, Merge ontologies)",
-    OWL.disjointWith: "it is not kept; types have one parent each, so that nothing is of two types that are apart",
-    OWL.disjointUnionOf: "it is not kept; types have one parent each, so that nothing is of two types that are apart",
-    OWL.equivalentClass: "it is not kept; say it as `SubClass Of`, or as a formula with somrs:constraint",
+    OWL.disjointWith: "it is not kept; types have one parent each, so types on different branches are disjoint anyway",
+    OWL.disjointUnionOf: "it is not kept; types have one parent each, so types on different branches are disjoint anyway",
+    OWL.equivalentClass: "it is not kept; state it as `SubClass Of`, or as a formula with somrs:constraint",
     OWL.propertyDisjointWith: "it is not kept; relations that exclude each other name the same group with somrs:excludes",
     OWL.inverseOf: "it is not kept; name the relation in one direction only",
     RDFS.subPropertyOf: "it is not kept; attributes and relations stand by themselves",
@@ -31,9 +31,9 @@ ADVICE = {
     RDFS.seeAlso: "it is not kept; put it into the comment",
     SKOS.prefLabel: "it is not kept; names are rdfs:label without a language",
     OWL.sameAs: "it is not kept; an object has one name",
-    OWL.differentFrom: "it need not be said: different names are different objects",
+    OWL.differentFrom: "it is not needed: different names are different objects",
 }
-"""By property: what to do about what we have no words for."""
+"""By property: advice for statements that SO-MRS has no equivalent for."""
 
 KINDS = {
     OWL.TransitiveProperty: "relations are not transitive; effects of services say what follows",
@@ -41,16 +41,16 @@ KINDS = {
     OWL.AsymmetricProperty: "it is not kept",
     OWL.ReflexiveProperty: "it is not kept",
     OWL.IrreflexiveProperty: "it is not kept",
-    OWL.AllDisjointClasses: "it is not kept; types have one parent each, so that nothing is of two types that are apart",
-    OWL.AllDifferent: "it need not be said: different names are different objects",
+    OWL.AllDisjointClasses: "it is not kept; types have one parent each, so types on different branches are disjoint anyway",
+    OWL.AllDifferent: "it is not needed: different names are different objects",
 }
-"""By what a thing is said to be."""
+"""By class: advice for declarations that SO-MRS has no equivalent for."""
 
-UNSUPPORTED_NOTE = "there are no words for it here, and it is not kept"
+UNSUPPORTED_NOTE = "SO-MRS has no equivalent for it, and it is not kept"
 
 
 class Source:
-    """The graph of a file. Whatever `take_objects` and the like have returned counts as understood."""
+    """The graph of a file. It records which statements were used; `note_unused` makes notes of the others."""
 
     def __init__(self, text: str, file: str, base: Ontology) -> None:
         self.text, self.file, self._base = text, file, base
@@ -72,10 +72,12 @@ class Source:
         try:
             graph.parse(data=self.text, format="xml" if is_xml else "turtle")
         except BadSyntax as error:
-            raise self._broken(error.lines + 1, f"this is not Turtle: {error._why}") from None  # it has no other way to say why
+            raise self._broken(
+                error.lines + 1, f"this is not Turtle: {error._why}"
+            ) from None  # there is no public attribute with the reason
         except SAXParseException as error:
             raise self._broken(error.getLineNumber(), f"this is not XML: {error.getMessage()}") from None
-        except Exception as error:  # noqa: BLE001  # rdflib's parsers raise whatever happens to them
+        except Exception as error:  # noqa: BLE001  # rdflib's parsers raise all kinds of exceptions
             raise self._broken(None, f"this is neither Turtle nor RDF/XML: {error}") from None
         return graph
 
@@ -83,7 +85,7 @@ class Source:
         return ModelError([Problem(file=self.file, line=line, subject="file", rule="syntax", message=message)])
 
     def line(self, node: Node) -> int | None:
-        """Where a thing is first spoken of as what a statement is about, as far as can be told."""
+        """The line where a node is first the subject of a statement, or else where it first occurs; None for nodes without an IRI."""
         if not isinstance(node, URIRef):
             return None
         name = re.escape(str(node)[len(str(node)) - len(local_name(node)) :] or str(node))
@@ -95,17 +97,17 @@ class Source:
         return None
 
     def problem(self, node: Node, rule: str, message: str, name: str = "") -> None:
-        """Something is wrong, and nothing can be taken over before it is mended."""
+        """Record a problem. A file with problems is not imported."""
         self.problems.append(
             Problem(file=self.file, line=self.line(node), subject=name or self.display_name(node), rule=rule, message=message)
         )
 
     def note(self, node: Node, message: str) -> None:
-        """Something is not taken over."""
+        """Record something that is not imported."""
         self.notes.append(Problem(file=self.file, line=self.line(node), subject=self.display_name(node), rule="not-kept", message=message))
 
     def display_name(self, node: Node) -> str:
-        """A node as people know it."""
+        """The name of a node in messages."""
         if isinstance(node, BNode):
             return "something without a name"
         return local_name(node) if isinstance(node, URIRef) else str(node)
@@ -113,16 +115,16 @@ class Source:
     # Statements
 
     def take_objects(self, subject: Node, predicate: Node) -> list[Node]:
-        """The objects, in no order."""
+        """The objects of the statements, in no particular order. The statements are marked as used."""
         objects = list(self.graph.objects(subject, predicate))
         self._used_statements.update((subject, predicate, object) for object in objects)
         return objects
 
     def text_of(self, subject: Node, predicate: Node) -> str | None:
-        """The text; None if there is none. Of several, the first in order of the alphabet."""
+        """The text; None if there is none; of several, the first in alphabetical order."""
         texts = sorted(str(object) for object in self.take_objects(subject, predicate) if isinstance(object, Literal))
         if len(texts) > 1:
-            self.note(subject, f"{self.display_name(predicate)} is there {len(texts)} times; the first counts")
+            self.note(subject, f"{self.display_name(predicate)} occurs {len(texts)} times; the first is used")
         return texts[0] if texts else None
 
     def number_of(self, subject: Node, predicate: Node) -> float | None:
@@ -134,12 +136,12 @@ class Source:
             return None
 
     def rank(self, subject: Node) -> tuple[float, str]:
-        """To put things into the order in which they were written; what is new comes last, by name."""
+        """The sort key that restores the original order of definitions; new ones come last, by name."""
         number = self.number_of(subject, V.rank)
         return (number if number is not None else float("inf"), self.display_name(subject))
 
     def mark_subtree_used(self, node: Node) -> None:
-        """All that is said of a node, and of nodes without a name in it, counts as understood."""
+        """Mark all statements about a node, and about the blank nodes below it, as used."""
         waiting, visited_nodes = [node], set[Node]()
         while waiting:
             current = waiting.pop()
@@ -158,8 +160,9 @@ class Source:
     # Names
 
     def name(self, node: Node, section: Section) -> str:
-        """What a thing is called: what its IRI says, if that is one of ours that is known; otherwise its label, or the end of its IRI."""
-        assert isinstance(node, URIRef), "what has no IRI has no name"
+        """The name of a node: the one in its IRI, if it is an IRI of SO-MRS for a known definition; otherwise its label or the end of its
+        IRI."""
+        assert isinstance(node, URIRef), "only nodes with an IRI have a name"
         if node not in self._names:
             self._names[node] = self._named(node, section)
         return self._names[node]
@@ -185,16 +188,16 @@ class Source:
         return chosen_label or name
 
     def _labels(self, node: Node) -> list[str]:
-        """Its labels in no language in particular."""
+        """The labels of the node without a language tag, sorted."""
         labels = [label for label in self.graph.objects(node, RDFS.label) if isinstance(label, Literal) and not label.language]
         for label in labels:
             self.mark_used(node, RDFS.label, label)
         return sorted(map(str, labels))
 
-    # What was not understood
+    # Unused statements
 
     def note_unused(self) -> None:
-        """Name what nobody has taken."""
+        """Make a note of each statement that was not used."""
         inner = {object for _, _, object in self.graph if isinstance(object, BNode)}
         rest = sorted(
             (
@@ -209,7 +212,7 @@ class Source:
 
     def _unknown(self, subject: Node, predicate: Node, object: Node) -> str:
         if predicate == RDF.type:
-            return f"it is said to be of {self.short(object)}: {KINDS.get(object, UNSUPPORTED_NOTE)}"  # type: ignore[call-overload]  # any node
+            return f"it is declared as {self.short(object)}: {KINDS.get(object, UNSUPPORTED_NOTE)}"  # type: ignore[call-overload]  # any node
         if subject == ONTOLOGY and predicate not in ADVICE:
             return f"{self.short(predicate)} of the ontology: {UNSUPPORTED_NOTE}"
         advice = ADVICE.get(predicate, UNSUPPORTED_NOTE)  # type: ignore[call-overload]  # any node
@@ -217,7 +220,7 @@ class Source:
         return f"{self.short(predicate)}{object_text}: {advice}"
 
     def short(self, node: Node) -> str:
-        """A node with the prefix of the common vocabularies."""
+        """The name of a node, with the prefix of its vocabulary if it is a common one."""
         text = self.display_name(node)
         for prefix, space in (("owl", OWL), ("rdfs", RDFS), ("rdf", RDF), ("sh", SH), ("somrs", V)):
             if isinstance(node, URIRef) and node.startswith(str(space)):
@@ -230,5 +233,5 @@ def is_name(text: str) -> bool:
 
 
 def sorted_iris(nodes: Iterator[Node]) -> list[URIRef]:
-    """Those with an IRI, each once, in the order of their IRIs."""
+    """The nodes with an IRI, each once, sorted."""
     return sorted({node for node in nodes if isinstance(node, URIRef)})

@@ -1,4 +1,4 @@
-"""The words of our OWL files: which IRI stands for what, and what the vocabulary is that OWL does not have."""
+"""The vocabulary of the OWL files: the IRIs of definitions and objects, and the terms that OWL itself lacks."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ SPACES: dict[Section, Namespace] = {
     Section.SERVICES: Namespace("urn:so-mrs:service:"),
     Section.OBJECTS: Namespace("urn:so-mrs:object:"),
 }
-"""Each section has names of its own, so that an attribute and a type may be called the same."""
+"""Each section has its own namespace, because an attribute and a type may have the same name."""
 
 VALUES = Namespace("urn:so-mrs:value:")
-"""Classes of the values of complex attributes, and those values."""
+"""The classes of the values of complex attributes, and these values."""
 SHAPES = Namespace("urn:so-mrs:shape:")
 V = Namespace("urn:so-mrs:owl:")
-"""What OWL has no words for."""
+"""Terms that OWL lacks."""
 
 PREFIXES = {
     **{section.value.rstrip("s"): space for section, space in SPACES.items()},
@@ -42,38 +42,38 @@ PREFIXES = {
 }
 
 NOTES = {
-    V.rank: "The place of a definition, or of a constraint of a type, among its like",
+    V.rank: "The position of a definition in its section, or of a constraint in its type",
     V.order: "The order of a type's attributes, by name",
     V.parts: "The order of the types of its parts, by name",
     V.unit: "A unit that pint knows",
-    V.tolerance: "How far two values may differ and still be equal, in the unit",
-    V.default: "A value that objects of the type have unless they say otherwise: Shape.Height = 0.14, as JSON behind the sign",
+    V.tolerance: "Two values that differ by at most this much, in the unit, are equal",
+    V.default: "A default value for objects of the type: Shape.Height = 0.14, with JSON after the sign",
     V.driver: "The program that serves devices of the type",
     V.constraint: "A formula in Entish about ?Self that holds for every object of the type",
-    V.excludes: "A group: an object is the first argument of one relation of the group at a time",
-    V.functional: "Of facts: the first argument stands in the relation to one tuple of others at a time",
-    V.symmetric: "Of facts: the arguments may change places",
-    V.parameters: "The types of a function's arguments, with a space between two",
-    V.reads: "The attribute of its one argument that a function reads",
+    V.excludes: "A group: an object is the first argument of at most one relation of the group at a time",
+    V.functional: "Of facts: each first argument occurs in at most one fact of the relation at a time",
+    V.symmetric: "Of facts: the order of the arguments does not matter",
+    V.parameters: "The types of a function's arguments, separated by spaces",
+    V.reads: "The attribute of its single argument that a function reads",
     V["values"]: "The values of a function, by the names of its arguments, as JSON",
-    V.kind: "What a service is for: physical, cognitive or software",
+    V.kind: "The kind of a service: physical, cognitive or software",
     V.inputs: "Variables and their types: Object: Graspable, Destination: Object",
     V.outputs: "As inputs",
-    V.precondition: "Entish: what must hold for the service to be possible",
-    V.effect: "Entish: what holds after it",
-    V.cost: "Entish: what doing it costs",
-    V.handlers: "Procedures for failures and for undoing, as JSON",
+    V.precondition: "Entish: the formula that must hold before the service",
+    V.effect: "Entish: the formula that holds after the service",
+    V.cost: "Entish: the estimated cost of the service",
+    V.handlers: "Procedures for failures and compensation, as JSON",
 }
-"""The annotation properties of the vocabulary, and what they are for."""
+"""The annotation properties of the vocabulary, with their descriptions."""
 
 CLASSES = {
-    V.Value: "A value that is made of attributes itself, as a Shape is",
-    V.Fact: "A relation that does not hold between two objects, but among one or more than two: an individual for each time that it holds",
-    V.Function: "A function of objects with a number as result",
-    V.Service: "What devices can do: service types",
+    V.Value: "A value that is a group of attributes, such as Shape",
+    V.Fact: "A relation of one object, or of more than two: each fact is an individual",
+    V.Function: "A function of objects whose result is a number",
+    V.Service: "A service type: what devices can offer",
 }
 HAS_PART = V.hasPart
-"""Used in cardinalities: sub-objects at any depth."""
+"""From an object to its sub-objects at any depth; for cardinalities."""
 
 
 def iri(section: Section, name: str) -> URIRef:
@@ -81,7 +81,7 @@ def iri(section: Section, name: str) -> URIRef:
 
 
 def quote_name(name: str) -> str:
-    """Names are letters, digits, `_` and `-`, of any script: all of that may stand in an IRI. Names of objects to be may be worse."""
+    """The name for an IRI. Valid names need no quoting: letters of any script, digits, `_` and `-` are allowed in IRIs."""
     return name if name.replace("-", "_").isidentifier() else quote(name, safe="")
 
 
@@ -92,7 +92,7 @@ def local_name(node: URIRef) -> str:
 
 
 def section_of(node: URIRef) -> Section | None:
-    """Of which section of ours an IRI is; None when it is somebody else's."""
+    """The section of an IRI of SO-MRS; None for other IRIs."""
     return next((section for section, space in SPACES.items() if node.startswith(space)), None)
 
 
@@ -102,7 +102,7 @@ def argument(number: int) -> URIRef:
 
 
 def literal(value: Value) -> Literal:
-    """Numbers are decimals: exact as written, and what Protégé writes, too."""
+    """The literal for a value. Numbers are decimals, which are exact and which Protégé writes as well."""
     match value:
         case bool():
             return Literal(value)
@@ -115,14 +115,14 @@ def literal(value: Value) -> Literal:
 
 
 def bind_prefixes(graph: Graph) -> Graph:
-    """The graph with our prefixes."""
+    """Bind the prefixes of the vocabulary in the graph, and return it."""
     for prefix, space in PREFIXES.items():
         graph.bind(prefix, space, replace=True)
     return graph
 
 
 def declarations(arity: int) -> Iterator[tuple[URIRef, URIRef, URIRef | Literal]]:
-    """The vocabulary's own declarations; `arity`: of the relation with the most arguments."""
+    """The declarations of the vocabulary; `arity` is the largest number of arguments of a relation."""
     for property, note in NOTES.items():
         yield property, RDF.type, OWL.AnnotationProperty
         yield property, RDFS.comment, Literal(note)
@@ -130,7 +130,7 @@ def declarations(arity: int) -> Iterator[tuple[URIRef, URIRef, URIRef | Literal]
         yield name, RDF.type, OWL.Class
         yield name, RDFS.comment, Literal(note)
     yield HAS_PART, RDF.type, OWL.ObjectProperty
-    yield HAS_PART, RDFS.comment, Literal("From an object to its sub-objects, at any depth; for how many of a type there are")
+    yield HAS_PART, RDFS.comment, Literal("From an object to its sub-objects at any depth; for cardinalities")
     for number in range(1, arity + 1):
         yield argument(number), RDF.type, OWL.ObjectProperty
         yield argument(number), RDFS.comment, Literal(f"Argument {number} of a fact")

@@ -1,4 +1,4 @@
-"""Whole OWL files: the graph of an ontology and its map, and how it is written down."""
+"""Writes OWL files: makes the graph of an ontology and a map, and serialises it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def graph_of(ontology: Ontology, map: Map | None = None, *, shapes: bool = True) -> Graph:
-    """Definitions, shapes if they are wanted, and the map if there is one."""
+    """The graph of the definitions, of the shapes if `shapes` is set, and of the map if there is one."""
     graph, nodes = bind_prefixes(Graph(bind_namespaces="none")), Nodes()
     write_definitions(ontology, graph, nodes)
     if shapes:
@@ -37,12 +37,12 @@ def graph_of(ontology: Ontology, map: Map | None = None, *, shapes: bool = True)
 
 
 def serialised(graph: Graph, format: Format) -> bytes:
-    """The file. Raises UsageError for a text that XML cannot hold."""
+    """The content of the file. Raises UsageError for a text that XML cannot hold."""
     if format == "turtle":
         buffer = io.BytesIO()
         TurtleSerializer(graph).serialize(buffer, encoding="utf-8")
         return buffer.getvalue()
     for subject, _, object in graph:
         if isinstance(object, Literal) and (wrong := NOT_XML.search(str(object))) is not None:
-            raise UsageError(f"a text of {subject} has the character {wrong[0]!r}, which XML cannot hold; take it out, or write Turtle")
+            raise UsageError(f"a text of {subject} has the character {wrong[0]!r}, which XML cannot hold; remove it, or write Turtle")
     return graph.serialize(format="xml", encoding="utf-8")

@@ -113,14 +113,14 @@ MISTAKES: list[tuple[str, str, int, str, str]] = [
     ("at: [1, 2, 0.75]", "at: [1, two, 0.75]", 11, "value", "not 'two'"),
     ("{type: Jar, ", "{", 11, "structure", "type is missing"),
     ("Width: 1.2, ", "", 10, "constraint", "a Width, a Depth and a Height"),
-    ("facts:", "  Jar 2: {type: Jar, at: [1, 2, 0]}\nfacts:", 12, "name", "is no name"),
+    ("facts:", "  Jar 2: {type: Jar, at: [1, 2, 0]}\nfacts:", 12, "name", "is not a name"),
     ("facts:", "  Slab: {type: Jar, at: [1, 2, 0]}\nfacts:", 12, "duplicate", "house.yaml:9"),
     ("isOn Table1", "isOn Table2", 13, "unknown-object", "did you mean Table1"),
     ("isOn Table1", "isOnn Table1", 13, "unknown-relation", "did you mean isOn"),
     ("isOn Table1", "isHeldBy Table1", 13, "relation-types", "needs a Device"),
     ("isOn Table1", "isOn Table1\n  - Jar1 isOn Slab", 14, "functional", "Jar1 isOn Table1"),
     ("isOn Table1", "isOn Table1\n  - Jar1 isIn Slab", 14, "exclusive", "Jar1 isOn Table1"),
-    ("isOn Table1", "isOn Table1\n  - Jar1 isOn Table1", 14, "duplicate", "said already"),
+    ("isOn Table1", "isOn Table1\n  - Jar1 isOn Table1", 14, "duplicate", "stated already"),
     ("isOn Table1", "isOn", 13, "formula", "ends too early"),
     ("isOn Table1", "isOn ?x", 13, "formula", "between named objects"),
     ("Jar1 isOn Table1", "connects(Table1)", 13, "relation-types", "joins 3 objects"),
@@ -166,7 +166,7 @@ MISTAKES: list[tuple[str, str, int, str, str]] = [
     ("map: House", "attributes: {Heat: {kind: complex, attributes: [Weight, Heat]}}", 1, "cycle", "through Heat"),
     ("map: House", "functions: {heat: {parameters: [Object, Object], attribute: Weight}}", 1, "function", "has one parameter"),
     ("map: House", "types: {Vase: {parent: Jar, parts: [{type: FurnitureLag}]}}", 1, "unknown-name", "did you mean FurnitureLeg"),
-    ("map: House", "types: {Vase: {parent: Jar, parts: [{type: FurnitureLeg, minimum: 3, maximum: 2}]}}", 1, "parts", "swap"),
+    ("map: House", "types: {Vase: {parent: Jar, parts: [{type: FurnitureLeg, minimum: 3, maximum: 2}]}}", 1, "parts", "correct the limits"),
     (
         "map: House",
         'types: {Vase: {parent: Jar, constraints: [{attribute: Weight, minimum: 1, formula: "?Self.Weight > 1"}]}}',
@@ -193,7 +193,7 @@ def test_mistake_is_named_with_its_line(old: str, new: str, line: int, rule: str
 
 @pytest.mark.parametrize("name", ["AND", "OR", "NOT", "TRUE", "FALSE", "1a", "a b", "a.b", "-a"])
 def test_what_is_no_name_is_told(name: str) -> None:
-    message = "is no name; a name is a letter and then letters, digits, _ or -, and not AND, OR, NOT, TRUE or FALSE"
+    message = "is not a name; a name is a letter and then letters, digits, _ or -, and not AND, OR, NOT, TRUE or FALSE"
     found_problems = problems(f'types:\n  "{name}": {{parent: Jar}}\n')
     assert [(p.line, p.subject, p.rule, p.message) for p in found_problems] == [(2, name, "name", message)]
 
@@ -297,12 +297,12 @@ def test_what_is_said_of_files_and_of_those_that_they_use(tmp_path: Path, monkey
     with pytest.raises(ModelError) as caught:
         load(["one.yaml", "lib/../one.yaml", "gone.yaml", "lib"])
     assert [(p.file, p.line, p.subject, p.rule, p.message) for p in caught.value.problems] == [
-        ("gone.yaml", None, "file", "file", "gone.yaml cannot be read: No such file or directory; mend the path or the file"),
-        ("lib", None, "file", "file", "lib cannot be read: Is a directory; mend the path or the file"),
+        ("gone.yaml", None, "file", "file", "gone.yaml cannot be read: No such file or directory; correct the path or the file"),
+        ("lib", None, "file", "file", "lib cannot be read: Is a directory; correct the path or the file"),
         ("lib/two.yaml", 4, "Pit", "unknown-name", "no type is called Urnn; did you mean Urn?"),
-        ("one.yaml", 3, "file", "file", "lib/three.yaml cannot be read: No such file or directory; mend the path or the file"),
+        ("one.yaml", 3, "file", "file", "lib/three.yaml cannot be read: No such file or directory; correct the path or the file"),
         ("one.yaml", 4, "uses", "structure", "2 should be string, not 5.0"),
-        ("one.yaml", 5, "file", "file", "lib/four.yaml cannot be read: it is not UTF-8 text; mend the path or the file"),
+        ("one.yaml", 5, "file", "file", "lib/four.yaml cannot be read: it is not UTF-8 text; correct the path or the file"),
         ("one.yaml", 6, "Vase", "unknown-name", "no type is called Jarr; did you mean Jar?"),
     ]
 
@@ -363,7 +363,7 @@ def test_what_is_said_of_values_and_facts_and_on_which_line() -> None:
         (19, "F", "value", "Depth is at least 0, not -1"),
         (20, "F", "value", "Shape.Height is a list; write a number, a text, or true or false"),
         (23, "facts", "structure", "1 should be string, not 5.0"),
-        (24, "F isOn B", "duplicate", "is said already; leave this one out"),
+        (24, "F isOn B", "duplicate", "is stated already; remove this one"),
         (25, "facts", "formula", f"'A = B' {NO_FACT}"),
         (26, "facts", "formula", f"'NOT A isOn B' {NO_FACT}"),
         (27, "likes(A)", "unknown-relation", "no relation is called likes; define it, or use one of the relations there are"),
@@ -374,8 +374,8 @@ def test_what_is_said_of_values_and_facts_and_on_which_line() -> None:
         (36, "V", "unknown-name", "no attribute of this type is called Nope; define it, or use one that is there"),
         (37, "V", "value", "Label is a list; write a number, a text, or true or false"),
         (39, "without", "structure", "'typos Jar' names no definition; write a section and a name, such as types Jar"),
-        (40, "Jarr", "unknown-name", "is not among the types that are there; did you mean Jar?"),
-        (41, "Qqq", "unknown-name", "is not among the types that are there; leave it out here"),
+        (40, "Jarr", "unknown-name", "is not among the types of the base ontology; did you mean Jar?"),
+        (41, "Qqq", "unknown-name", "is not among the types of the base ontology; leave it out here"),
     ]
 
 

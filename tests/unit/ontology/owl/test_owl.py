@@ -210,13 +210,13 @@ def test_shapes_of_others_become_rules_of_types() -> None:
 
 
 NOTED = [
-    (":Vase a owl:Class .", "Vase", "Object is taken as its parent"),
+    (":Vase a owl:Class .", "Vase", "Object is used as its parent"),
     (":Vase a owl:Class ; rdfs:subClassOf type:Jar ; owl:equivalentClass type:Cup .", "Vase", "as a formula with somrs:constraint"),
     (":Vase a owl:Class ; rdfs:subClassOf type:Jar , [ owl:unionOf ( type:Cup type:Can ) ] .", "Vase", "a class expression"),
     (":in a owl:ObjectProperty , owl:TransitiveProperty ; rdfs:domain type:Jar ; rdfs:range type:Jar .", "in", "not transitive"),
-    (":in a owl:ObjectProperty ; rdfs:domain type:Jar .", "in", "range is to be one class, and it has none; Object is taken"),
+    (":in a owl:ObjectProperty ; rdfs:domain type:Jar .", "in", "range must be one class, and it has none; Object is used"),
     (":in a owl:ObjectProperty ; rdfs:domain type:Jar ; rdfs:range type:Jar ; owl:inverseOf :out .", "in", "in one direction only"),
-    (":Born a owl:DatatypeProperty ; rdfs:range xsd:dateTime .", "Born", "it is taken for a text"),
+    (":Born a owl:DatatypeProperty ; rdfs:range xsd:dateTime .", "Born", "it is treated as a text"),
     (":Born a owl:DatatypeProperty .", "Born", "it has no range"),
     (":Vase a owl:Class ; rdfs:subClassOf type:Jar ; rdfs:label \"Glas\"@de .", "Vase", "rdfs:label Glas"),
     ("type:Jar a owl:Class ; rdfs:label \"Glass jar\" ; rdfs:subClassOf type:Graspable .", "Jar", "'Glass jar' is no name"),

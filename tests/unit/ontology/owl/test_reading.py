@@ -16,10 +16,10 @@ pytest.importorskip("rdflib", reason="rdflib is not installed")
 
 from tests.unit.ontology.owl.test_owl import PREFIXES, noted, turtle, wrong
 
-NO_WORDS = "there are no words for it here, and it is not kept"
-ONE_VALUE = "an attribute has one value: say `max 1` (may have), `exactly 1` (must have) or `only`"
-BELOW_NOTE = "it is said to be below "
-TEXT_TAKEN = "; it is taken for a text"
+NO_WORDS = "SO-MRS has no equivalent for it, and it is not kept"
+ONE_VALUE = "an attribute has one value: state `max 1` (may have), `exactly 1` (must have) or `only`"
+BELOW_NOTE = "its superclass is "
+TEXT_TAKEN = "; it is treated as a text"
 
 
 def datatype(range_body: str) -> str:
@@ -52,19 +52,19 @@ ATTRIBUTES: list[tuple[str, AttributeType, list[str]]] = [
     (
         ':A a owl:DatatypeProperty ; rdfs:range xsd:string ; somrs:unit "kg" , "g" .',
         AttributeType(name="A", kind=Kind.TEXT, unit="g"),
-        ["unit is there 2 times; the first counts"],
+        ["unit occurs 2 times; the first is used"],
     ),
     (
         ":A a owl:DatatypeProperty .",
         attribute(),
-        ["it has no range, and is taken for a text; give it one: xsd:decimal, xsd:string, xsd:boolean"],
+        ["it has no range, and is treated as a text; give it one: xsd:decimal, xsd:string, xsd:boolean"],
     ),
     (
         ":A a owl:DatatypeProperty ; rdfs:range xsd:date .",
         attribute(),
         [
             "its range is the datatype http://www.w3.org/2001/XMLSchema#date; there are numbers (xsd:decimal), texts (xsd:string), "
-            "truths (xsd:boolean) and lists of values; it is taken for a text"
+            "truths (xsd:boolean) and lists of values; it is treated as a text"
         ],
     ),
     (datatype(facet_range("[ xsd:minInclusive 1 ] [ xsd:maxInclusive 2.5 ]")), attribute(Kind.NUMBER, low=1, high=2.5), []),
@@ -75,7 +75,7 @@ ATTRIBUTES: list[tuple[str, AttributeType, list[str]]] = [
         attribute(),
         [
             "its range is a limit of another sort (http://www.w3.org/2001/XMLSchema#minExclusive); limits are xsd:minInclusive and "
-            "xsd:maxInclusive; it is taken for a text"
+            "xsd:maxInclusive; it is treated as a text"
         ],
     ),
     (datatype('owl:oneOf ( "b" "a" "c" ) ') + ' :A somrs:order "c a" .', attribute(Kind.ENUMERATION, values=("c", "a", "b")), []),
@@ -83,12 +83,12 @@ ATTRIBUTES: list[tuple[str, AttributeType, list[str]]] = [
     (
         datatype('owl:oneOf ( "b" 1 )'),
         attribute(Kind.ENUMERATION, values=("1.0", "b")),
-        ["its range lists what are no texts; it is taken for a list of names"],
+        ["its range lists values that are not texts; it is treated as an enumeration of names"],
     ),
     (
         datatype('owl:oneOf ( "b" :c )'),
         attribute(),
-        [f"its range is http://example.org/vases#c, where a value should stand{TEXT_TAKEN}"],
+        [f"its range is http://example.org/vases#c, where a value is expected{TEXT_TAKEN}"],
     ),
     (
         datatype("owl:unionOf ( xsd:string xsd:decimal )"),
@@ -146,11 +146,11 @@ def test_attributes_that_are_made_of_others() -> None:
     assert noted(owl_import) == [
         ("Parts", f"says a rule for Color; {ONE_VALUE}"),
         ("Parts", f"rdfs:subClassOf: {NO_WORDS}"),
-        ("Part1", f"it is said to be of Parts: {NO_WORDS}"),
+        ("Part1", f"it is declared as Parts: {NO_WORDS}"),
     ]
 
 
-NOT_ONE_CLASS = "is to be one class, and what it has is not one class; Object is taken"
+NOT_ONE_CLASS = "must be one class, and what it has is not one class; Object is used"
 ARGUMENTS = [
     restricted(f"somrs:argument{number}", f"owl:allValuesFrom type:{name}") for number, name in enumerate(("Jar", "Cup", "Can"), 1)
 ]
@@ -299,14 +299,14 @@ TYPES: list[tuple[list[str], ObjectType, list[str]]] = [
     (
         [part("owl:someValuesFrom type:Cup", "[ owl:inverseOf relation:isOn ]")],
         vase(),
-        [f"{BELOW_NOTE}a rule for something without a name, which is no attribute; say it as a formula with somrs:constraint"],
+        [f"{BELOW_NOTE}a rule for something without a name, which is not an attribute; state it as a formula with somrs:constraint"],
     ),
     (
         [part("owl:someValuesFrom type:Cup", "relation:isOn")],
         vase(),
-        [f"{BELOW_NOTE}a rule for isOn, which is no attribute; say it as a formula with somrs:constraint"],
+        [f"{BELOW_NOTE}a rule for isOn, which is not an attribute; state it as a formula with somrs:constraint"],
     ),
-    ([ARGUMENTS[0]], vase(), ["it says something of an argument, and is no relation"]),
+    ([ARGUMENTS[0]], vase(), ["it has a rule for an argument, and is not a relation"]),
     (
         ["[ owl:onProperty attribute:Weight ; owl:maxCardinality 1 ]"],
         vase(),
@@ -315,7 +315,7 @@ TYPES: list[tuple[list[str], ObjectType, list[str]]] = [
     (
         [restricted("attribute:Weight", "owl:allValuesFrom xsd:decimal")],
         vase(),
-        [f"{BELOW_NOTE}what Weight is made of; the attribute's own range says that"],
+        [f"{BELOW_NOTE}the composition of Weight; the attribute's own range defines it"],
     ),
     ([AT_LEAST_1], vase(constraints=(Constraint(attribute="Weight", minimum=1.0),)), []),
     (
@@ -386,7 +386,7 @@ def test_parents() -> None:
 """)
     types = {type.name: (type.parent, type.attributes) for type in owl_import.ontology.types.values()}
     assert types == {"V": ("W", ("Q",)), "W": ("X", ("R",)), "X": ("Jar", ("R",)), "Y": ("Object", ())}
-    assert noted(owl_import) == [("Y", "it is below no other class; Object is taken as its parent")]
+    assert noted(owl_import) == [("Y", "it has no superclass; Object is used as its parent")]
 
 
 GRASPABLE = "a owl:Class ; rdfs:subClassOf type:Graspable"
@@ -469,7 +469,7 @@ def test_what_is_deprecated_is_removed() -> None:
             [],
             [],
             [
-                ("J1", "it is an individual of no type that there is here, and is left out; give it one of the types"),
+                ("J1", "it is an individual of no known type, and is left out; give it one of the types"),
                 ("J1", f"rdfs:comment x: {NO_WORDS}"),
             ],
         ),
@@ -481,8 +481,8 @@ def test_what_is_deprecated_is_removed() -> None:
             [Object(name="J1", type="Jar")],
             [Fact("isNew", ("J1",)), Fact("between", ("J1", "B"))],
             [
-                ("Fact1", f"it is said to be of other: {NO_WORDS}"),
-                ("Fact1", f"it is said to be of isNew: {NO_WORDS}"),
+                ("Fact1", f"it is declared as other: {NO_WORDS}"),
+                ("Fact1", f"it is declared as isNew: {NO_WORDS}"),
                 ("Fact1", f"somrs:argument1 J1: {NO_WORDS}"),
             ],
         ),
@@ -536,7 +536,7 @@ def shape(*properties: str, target: str = "type:Jar") -> str:
             None,
             (),
             [
-                f"it is said to be of sh:NodeShape: {NO_WORDS}",
+                f"it is declared as sh:NodeShape: {NO_WORDS}",
                 f"sh:property: {NO_WORDS}",
                 f"sh:targetClass Nope: {NO_WORDS}",
             ],
@@ -544,15 +544,15 @@ def shape(*properties: str, target: str = "type:Jar") -> str:
         *(
             (shape(property_text), (), (), [f"a property shape has {problem}", f"sh:property: {NO_WORDS}"])
             for property_text, problem in (
-                ("sh:path :zz ; sh:minCount 1", "a path that leads over no attribute (zz); say it as a formula"),
-                ("sh:path ( attribute:Shape :zz )", "a path that leads over no attribute (zz); say it as a formula"),
-                ("sh:path [ sh:inversePath relation:isOn ]", "a path that leads over no attribute (empty); say it as a formula"),
+                ("sh:path :zz ; sh:minCount 1", "a path without attributes (zz); state it as a formula"),
+                ("sh:path ( attribute:Shape :zz )", "a path without attributes (zz); state it as a formula"),
+                ("sh:path [ sh:inversePath relation:isOn ]", "a path without attributes (empty); state it as a formula"),
                 (
                     "sh:path attribute:Label ; sh:minLength 1",
                     "sh:minLength, which is not kept; limits are sh:minInclusive, sh:maxInclusive, sh:in and sh:minCount",
                 ),
                 ("sh:minCount 1", "no path"),
-                ("sh:path attribute:Color ; sh:in ( :x )", "http://example.org/vases#x, where a value should stand"),
+                ("sh:path attribute:Color ; sh:in ( :x )", "http://example.org/vases#x, where a value is expected"),
             )
         ),
     ],
@@ -609,8 +609,8 @@ def test_what_is_told_of_what_there_are_no_words_for() -> None:
         (3, "ontology", f"somrs:unit of the ontology: {NO_WORDS}"),
         (4, "Note", f"said {LONG}: {NO_WORDS}"),
         (4, "Note", f"said {LONG[2:]}...: {NO_WORDS}"),
-        (5, "V", "it is said to be of owl:AllDifferent: it need not be said: different names are different objects"),
-        (5, "V", f"it is said to be of owl:MadeUp: {NO_WORDS}"),
+        (5, "V", "it is declared as owl:AllDifferent: it is not needed: different names are different objects"),
+        (5, "V", f"it is declared as owl:MadeUp: {NO_WORDS}"),
         (5, "V", "rdfs:seeAlso: it is not kept; put it into the comment"),
         (5, "V", f"owl:madeUp 3: {NO_WORDS}"),
         (5, "V", f"sh:order 1: {NO_WORDS}"),
@@ -628,11 +628,11 @@ def test_what_is_told_of_what_there_are_no_words_for() -> None:
         ),
         (
             f":b a owl:Class ; rdfs:subClassOf somrs:Fact , {ARGUMENTS[0]} , {ARGUMENTS[2]} .",
-            [("b", "relation", "has no arguments, or misses one; say `argument1 only TYPE`, and so on")],
+            [("b", "relation", "has no arguments, or misses one; state `argument1 only TYPE`, and so on")],
         ),
         (
             f":b a owl:Class ; rdfs:subClassOf somrs:Fact , {ARGUMENTS[1]} .",
-            [("b", "relation", "has no arguments, or misses one; say `argument1 only TYPE`, and so on")],
+            [("b", "relation", "has no arguments, or misses one; state `argument1 only TYPE`, and so on")],
         ),
         (
             ':f a somrs:Function ; somrs:parameters "Jar" ; somrs:values "[1]" .',
@@ -653,12 +653,15 @@ def test_what_is_told_of_what_there_are_no_words_for() -> None:
             ':S a owl:Class ; rdfs:subClassOf somrs:Service , :T , :U ; somrs:effect "p()" .\n'
             ':T a owl:Class ; rdfs:subClassOf somrs:Service ; somrs:effect "p()" .\n'
             ':U a owl:Class ; rdfs:subClassOf :T ; somrs:effect "p()" .',
-            [("S", "parent", "is below T and U; a service type has one parent")],
+            [("S", "parent", "has the parents T and U; a service type has one parent")],
         ),
-        (":S a owl:Class ; rdfs:subClassOf somrs:Service .", [("S", "effect", "has no effect; say with somrs:effect what holds after it")]),
+        (
+            ":S a owl:Class ; rdfs:subClassOf somrs:Service .",
+            [("S", "effect", "has no effect; state with somrs:effect what holds after it")],
+        ),
         (
             f":V {GRASPABLE} , type:Room .",
-            [("V", "parent", "is below Graspable and Room; a type has one parent: keep one of them")],
+            [("V", "parent", "has the parents Graspable and Room; a type has one parent: keep one of them")],
         ),
         (
             f':V {GRASPABLE} ; somrs:default "Weight" , "Weight = [1]" .',
@@ -673,7 +676,7 @@ def test_what_is_told_of_what_there_are_no_words_for() -> None:
         ),
         (
             f':a {GRASPABLE} ; rdfs:label "b" .\n:b {GRASPABLE} .',
-            [("b", "duplicate", "is called as <http://example.org/vases#a> is; give one of them another name")],
+            [("b", "duplicate", "has the same name as <http://example.org/vases#a>; give one of the two another name")],
         ),
         (":J1 a type:Jar , type:Cup .", [("J1", "type", "is of the types Cup and Jar; an object has one type")]),
         (":J1 a owl:NamedIndividual ; attribute:Weight 2 .", [("J1", "type", "is of no type; an object has one type")]),
@@ -703,7 +706,7 @@ DECLARED = "<?xml version='1.0'?>\n"
 def test_xml_is_known_by_its_beginning_or_its_root(declaration: str) -> None:
     owl_import = read(declaration + XML, "pots.rdf", upper())
     assert [(type.name, type.parent) for type in owl_import.ontology.types.values()] == [("Pot", "Object"), ("Vase", "Jar")]
-    message = "it is below no other class; Object is taken as its parent"
+    message = "it has no superclass; Object is used as its parent"
     assert owl_import.notes == (
         Problem(file="pots.rdf", line=4 + declaration.count("\n"), subject="Pot", rule="not-kept", message=message),
     )

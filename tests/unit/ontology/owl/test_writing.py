@@ -71,7 +71,7 @@ def test_a_text_that_xml_cannot_hold_is_written_as_turtle_only() -> None:
     map = Map([Object(name="A", type="Pot", values={"Label": "a\x01b"})])
     with pytest.raises(UsageError) as caught:
         export(Ontology(), map, Format.XML)
-    message = "a text of urn:so-mrs:object:A has the character '\\x01', which XML cannot hold; take it out, or write Turtle"
+    message = "a text of urn:so-mrs:object:A has the character '\\x01', which XML cannot hold; remove it, or write Turtle"
     assert str(caught.value) == message
     assert read(export(Ontology(), map).decode(), "file", Ontology()).map == map
 
