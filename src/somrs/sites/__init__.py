@@ -1,4 +1,4 @@
-"""Bringing in existing buildings: one importer for each kind of file, by the ending of its name."""
+"""Imports existing buildings: one importer for each file format, chosen by the ending of the file name."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Bring in buildings that Open-RMF's traffic editor wrote (`.building.yaml`).
+"""Imports buildings from files of Open-RMF's traffic editor (`.building.yaml`).
 
-Walls are 0.1 m thick and 2.5 m high, and reach half their thickness beyond their ends, as Open-RMF's own
-`building_map_tools` builds them (wall.py); a model's yaw is counter-clockwise (model.py). Lanes are left out: robots find their own ways.
+Walls are 0.1 m thick and 2.5 m high, and extend beyond their ends by half their thickness, as in Open-RMF's own
+`building_map_tools` (wall.py); a model's yaw is counter-clockwise (model.py). Lanes are ignored: robots plan their own paths.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from somrs.sites.site import Site
 WALL_THICKNESS, WALL_HEIGHT, DOOR_HEIGHT, FLOOR_THICKNESS = 0.1, 2.5, 2.1, 0.1
 PLACE_RADIUS = 0.4
 EDGE = 0.15
-"""A thing farther than this from the free edges of what it stands on is out of a gripper's reach."""
+"""The largest distance, in metres, from a free edge of its support at which a gripper can reach an object."""
 NEAR_EDGE = 0.1
 
 
 def import_building(path: str | Path) -> Site:
-    """The building in the file. Raises ModelError where the file cannot be understood."""
+    """The building in the file. Raises InputError for an unreadable file, and ModelError for wrong content."""
     try:
         text = Path(path).read_text("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
@@ -43,7 +43,7 @@ def import_building(path: str | Path) -> Site:
 
 
 def import_text(text: str, file: str = "building.yaml") -> Site:
-    """The building that the text describes."""
+    """The building in the text. Raises ModelError for wrong content."""
     source = Source(file, text)
     if source.problems:
         raise ModelError(source.problems)
@@ -55,7 +55,7 @@ def import_text(text: str, file: str = "building.yaml") -> Site:
 
 @dataclass(slots=True)
 class _Level:
-    """A storey under construction."""
+    """A storey during the import."""
 
     name: str
     data: dict[str, Any]
@@ -64,7 +64,7 @@ class _Level:
     points: list[Point]
     walls: list[Box] = field(default_factory=list)
     furniture: dict[str, tuple[Box, float, bool]] = field(default_factory=dict)
-    """By object: where it stands, the height of its top above the storey's floor, whether things can be put on it."""
+    """By object: its rectangle, the height of its top above the storey's floor, and whether it can support other objects."""
 
     def solid(self) -> list[Box]:
         return [*self.walls, *(box for box, _, _ in self.furniture.values())]
@@ -118,11 +118,11 @@ class _Import:
         return None
 
     def _scale(self, key: str, data: dict[str, Any]) -> tuple[float, float]:
-        """Metres per unit of the file, and the sign of y: reference images count pixels, and y downwards."""
+        """Metres per unit of the file, and the sign of y: reference images have pixels as unit, and y points down."""
         system = self.source.data.get("coordinate_system", "reference_image")
         if system != "reference_image":
             if system != "cartesian_meters":
-                self.notes.append(f"coordinate system {system} is taken for metres")
+                self.notes.append(f"coordinate system {system} is not known; its unit is taken as metres")
             return 1.0, 1.0
         ratios = []
         for start, end, parameters, *_ in data.get("measurements", ()):
@@ -134,23 +134,23 @@ class _Import:
             first = next(iter(self.source.data["levels"]))
             if key != first:
                 return self._scale(first, self.source.data["levels"][first])
-            self.notes.append(f"level {key} has no measurement; one pixel is taken for 0.05 m")
+            self.notes.append(f"level {key} has no measurement; one pixel is taken as 0.05 m")
             return 0.05, -1.0
         return sum(ratios) / len(ratios), -1.0
 
     def _align(self, levels: list[_Level]) -> None:
-        """Lay the levels above each other by the fiducials that they share with the first one."""
+        """Align the levels with the first one by their shared fiducials."""
         marks = [self._fiducials(level) for level in levels]
         for level, mine in list(zip(levels, marks, strict=True))[1:]:
             shared = mine.keys() & marks[0].keys()
             if not shared:
-                self.notes.append(f"level {level.name} shares no fiducial with level {levels[0].name}; it is taken to lie right above it")
+                self.notes.append(f"level {level.name} shares no fiducial with level {levels[0].name}; its origin is taken to be the same")
                 continue
             dx, dy = (sum(marks[0][name][axis] - mine[name][axis] for name in shared) / len(shared) for axis in (0, 1))
             level.points = [(x + dx, y + dy) for x, y in level.points]
             deviation = max(math.dist((mine[name][0] + dx, mine[name][1] + dy), marks[0][name]) for name in shared)
             if deviation > 0.2:
-                self.notes.append(f"level {level.name} fits level {levels[0].name} only to {deviation:.1f} m: it seems to be drawn turned")
+                self.notes.append(f"level {level.name} fits level {levels[0].name} only to {deviation:.1f} m: it seems to be rotated")
 
     def _fiducials(self, level: _Level) -> dict[str, Point]:
         with self._reading(f"fiducials of {level.name}", ("levels", level.name, "fiducials")):
@@ -158,7 +158,7 @@ class _Import:
         return {}
 
     def _point(self, level: _Level, x: Any, y: Any) -> Point:
-        """A point of the file that is no vertex, on the map: by the transformation that the vertices went through."""
+        """The map coordinates of a point in the file that is not a vertex, by the transformation of the vertices."""
         scale, flip = self._scale(level.name, level.data)
         shift = (0.0, 0.0)
         if level.points:
@@ -167,12 +167,12 @@ class _Import:
         return float(x) * scale + shift[0], float(y) * scale * flip + shift[1]
 
     def _reserve(self, level: _Level) -> None:
-        """The names that people know stay as they are: those of places, doors and robots."""
+        """Reserve the names of places, so that no numbered object takes one of them."""
         for vertex in level.data.get("vertices", ()):
             if isinstance(vertex, list) and len(vertex) > 3 and vertex[3]:
                 self.reserved.add(_identifier(str(vertex[3])))
 
-    # What the building is made of
+    # Elements of the building
 
     def _fabric(self, level: _Level) -> None:
         gaps: list[tuple[Point, Point]] = []
@@ -223,7 +223,7 @@ class _Import:
         }
         self._add(self._numbered("Floor"), "Floor", values, level.storey)
 
-    # What stands in it
+    # Furniture and movable objects
 
     def _models(self, level: _Level) -> None:
         things: list[tuple[int, str, dict[str, Any]]] = []
@@ -238,14 +238,14 @@ class _Import:
                     things.append((index, kind, model))
                 else:
                     self._furniture(level, kind, model)
-        for index, kind, model in things:  # when what they stand on is there
+        for index, kind, model in things:  # after the furniture that supports them
             with self._reading(f"model {index + 1} of {level.name}", ("levels", level.name, "models", index)):
                 self._thing(level, kind, model)
 
     def _furniture(self, level: _Level, kind: str, model: dict[str, Any]) -> None:
         known_size = MODELS.get(kind)
         if known_size is None:
-            self.notes.append(f"{kind} is not known; an obstacle of 0.5 m stands for it")
+            self.notes.append(f"{kind} is not known; an obstacle of 0.5 m represents it")
         size = known_size or UNKNOWN
         x, y = self._point(level, model["x"], model["y"])
         wanted_box = Box(x, y, size.width, size.depth, float(model.get("yaw", 0.0)))
@@ -253,7 +253,7 @@ class _Import:
         name = self._numbered(_identifier(kind))
         box = cleared(wanted_box, level.walls)
         if box is None:
-            self.notes.append(f"{name} stands where walls leave no room for it; it is left out")
+            self.notes.append(f"{name} overlaps walls and cannot be moved clear of them; it is left out")
             return
         if math.dist((box.x, box.y), (x, y)) > 0.3:
             self.notes.append(f"{name} is moved by {math.dist((box.x, box.y), (x, y)):.2f} m, out of a wall")
@@ -261,7 +261,7 @@ class _Import:
         level.furniture[name] = (box, float(model.get("z", 0.0)) + size.height, upper().is_subtype(size.parent, "Support"))
 
     def _model_type(self, kind: str, size: Model) -> str:
-        """A type for the model, which knows its size; Open-RMF's names are kept where the upper ontology has not taken them."""
+        """Define a type with the size of the model. It has Open-RMF's name, unless the upper ontology uses that name."""
         name = "UnknownModel" if size is UNKNOWN else f"{kind}Model" if kind in upper().types else kind
         defaults: dict[str, Value] = {**_shape(Box(0, 0, size.width, size.depth), size.height), "Color": size.color}
         self.types[name] = ObjectType(name=name, parent=size.parent, defaults=defaults)
@@ -287,7 +287,7 @@ class _Import:
         self.facts.append(Fact("isOn", (name, support)))
 
     def _to_edge(self, level: _Level, support: str, box: Box, point: Point) -> Point:
-        """The point, or one near the edge of the support that is nearest of those in front of which a robot has room."""
+        """A point on the support that robots can reach: the point itself, or one near the closest edge with room for a robot in front."""
         obstacles = [*level.walls, *(other_box for name, (other_box, _, _) in level.furniture.items() if name != support)]
         u, v = box.local(point)
         half = (box.width / 2, box.depth / 2)
@@ -322,7 +322,7 @@ class _Import:
                 self._add(self._fresh(_identifier(robot)), "DeliveryRobot", _pose(Box(*point, 0, 0), level.elevation), None)
 
     def _free(self, level: _Level, name: str, point: Point) -> Point:
-        """The place, or the nearest spot where its disc is free, so that robots can stand there and put things there."""
+        """The point, or the nearest one where the disc of the place is free, so that robots can stand and put objects there."""
         free = roomiest(point, level.solid(), PLACE_RADIUS, 1.0)
         if free is None:
             self.notes.append(f"there is no room for a robot at {name}")
@@ -338,7 +338,7 @@ class _Import:
                 box = Box(x, y, float(data["width"]), float(data["depth"]), float(data.get("yaw", 0.0)))
                 values = {**_pose(box, levels[0].elevation), **_shape(box, WALL_HEIGHT)}
                 self._add(self._fresh(_identifier(str(key))), "Lift", values, next(iter(self.objects)))
-                self.notes.append(f"lift {key} stands as a device; serve it with a program to have robots use it")
+                self.notes.append(f"lift {key} is on the map as a device; robots can use it when a program serves it")
 
     # Names, objects, problems
 
@@ -360,25 +360,25 @@ class _Import:
 
     @contextmanager
     def _reading(self, subject: str, path: YamlPath) -> Iterator[None]:
-        """Turn what is missing or of the wrong kind in the file into a problem with its line."""
+        """Turn errors from missing or wrong values in the file into a problem with its line."""
         try:
             yield
         except (KeyError, IndexError, TypeError, ValueError, AttributeError, ArithmeticError, StopIteration) as error:
             missing = f"{error.args[0]} is missing" if isinstance(error, KeyError) else str(error)
-            message = f"cannot be understood: {missing}; mend it in the traffic editor"
+            message = f"cannot be read: {missing}; correct it in the traffic editor"
             self.problems.append(
                 Problem(file=self.source.file, line=self.source.line(path), subject=subject, rule="structure", message=message)
             )
 
 
 def _parameter(parameters: Any, key: str, default: Any) -> Any:
-    """Parameters are [type code, value]."""
+    """The value of a parameter, which the file has as [type code, value]."""
     value = parameters.get(key) if isinstance(parameters, dict) else None
     return value[1] if isinstance(value, list) and len(value) == 2 else default
 
 
 def _identifier(text: str) -> str:
-    """The text as a name: `OpenRobotics/Metal Cabinet` becomes `Metal_Cabinet`."""
+    """The text as a valid name: `OpenRobotics/Metal Cabinet` becomes `Metal_Cabinet`."""
     name = re.sub(r"\W+", "_", text.rpartition("/")[2] or text).strip("_")
     name = name if name and not name[0].isdigit() else f"n{name}"
     return f"{name}_" if name in ("AND", "OR", "NOT", "TRUE", "FALSE") else name

@@ -1,4 +1,4 @@
-"""Rectangles on a floor plan: where they are, whether they are in each other's way, and how to get them apart. Metres and radians."""
+"""Rectangles on a floor plan: positions, overlaps, and moves that separate them. Units are metres and radians."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """A rectangle of `width` along its own x and `depth` along its y, turned by `yaw` about its middle."""
+    """A rectangle of `width` along its own x and `depth` along its y, rotated by `yaw` about its centre (`x`, `y`)."""
 
     x: float
     y: float
@@ -25,13 +25,13 @@ class Box:
         return (cos, sin), (-sin, cos)
 
     def corners(self) -> list[Point]:
-        """Counter-clockwise."""
+        """The corners, counter-clockwise."""
         (u_x, u_y), (v_x, v_y) = self.axes
         w, d = self.width / 2, self.depth / 2
         return [(self.x + i * w * u_x + j * d * v_x, self.y + i * w * u_y + j * d * v_y) for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
 
     def local(self, point: Point) -> Point:
-        """The point as seen from the middle, along the rectangle's own axes."""
+        """The point in the rectangle's own coordinates, with the origin at its centre."""
         dx, dy = point[0] - self.x, point[1] - self.y
         return tuple(dx * ax + dy * ay for ax, ay in self.axes)  # type: ignore[return-value]  # two axes, two numbers
 
@@ -43,14 +43,14 @@ class Box:
         return replace(self, x=self.x + offset[0], y=self.y + offset[1])
 
     def gap(self, point: Point) -> float:
-        """From the point to the rectangle; negative inside, by the depth of it."""
+        """The distance from the point to the rectangle; inside, minus the distance to the nearest edge."""
         u, v = self.local(point)
         du, dv = abs(u) - self.width / 2, abs(v) - self.depth / 2
         return math.hypot(max(du, 0), max(dv, 0)) if max(du, dv) > 0 else max(du, dv)
 
 
 def separation(box: Box, other_box: Box) -> Point | None:
-    """The shortest move of `box` after which the two do not overlap; None when they do not (separating axes)."""
+    """The shortest move of `box` that ends an overlap with `other_box`; None when they do not overlap (separating axes)."""
     best: Point | None = None
     shortest = math.inf
     mine, theirs = box.corners(), other_box.corners()
@@ -67,7 +67,7 @@ def separation(box: Box, other_box: Box) -> Point | None:
 
 
 def cleared(box: Box, walls: Sequence[Box], margin: float = 0.01) -> Box | None:
-    """The rectangle moved out of the walls, as little as walls one after another ask for; None where there is no room."""
+    """The rectangle moved out of the walls, each time out of the one that it overlaps most; None if 8 moves are not enough."""
     for _ in range(8):
         pushes = [push for wall in walls if (push := separation(box, wall)) is not None]
         if not pushes:
@@ -84,7 +84,7 @@ def clearance(point: Point, boxes: Iterable[Box]) -> float:
 
 
 def roomiest(point: Point, boxes: Sequence[Box], radius: float, reach: float) -> Point | None:
-    """The nearest point, at most `reach` away, around which a disc of the radius is free; None when there is none."""
+    """The nearest candidate point, at most `reach` away, around which a disc of the radius is free; None when there is none."""
     near_boxes = [box for box in boxes if box.gap(point) < reach + radius]
     candidates = [point] + [
         (point[0] + step * reach / 20 * math.cos(angle * math.pi / 16), point[1] + step * reach / 20 * math.sin(angle * math.pi / 16))
@@ -105,9 +105,9 @@ def is_in_polygon(point: Point, outline: Sequence[Point]) -> bool:
 
 
 def without_gap(start: Point, end: Point, gap: tuple[Point, Point], tolerance: float = 0.15) -> list[tuple[Point, Point]]:
-    """The pieces of a wall from start to end that leave an opening free; the whole wall when the opening is not in it.
+    """The pieces of a wall from start to end that remain beside an opening; the whole wall when the opening is not in it.
 
-    An opening belongs to the wall when both its ends are at most `tolerance` from the wall's line.
+    An opening is in the wall when both its ends are at most `tolerance` from the wall's line.
     """
     length = math.dist(start, end)
     if length == 0:

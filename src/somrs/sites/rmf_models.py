@@ -1,7 +1,7 @@
-"""What the models are that Open-RMF's worlds are furnished with: their kinds and real-life sizes.
+"""The furniture models of Open-RMF's worlds, with their types and real sizes.
 
-A model's x is the long side of tables and cabinets. Sizes fit the poses in Open-RMF's demo worlds: what stands side by side there does
-not overlap, and what lies on a table lies on its top.
+The x axis of a model is the long side of tables and cabinets. The sizes fit the poses in Open-RMF's demo worlds: neighbouring models do not
+overlap, and objects on a table are at the height of its top.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """A type below `parent`, as a box of width, depth and height in metres."""
+    """A furniture model as a box: the parent of its type, and width, depth and height in metres."""
 
     parent: str
     width: float
@@ -43,6 +43,6 @@ MODELS: dict[str, Model] = {
 }
 
 THINGS: dict[str, str] = {"Coke": "Can", "BeerCan": "Can", "CokeCan": "Can", "Bottle": "Bottle", "CoffeeCup": "Cup", "Cup": "Cup"}
-"""What a robot can carry, by the type of the upper ontology whose size it has."""
+"""Models that robots can carry, with the type of the upper ontology that has their size."""
 
 UNKNOWN = Model("Obstacle", 0.5, 0.5, 0.5)

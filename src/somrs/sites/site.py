@@ -1,4 +1,4 @@
-"""What an importer brings in."""
+"""The result of an import."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from somrs.ontology.types import Ontology
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Site:
-    """A building as brought in: the upper ontology with what the site adds, its map, and notes for people about what could
-    not be brought in as it was."""
+    """An imported building: the upper ontology with the site's own definitions, the map, and notes for people about what was changed
+    or left out."""
 
     name: str
     ontology: Ontology

@@ -199,7 +199,7 @@ def test_door_is_cut_out_of_the_wall_it_is_in() -> None:
 
 def test_what_could_not_be_brought_in_as_it_is_is_noted() -> None:
     site = import_text(SMALL)
-    for words in ("Contraption is not known", "Table001 is moved", "Lift1 stands as a device", "nothing is below Coke001"):
+    for words in ("Contraption is not known", "Table001 is moved", "Lift1 is on the map as a device", "nothing is below Coke001"):
         assert any(words in note for note in site.notes), words
     assert site.map.has_fact("isOn", ("Coke001", "Floor001"))
 

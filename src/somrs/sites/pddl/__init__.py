@@ -1,5 +1,5 @@
-"""Problems of planning, as PDDL and the multi-agent MA-PDDL (unfactored) state them, as sites: an ontology, a map, service types,
-a device for each agent, and the task. docs/how-to/import-planning-problems.md says what is read.
+"""Imports planning problems in PDDL and in multi-agent MA-PDDL (unfactored) as sites: an ontology, a map, service types,
+a device for each agent, and the task. docs/how-to/import-planning-problems.md lists what is supported.
 """
 
 from __future__ import annotations
@@ -16,7 +16,12 @@ __all__ = ["ImportedProblem", "classical", "read"]
 
 
 def read(domain: Path, problem: Path) -> ImportedProblem:
-    """What two files say. Raises ModelError with everything that is wrong with them, or that is not read, each with its line."""
+    """The problem in a domain file and a problem file.
+
+    Raises:
+        ModelError: with all mistakes and unsupported features, each with its line.
+        UsageError: a file cannot be read.
+    """
     domain_mistakes, mistakes = files.Mistakes(str(domain)), files.Mistakes(str(problem))
     domain_root, root = _root(domain, domain_mistakes), _root(problem, mistakes)
     files.raise_all(domain_mistakes, mistakes)
@@ -27,7 +32,7 @@ def read(domain: Path, problem: Path) -> ImportedProblem:
 
 
 def classical(domain: Path, problem: Path) -> tuple[str, str]:
-    """The texts of the two files as ordinary PDDL: agents as first parameters, nothing private."""
+    """The texts of the two files as classical PDDL: agents become first parameters, private parts public. Raises as `read`."""
     mistakes = [files.Mistakes(str(path)) for path in (domain, problem)]
     roots = [_root(path, noted) for path, noted in zip((domain, problem), mistakes, strict=True)]
     files.raise_all(*mistakes)
@@ -40,4 +45,4 @@ def _root(path: Path, mistakes: files.Mistakes) -> files.Group | None:
         return files.parse(path.read_text("utf-8-sig"), mistakes)
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
-        raise UsageError(f"{path} cannot be read: {reason}; mend the path or the file") from None
+        raise UsageError(f"{path} cannot be read: {reason}; correct the path or the file") from None

@@ -1,7 +1,7 @@
-"""Actions of PDDL as service types.
+"""Converts PDDL actions to service types.
 
-In PDDL an action may delete a fact and add it again: driving from a place to the same place. An effect in Entish says what holds
-afterwards, so each such case is a service type of its own; or it is ruled out, when nothing would come of it.
+A PDDL action may delete and add the same fact, for example when it drives from a place to the same place. An effect in Entish states what
+holds afterwards, so each such case becomes a separate service type, or is excluded if it has no effect.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from somrs.sites.pddl.syntax import Action, Typed
 from somrs.sites.pddl.text import Mistakes
 
 Equalities = Mapping[str, Term]
-"""What variables are the same as."""
+"""Variables with the terms that they are equal to."""
 
 
 Arguments = tuple[Name | Variable, ...]
@@ -29,7 +29,7 @@ Arguments = tuple[Name | Variable, ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Offer:
-    """A service type, and how to say in PDDL that it is done: the action, and what stands for each of its arguments."""
+    """A service type with its PDDL action: the action's name, and the term for each of its arguments."""
 
     service: ServiceType
     action: str
@@ -40,7 +40,7 @@ class Offer:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Case:
-    """An action, perhaps with some of its variables known to be the same."""
+    """An action, or the case of it in which some variables are equal."""
 
     precondition: tuple[Formula, ...]
     adds: tuple[Relation, ...]
@@ -49,14 +49,14 @@ class _Case:
     sorts: Mapping[str, Sorts]
     equalities: Equalities
     apart: tuple[Equalities, ...] = ()
-    """What the precondition has ruled out already."""
+    """The equalities that the precondition excludes."""
 
 
 class Actions:
-    """Makes service types of the actions of one domain."""
+    """Makes service types from the actions of one domain."""
 
     def __init__(self, words: SymbolTable, map: Map, counted: bool) -> None:
-        """`counted`: the plan is to keep a function small, so that each action costs what it adds to it."""
+        """`counted`: the plan minimises a function, and the cost of an action is what it adds to the function."""
         self.symbols, self.map, self.counted = words, map, counted
         self.services = Names()
 
@@ -82,10 +82,10 @@ class Actions:
         scope: dict[str, tuple[Variable, Sorts]] = {}
         for thing in (*([action.agent] if action.agent else []), *action.parameters):
             if not thing.word.text.startswith("?"):
-                mistakes.note(thing.word, action.word.written, "syntax", f"{thing.word} is no variable; parameters begin with ?")
+                mistakes.note(thing.word, action.word.written, "syntax", f"{thing.word} is not a variable; parameters begin with ?")
             if thing.name in scope:
                 mistakes.note(
-                    thing.word, action.word.written, "duplicate", f"{thing.word} is there twice; give one of the two another name"
+                    thing.word, action.word.written, "duplicate", f"{thing.word} is declared twice; give one of the two another name"
                 )
             sorts = self.symbols.kinds.sorts(thing)
             if thing is action.agent:
@@ -151,14 +151,14 @@ class Actions:
         return Offer(service=service, action=written, arguments=arguments, agents=agents)
 
     def _of_provider(self, case: _Case, picked: list[Formula], agent: Typed) -> Iterator[Formula]:
-        """Whoever is chosen to do it has to be one of those that can, even if nothing else is said of it."""
+        """The condition that the provider is an agent of the right type, if no other condition implies it."""
         provider = Variable(PROVIDER)
         if (equal_term := case.equalities.get(PROVIDER)) is not None:
             yield Comparison(provider, "=", equal_term)
         elif not any(PROVIDER in variables(part) for part in (*case.precondition, *_effect(case), *picked)):
             yield Relation(self.symbols.kinds.relation(case.sorts[PROVIDER], agent), (provider,))
 
-    # What is deleted and added again
+    # Cases with equal variables
 
     def _cases(self, case: _Case) -> Iterator[_Case]:
         case = replace(case, deletes=tuple(atom for atom in case.deletes if atom not in case.adds))
@@ -177,14 +177,14 @@ class Actions:
         yield case
 
     def _variable(self, name: str, case: _Case) -> Term:
-        """The variable as it stands in the case; the provider has its type with it."""
+        """The variable as it occurs in the effect of the case; the provider includes its type."""
         for formula in _effect(case):
             if name in variables(formula):
                 return variables(formula)[name]
         raise AssertionError(name)
 
     def _unify(self, first: Arguments, second: Arguments, sorts: Mapping[str, Sorts]) -> Equalities | None:
-        """What must be the same for these to be the same; None if they cannot be."""
+        """The equalities that make the arguments equal (unification); None if they cannot be equal."""
         bindings: dict[str, Name | Variable] = {}
 
         def stands_for(term: Name | Variable) -> Name | Variable:
@@ -219,7 +219,7 @@ class Actions:
         return frozenset({self.symbols.types[self.symbols.objects.pddl(term.name)]})
 
     def _alike(self, case: _Case, equalities: Equalities) -> _Case:
-        """The case in which these are the same."""
+        """The case in which these equalities hold."""
         sorts = dict(case.sorts)
         for name, term in equalities.items():
             if isinstance(term, Variable):
@@ -235,7 +235,7 @@ class Actions:
         )
 
     def _impossible(self, case: _Case) -> bool:
-        """Whether the precondition cannot hold, as far as can be told from itself and from what never changes."""
+        """Whether the precondition is unsatisfiable, judged from itself and from the facts that no action changes."""
         return any(self._is_unsatisfiable(formula, case.precondition) for formula in case.precondition)
 
     def _is_unsatisfiable(self, formula: Formula, precondition: tuple[Formula, ...]) -> bool:
@@ -254,7 +254,7 @@ class Actions:
 
 
 def _rivals(case: _Case) -> Iterator[tuple[Arguments, Arguments]]:
-    """What must not be the same: a fact that is deleted and one that is added, and two attributes that get values."""
+    """Pairs of arguments that must differ: of a deleted and an added fact, and of two attributes that are set."""
     for deleted_fact in case.deletes:
         yield from (
             (deleted_fact.arguments, added_fact.arguments) for added_fact in case.adds if added_fact.relation == deleted_fact.relation
@@ -269,7 +269,7 @@ def _effect(case: _Case) -> list[Formula]:
 
 
 def _settings(values: tuple[Setting, ...], equalities: Equalities) -> tuple[Setting, ...]:
-    """What becomes of the attributes; two changes of one are added up."""
+    """The new values of the attributes; two increases of the same attribute are added."""
     settings_by_target: dict[Term, list[Setting]] = {}
     for value in values:
         target = substitute_term(value.target, equalities)
@@ -284,7 +284,7 @@ def _settings(values: tuple[Setting, ...], equalities: Equalities) -> tuple[Sett
 
 
 def _sensible(case: _Case) -> bool:
-    """Whether every attribute gets one value at most."""
+    """Whether every attribute gets at most one value."""
     return len({value.target for value in case.values}) == len(case.values)
 
 
@@ -302,5 +302,5 @@ def _fits(pattern: tuple[Name | Variable, ...], arguments: tuple[str, ...]) -> b
 
 
 def _idle(case: _Case) -> bool:
-    """Whether doing it changes nothing."""
+    """Whether the action changes nothing in this case."""
     return not case.values and not case.deletes and set(case.adds) <= set(case.precondition)

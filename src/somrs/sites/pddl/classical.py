@@ -1,6 +1,6 @@
-"""A problem of several agents as ordinary PDDL, for validators and planners that know no agents.
+"""Converts multi-agent problems to classical PDDL, for validators and planners without agents.
 
-As CoDMAP's own conversion does it: the agent becomes the first parameter of the action, and what was private is said openly.
+The conversion is that of CoDMAP: the agent becomes the first parameter of the action, and private parts become public.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def _section(section: Group) -> Group | None:
         case ":objects" | ":constants":
             public = [item for item in section.items[1:] if not _private(item)]
             private = [item for group in section.items[1:] if isinstance(group, Group) and _private(group) for item in group.items[2:]]
-            # What is typed stands before what is not, which would take the next type for its own.
+            # Typed names come before untyped ones, which would otherwise get the next type.
             return Group((section.items[0], *_typed([*private, *public])), section.line)
         case ":action":
             return _action(section)
@@ -37,7 +37,7 @@ def _section(section: Group) -> Group | None:
 
 
 def _typed(items: list[Node]) -> Iterator[Node]:
-    """Without types that are said of nothing, as in `p0 - part - board`: not every reader takes them."""
+    """The items without types that follow no name, as in `p0 - part - board`; some parsers reject them."""
     named = False
     rest = iter(items)
     for item in rest:

@@ -1,4 +1,4 @@
-"""Conditions and effects of PDDL in Entish."""
+"""Converts PDDL conditions and effects to Entish."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from somrs.sites.pddl.text import Group, Mistakes, Node, Word, number
 _COMPARISONS = ("=", "<", "<=", ">", ">=")
 _OPPOSITES = {"=": "!=", "<": ">=", "<=": ">", ">": "<=", ">=": "<"}
 _REFUSED = {
-    "forall": "forall is not read; write one condition for each object, or a predicate that stands for it",
-    "exists": "exists is not read; make the variable a parameter",
-    "when": "effects under a condition are not read; make one action for each case",
-    "preference": "preferences are not read; state a goal",
+    "forall": "forall is not supported; write one condition for each object, or use a predicate instead",
+    "exists": "exists is not supported; make the variable a parameter",
+    "when": "conditional effects are not supported; make one action for each case",
+    "preference": "preferences are not supported; state a goal",
 }
 _COUNTING = ("increase", "decrease", "scale-up", "scale-down", "assign")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SymbolTable:
-    """What formulas may speak of: the names of one domain and one problem, on both sides."""
+    """The names of one domain and one problem, in PDDL and in Entish."""
 
     domain: Domain
     kinds: Kinds
@@ -38,14 +38,14 @@ class SymbolTable:
     types: Mapping[str, str]
     """The PDDL type of each object."""
     world: str
-    """The object that what is of no object is said of."""
+    """The argument of predicates and functions without parameters."""
     cost: str | None
-    """The function that the plan is to keep small."""
+    """The function that the plan should minimise."""
 
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """What becomes of an attribute: the amount, or what it was and the amount, if it `adds`."""
+    """A numeric effect: the attribute is set to the amount, or increased by it if `adds`."""
 
     target: Attribute
     amount: Sum
@@ -56,13 +56,13 @@ class Setting:
         return Comparison(self.target, "=", (single_factor(self.target) + self.amount if self.adds else self.amount).term)
 
     def combine(self, setting: Setting) -> Setting | None:
-        """Both, for the same attribute; None if that makes no sense."""
+        """Both effects on the same attribute combined; None unless both add."""
         return Setting(self.target, self.amount + setting.amount, adds=True) if self.adds and setting.adds else None
 
 
 @dataclass(slots=True)
 class Effects:
-    """What an action does."""
+    """The effects of an action."""
 
     adds: list[Relation] = field(default_factory=list)
     deletes: list[Relation] = field(default_factory=list)
@@ -71,7 +71,7 @@ class Effects:
 
 
 class FormulaReader:
-    """What is said in one action, or in a goal: its variables, and where mistakes in it are noted."""
+    """Reads the formulas of one action, goal or initial state, and notes mistakes in them."""
 
     def __init__(self, symbols: SymbolTable, mistakes: Mistakes, subject: str, variables: Mapping[str, tuple[Variable, Sorts]]) -> None:
         self.symbols, self.mistakes, self.subject, self.variables = symbols, mistakes, subject, variables
@@ -82,9 +82,9 @@ class FormulaReader:
     # Conditions
 
     def condition(self, node: Node, negated: bool = False) -> Formula | None:
-        """The formula; None when it says nothing, or after a mistake."""
+        """The formula; None for an empty condition, or after a mistake."""
         if not isinstance(node, Group) or not node.head:
-            self._note_mistake(node, f"{str(node)[:60]} is no condition; a condition is a group that begins with a word")
+            self._note_mistake(node, f"{str(node)[:60]} is not a condition; a condition is a group that begins with a word")
             return None
         head, rest = node.head, node.items[1:]
         if head in _REFUSED and head not in self.symbols.domain.predicates:
@@ -114,11 +114,11 @@ class FormulaReader:
         return conjunction(*known_formulas) if is_conjunction else disjunction(*known_formulas)
 
     def atom(self, node: Group) -> Relation | None:
-        """A predicate of objects; one of none is said of the world."""
+        """The relation for a predicate. A predicate without parameters has the world as argument."""
         signature = self.symbols.domain.predicates.get(node.head)
         if signature is None:
             self._note_mistake(
-                node, f"there is no predicate {node.items[0] if node.items else ''}; declare it in :predicates, or mend the name"
+                node, f"there is no predicate {node.items[0] if node.items else ''}; declare it in :predicates, or correct the name"
             )
             return None
         arguments = self._arguments(node, signature)
@@ -129,7 +129,7 @@ class FormulaReader:
     def _arguments(self, node: Group, signature: Signature) -> tuple[Name | Variable, ...] | None:
         argument_nodes = node.items[1:]
         if len(argument_nodes) != len(signature.parameters):
-            self._note_mistake(node, f"{node.items[0]} is of {len(signature.parameters)}, and {len(argument_nodes)} are given")
+            self._note_mistake(node, f"{node.items[0]} takes {len(signature.parameters)} arguments, not {len(argument_nodes)}")
             return None
         arguments = [self._object(item, parameter) for item, parameter in zip(argument_nodes, signature.parameters, strict=True)]
         known_arguments = tuple(argument for argument in arguments if argument is not None)
@@ -137,14 +137,14 @@ class FormulaReader:
 
     def _object(self, node: Node, parameter: Typed | None) -> Name | Variable | None:
         if not isinstance(node, Word):
-            self._note_mistake(node, f"{str(node)[:60]} is no object; write its name, or a variable")
+            self._note_mistake(node, f"{str(node)[:60]} is not an object; write its name, or a variable")
             return None
         sorts, term = self._meaning(node)
         if term is None:
             hint = "as a parameter of the action" if node.text.startswith("?") else "among the objects"
-            self._note_mistake(node, f"{node} is not known; declare it {hint}, or mend the name")
+            self._note_mistake(node, f"{node} is not known; declare it {hint}, or correct the name")
         elif parameter is not None and not sorts & self.symbols.kinds.sorts(parameter):
-            self._note_mistake(node, f"{node} can be no {' or '.join(parameter.types)}, and one is meant here")
+            self._note_mistake(node, f"{node} cannot be a {' or '.join(parameter.types)}, which is expected here")
             return None
         return term
 
@@ -158,7 +158,7 @@ class FormulaReader:
 
     def _comparison(self, node: Group, negated: bool) -> Formula | None:
         if len(node.items) != 3:
-            self._note_mistake(node, f"{node.head} compares two, and {len(node.items) - 1} are given")
+            self._note_mistake(node, f"{node.head} compares two terms, not {len(node.items) - 1}")
             return None
         sides = [self._side(item) for item in node.items[1:]]
         left_term, right_term = sides
@@ -166,7 +166,7 @@ class FormulaReader:
             return None
         objects = [isinstance(side, Name | Variable) for side in sides]
         if any(objects) and (node.head != "=" or not all(objects)):
-            self._note_mistake(node, f"{node} compares what cannot be compared: objects by = alone, numbers with numbers")
+            self._note_mistake(node, f"{node} is not a valid comparison: objects are compared only by =, numbers only with numbers")
             return None
         return Comparison(left_term, _OPPOSITES[node.head] if negated else node.head, right_term)
 
@@ -176,7 +176,7 @@ class FormulaReader:
     # Numbers
 
     def number(self, node: Node) -> Term | None:
-        """A number, or what is reckoned from numbers."""
+        """A numeric term; None after a mistake."""
         total = self._sum(node)
         return total.term if total is not None else None
 
@@ -184,7 +184,7 @@ class FormulaReader:
         if (value := number(node)) is not None:
             return constant(value)
         if not isinstance(node, Group) or not node.head:
-            self._note_mistake(node, f"{str(node)[:60]} is no number; write one, or a function such as (distance ?a ?b)")
+            self._note_mistake(node, f"{str(node)[:60]} is not a number; write one, or a function such as (distance ?a ?b)")
             return None
         return self._arithmetic(node) if node.head in ("+", "-", "*", "/") else self._function(node)
 
@@ -200,23 +200,23 @@ class FormulaReader:
             case "/", [first, second] if second.number:
                 return first.times(1 / second.number)
             case "/", [_, _]:
-                self.mistakes.unsupported(node, self.subject, "dividing by anything but a number other than 0 is not read")
+                self.mistakes.unsupported(node, self.subject, "division is supported only by a number other than 0")
                 return None
             case (("+" | "*"), [first, _, *_]):
                 return reduce(
                     lambda left_sum, right_sum: left_sum + right_sum if node.head == "+" else left_sum * right_sum, parts[1:], first
                 )
-        self._note_mistake(node, f"{node.head} is of two numbers: ({node.head} 1 2)")
+        self._note_mistake(node, f"{node.head} takes two numbers: ({node.head} 1 2)")
         return None
 
     def _function(self, node: Group) -> Sum | None:
-        """An attribute of the one object; of the world, when there is none; else a table's entry."""
+        """An attribute of the single argument; an attribute of the world without arguments; a table entry for several."""
         signature = self.symbols.domain.functions.get(node.head)
         if signature is None:
-            self._note_mistake(node, f"there is no function {node.items[0]}; declare it in :functions, or mend the name")
+            self._note_mistake(node, f"there is no function {node.items[0]}; declare it in :functions, or correct the name")
             return None
         if node.head == self.symbols.cost:
-            self.mistakes.unsupported(node, self.subject, f"conditions on {node.head}, which the plan is to keep small, are not read")
+            self.mistakes.unsupported(node, self.subject, f"conditions on {node.head}, which the plan minimises, are not supported")
             return None
         arguments = self._arguments(node, signature)
         if arguments is None:
@@ -235,21 +235,21 @@ class FormulaReader:
 
     def _effect(self, node: Node, effects: Effects) -> None:
         if not isinstance(node, Group) or not node.head:
-            self._note_mistake(node, f"{str(node)[:60]} is no effect; an effect is a group that begins with a word")
+            self._note_mistake(node, f"{str(node)[:60]} is not an effect; an effect is a group that begins with a word")
             return
         inner = node.items[1] if node.head == "not" and len(node.items) == 2 else node
         if node.head in _COUNTING and node.head not in self.symbols.domain.predicates:
             self._numeric_effect(node, effects)
         elif node.head in ("when", "forall", "or", "oneof", "probabilistic"):
-            message = _REFUSED.get(node.head, f"{node.head} in an effect is not read; an effect says what becomes true and what false")
+            message = _REFUSED.get(node.head, f"{node.head} in an effect is not supported; an effect states what becomes true or false")
             self.mistakes.unsupported(node, self.subject, message)
         elif isinstance(inner, Group) and (atom := self.atom(inner)) is not None:
             (effects.deletes if node.head == "not" else effects.adds).append(atom)
 
     def _numeric_effect(self, node: Group, effects: Effects) -> None:
-        """A number that the action changes; or what it adds to the cost."""
+        """Read a numeric effect: a change of an attribute, or of the cost."""
         if len(node.items) != 3 or not isinstance(node.items[1], Group):
-            self._note_mistake(node, f"{node.head} is of a function and a number: ({node.head} (total-cost) 1)")
+            self._note_mistake(node, f"{node.head} takes a function and a number: ({node.head} (total-cost) 1)")
             return
         function = node.items[1]
         if function.head == self.symbols.cost and node.head == "increase":
@@ -257,23 +257,23 @@ class FormulaReader:
                 effects.cost = amount if effects.cost is None else effects.cost + amount
             return
         if function.head == "total-cost" and self.symbols.cost is None:
-            return  # no metric speaks of it, so that it changes nothing that a plan could depend on
+            return  # no metric uses it, so no plan depends on it
         target, amount = self._sum(function), self._sum(node.items[2])
         attribute = target.term if target is not None else None
         if isinstance(attribute, Call):
-            self.mistakes.unsupported(node, self.subject, "a function of several objects that actions change is not read")
+            self.mistakes.unsupported(node, self.subject, "a function of several objects that actions change is not supported")
         elif target is not None and amount is not None and isinstance(attribute, Attribute):
             self._set(node, _setting(node.head, attribute, target, amount), effects)
 
     def _set(self, node: Group, setting: Setting | None, effects: Effects) -> None:
         if setting is None:
-            self.mistakes.unsupported(node, self.subject, "dividing by anything but a number other than 0 is not read")
+            self.mistakes.unsupported(node, self.subject, "division is supported only by a number other than 0")
         elif (existing := effects.values.get(setting.target)) is None:
             effects.values[setting.target] = setting
         elif (combined := existing.combine(setting)) is not None:
             effects.values[setting.target] = combined
         else:
-            self._note_mistake(node, f"{node.items[1]} is changed in another way by the same action; say once what becomes of it")
+            self._note_mistake(node, f"{node.items[1]} is changed in another way by the same action; keep one of the two changes")
 
 
 def _setting(operator: str, attribute: Attribute, target: Sum, amount: Sum) -> Setting | None:

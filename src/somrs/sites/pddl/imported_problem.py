@@ -1,4 +1,4 @@
-"""A domain and a problem of PDDL as an ontology, a map, service types, devices and a task."""
+"""Converts a PDDL domain and problem to an ontology, a map, service types, devices and a task."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ from somrs.sites.pddl.syntax import Domain, Signature, Task, Typed
 from somrs.sites.pddl.text import Group, Node, number, raise_all
 
 WORLD = "World"
-"""The root of the map, and the object that facts and numbers of no object are said of."""
+"""The root of the map. It is also the argument of predicates and functions without parameters."""
 AGENT = "Agent"
-"""The type of the one device there is when the domain names no agents."""
+"""The type of the single device when the domain names no agents."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ImportedProblem:
-    """What a domain and a problem say, in the words of SO-MRS.
+    """A domain and a problem in terms of SO-MRS.
 
-    `agents` are the devices on the map and what each of them offers; `notes` are for people: what was left out.
+    `agents` are the devices on the map, each with the service types that it offers. `notes` tell people what was left out.
     """
 
     name: str
@@ -50,11 +50,11 @@ class ImportedProblem:
 
     @property
     def task(self) -> str:
-        """The goal as text: what to tell `somrs do`."""
+        """The goal as text, for `somrs do`."""
         return str(self.goal)
 
     def problem(self) -> Problem:
-        """What to ask the planner, with every agent ready."""
+        """The problem for the planner, with every agent available."""
         return Problem(ontology=self.ontology, map=self.map, goal=self.goal, services=self.available)
 
     @cached_property
@@ -67,13 +67,13 @@ class ImportedProblem:
         return tuple(AvailableService(service, tuple(providers[service.name])) for service in self.services)
 
     def price(self, service: str, inputs: Mapping[str, str], agent: str) -> float:
-        """What doing it costs; 1 when the problem counts no costs. `inputs` are names of objects."""
+        """The cost of a service with these inputs (names of objects) by the agent; 1 when the problem has no costs."""
         return self.cost(
             Step(id="", service_type=service, inputs={k: Name(v) for k, v in inputs.items()}, effect=self.goal, provider=agent)
         )
 
     def cost(self, step: Step) -> float:
-        """What the step costs; 1 when the problem counts no costs."""
+        """The cost of the step; 1 when the problem has no costs. Raises UsageError if the problem does not define it."""
         cost = self._offers[step.service_type].service.cost
         if cost is None:
             return 1.0
@@ -83,13 +83,13 @@ class ImportedProblem:
         return measured.constant.value
 
     def pddl_name(self, object: str) -> str:
-        """What the problem calls an object of the map."""
+        """The PDDL name of an object of the map."""
         return self._objects.pddl(object)
 
     def pddl_step(self, step: Step) -> str:
-        """A step as PDDL writes it, the acting agent first: `(drive driver1 truck1 depot0 depot1)`.
+        """A step in PDDL, with the agent first: `(drive driver1 truck1 depot0 depot1)`.
 
-        A step of which the plan does not say who does it is given to the first agent that can.
+        A step without a provider gets the first agent that offers the service.
         """
         offer = self._offers[step.service_type]
         provider = step.provider
@@ -100,13 +100,13 @@ class ImportedProblem:
         return f"({' '.join([offer.action, *(self.pddl_name(term.name) for term in arguments if isinstance(term, Name))])})"
 
     def pddl_plan(self, steps: Iterable[Step]) -> str:
-        """Steps in the order in which they are given as a plan file, one a line, for validators that read PDDL."""
+        """The steps as a PDDL plan file for validators: one step a line, in the given order."""
         return "".join(f"{self.pddl_step(step)}\n" for step in steps)
 
 
 def build(domain: Domain, task: Task) -> ImportedProblem:
-    """Raises ModelError with everything that is wrong with the files, or is not read."""
-    raise_all(domain.mistakes, task.mistakes)  # what comes now looks names up
+    """The imported problem. Raises ModelError with all mistakes and unsupported features of the files."""
+    raise_all(domain.mistakes, task.mistakes)  # the next steps look names up
     return _ProblemBuilder(domain, task).imported()
 
 
@@ -122,7 +122,7 @@ class _ProblemBuilder:
                 )
         for thing in things.values():
             if len(thing.types) > 1:
-                task.mistakes.unsupported(thing.word, thing.written, "an object of either of several types is not read")
+                task.mistakes.unsupported(thing.word, thing.written, "an object with several types is not supported")
         relations, types, attributes, functions = Names(base.relations), Names(base.types), Names([*base.attributes, *RESERVED]), Names()
         self.function_names = Names(base.functions)
         for signature in domain.predicates.values():
@@ -170,7 +170,7 @@ class _ProblemBuilder:
             [*self._all_facts(), *([Fact(PART_OF, (lone_agent, self.world))] if lone_agent is not None else [])],
         )
         if self.domain.name.lower() != self.task.domain.lower():
-            self.notes.append(f"the problem is of a domain {self.task.domain}, and the domain's name is {self.domain.name}")
+            self.notes.append(f"the problem names the domain {self.task.domain}, and the domain's name is {self.domain.name}")
         return ImportedProblem(
             name=self.task.name or self.domain.name,
             ontology=upper().extended([*self._definitions(lone_agent is not None), *services]),
@@ -187,13 +187,13 @@ class _ProblemBuilder:
 
     def _initial(self, node: Node, reader: FormulaReader) -> None:
         if not isinstance(node, Group) or not node.head:
-            reader.mistakes.note(node, "init", "syntax", f"{str(node)[:60]} is no fact; a fact is a group: (at truck1 depot)")
+            reader.mistakes.note(node, "init", "syntax", f"{str(node)[:60]} is not a fact; a fact is a group: (at truck1 depot)")
         elif node.head == "not":
-            pass  # what is not said to hold does not
+            pass  # facts that are not stated do not hold
         elif node.head == "=" and len(node.items) == 3:
             self._value(node, reader)
         elif node.head == "at" and len(node.items) == 3 and number(node.items[1]) is not None:
-            reader.mistakes.unsupported(node, "init", "facts that come true at a certain time are not read")
+            reader.mistakes.unsupported(node, "init", "timed initial facts are not supported")
         elif (atom := reader.atom(node)) is not None:
             self.facts[Fact(atom.relation, tuple(argument.name for argument in atom.arguments))] = None
 
@@ -203,7 +203,7 @@ class _ProblemBuilder:
             reader.mistakes.note(node, "init", "syntax", f"{node} gives no value; write (= (function object) number)")
             return
         if target.head == self.cost or (target.head == "total-cost" and len(target.items) == 1):
-            return  # it starts at 0, wherever it starts
+            return  # the initial value of the cost does not matter
         arguments = tuple(item.text for item in target.items[1:] if not isinstance(item, Group))
         if reader.number(target) is None:
             return
@@ -246,14 +246,14 @@ class _ProblemBuilder:
         for name, signature in self.domain.predicates.items():
             yield RelationType(name=self.symbols.relations.entish(name), joins=self._joins(signature.parameters) or (self.world_type,))
         for relation in self.kinds.picked:
-            yield RelationType(name=relation, joins=(self.kinds.of_picked(relation),), doc="Is one of those that an action is about")
+            yield RelationType(name=relation, joins=(self.kinds.of_picked(relation),), doc="Selects the objects to which an action applies")
         for name, signature in self.domain.functions.items():
             if len(signature.parameters) > 1:
                 yield self._table(name, signature)
         yield ObjectType(name=self.world_type, parent=ABSTRACT, attributes=tuple(attributes.get(self.world_type, ())))
         yield from self.kinds.definitions(attributes)
         if has_lone_agent:
-            yield ObjectType(name=self.agent_type, parent=DEVICE, driver=DRIVER, doc="Does everything that the domain's actions do")
+            yield ObjectType(name=self.agent_type, parent=DEVICE, driver=DRIVER, doc="Offers all actions of the domain")
 
     def _joins(self, parameters: tuple[Typed, ...]) -> tuple[str, ...]:
         return tuple(self.kinds.joined(parameter) for parameter in parameters)
@@ -262,10 +262,10 @@ class _ProblemBuilder:
         values = self.tables.get(name, {})
         return FunctionType(name=self.symbols.functions.entish(name), parameters=self._joins(signature.parameters), values=values)
 
-    # Who does it, and what is to be done
+    # Agents and the goal
 
     def _agents(self, offers: list[Offer]) -> tuple[dict[str, tuple[ServiceType, ...]], str | None]:
-        """The devices and what they offer; and the name of the one that is made up when the domain names none."""
+        """The devices with their service types, and the name of the single device that is added when the domain names no agents."""
         named = frozenset[str]().union(*(offer.agents for offer in offers if offer.agents is not None))
         if not named:
             lone_agent = self.objects.fresh(f"{AGENT}1")
@@ -282,12 +282,12 @@ class _ProblemBuilder:
         reader = FormulaReader(self.symbols, self.task.mistakes, "goal", {})
         goal = reader.condition(self.task.goal)
         if goal is None and not self.task.mistakes.problems:
-            self.task.mistakes.note(self.task.goal, "goal", "goal", "this goal asks for nothing; write a condition in it")
+            self.task.mistakes.note(self.task.goal, "goal", "goal", "this goal is empty; write a condition in it")
         return goal
 
 
 def _metric(task: Task, domain: Domain) -> tuple[str | None, list[str]]:
-    """The function that the plan is to keep small, and notes."""
+    """The function that the plan should minimise, and notes."""
     if task.metric is None:
         return None, []
     match task.metric.items[1:]:
@@ -296,7 +296,9 @@ def _metric(task: Task, domain: Domain) -> tuple[str | None, list[str]]:
             if name in domain.functions and not domain.functions[name].parameters:
                 return name, []
             if name == "total-time":
-                return None, ["the time that the plan takes is not kept small by its metric; the system keeps it small anyway"]
-    message = f"a metric {' '.join(map(str, task.metric.items[1:]))} is not read; one function without parameters can be kept small"
+                return None, ["the metric total-time is ignored; the system minimises the duration anyway"]
+    message = (
+        f"a metric {' '.join(map(str, task.metric.items[1:]))} is not supported; only one function without parameters can be minimised"
+    )
     task.mistakes.unsupported(task.metric, "metric", message)
     return None, []

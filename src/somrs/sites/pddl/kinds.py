@@ -1,7 +1,7 @@
-"""PDDL's types as types of the ontology: what acts goes below `Device`, everything else below `PhysicalObject`.
+"""Maps PDDL types to types of the ontology: agents are below `Device`, all other objects below `PhysicalObject`.
 
-So a type that has agents and other things below it (drivers, trucks and packages, which all are somewhere) is not one type here:
-where an action speaks of it, the objects are said to be of the nearest type above them all, and a relation picks them out.
+A PDDL type with both agents and other objects (drivers, trucks and packages, which all have a location) is therefore not a single type in
+the ontology. An action on it uses the nearest common ancestor as type, and a relation that selects the objects.
 """
 
 from __future__ import annotations
@@ -15,27 +15,27 @@ from somrs.sites.pddl.syntax import OBJECT, Domain, Typed
 
 DEVICE = "Device"
 DRIVER = "somrs.devices.symbolic.device:SymbolicDevice"
-"""The program that serves a device that knows nothing but facts."""
+"""The driver of symbolic devices, which only change facts."""
 
 Sorts = frozenset[str]
-"""The PDDL types of which something may be, each without those below it."""
+"""The possible PDDL types of an object, each without its subtypes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """A type of the ontology and, where that has more objects than are meant, the relation that picks them out."""
+    """A type of the ontology, and a relation that selects some of its objects if not all are meant."""
 
     type: str
     relation: str | None = None
 
 
 class Kinds:
-    """The types of one domain, with the objects of one problem."""
+    """The types of one domain and the objects of one problem."""
 
     def __init__(self, domain: Domain, objects: Iterable[Typed], names: Names, relations: Names) -> None:
         self.names, self.relations = names, relations
         self.picked: dict[str, Sorts] = {}
-        """What the relations that pick objects out hold of, by their names."""
+        """The relations that select objects, with the types of the selected objects."""
         self._parents: dict[str, str | None] = {OBJECT: None, **domain.parents}
         self.inhabited = frozenset(thing.types[0] for thing in objects)
         acting = [action.agent for action in domain.actions.values() if action.agent is not None]
@@ -58,7 +58,7 @@ class Kinds:
             current = self._parents[current]
 
     def _acting(self, named: Sorts) -> Sorts:
-        """The types of agents; and those above that have no others below them and no objects of their own."""
+        """The types of agents, and those ancestors of them that have only such subtypes and no objects of their own."""
         acting_types = set(named)
         for name in sorted(self._parents, key=lambda name: -len([*self._line(name)])):
             inner = self._descendants[name] - {name}
@@ -67,30 +67,30 @@ class Kinds:
         return frozenset(acting_types)
 
     def sorts(self, thing: Typed) -> Sorts:
-        """What something that is declared so may be."""
+        """The possible types of an object with this declaration."""
         return frozenset[str]().union(*(self._descendants[name] for name in thing.types if name in self._descendants))
 
     def kind(self, sorts: Sorts, declared: Typed | None = None) -> Kind:
-        """What to say of a variable that stands for such objects; the type that it was declared with, if that is right."""
+        """The kind of a variable for objects of these types; the declared type, if it has exactly these objects."""
         exact = self._exact(sorts & self.inhabited, declared)
         if exact is not None:
             return Kind(exact)
         return Kind(self._common(sorts & self.inhabited), self._relation(sorts & self.inhabited, declared))
 
     def joined(self, thing: Typed) -> str:
-        """The type that a predicate or function joins there; what it says of others is never true."""
+        """The type of a parameter of a predicate or function. It may have more objects than the parameter allows; no fact has them."""
         target_sorts = self.sorts(thing) & self.inhabited
         return self._exact(target_sorts, thing) or self._common(target_sorts)
 
     def _exact(self, target_sorts: Sorts, declared: Typed | None) -> str | None:
-        """The type of the ontology that has these objects and no others."""
+        """The type of the ontology with exactly these objects; None without one."""
         for name in (*(declared.types if declared is not None else ()), *self._parents):
             if self._is_included(name) and self._objects_of(name) == target_sorts:
                 return self.names.entish(name)
         return None
 
     def _common(self, target_sorts: Sorts) -> str:
-        """The nearest type of the ontology that is above all these."""
+        """The nearest common ancestor of these types in the ontology."""
         lines = [[*map(self.names.entish, self._entish_line(sort)), *self._tops(sort)] for sort in target_sorts]
         return next((name for name in lines[0] if all(name in line for line in lines)), PHYSICAL) if lines else PHYSICAL
 
@@ -98,11 +98,11 @@ class Kinds:
         return name != OBJECT or self._root_used
 
     def _objects_of(self, name: str) -> Sorts:
-        """The types of the objects that the ontology's type of this name has."""
+        """The PDDL types of the objects that the type has in the ontology."""
         return frozenset(sort for sort in self._descendants[name] & self.inhabited if name in self._entish_line(sort))
 
     def _entish_line(self, name: str) -> list[str]:
-        """The types above it that stay above it: those on its side, of what acts or of what does not."""
+        """The type and its ancestors that remain ancestors in the ontology: those that are agents as well, or are not."""
         side = name in self.acting
         return [ancestor for ancestor in self._line(name) if self._is_included(ancestor) and (ancestor in self.acting) is side]
 
@@ -119,15 +119,15 @@ class Kinds:
         return relation
 
     def relation(self, sorts: Sorts, declared: Typed) -> str:
-        """The relation that picks out those objects, though no type has others besides."""
+        """The relation that selects objects of these types, even if a type has exactly these objects."""
         return self._relation(sorts & self.inhabited, declared)
 
     def of_picked(self, relation: str) -> str:
-        """The type of which the relation picks some."""
+        """The type from which the relation selects objects."""
         return self._common(self.picked[relation])
 
     def covering(self, thing: Typed) -> list[str]:
-        """The topmost types of the ontology that together hold all that it may be: those that get an attribute of it."""
+        """The topmost types of the ontology that together have all possible objects of a parameter. An attribute is added to each."""
         sorts = [name for name in self.sorts(thing) if self._is_included(name)]
         return [self.names.entish(name) for name in sorts if self._nearest_ancestor(name) not in sorts]
 
@@ -136,7 +136,7 @@ class Kinds:
         return line[1] if len(line) > 1 else None
 
     def definitions(self, attributes: dict[str, list[str]]) -> Iterator[ObjectType]:
-        """The types; `attributes` are what objects of them may have, by the types' names in the ontology."""
+        """The object types; `attributes` are their attributes, by the types' names in the ontology."""
         for name in self._parents:
             if not self._is_included(name):
                 continue

@@ -1,4 +1,4 @@
-"""Names of PDDL as names of Entish, and back. A name stays as it is written wherever Entish can say it."""
+"""Converts names between PDDL and Entish. A PDDL name stays as it is written if it is valid in Entish."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _KEYWORDS = frozenset({"AND", "OR", "NOT", "TRUE", "FALSE"})
 
 
 class Names:
-    """One sort of names (objects, relations, ...): PDDL's, in small letters, and Entish's, each the other's only one."""
+    """A one-to-one mapping between the PDDL names, in lower case, and the Entish names of one kind (objects, relations, ...)."""
 
     def __init__(self, reserved: Iterable[str] = ()) -> None:
         self._reserved = set(reserved)
@@ -22,7 +22,7 @@ class Names:
         return pddl in self._entish
 
     def add(self, pddl: str, written: str) -> str:
-        """The Entish name of a PDDL name, chosen when it comes first."""
+        """The Entish name of a PDDL name. The first call chooses it from the spelling `written`."""
         if pddl not in self._entish:
             name = self.fresh(written)
             self._entish[pddl] = name
@@ -30,7 +30,7 @@ class Names:
         return self._entish[pddl]
 
     def fresh(self, wanted_name: str) -> str:
-        """An Entish name like the wanted one that is nobody's yet."""
+        """An unused Entish name, as similar as possible to the wanted one."""
         name = re.sub(r"-(?!\w)", "_", re.sub(r"[^\w-]", "_", wanted_name))
         if not NAME.fullmatch(name):
             name = "x" + name

@@ -1,4 +1,4 @@
-"""Reckoning: a PDDL expression as a sum of products, which Entish can say without parentheses."""
+"""Arithmetic: PDDL expressions as sums of products, because Entish has no parentheses in terms."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Factor = Attribute | Call
 
 @dataclass(frozen=True, slots=True)
 class Sum:
-    """For each product of factors, how many of it."""
+    """A sum of products: each part has factors and a coefficient."""
 
     parts: tuple[tuple[tuple[Factor, ...], float], ...]
 
@@ -30,14 +30,14 @@ class Sum:
 
     @property
     def number(self) -> float | None:
-        """Its value, if nothing is in it that has to be looked up."""
+        """The value of a constant sum; None if it has factors."""
         if any(factors for factors, _ in self.parts):
             return None
         return sum(count for _, count in self.parts)
 
     @property
     def term(self) -> Term:
-        """As Entish says it."""
+        """The sum as an Entish term."""
         term: Term | None = None
         for factors, count in self.parts:
             magnitude = _product(factors, abs(count))
@@ -61,7 +61,7 @@ def single_factor(factor: Factor) -> Sum:
 
 
 def _sum(parts: list[tuple[tuple[Factor, ...], float]]) -> Sum:
-    """With what is alike added up, and what is nothing left out."""
+    """The sum with equal products combined, and without those that cancel out."""
     counts: dict[tuple[Factor, ...], float] = {}
     for factors, count in parts:
         key = tuple(sorted(factors, key=str))

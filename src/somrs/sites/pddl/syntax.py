@@ -1,7 +1,7 @@
-"""What a domain and a problem declare: types, objects, predicates, functions, actions. Conditions and effects stay words, which
-`formulas.py` reads.
+"""Reads the declarations of a domain and a problem: types, objects, predicates, functions, actions. `formulas.py` reads conditions and
+effects.
 
-PDDL 2.1 (Fox and Long, 2003) without durations; agents and privacy as in MA-PDDL of CoDMAP 2015, unfactored.
+Supported is PDDL 2.1 (Fox and Long, 2003) without durations, with agents and privacy as in the MA-PDDL of CoDMAP 2015, unfactored.
 """
 
 from __future__ import annotations
@@ -15,20 +15,20 @@ OBJECT = "object"
 """PDDL's root type."""
 
 _SECTIONS = {
-    ":durative-action": "actions with durations are not read",
-    ":derived": "derived predicates are not read",
-    ":process": "processes are not read",
-    ":event": "events are not read",
-    ":constraints": "constraints on the course of a plan are not read",
-    ":htn": "task networks are not read",
-    ":task": "task networks are not read",
-    ":method": "task networks are not read",
+    ":durative-action": "actions with durations are not supported",
+    ":derived": "derived predicates are not supported",
+    ":process": "processes are not supported",
+    ":event": "events are not supported",
+    ":constraints": "constraints on the course of a plan are not supported",
+    ":htn": "task networks are not supported",
+    ":task": "task networks are not supported",
+    ":method": "task networks are not supported",
 }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Typed:
-    """A name, or a variable without its `?`, and its types: several when it is `either` of them."""
+    """A typed name or variable. It has several types when it is declared with `either`."""
 
     word: Word
     types: tuple[str, ...]
@@ -44,7 +44,7 @@ class Typed:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Signature:
-    """A predicate or a function, and what it is of."""
+    """A predicate or a function with its parameters."""
 
     word: Word
     parameters: tuple[Typed, ...]
@@ -67,7 +67,7 @@ class Domain:
     name: str = ""
     types: dict[str, Word] = field(default_factory=dict)
     parents: dict[str, str] = field(default_factory=dict)
-    """Of every type but the root."""
+    """The parent of each type except the root."""
     constants: dict[str, Typed] = field(default_factory=dict)
     predicates: dict[str, Signature] = field(default_factory=dict)
     functions: dict[str, Signature] = field(default_factory=dict)
@@ -132,13 +132,13 @@ def task(root: Group, mistakes: Mistakes, domain: Domain) -> Task:
             case ":metric":
                 definition.metric = section
             case ":length":
-                pass  # a hint of how long a plan is allowed to be, which PDDL itself has given up
+                pass  # an obsolete hint about the length of the plan
             case _:
                 _reject_section(section, mistakes)
     for thing in definition.objects.values():
         for name in thing.types:
             if name != OBJECT and name not in domain.parents:
-                message = f"the domain has no type {name}; declare it in :types, or mend the name"
+                message = f"the domain has no type {name}; declare it in :types, or correct the name"
                 mistakes.note(thing.word, thing.written, "unknown-type", message)
     if definition.goal is None:
         mistakes.note(root, "problem", "goal", "there is no goal; write (:goal ...) with one condition in it")
@@ -147,7 +147,7 @@ def task(root: Group, mistakes: Mistakes, domain: Domain) -> Task:
 
 def _sections(root: Group, kind: str, mistakes: Mistakes) -> Iterator[Group]:
     if root.head != "define" or len(root.items) < 2 or not isinstance(root.items[1], Group) or root.items[1].head != kind:
-        mistakes.note(root, "file", "syntax", f"this is no PDDL {kind}; such a file begins with (define ({kind} NAME)")
+        mistakes.note(root, "file", "syntax", f"this is not a PDDL {kind}; such a file begins with (define ({kind} NAME)")
         return
     for item in root.items[1:]:
         if isinstance(item, Group) and item.items:
@@ -162,12 +162,10 @@ def _reject_section(section: Group, mistakes: Mistakes) -> None:
 
 
 def _requirements(section: Group, mistakes: Mistakes) -> None:
-    """What a file uses is judged where it uses it; only the division into several files cannot be seen there."""
+    """Check the requirements. Unsupported features are reported where they are used, except for a problem in several files."""
     for word in section.items[1:]:
         if isinstance(word, Word) and word.text == ":factored-privacy":
-            mistakes.unsupported(
-                word, word.text, "a problem that is spread over one file for each agent is not read; give the unfactored one"
-            )
+            mistakes.unsupported(word, word.text, "a problem in one file for each agent is not supported; give the unfactored one")
 
 
 def _declare(declared: Iterator[Typed], table: dict[str, Typed], mistakes: Mistakes) -> None:
@@ -178,7 +176,7 @@ def _declare(declared: Iterator[Typed], table: dict[str, Typed], mistakes: Mista
 
 
 def _typed(items: Sequence[Node], mistakes: Mistakes) -> Iterator[Typed]:
-    """`a b - t c - (either t u) d`."""
+    """The typed names in a list such as `a b - t c - (either t u) d`."""
     waiting: list[Word] = []
     rest = iter(items)
     for item in rest:
@@ -204,7 +202,7 @@ def _type_names(node: Node | None, dash: Node, mistakes: Mistakes) -> tuple[str,
 
 
 def _objects(items: Sequence[Node], mistakes: Mistakes) -> Iterator[Typed]:
-    """Private ones as well: `(:private AGENT a b - t)`; who may know of an object does not change what there is."""
+    """The objects, including private ones, `(:private AGENT a b - t)`: SO-MRS does not restrict knowledge of objects."""
     public = [item for item in items if not (isinstance(item, Group) and item.head == ":private")]
     yield from _typed(public, mistakes)
     for item in items:
@@ -213,10 +211,10 @@ def _objects(items: Sequence[Node], mistakes: Mistakes) -> Iterator[Typed]:
 
 
 def _signatures(items: Sequence[Node], mistakes: Mistakes) -> Iterator[Signature]:
-    """`(p ?x - t) (q) - number (:private ?a - t (r ?a - t))`."""
+    """The signatures in a list such as `(p ?x - t) (q) - number (:private ?a - t (r ?a - t))`."""
     for item in items:
         if not isinstance(item, Group):
-            continue  # the `- number` behind a function, the variable of a private block
+            continue  # the `- number` after a function, or the variable of a private block
         if item.head == ":private":
             yield from _signatures(item.items[1:], mistakes)
         elif item.head:
@@ -229,23 +227,23 @@ def _signatures(items: Sequence[Node], mistakes: Mistakes) -> Iterator[Signature
 def _types(section: Group, domain: Domain) -> None:
     for thing in _typed(section.items[1:], domain.mistakes):
         if len(thing.types) > 1:
-            domain.mistakes.unsupported(thing.word, thing.written, "a type below either of several types is not read")
+            domain.mistakes.unsupported(thing.word, thing.written, "a type with several parents is not supported")
         if thing.name == OBJECT:
             continue
         domain.types.setdefault(thing.name, thing.word)
         if domain.parents.setdefault(thing.name, thing.types[0]) != thing.types[0]:
-            message = f"is below {domain.parents[thing.name]} already; a type has one type above it"
+            message = f"has the parent {domain.parents[thing.name]} already; a type has one parent"
             domain.mistakes.note(thing.word, thing.written, "duplicate", message)
     for name, parent in [*domain.parents.items()]:
         if parent != OBJECT and parent not in domain.parents:
-            domain.parents[parent] = OBJECT  # named only as what others are below
+            domain.parents[parent] = OBJECT  # declared only as a parent
             domain.types[parent] = Word(parent, parent, domain.types[name].line)
     for name in domain.parents:
         ancestor, visited = name, {name}
         while ancestor != OBJECT:
             ancestor = domain.parents[ancestor]
             if ancestor in visited:
-                domain.mistakes.note(domain.types[name], name, "cycle", "this type is below itself; give it another type above")
+                domain.mistakes.note(domain.types[name], name, "cycle", "this type is its own ancestor; give it another parent")
                 domain.parents[name] = OBJECT
                 break
             visited.add(ancestor)
@@ -260,7 +258,7 @@ def _known_types(domain: Domain) -> None:
     for thing in things:
         for name in thing.types:
             if name != OBJECT and name not in domain.parents:
-                message = f"there is no type {name}; declare it in :types, or mend the name"
+                message = f"there is no type {name}; declare it in :types, or correct the name"
                 domain.mistakes.note(thing.word, thing.word.written, "unknown-type", message)
 
 
@@ -285,7 +283,7 @@ def _action(section: Group, domain: Domain) -> None:
         return
     agents = [*_typed(parts.get(":agent", []), mistakes)]
     if len(agents) > 1:
-        mistakes.unsupported(agents[1].word, name.written, "an action of several agents at once is not read")
+        mistakes.unsupported(agents[1].word, name.written, "an action of several agents at once is not supported")
     for key in (":precondition", ":effect"):
         if len(parts.get(key, [])) > 1:
             mistakes.note(parts[key][1], name.written, "syntax", f"{key} is one condition; join several by (and ...)")
@@ -301,6 +299,6 @@ def _action(section: Group, domain: Domain) -> None:
 
 
 def _condition(parts: dict[str, list[Node]], key: str) -> Node | None:
-    """None where nothing is said: left out, or ()."""
+    """The condition with the key; None if it is left out or empty."""
     nodes = parts.get(key)
     return nodes[0] if nodes and not (isinstance(nodes[0], Group) and not nodes[0].items) else None

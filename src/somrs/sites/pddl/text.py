@@ -1,4 +1,4 @@
-"""PDDL as text: words and parentheses with their lines, and what is wrong with them. What they mean is `syntax.py`'s business."""
+"""Parses PDDL text into words and groups with their lines, and collects mistakes. `syntax.py` interprets them."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from dataclasses import dataclass, field
 from somrs.errors import ModelError, Problem
 
 DEEPEST = 100
-"""More parentheses within each other are taken for a mistake."""
+"""The maximum nesting of parentheses; more are taken for a mistake."""
 
 _TOKEN = re.compile(r"[()]|[^\s();]+|;[^\n]*|\n")
 
 
 @dataclass(frozen=True, slots=True)
 class Word:
-    """A name, a variable, a keyword or a number. PDDL does not tell capitals from small letters: `text` is in small ones."""
+    """A name, a variable, a keyword or a number. PDDL is not case-sensitive: `text` is in lower case, `written` as in the file."""
 
     text: str
     written: str
@@ -28,14 +28,14 @@ class Word:
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """What stands between two parentheses."""
+    """The items between two parentheses."""
 
     items: tuple[Node, ...]
     line: int
 
     @property
     def head(self) -> str:
-        """The word that says what the group is; empty when there is none."""
+        """The first item, if it is a word; otherwise empty."""
         return self.items[0].text if self.items and isinstance(self.items[0], Word) else ""
 
     def __str__(self) -> str:
@@ -47,7 +47,7 @@ Node = Word | Group
 
 @dataclass(slots=True)
 class Mistakes:
-    """What is wrong with one file, gathered so that everything can be told at once."""
+    """The mistakes in one file, collected so that all are reported at once."""
 
     file: str
     problems: list[Problem] = field(default_factory=list)
@@ -57,37 +57,37 @@ class Mistakes:
         self.problems.append(Problem(file=self.file, line=line, subject=subject, rule=rule, message=message))
 
     def unsupported(self, node: Node | int, subject: str, message: str) -> None:
-        """That the file uses something which is not read."""
-        self.note(node, subject, "unsupported", f"{message}; docs/how-to/import-planning-problems.md says what is read")
+        """Note that the file uses an unsupported feature."""
+        self.note(node, subject, "unsupported", f"{message}; docs/how-to/import-planning-problems.md lists what is supported")
 
 
 def raise_all(*files: Mistakes) -> None:
-    """Raise ModelError if anything is wrong."""
+    """Raise ModelError with the mistakes in all files, if there are any."""
     problems = [problem for file in files for problem in dict.fromkeys(file.problems)]
     if problems:
         raise ModelError(problems)
 
 
 def parse(text: str, mistakes: Mistakes) -> Group | None:
-    """The one group that a file holds; None after a mistake."""
+    """The single group of a file; None after a mistake."""
     open_groups: list[tuple[int, list[Node]]] = []
     top_nodes: list[Node] = []
     for token, line in _tokens(text):
         if token == "(":
             if len(open_groups) == DEEPEST:
-                mistakes.note(line, "file", "syntax", f"more than {DEEPEST} parentheses within each other; write it flatter")
+                mistakes.note(line, "file", "syntax", f"more than {DEEPEST} nested parentheses; reduce the nesting")
                 return None
             open_groups.append((line, []))
         elif token == ")":
             if not open_groups:
-                mistakes.note(line, "file", "syntax", "this ) closes nothing; take it away, or write the ( that is missing")
+                mistakes.note(line, "file", "syntax", "this ) has no matching (; remove it, or add the missing (")
                 return None
             start_line, items = open_groups.pop()
             (open_groups[-1][1] if open_groups else top_nodes).append(Group(tuple(items), start_line))
         else:
             (open_groups[-1][1] if open_groups else top_nodes).append(Word(token.lower(), token, line))
     if open_groups:
-        mistakes.note(open_groups[-1][0], "file", "syntax", "the ( in this line is never closed; write the ) that is missing")
+        mistakes.note(open_groups[-1][0], "file", "syntax", "the ( in this line is never closed; add the missing )")
         return None
     if len(top_nodes) != 1 or not isinstance(top_nodes[0], Group):
         line = top_nodes[1].line if len(top_nodes) > 1 else 1
@@ -107,7 +107,7 @@ def _tokens(text: str) -> Iterator[tuple[str, int]]:
 
 
 def number(node: Node) -> float | None:
-    """The number that a word is."""
+    """The value of a word that is a number; None for other nodes."""
     if isinstance(node, Word) and re.fullmatch(r"[+-]?(\d+(\.\d*)?|\.\d+)(e[+-]?\d+)?", node.text):
         return float(node.text)
     return None
