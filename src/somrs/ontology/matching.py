@@ -279,7 +279,7 @@ class _Unifier:
                 object = self.map.objects.get(name)
                 return match if object is not None and self.ontology.is_subtype(object.type, type_name) else None
             case Name():
-                return match if type_name == "text" else None  # a value of a list
+                return match if type_name == "text" else None  # a value of an enumeration
             case _:
                 fitting = _VALUE_TYPES.get(type_name)
                 return match if fitting is not None and isinstance(resolved_term, fitting) else None

@@ -39,8 +39,7 @@ class Parameter(Struct, frozen=True, kw_only=True):
 
 
 class Handler(Struct, frozen=True, kw_only=True):
-    """A predefined procedure for failure handling or compensation (paper, "Failure handling and recovery": a concrete plan should
-    contain them).
+    """A predefined procedure for failure handling or compensation (paper, "Failure handling and recovery").
 
     When `on` occurs for a step and `when` holds on the map (None: always), `effect` becomes a goal, for any suitable services. Both are
     Entish formulas over the step's inputs and `?Provider`, the device that executed the step. `service_type` limits a task's handler to

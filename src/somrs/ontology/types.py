@@ -36,7 +36,7 @@ class Kind(StrEnum):
     TEXT = "text"
     TRUTH = "truth"
     ENUMERATION = "enumeration"
-    """One of a list of names."""
+    """A name from a fixed list."""
     COMPLEX = "complex"
     """A group of attributes, such as Shape."""
 
@@ -179,7 +179,7 @@ class Ontology:
         return ancestor == ROOT or ancestor in self.ancestors(type_name)
 
     def subtypes(self, type_name: str) -> Iterator[str]:
-        """The type itself and every type below it."""
+        """The type itself and all its subtypes."""
         return (name for name in self.types if self.is_subtype(name, type_name))
 
     def attributes_of(self, type_name: str) -> Mapping[str, AttributeType]:

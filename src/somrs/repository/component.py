@@ -161,7 +161,7 @@ class Repository:
             case SubscribeMap(lease=lease):
                 yield from self._subscribe(message, lease, now)
             case Fault():
-                pass  # a Fault is never answered, least of all by a Fault
+                pass  # a Fault gets no reply
             case body:
                 text = f"a Repository does not understand {type(body).__name__}; it reads, queries, updates and follows maps and ontologies"
                 yield self._answer(message, Fault(code="ActionNotSupported", text=text))

@@ -28,7 +28,7 @@ def undo_outcome(event: Event, contents: Contents) -> Outcome:
     map, ontology = contents.map, contents.ontology
     renamed = [renaming for renaming in event.renamed if renaming.section is Section.OBJECTS]
     if renamed:
-        (renaming,) = renamed  # objects are renamed one at a time, and by themselves
+        (renaming,) = renamed  # an event renames at most one object, and nothing else
         return rename_outcome(map, ontology, RenameObject(name=renaming.to, to=renaming.name))
     if event.revision is not None:
         define, broken = _definitions(event, event.revision, contents)

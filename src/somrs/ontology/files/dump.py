@@ -55,7 +55,7 @@ def _object(object: Object, ontology: Ontology) -> dict[str, Any]:
 
 
 def _nested(values: dict[str, Value]) -> dict[str, Any]:
-    """Paths as trees: `Shape.Height: 1` as `Shape: {Height: 1}`."""
+    """The values as a tree: `Shape.Height: 1` becomes `Shape: {Height: 1}`."""
     tree: dict[str, Any] = {}
     for path, value in values.items():
         *outer, leaf_key = path.split(".")

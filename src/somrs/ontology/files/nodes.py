@@ -32,7 +32,7 @@ _RESOLVERS: list[tuple[str, str, str]] = [
 
 
 class _Loader(yaml.CSafeLoader):
-    yaml_implicit_resolvers: dict[Any, Any] = {}  # PyYAML's way: a class attribute
+    yaml_implicit_resolvers: dict[Any, Any] = {}  # PyYAML reads this class attribute
 
 
 class Dumper(yaml.CSafeDumper):

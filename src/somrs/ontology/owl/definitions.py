@@ -183,7 +183,7 @@ class _Writer:
         self._add(axiom, RDFS.comment, Literal(constraint.doc) if constraint.doc else None)
 
     def _value_restriction(self, path: str, values: IdentifiedNode) -> IdentifiedNode:
-        """`Shape only (Height only ...)` for `Shape.Height`."""
+        """The nested restriction for a path: `Shape only (Height only ...)` for `Shape.Height`."""
         for name in reversed(path.split(".")):
             values = self._restriction(iri(Section.ATTRIBUTES, name), (OWL.allValuesFrom, values))
         return values

@@ -184,7 +184,7 @@ class _Reading:
         named = [class_node for class_node in classes if isinstance(class_node, URIRef) and class_node != OWL.Thing]
         if len(named) == 1 and len(classes) == 1:
             return source.name(named[0], Section.TYPES)
-        reason = "it has none" if not classes else "what it has is not one class"
+        reason = "it has none" if not classes else "it is not a single named class"
         source.note(node, f"{local_name(side)} must be one class, and {reason}; {ROOT} is used")
         for class_node in classes:
             if not isinstance(class_node, URIRef):

@@ -150,7 +150,7 @@ def test_attributes_that_are_made_of_others() -> None:
     ]
 
 
-NOT_ONE_CLASS = "must be one class, and what it has is not one class; Object is used"
+NOT_ONE_CLASS = "must be one class, and it is not a single named class; Object is used"
 ARGUMENTS = [
     restricted(f"somrs:argument{number}", f"owl:allValuesFrom type:{name}") for number, name in enumerate(("Jar", "Cup", "Can"), 1)
 ]
