@@ -56,7 +56,7 @@ export default [
   { ignores: [".venv/", "out/", "build/", "dist/"] },
   js.configs.recommended,
   { rules: strict, linterOptions: { reportUnusedDisableDirectives: "error" } },
-  { files: ["src/**/*.js"], languageOptions: { globals: globals.browser } },
+  { files: ["src/**/*.js", "docs/**/*.js"], languageOptions: { globals: globals.browser } },
   // A test has the page and the server to itself: nobody else changes them while it waits.
   { files: ["tests/**/*.js"], languageOptions: { globals: { ...globals.browser, ...globals.node } }, rules: { "require-atomic-updates": "off" } },
 ];

@@ -178,7 +178,7 @@ def test_what_is_wrong_in_a_form_is_said_where_it_is_and_nothing_is_lost(system:
     default.get_by_role("textbox", name="Value").fill("300 g")
     formula.fill("?Self.Weight < 2 kg AND ?Self.Color = Red")
     save(page)
-    expect(page.get_by_text("'two words' is no name")).to_be_visible()
+    expect(page.get_by_text("'two words' is not a name")).to_be_visible()
     page.get_by_role("textbox", name="Name").fill("Jar")
     save(page)
     expect(page.get_by_text("Jar is the name of another type")).to_be_visible()

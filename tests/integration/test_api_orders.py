@@ -85,7 +85,7 @@ def test_a_template_is_saved_filled_in_and_used(tmp_path: Path) -> None:
     [
         ({}, r"fill in What \(Jar\)"),
         ({"Thing": "Jar009"}, "there is no Jar009 on the map; did you mean Jar00"),
-        ({"Thing": "Robot1"}, "Robot1 is a PioneerP3DX, and no Jar"),
+        ({"Thing": "Robot1"}, "Robot1 is a PioneerP3DX, not a Jar"),
         ({"Thing": "Jar001", "Plaice": "x"}, "has no blank Plaice; did you mean Place"),
     ],
 )
@@ -159,7 +159,7 @@ def test_numbers_texts_and_truths_are_filled_in_as_they_are_written_in_formulas(
         assert filled.precondition == "Jar002 isOn Cupboard001"
         assert filled.handlers[0].effect == "Jar002.PositionX = -1.5 m"
         for values in ({"X": "far"}, {"X": "1 OR 1"}, {"Works": "maybe"}):
-            with pytest.raises(UsageError, match=r"is no number|is neither TRUE nor FALSE"):
+            with pytest.raises(UsageError, match=r"is not a number|is neither TRUE nor FALSE"):
                 await api.orders.fill_template("Move", Filled(values={"Thing": "Jar002", "X": "1", "Works": "TRUE"} | values))
 
     run_scenario(tmp_path, scenario)

@@ -118,7 +118,7 @@ def test_refusals_are_those_of_the_api(tmp_path: Path) -> None:
         assert refused.value.broken
         with pytest.raises(NotFound, match="there is no task"):
             await api.tasks.read("nothing")
-        with pytest.raises(UsageError, match="no name"):
+        with pytest.raises(UsageError, match="is not a name"):
             await api.map.history("a/b")
         with pytest.raises(TypeError):
             await api.map.history("Jar001", most=3)  # type: ignore[call-arg]

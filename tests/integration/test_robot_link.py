@@ -361,7 +361,7 @@ def test_a_fault_after_some_time_and_one_that_is_called_off() -> None:
             assert error_info.value.reason == "drive-dead"
             assert error_info.value.state is not None
             assert 1.0 <= error_info.value.state.time - start_time < 3.0
-            with pytest.raises(UsageError, match="say when"):
+            with pytest.raises(UsageError, match="give the time of the fault"):
                 await operator.schedule("Robot1", Fault.DRIVE)
             with pytest.raises(UsageError, match="Robot1, Robot2"):
                 await operator.schedule("Robot9", Fault.DRIVE, delay=1)

@@ -217,7 +217,7 @@ def test_a_robot_that_falls_silent_with_the_jar_ends_the_task_and_is_not_asked_a
             await operator.schedule("Robot1", Fault.SILENT, carried=1.0)
             view = await accomplish(client, "Jar002 isOn Platform001")
             assert view.outcome is Outcome.FAILED
-            assert "said nothing" in view.explanation
+            assert "sent nothing" in view.explanation
             assert (await client.query("Robot1.Working = FALSE")).rows
             second_view = await accomplish(client, "Jar003 isOn Platform001")
             assert second_view.outcome is Outcome.ACCOMPLISHED, second_view.explanation
