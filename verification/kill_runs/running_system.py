@@ -15,7 +15,7 @@ from pathlib import Path
 
 from somrs.client.client import Client
 from somrs.deployment.launcher import Launcher
-from somrs.deployment.system import System
+from somrs.deployment.system import System, discard
 from somrs.devices.simulator.link.commands import Fault
 from somrs.devices.simulator.link.link import OperatorLink
 from somrs.errors import RemoteError, SomrsError
@@ -48,7 +48,7 @@ class RunningSystem:
         self.data = data
         with resources.as_file(resources.files("somrs.demo") / "data" / "scenario-2.yaml") as site:
             loaded = load([site])
-            self.system = System([site], data, speed="max", fresh=True, launcher=launcher)
+            self.system = System([site], data, speed="max", launcher=launcher)
         assert loaded.map is not None, "the site has a map"
         self.ontology: Ontology = loaded.ontology
         self._homes: Map = loaded.map
@@ -56,6 +56,7 @@ class RunningSystem:
         self._open = contextlib.AsyncExitStack()
 
     async def __aenter__(self) -> RunningSystem:
+        discard(self.data)
         try:
             await self._open.enter_async_context(self.system)
             self.client = await self._open.enter_async_context(Client(self.system.addresses))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Sequence
+from importlib import resources
 from pathlib import Path
 
 from somrs.client import terminal
@@ -16,6 +17,9 @@ from somrs.protocol.messages.directory import Discover
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.protocol.messages.people import person_name
 from somrs.service_manager.sdk.values import python_value
+
+DEMO_SITE = Path(str(resources.files("somrs.demo") / "data" / "scenario-1.yaml"))
+"""The site of `somrs up` when the user gives none."""
 
 
 def check(files: Sequence[Path], *, json: bool) -> int:
@@ -52,23 +56,38 @@ def schema(output: Path | None) -> None:
         print(f"{output}: for completion in editors, begin a site file with `# yaml-language-server: $schema={output}`")
 
 
-def check_files(site: Sequence[Path]) -> None:
-    """Raise UsageError if a file does not exist."""
+def site_to_run(site: Sequence[Path], data: Path, *, fresh: bool) -> Sequence[Path]:
+    """The files to start a system with: `site`, by default those of the map in the data folder, or the demonstration's if it holds none.
+
+    Raises UsageError for a file that does not exist, and for `fresh` without a site if that deletes the map of another one.
+    """
+    from somrs.deployment.system import site_of
+
+    if not site:
+        earlier_site = site_of(data)
+        if fresh and earlier_site not in (None, [DEMO_SITE]):
+            names = ", ".join(map(str, earlier_site or ()))
+            raise UsageError(f"`--fresh` deletes the map of {names} in {data}; give the site to start with: somrs up SITE --fresh")
+        site = earlier_site or [DEMO_SITE]
     for file in site:
         if not file.exists():
             raise UsageError(f"{file}: there is no such file")
+    return site
 
 
 async def run_system(site: Sequence[Path], data: Path, speed: str, host: str, fresh: bool, launcher: Launcher) -> None:
     """Run a system until it is asked to stop."""
     from somrs.cli.import_commands import import_sources
-    from somrs.deployment.programs import until_stopped
-    from somrs.deployment.system import System
+    from somrs.deployment.programs import load_site, until_stopped
+    from somrs.deployment.system import System, discard
 
     console = terminal.console()
     data.mkdir(parents=True, exist_ok=True)
     files = import_sources(site, data)
-    system = System(files, data, speed=speed, host=host, fresh=fresh, windows=True, launcher=launcher)
+    if fresh:
+        load_site(files)  # so that a mistake in it deletes nothing
+        discard(data, keep=files)
+    system = System(files, data, speed=speed, host=host, windows=True, launcher=launcher)
     try:
         with console.status("starting the Repository, the Registry, the Task Manager, the simulator and the devices ..."):
             await system.start()

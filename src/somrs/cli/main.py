@@ -17,9 +17,9 @@ from somrs.cli.options import DEFAULT_FOLDER, LOOPBACK, Data, Formula, HostOptio
 from somrs.cli.orders import orders_app, templates_app
 from somrs.cli.run import run_app
 from somrs.cli.tasks import PolicyOption, tasks_app
+from somrs.version import __version__
 
 app = typer.Typer(
-    help="SO-MRS: robots and devices accomplish tasks, which are submitted as formulas.",
     no_args_is_help=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -32,6 +32,19 @@ app.add_typer(tasks_app)
 app.add_typer(templates_app, name="templates")
 app.add_typer(orders_app, name="orders")
 app.add_typer(run_app, name="run")
+
+
+def print_version(requested: bool) -> None:
+    if requested:
+        typer.echo(f"somrs {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[bool, typer.Option("--version", help="Print the version and exit.", callback=print_version, is_eager=True)] = False,
+) -> None:
+    """SO-MRS: robots and devices accomplish tasks, which are submitted as formulas."""
 
 
 class FaultOption(StrEnum):
@@ -62,20 +75,26 @@ def demo(
 
 @app.command()
 def up(
-    site: Annotated[list[Path], typer.Argument(help="A site: map and ontology files, or a building to import.")],
+    site: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            help="A site: map and ontology files, or a building to import. By default the one of the data folder, or the demonstration's.",
+            show_default=False,
+        ),
+    ] = None,
     data: Data = DEFAULT_FOLDER,
     speed: Annotated[str, typer.Option(help="Speed of simulated time: 1 is real time, `max` is as fast as possible.")] = "1",
     host: HostOption = LOOPBACK,
     fresh: Annotated[bool, typer.Option("--fresh", help="Discard the map of an earlier run, and start with the site's map.")] = False,
 ) -> None:
     """Start a system for a site, each component as a process. Ctrl-C stops it."""
-    from somrs.cli.commands import check_files
     from somrs.cli.commands import run_system as run
+    from somrs.cli.commands import site_to_run
     from somrs.deployment.launcher import Launcher, fork_launcher
 
-    guarded(lambda: check_files(site))
+    files = guarded(lambda: site_to_run(site or [], data, fresh=fresh))
     launcher_process = fork_launcher()
-    awaited(run(site, data, speed, host, fresh, Launcher(launcher_process)))
+    awaited(run(files, data, speed, host, fresh, Launcher(launcher_process)))
 
 
 @app.command()

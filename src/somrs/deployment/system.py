@@ -54,6 +54,25 @@ class Program:
     restarts: int = 0
 
 
+def site_of(data: Path) -> list[Path] | None:
+    """The site files of the map in a data folder; None if it holds no map."""
+    site_file = data / SITE_FILE
+    if not site_file.exists() or not (data / "repository.sqlite").exists():
+        return None
+    return [Path(path) for path in msgspec.json.decode(site_file.read_bytes(), type=list[str])]
+
+
+def discard(data: Path, keep: Sequence[Path] = ()) -> None:
+    """Delete what a system has kept in its data folder, but for the files in `keep`."""
+    for entry in data.iterdir() if data.exists() else ():
+        if entry in keep:
+            continue
+        if entry.is_dir():
+            shutil.rmtree(entry)
+        else:
+            entry.unlink()
+
+
 class System:
     """The processes of one system, its data folder, and its addresses. An asynchronous context manager.
 
@@ -68,12 +87,11 @@ class System:
         *,
         speed: str = "1",
         host: str = "127.0.0.1",
-        fresh: bool = False,
         windows: bool = False,
         world_address: str | None = None,
         launcher: Launcher | None = None,
     ) -> None:
-        self.site, self.data, self.speed, self.host, self.fresh = [path.resolve() for path in site], data, speed, host, fresh
+        self.site, self.data, self.speed, self.host = [path.resolve() for path in site], data, speed, host
         self.programs: dict[str, Program] = {}
         self.windows, self.world_address = windows, world_address
         self.addresses = Addresses(repository="", registry="", task_manager="")
@@ -83,12 +101,9 @@ class System:
 
     def _check_site(self) -> None:
         """Check that the map of an earlier run was made from the same site files. Raises UsageError."""
-        site_file = self.data / SITE_FILE
-        if not site_file.exists() or not (self.data / "repository.sqlite").exists():
-            return
-        earlier_site = msgspec.json.decode(site_file.read_bytes(), type=list[str])
-        if earlier_site != [str(path) for path in self.site]:
-            kept_map = f"{self.data} holds the map of {', '.join(earlier_site)}"
+        earlier_site = site_of(self.data)
+        if earlier_site is not None and earlier_site != self.site:
+            kept_map = f"{self.data} holds the map of {', '.join(map(str, earlier_site))}"
             raise UsageError(f"{kept_map}; `--fresh` deletes it and starts with the new site, `--data` selects another folder")
 
     async def __aenter__(self) -> System:
@@ -104,8 +119,6 @@ class System:
 
     async def start(self) -> None:
         """Start all programs. Return when all devices offer their services."""
-        if self.fresh and self.data.exists():
-            shutil.rmtree(self.data)
         self.data.mkdir(parents=True, exist_ok=True)
         self._reservation = Reservation(self.host, 7, self._ports_before())
         ports = self._reservation.ports
