@@ -12,7 +12,7 @@ JOBS ?= auto
 MORE_JOBS ?= $(shell echo $$((2 * $$(getconf _NPROCESSORS_ONLN))))
 AT_ONCE := --numprocesses $(MORE_JOBS) --dist loadscope --no-loadscope-reorder
 
-.PHONY: setup demo test tests lint javascript unit integration system properties browser scenarios fault-runs model-check benchmarks bench-codmap bench-coordination docs docs-site clean kill-runs upgrade-runs mutants
+.PHONY: setup demo test tests lint javascript unit integration system properties browser scenarios fault-runs model-check benchmarks bench-codmap bench-coordination docs docs-site distribution clean kill-runs upgrade-runs mutants
 
 setup: .venv/.ready
 
@@ -98,6 +98,11 @@ bench-coordination: setup
 docs: setup
 	@$(BIN)/python -m somrs.protocol.frp.diagram docs/reference/frp-states.md
 	@$(BIN)/somrs schema --out src/somrs/ontology/data/somrs.schema.json
+
+# The wheel and the source distribution, in dist/; then the wheel in an environment of its own, outside, with all it needs installed anew.
+distribution: setup
+	@$(BIN)/python -m build --no-isolation
+	@WITH_DEPENDENCIES=1 $(BIN)/pytest tests/system/test_distribution.py
 
 # The documentation as a site, in out/site; a broken link is an error. Neither building nor reading it needs a network.
 docs-site: setup

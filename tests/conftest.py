@@ -28,6 +28,7 @@ WORKER_GROUPS = {
     "browser/test_start": "quiet pages",
     "browser": "",
     "system/test_cli_editing": "",
+    "system/test_distribution": "",
     "system/test_fault_runs": "",
 }
 """Files and folders whose tests run in one worker, as they share fixtures that take long to make. Equal names share a worker, too."""

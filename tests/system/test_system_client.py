@@ -85,3 +85,9 @@ def test_the_public_names_are_there_and_no_others() -> None:
     assert all(getattr(somrs, name) is not None for name in somrs.__all__)
     with pytest.raises(AttributeError, match="has no attribute 'Clyent'"):
         somrs.Clyent  # noqa: B018
+
+
+def test_the_documentation_shows_the_example_as_it_is() -> None:
+    example = (ROOT / "examples" / "ten_line_client.py").read_text().partition('"""\n\n')[2]
+    for page in ("README.md", "docs/tutorials/ten-line-client.md"):
+        assert f"```python\n{example}```" in (ROOT / page).read_text(), page
