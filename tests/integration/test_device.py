@@ -15,7 +15,9 @@ from somrs.errors import DeviceError, UsageError
 from somrs.kernel.component import Effect, Input, Received, Send, Started, TimerFired
 from somrs.kernel.durability import JournaledComponent
 from somrs.ontology.types import AttributeType, Kind
-from somrs.protocol.frp.session import CoordinatorBody, CoordinatorSession, ParticipantSession
+from somrs.protocol.frp.coordinator_session import CoordinatorSession
+from somrs.protocol.frp.participant_session import ParticipantSession
+from somrs.protocol.frp.session import CoordinatorBody
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.frp import State

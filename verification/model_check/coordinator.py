@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 from somrs.protocol.frp import states
-from somrs.protocol.frp.session import CoordinatorBody, CoordinatorSession
+from somrs.protocol.frp.coordinator_session import CoordinatorSession
+from somrs.protocol.frp.session import CoordinatorBody
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.frp import State
 from verification.model_check.sides import PARTICIPANT, SM, TM, TRANSACTION, Action, Fair, Side, key, try_action

@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 from somrs.protocol.frp import states
-from somrs.protocol.frp.session import ParticipantBody, ParticipantSession
+from somrs.protocol.frp.participant_session import ParticipantSession
+from somrs.protocol.frp.session import ParticipantBody
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.frp import State
 from verification.model_check.sides import PARTICIPANT, SM, TM, TRANSACTION, Action, Fair, Side, forget_fleeting, is_late, key, try_action

@@ -16,7 +16,8 @@ from typing import Generic, NamedTuple, TypeVar
 from msgspec import structs
 
 from somrs.errors import UsageError
-from somrs.protocol.frp.session import CoordinatorSession, ParticipantSession
+from somrs.protocol.frp.coordinator_session import CoordinatorSession
+from somrs.protocol.frp.participant_session import ParticipantSession
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.frp import State

@@ -16,7 +16,8 @@ from somrs.kernel.component import Effect, Input, Received, Send
 from somrs.ontology.objects import Fact
 from somrs.ontology.services import Parameter, ServiceKind, ServiceType
 from somrs.ontology.types import ObjectType
-from somrs.protocol.frp.session import CoordinatorBody, CoordinatorSession, participant_id
+from somrs.protocol.frp.coordinator_session import CoordinatorSession
+from somrs.protocol.frp.session import CoordinatorBody, participant_id
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.directory import Discover, Discovered
 from somrs.protocol.messages.envelope import Message

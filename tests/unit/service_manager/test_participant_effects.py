@@ -19,7 +19,8 @@ from somrs.kernel.component import (
     TimerFired,
     Withdraw,
 )
-from somrs.protocol.frp.session import NOT_ALLOWED, CoordinatorBody, CoordinatorSession
+from somrs.protocol.frp.coordinator_session import CoordinatorSession
+from somrs.protocol.frp.session import NOT_ALLOWED, CoordinatorBody
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.envelope import ANONYMOUS, Message, reply
 from somrs.protocol.messages.frp import State

@@ -8,7 +8,7 @@ from typing import TypeVar
 import pytest
 
 from somrs.kernel.component import Effect, Send, SetTimer
-from somrs.protocol.frp.session import ParticipantSession
+from somrs.protocol.frp.participant_session import ParticipantSession
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message, message_id

@@ -1,4 +1,6 @@
-"""A session: the view that one side has of one participant. It follows the tables of `states.py` and creates and records messages.
+"""A session: the view that one side has of one participant. It creates and records messages.
+
+This module has what both sides share; `participant_session.py` and `coordinator_session.py` follow the tables of `states.py`.
 
 A session reads no clock and sends nothing. `receive` returns what a message means and which messages answer it; `send` creates a message. A
 session is data: the journal stores a copy of it, and a session that is read back continues where it stopped.
@@ -10,10 +12,9 @@ from typing import TypeVar
 
 from msgspec import Struct, field, structs
 
-from somrs.errors import UsageError, WireError
-from somrs.protocol.frp import states
+from somrs.errors import UsageError
 from somrs.protocol.frp.states import Entry, Kind
-from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id
+from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import (
     Accept,
     Arrange,
@@ -25,7 +26,6 @@ from somrs.protocol.messages.frp import (
     Execute,
     Failed,
     Fault,
-    Outcome,
     Progress,
     Query,
     Refuse,
@@ -64,9 +64,8 @@ _ANSWERS: dict[str, tuple[str, ...]] = {
     "Execute": ("Terms",),
     "Compensate": ("Completed", "Failed", "Stopped"),
 }
-# Monitoring messages may come often and change no contract, so neither their ids nor their contents are kept.
-_FLEETING = frozenset(("Progress", "Query", "Status", "Fault"))
-_BOUND = states.WORKING | {State.COMMITTED}
+FLEETING = frozenset(("Progress", "Query", "Status", "Fault"))
+"""Monitoring messages. They may come often and change no contract, so neither their ids nor their contents are kept."""
 
 
 def participant_id(service: str, step: str, attempt: int = 1) -> str:
@@ -101,7 +100,7 @@ class ReceiveResult(Struct, frozen=True, kw_only=True):
         return self.kind is Kind.MOVES
 
 
-class _Session(Struct, kw_only=True):
+class Session(Struct, kw_only=True):
     """What both sides keep: their addresses, the state, and the last message of each type in each direction."""
 
     transaction: str
@@ -132,7 +131,7 @@ class _Session(Struct, kw_only=True):
                 if (request := self.received_messages.get(kind)) is not None:
                     relates_to = request.id
                     break
-        if name in _FLEETING:
+        if name in FLEETING:
             # Monitoring messages have ids of their own: the journal does not hold them, and after a restart no id may be given to two
             # messages.
             identity = self._fleeting_id(side, name, relates_to)
@@ -169,9 +168,9 @@ class _Session(Struct, kw_only=True):
         """Record the message and move. A message that was received before does not move the session again."""
         name, identity = type(message.body).__name__, message.header.message_id
         is_duplicate = name in self.received_messages and self.received_messages[name].id == identity
-        if is_duplicate and entry.kind is Kind.MOVES and name not in _FLEETING:
+        if is_duplicate and entry.kind is Kind.MOVES and name not in FLEETING:
             return Entry(Kind.LATE, self.state)
-        if entry.kind is Kind.MOVES and (name not in _FLEETING or name == "Fault"):
+        if entry.kind is Kind.MOVES and (name not in FLEETING or name == "Fault"):
             assert isinstance(message.body, FrpBody)
             self.received_messages = {
                 **self.received_messages,
@@ -181,226 +180,17 @@ class _Session(Struct, kw_only=True):
             self.state = entry.next_state
         return entry
 
-    def copy(self) -> _Session:
+    def _state_error(self, kind: type[object], allowed: dict[type[object], State]) -> UsageError:
+        allowed_names = ", ".join(message_type.__name__ for message_type in allowed) or "nothing"
+        return UsageError(
+            f"{self.participant} in {self.transaction} is {self.state.value}: {kind.__name__} is not allowed; allowed: {allowed_names}"
+        )
+
+    def copy(self) -> Session:
         """Return a copy that later changes do not affect."""
         return structs.replace(self)
 
 
-class ParticipantSession(_Session, tag="participant", kw_only=True):
-    """A service's view of its part in one step of one transaction."""
-
-    @classmethod
-    def from_message(cls, message: Message, me: str) -> ParticipantSession:
-        """Return a new session for the first message to a participant, of any type; pass the message to `receive` next.
-
-        Raises:
-            WireError: the header has no transaction or no participant.
-        """
-        header = message.header
-        if header.transaction is None or header.participant is None:
-            raise WireError(NOT_ALLOWED, f"{type(message.body).__name__} needs a transaction and a participant in its header")
-        return cls(transaction=header.transaction, participant=header.participant, me=me, peer=_reply_address(header))
-
-    def copy(self) -> ParticipantSession:
-        return structs.replace(self)
-
-    @property
-    def order(self) -> Arrange | None:
-        """The Arrange that the coordinator sent."""
-        return _body(self.received_messages, Arrange)
-
-    @property
-    def terms(self) -> Terms | None:
-        """The Terms that this participant offered."""
-        return _body(self.sent_messages, Terms)
-
-    @property
-    def last_message(self) -> str | None:
-        message_ids = [record.id for name, record in self.sent_messages.items() if name not in _FLEETING]
-        return message_ids[-1] if message_ids else None
-
-    def receive(self, message: Message) -> ReceiveResult:
-        """Return the meaning of the message. A message that a coordinator may not send is ignored or answered with a Fault."""
-        self._check(message)
-        if not isinstance(message.body, Query | Fault):  # any node may send a Query; its sender does not become the coordinator
-            self.peer = _reply_address(message.header)
-        state_before, kind = self.state, type(message.body)
-        entry = states.PARTICIPANT[state_before].get(kind)
-        if entry is None:
-            return self._fault(message, f"{kind.__name__} is not for a participant")
-        if entry.next_state in _BOUND and (wrong := self._not_accepted(message)):
-            return self._fault(message, wrong)
-        if entry.next_state is State.COMPENSATING and "Execute" not in self.received_messages:
-            entry = states.PARTICIPANT[State.COMMITTED][Compensate]  # a Stop came before the Execute: there is nothing to undo
-        entry = self._record_received(message, entry)
-        if entry.kind is Kind.MOVES and entry.next_state is State.ENDED:
-            self.reason = message.body.reason if isinstance(message.body, Cancel) else "ended"
-        return ReceiveResult(kind=entry.kind, state_before=state_before, state=self.state, answers=self._answers(message, entry))
-
-    def send(self, body: ParticipantBody) -> Message:
-        """Create a message that answers no other, and move. Raises UsageError when the state does not allow it."""
-        kind = type(body)
-        allowed = states.PARTICIPANT_SENDS.get(self.state, {})
-        if kind not in allowed:
-            raise _state_error(self, kind, allowed)
-        message = self._create_message("participant", body)
-        self.state = allowed[kind]
-        if isinstance(body, Refuse):
-            self.reason = body.reason
-        return message
-
-    def last_report(self) -> tuple[Message, ...]:
-        """Return the last report, unchanged, to send it again after a restart: the coordinator may not have received it."""
-        report_names = {State.OFFERED: "Terms", State.ENDED: "Refuse"}
-        return self._repeat(report_names.get(self.state, self.state.value))
-
-    def _not_accepted(self, message: Message) -> str:
-        """Return why an Accept or Execute does not refer to the Terms of this participant; empty when it does."""
-        terms = self.sent_messages.get("Terms")
-        terms_id = message.body.terms if isinstance(message.body, Accept) else message.header.relates_to
-        if isinstance(message.body, Accept | Execute) and self.state is State.OFFERED and terms is not None and terms_id != terms.id:
-            return f"{type(message.body).__name__} names the terms {terms_id}, and the offered terms are {terms.id}"
-        return ""
-
-    def _answers(self, message: Message, entry: Entry) -> tuple[Message, ...]:
-        if entry.answer is None:
-            return ()
-        name = entry.answer.__name__
-        request_name = type(message.body).__name__
-        related = message.header.message_id
-        bodies: dict[str, ParticipantBody] = {
-            "Status": Status(state=self.state, last_message=self.last_message),
-            "Fault": Fault(code=NOT_ALLOWED, text=f"{request_name} does not fit the state {self.state.value}"),
-            "Failed": Failed(description=f"there is no contract here, so {request_name} started nothing"),
-            "Stopped": Stopped(),
-            "Stranded": Stranded(description="nothing was done under this contract that could be undone", tried=False),
-        }
-        if entry.kind is Kind.REPEATED and name not in _FLEETING:
-            return self._repeat(name)
-        answer = self._create_message("participant", bodies[name], related)
-        if entry.answer is Status:
-            answer = structs.replace(answer, header=structs.replace(answer.header, recipient=message.header.reply_to))
-        return (answer,)
-
-    def _fault(self, message: Message, text: str) -> ReceiveResult:
-        if isinstance(message.body, Fault):
-            return ReceiveResult(kind=Kind.LATE, state_before=self.state, state=self.state)
-        fault = self._create_message("participant", Fault(code=NOT_ALLOWED, text=text), message.header.message_id)
-        return ReceiveResult(kind=Kind.LATE, state_before=self.state, state=self.state, answers=(fault,))
-
-
-class CoordinatorSession(_Session, tag="coordinator", kw_only=True):
-    """A Task Manager's view of one participant. `me` and `peer` are the addresses of the two nodes."""
-
-    def copy(self) -> CoordinatorSession:
-        return structs.replace(self)
-
-    @property
-    def order(self) -> Arrange | None:
-        return _body(self.sent_messages, Arrange)
-
-    @property
-    def terms(self) -> Terms | None:
-        """The Terms that the service offered."""
-        return _body(self.received_messages, Terms)
-
-    @property
-    def terms_id(self) -> str | None:
-        """The id of the Terms, which an Accept names."""
-        return self.received_messages["Terms"].id if "Terms" in self.received_messages else None
-
-    def receive(self, message: Message) -> ReceiveResult:
-        """Return the meaning of the message: it moves the session, it is a repetition to be answered again, or it is too late."""
-        self._check(message)
-        state_before, kind = self.state, type(message.body)
-        entry = states.COORDINATOR[state_before].get(kind)
-        if entry is None or self._belongs_elsewhere(message):
-            return ReceiveResult(kind=Kind.LATE, state_before=state_before, state=state_before)
-        if self._forgotten(message):
-            entry = states.COORDINATOR[state_before][Stranded if state_before is State.COMPENSATING else Failed]
-        entry = self._record_received(message, entry)
-        if entry.kind is Kind.MOVES and entry.next_state is State.ENDED:
-            self.reason = message.body.reason if isinstance(message.body, Refuse) else self.reason or "ended"
-        return ReceiveResult(kind=entry.kind, state_before=state_before, state=self.state, answers=self._answers(entry))
-
-    def send(self, body: CoordinatorBody) -> Message:
-        """Create a message that answers no other, and move. Raises UsageError when the state does not allow it."""
-        kind = type(body)
-        if isinstance(body, Query) and self.state is not State.NEW:
-            return self._create_message("coordinator", body)
-        allowed = states.COORDINATOR_SENDS.get(self.state, {})
-        if kind not in allowed:
-            raise _state_error(self, kind, allowed)
-        if isinstance(body, Accept) and body.terms != self.terms_id:
-            raise UsageError(f"{self.participant} offered the terms {self.terms_id}; the Accept names {body.terms}")
-        message = self._create_message("coordinator", body)
-        self.state = allowed[kind]
-        if isinstance(body, Cancel):
-            self.reason = body.reason
-        elif isinstance(body, End):
-            self.reason = "ended"
-        return message
-
-    def accept(self) -> Message:
-        """Accept the Terms that were offered."""
-        if self.terms_id is None:
-            raise _state_error(self, Accept, states.COORDINATOR_SENDS.get(self.state, {}))
-        return self.send(Accept(terms=self.terms_id))
-
-    def abandon(self) -> bool:
-        """Give up a participant that was silent for too long. Return whether the state changed: without a contract, it does not."""
-        if self.state not in states.ABANDONED_STATES:
-            return False
-        self.state = states.ABANDONED_STATES[self.state]
-        return True
-
-    def _belongs_elsewhere(self, message: Message) -> bool:
-        """Whether the message answers something that this session did not send, or is a Fault about a message that changes no contract."""
-        related, body = message.header.relates_to, message.body
-        if isinstance(body, Terms | Refuse) and related is not None and "Arrange" in self.sent_messages:
-            return related != self.sent_messages["Arrange"].id
-        if isinstance(body, Fault):
-            binding = ("Arrange", "Accept", "Execute", "Compensate")
-            return related not in {self.sent_messages[kind].id for kind in binding if kind in self.sent_messages}
-        return False
-
-    def _forgotten(self, message: Message) -> bool:
-        """Whether the participant reports that it has no contract, in answer to a Query that was sent after the contract was made."""
-        query = self.sent_messages.get("Query")
-        return (
-            isinstance(message.body, Status)
-            and message.body.state is State.NEW
-            and self.state in states.CONTRACTED
-            and query is not None
-            and query.id == message.header.relates_to
-            and query.state in states.CONTRACTED
-        )
-
-    def _answers(self, entry: Entry) -> tuple[Message, ...]:
-        if entry.answer is None:
-            return ()
-        if entry.kind is Kind.REPEATED:
-            return self._repeat("End") or self._repeat("Cancel")
-        bodies: dict[str, CoordinatorBody] = {
-            "Cancel": Cancel(reason="this service takes no part in the transaction"),
-            "End": End(outcome=Outcome.CANCELLED),
-            "Stop": Stop(reason="it was silent for too long, and another service may have its step"),
-        }
-        name = entry.answer.__name__
-        return self._repeat(name) or (self._create_message("coordinator", bodies[name]),)
-
-
-def _reply_address(header: Header) -> str:
-    return header.sender if header.reply_to == ANONYMOUS else header.reply_to
-
-
-def _body(messages: dict[str, MessageRecord], kind: type[B]) -> B | None:
+def body_of_type(messages: dict[str, MessageRecord], kind: type[B]) -> B | None:
     record = messages.get(kind.__name__)
     return record.body if record is not None and isinstance(record.body, kind) else None
-
-
-def _state_error(session: _Session, kind: type[object], allowed: dict[type[object], State]) -> UsageError:
-    allowed_names = ", ".join(message_type.__name__ for message_type in allowed) or "nothing"
-    return UsageError(
-        f"{session.participant} in {session.transaction} is {session.state.value}: {kind.__name__} is not allowed; allowed: {allowed_names}"
-    )

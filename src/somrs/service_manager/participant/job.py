@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from msgspec import Struct, field
 
 from somrs.kernel.component import Effects, SetTimer
-from somrs.protocol.frp.session import ParticipantSession
+from somrs.protocol.frp.participant_session import ParticipantSession
 from somrs.protocol.frp.states import RESUMES
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.frp import State

@@ -1,7 +1,7 @@
 """The Service Manager of one device: participants of the Failure Recovery Protocol with a common calendar.
 
 The Service Manager decides; `device_queue.py` gives the device its work, and `service_runner.py` runs the author's coroutines. A `Job`
-holds the state of a participant; `protocol.frp.session` determines which messages it may send and what received messages mean.
+holds the state of a participant; its `ParticipantSession` determines which messages it may send and what received messages mean.
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ from msgspec import structs
 from somrs.errors import FormulaError, WireError
 from somrs.kernel.codec import Schema
 from somrs.kernel.component import Answered, Ask, DeliveryFailed, Effect, Effects, Input, Notified, Received, Send, Started, TimerFired
-from somrs.protocol.frp.session import NOT_ALLOWED, ParticipantBody, ParticipantSession, service_of
+from somrs.protocol.frp.participant_session import ParticipantSession
+from somrs.protocol.frp.session import NOT_ALLOWED, ParticipantBody, service_of
 from somrs.protocol.frp.states import TO_COORDINATOR, TO_PARTICIPANT, WORKING
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.envelope import ANONYMOUS, Message, reply

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from msgspec import Struct, field
 
-from somrs.protocol.frp.session import CoordinatorSession
+from somrs.protocol.frp.coordinator_session import CoordinatorSession
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.frp import State

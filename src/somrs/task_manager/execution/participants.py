@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterable, Iterator
 from msgspec import Struct, field, structs
 
 from somrs.kernel.component import Effect, Effects, EffectsReturning, Send, SetTimer
-from somrs.protocol.frp.session import CoordinatorBody, CoordinatorSession, ReceiveResult, participant_id
+from somrs.protocol.frp.coordinator_session import CoordinatorSession
+from somrs.protocol.frp.session import CoordinatorBody, ReceiveResult, participant_id
 from somrs.protocol.frp.states import COORDINATOR_SENDS, HOLDING_STATES, WORKING
 from somrs.protocol.messages import events, frp
 from somrs.protocol.messages.directory import Offer

@@ -10,7 +10,8 @@ import pytest
 from somrs.kernel.component import Effect, Send, SetTimer
 from somrs.kernel.replica import Replica
 from somrs.ontology.services import ServiceType
-from somrs.protocol.frp.session import CoordinatorSession, ReceiveResult
+from somrs.protocol.frp.coordinator_session import CoordinatorSession
+from somrs.protocol.frp.session import ReceiveResult
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.bodies import FrpBody
 from somrs.protocol.messages.directory import Offer
