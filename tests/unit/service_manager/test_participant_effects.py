@@ -19,14 +19,12 @@ from somrs.kernel.component import (
     TimerFired,
     Withdraw,
 )
-from somrs.protocol.frp.coordinator_session import CoordinatorSession
-from somrs.protocol.frp.session import NOT_ALLOWED, CoordinatorBody
+from somrs.protocol.frp.session import NOT_ALLOWED
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.envelope import ANONYMOUS, Message, reply
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.knowledge import Rejected, Updated, UpdateMap
 from somrs.service_manager.participant.messaging import CUT_OFF, REPORT_TIME
-from somrs.service_manager.participant.participant import ServiceManager
 from somrs.service_manager.participant.timers import (
     Activity,
     DepartureRequested,
@@ -39,221 +37,22 @@ from somrs.service_manager.participant.timers import (
     TermsDue,
     WorkWanted,
 )
-from somrs.service_manager.sdk.orders import (
-    Advance,
-    Answer,
-    Capability,
-    Failure,
-    Order,
-    Perform,
-    Profile,
-    Quote,
-    Quoted,
-    Refused,
-    Report,
-    Undo,
-    WorkDone,
-)
+from somrs.service_manager.sdk.orders import Advance, Failure, Perform, Quoted, Report, Undo, WorkDone
 from tests.support.lab import CLIENT, REPOSITORY, request
-
-REGISTRY, ME, ELSEWHERE = "http://here/registry", "http://here/washer", "http://there/washer"
-PROFILE = Profile(
-    name="Washer1",
-    type="Washer",
-    capabilities=(
-        Capability(type="WashObject", method="wash", undoable=True),
-        Capability(type="WashObject", method="scrub"),
-        Capability(type="DryObject", method="dry"),
-    ),
+from tests.support.service_manager_harness import (
+    ARRANGE,
+    ELSEWHERE,
+    EXECUTE,
+    ME,
+    NOW,
+    PROFILE,
+    ServiceManagerHarness,
+    bodies,
+    expiry_times,
+    order,
+    rest,
+    timers,
 )
-ARRANGE = frp.Arrange(
-    service_type="WashObject", inputs={"Object": "Jar1"}, effect="?Object isOn ?Provider", precondition="Jar1 isOn Table1"
-)
-EXECUTE = frp.Execute(inputs={})
-NOW = 100.0
-
-
-class ServiceManagerHarness:
-    """A Service Manager that is up, and the coordinator of one step of it."""
-
-    def __init__(self, participant: str = "Washer1.WashObject#s1", profile: Profile = PROFILE) -> None:
-        self.manager = ServiceManager(profile, repository=REPOSITORY, registry=REGISTRY)
-        self.manager.handle(Started(ME), 0.0)
-        self.participant = participant
-        self.session = self.make_session(participant)
-        self.now = NOW
-
-    @staticmethod
-    def make_session(participant: str) -> CoordinatorSession:
-        return CoordinatorSession(transaction="t1", participant=participant, me=CLIENT, peer=ME)
-
-    def hear(self, message: Message) -> list[Effect]:
-        """What the Service Manager does about a message; the coordinator hears its answers."""
-        return self._deliver(self.manager.handle(Received(message), self.now))
-
-    def ask(self, body: CoordinatorBody) -> list[Effect]:
-        return self.hear(self.session.send(body))
-
-    def device_answers(self, activity: Activity, answer: Answer) -> list[Effect]:
-        return self._deliver(self.manager.handle(Answered(self.question_for(activity), answer), self.now))
-
-    def ring(self, timer: TermsDue | StartDue | HeartbeatDue) -> list[Effect]:
-        return self._deliver(self.manager.handle(TimerFired(timer), self.now))
-
-    def question_for(self, activity: Activity) -> WorkWanted:
-        return WorkWanted("t1", self.participant, activity)
-
-    def offered(self, **order: float) -> frp.Terms | frp.Refuse:
-        self.ask(msgspec.structs.replace(ARRANGE, **order))
-        [body] = bodies(self.device_answers(Activity.QUOTE, Quoted(price=2.0, duration=60.0)))
-        assert isinstance(body, frp.Terms | frp.Refuse)
-        return body
-
-    def committed(self, **order: float) -> list[Effect]:
-        self.offered(**order)
-        return self.hear(self.session.accept())
-
-    def executing(self) -> list[Effect]:
-        self.committed()
-        return self.ask(EXECUTE)
-
-    def completed(self) -> list[Effect]:
-        self.executing()
-        return self.device_answers(Activity.PERFORM, WorkDone())
-
-    @property
-    def state(self) -> State:
-        return self.manager.state_of("t1", self.participant)
-
-    def _deliver(self, effects: list[Effect]) -> list[Effect]:
-        for effect in effects:
-            if isinstance(effect, Send) and effect.message.header.participant == self.session.participant:
-                self.session.receive(effect.message)
-        return effects
-
-
-def bodies(effects: list[Effect]) -> list[object]:
-    return [effect.message.body for effect in effects if isinstance(effect, Send)]
-
-
-def expiry_times(effects: list[Effect]) -> list[float | None]:
-    return [effect.expires_at for effect in effects if isinstance(effect, Send)]
-
-
-def rest(effects: list[Effect]) -> list[Effect]:
-    return [effect for effect in effects if not isinstance(effect, Send)]
-
-
-def timers(
-    kind: type[TermsDue | StartDue | HeartbeatDue], participant: str = "Washer1.WashObject#s1"
-) -> TermsDue | StartDue | HeartbeatDue:
-    return kind("t1", participant)
-
-
-def order(**changed: object) -> Order:
-    plain = Order(
-        transaction="t1",
-        participant="Washer1.WashObject#s1",
-        method="wash",
-        inputs={"Object": "Jar1"},
-        effect="?Object isOn ?Provider",
-        precondition="Jar1 isOn Table1",
-    )
-    return msgspec.structs.replace(plain, **changed)
-
-
-def test_an_arrange_has_the_device_quote_what_was_asked_for() -> None:
-    harness = ServiceManagerHarness()
-    effects = harness.ask(msgspec.structs.replace(ARRANGE, earliest_start=120.0, latest_finish=900.0))
-    assert effects == [Ask(harness.question_for(Activity.QUOTE), Quote(order(earliest_start=120.0, latest_finish=900.0)))]
-
-
-@pytest.mark.parametrize(
-    ("participant", "service_type", "method"),
-    [
-        ("Washer1.DryObject#s1", "DryObject", "dry"),
-        ("Washer1.DryObject#s1", "WashObject", "dry"),
-        ("Washer2.Unknown#s1", "DryObject", "dry"),
-        ("Washer2.Unknown#s1", "WashObject", "wash"),
-        ("Washer2.Unknown#s1", "Fly", None),
-    ],
-)
-def test_the_service_that_the_participant_is_one_of_comes_before_those_of_the_type(
-    participant: str, service_type: str, method: str | None
-) -> None:
-    effects = ServiceManagerHarness(participant).ask(msgspec.structs.replace(ARRANGE, service_type=service_type))
-    assert [effect.task.order.method for effect in effects if isinstance(effect, Ask) and isinstance(effect.task, Quote)] == [method] * (
-        method is not None
-    )
-
-
-def test_terms_say_what_was_quoted_and_when_it_is_possible() -> None:
-    harness = ServiceManagerHarness()
-    harness.ask(msgspec.structs.replace(ARRANGE, latest_finish=900.0))
-    effects = harness.device_answers(Activity.QUOTE, Quoted(price=2.0, currency="PLN", duration=60.0))
-    terms = frp.Terms(
-        effect="Jar1 isOn Washer1",
-        precondition="Jar1 isOn Table1",
-        price=2.0,
-        currency="PLN",
-        duration=60.0,
-        start_from=NOW,
-        start_until=840.0,
-        valid_until=NOW + 120.0,
-    )
-    assert bodies(effects) == [terms]
-    assert expiry_times(effects) == [NOW + REPORT_TIME]
-    assert rest(effects) == [SetTimer(timers(TermsDue), NOW + 120.0)]
-
-
-@pytest.mark.parametrize(
-    ("order", "start"),
-    [
-        ({}, NOW),
-        ({"earliest_start": 0.0}, NOW),
-        ({"earliest_start": NOW + 50}, NOW + 50),
-        ({"latest_finish": NOW + 60}, NOW),
-        ({"latest_finish": NOW + 59}, None),
-    ],
-)
-def test_it_starts_neither_before_now_nor_before_the_earliest_start_nor_too_late(order: dict[str, float], start: float | None) -> None:
-    answer = ServiceManagerHarness().offered(**order)
-    assert (answer.start_from if isinstance(answer, frp.Terms) else None) == start
-    if isinstance(answer, frp.Refuse):
-        assert answer.reason == "Washer1 would finish at least 1 s after the latest finish"
-
-
-@pytest.mark.parametrize(
-    ("answer", "reason"),
-    [(Refused("too big"), "too big"), (Failure("no water"), str(Failure("no water"))), (None, "None")],
-)
-def test_whatever_else_a_quote_comes_to_is_refused_with_it(answer: Answer, reason: str) -> None:
-    harness = ServiceManagerHarness()
-    harness.ask(ARRANGE)
-    effects = harness.device_answers(Activity.QUOTE, answer)
-    assert bodies(effects) == [frp.Refuse(reason=reason)]
-    assert rest(effects) == []
-    assert (harness.state, harness.manager.state.jobs.live) == (State.ENDED, {})
-
-
-def test_an_effect_that_cannot_be_read_is_refused_and_not_fatal() -> None:
-    harness = ServiceManagerHarness()
-    harness.ask(msgspec.structs.replace(ARRANGE, effect="Jar1 isOn ("))
-    [body] = bodies(harness.device_answers(Activity.QUOTE, Quoted(price=1.0, duration=1.0)))
-    assert isinstance(body, frp.Refuse)
-    assert harness.state is State.ENDED
-
-
-def test_a_quote_that_nobody_waits_for_any_more_says_nothing() -> None:
-    harness = ServiceManagerHarness()
-    harness.ask(ARRANGE)
-    assert harness.device_answers(Activity.QUOTE, Advance(fraction=0.5)) == []
-    harness.ask(frp.Cancel(reason="another is cheaper"))
-    assert list(harness.manager.state.jobs.live) == [("t1", harness.participant)], "the device still works it out"
-    assert harness.device_answers(Activity.QUOTE, Quoted(price=1.0, duration=1.0)) == []
-    assert harness.manager.state.jobs.live == {}
-    assert harness.device_answers(Activity.QUOTE, Quoted(price=1.0, duration=1.0)) == []
-    assert harness.manager.handle(Answered(WorkWanted("t1", "nobody", Activity.QUOTE), Quoted(price=1.0, duration=1.0)), NOW) == []
 
 
 def test_who_accepts_has_it_wait_for_its_start_and_then_for_signs_of_life() -> None:
@@ -538,9 +337,6 @@ def test_a_state_that_nobody_heard_of_is_new() -> None:
     assert ServiceManagerHarness().state is State.NEW
 
 
-# What the device leaves and notices
-
-
 def on_the_map(harness: ServiceManagerHarness) -> None:
     """From now on its reports are sent."""
     reports = harness.manager.state.reports
@@ -602,11 +398,6 @@ def test_what_waits_at_a_restart_is_given_up_with_its_reason() -> None:
     failures = [body for body in bodies(harness.manager.handle(Started(ME), NOW + 1)) if isinstance(body, frp.Failed)]
     assert failures == [frp.Failed(description="the Service Manager of Washer1 was restarted while it worked")]
     assert harness.state is State.FAILED
-
-
-def test_what_is_offered_is_named_to_who_wants_something_else() -> None:
-    effects = ServiceManagerHarness("Washer2.Fly#s1").ask(msgspec.structs.replace(ARRANGE, service_type="Fly"))
-    assert bodies(effects) == [frp.Refuse(reason="Washer1 offers WashObject, WashObject, DryObject, and not Fly")]
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from msgspec import Struct, field
 
 from somrs.kernel.component import Effects, SetTimer
 from somrs.protocol.frp.participant_session import ParticipantSession
-from somrs.protocol.frp.states import RESUMES
+from somrs.protocol.frp.states import RESUMES, WORKING
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.frp import State
 from somrs.service_manager.participant.timers import Activity, ParticipantTimer, WorkWanted
@@ -18,6 +18,8 @@ Key = tuple[str, str]
 """The ids of the transaction and of the participant."""
 
 Verdict = frp.Failed | frp.Stopped | frp.Stranded
+
+_CONTRACT = WORKING | {State.COMMITTED}
 
 REMEMBERED = 1000
 """The number of ended participants that are remembered, to answer their late messages."""
@@ -41,6 +43,10 @@ class Job(Struct, kw_only=True):
     @property
     def key(self) -> Key:
         return self.session.transaction, self.session.participant
+
+    @property
+    def has_contract(self) -> bool:
+        return self.session.state in _CONTRACT
 
     def question_for(self, activity: Activity) -> WorkWanted:
         return WorkWanted(*self.key, activity)

@@ -1,7 +1,8 @@
 """The Service Manager of one device: participants of the Failure Recovery Protocol with a common calendar.
 
-The Service Manager decides; `device_queue.py` gives the device its work, and `service_runner.py` runs the author's coroutines. A `Job`
-holds the state of a participant; its `ParticipantSession` determines which messages it may send and what received messages mean.
+The Service Manager decides; `negotiation.py` offers terms, `device_queue.py` gives the device its work, and `service_runner.py` runs the
+author's coroutines. A `Job` holds the state of a participant; its `ParticipantSession` determines which messages it may send and what
+received messages mean.
 """
 
 from __future__ import annotations
@@ -10,20 +11,21 @@ from typing import Self
 
 from msgspec import structs
 
-from somrs.errors import FormulaError, WireError
+from somrs.errors import WireError
 from somrs.kernel.codec import Schema
 from somrs.kernel.component import Answered, Ask, DeliveryFailed, Effect, Effects, Input, Notified, Received, Send, Started, TimerFired
 from somrs.protocol.frp.participant_session import ParticipantSession
-from somrs.protocol.frp.session import NOT_ALLOWED, ParticipantBody, service_of
+from somrs.protocol.frp.session import NOT_ALLOWED, ParticipantBody
 from somrs.protocol.frp.states import TO_COORDINATOR, TO_PARTICIPANT, WORKING
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.envelope import ANONYMOUS, Message, reply
 from somrs.protocol.messages.frp import State
-from somrs.service_manager.participant.calendar import Commitment, first_free_time, resolve_overlaps
+from somrs.service_manager.participant.calendar import Commitment
 from somrs.service_manager.participant.device_queue import DeviceWork
 from somrs.service_manager.participant.job import Job, interruption
 from somrs.service_manager.participant.map_reports import OBSERVATION_REPORT_TIME
 from somrs.service_manager.participant.messaging import REPORT_TIME, send_message
+from somrs.service_manager.participant.negotiation import Negotiation
 from somrs.service_manager.participant.state import ServiceManagerState
 from somrs.service_manager.participant.timers import (
     Activity,
@@ -42,23 +44,8 @@ from somrs.service_manager.participant.timers import (
     Timer,
     WorkWanted,
 )
-from somrs.service_manager.sdk.orders import (
-    Advance,
-    Answer,
-    Capability,
-    Order,
-    Perform,
-    Profile,
-    Quote,
-    Quoted,
-    Refused,
-    Report,
-    Undo,
-    answer_of,
-)
-from somrs.service_manager.sdk.values import fill_in
+from somrs.service_manager.sdk.orders import Advance, Answer, Perform, Profile, Report, Undo, answer_of
 
-_COMMITTED = WORKING | {State.COMMITTED}
 _PROTOCOL = frozenset((*TO_PARTICIPANT, *TO_COORDINATOR))
 
 
@@ -78,7 +65,7 @@ class ServiceManager:
     def _adopt(self, state: ServiceManagerState) -> None:
         self.state = state
         self._jobs, self._joining, self._reports = state.jobs, state.joining, state.reports
-        self._work = DeviceWork(state)
+        self._negotiation, self._work = Negotiation(state), DeviceWork(state)
 
     @property
     def profile(self) -> Profile:
@@ -91,7 +78,7 @@ class ServiceManager:
     @property
     def open(self) -> list[str]:
         """The participants that have a contract."""
-        return [f"{job.session.participant} in {job.session.transaction}" for job in self._jobs if job.session.state in _COMMITTED]
+        return [f"{job.session.participant} in {job.session.transaction}" for job in self._jobs if job.has_contract]
 
     @property
     def idle(self) -> bool:
@@ -104,13 +91,7 @@ class ServiceManager:
 
     def calendar(self, now: float) -> list[Commitment]:
         """Return the commitments of the device. Overdue ones start, or end, at `now`."""
-        busy: list[Commitment] = []
-        for job in self._jobs:
-            if job.session.state not in _COMMITTED or (terms := job.session.terms) is None:
-                continue
-            start = job.started_at if job.started_at is not None else max(terms.start_from or now, now)
-            busy.append((start, max(start + terms.duration, now)))
-        return busy
+        return self._negotiation.calendar(now)
 
     def handle(self, event: Input, now: float) -> list[Effect]:
         """Return the effects of the input."""
@@ -183,7 +164,7 @@ class ServiceManager:
     def _state_changed(self, job: Job, message: Message, old_state: State, now: float) -> Effects:
         match job.session.state:
             case State.ARRANGING:
-                yield from self._arrange(job, now)
+                yield from self._negotiation.arrange(job, now)
             case State.COMMITTED:
                 yield from job.set_timer(TermsDue, None)
                 if job.session.terms is not None:
@@ -203,36 +184,6 @@ class ServiceManager:
                 if old_state in WORKING:
                     yield from self._work.interrupt(job, None, now)
 
-    def _arrange(self, job: Job, now: float) -> Effects:
-        arrange = job.session.order
-        assert arrange is not None, "a session becomes Arranging by an Arrange"
-        capability = self._capability(job, arrange)
-        if self.state.leaving or capability is None:
-            offered = ", ".join(candidate.type_name for candidate in self.profile.capabilities)
-            reason = "is leaving" if self.state.leaving else f"offers {offered}, and not {arrange.service_type}"
-            yield from self._send_message(job, frp.Refuse(reason=f"{self.profile.name} {reason}"), now)
-            return
-        job.order = Order(
-            transaction=job.session.transaction,
-            participant=job.session.participant,
-            method=capability.method,
-            inputs=arrange.inputs,
-            effect=arrange.effect,
-            precondition=arrange.precondition,
-            earliest_start=arrange.earliest_start,
-            latest_finish=arrange.latest_finish,
-        )
-        job.activity = Activity.QUOTE
-        yield Ask(job.question_for(Activity.QUOTE), Quote(job.order))
-
-    def _capability(self, job: Job, arrange: frp.Arrange) -> Capability | None:
-        """Return the service that the participant's id names, or else one of the requested type."""
-        named, profile = service_of(job.session.participant), self.profile
-        of_type = [candidate for candidate in profile.capabilities if candidate.type_name == arrange.service_type]
-        return next(
-            (candidate for candidate in profile.capabilities if profile.service(candidate) == named), of_type[0] if of_type else None
-        )
-
     def _compensate(self, job: Job, late: str, now: float) -> Effects:
         capability = next(
             (candidate for candidate in self.profile.capabilities if job.order and candidate.method == job.order.method), None
@@ -250,45 +201,7 @@ class ServiceManager:
         if question.activity is not Activity.QUOTE:
             yield from self._work.answered(question, answer, now)
         elif not isinstance(answer, Advance):  # no work is under way that could advance
-            yield from self._quoted(question, answer, now)
-
-    def _quoted(self, question: WorkWanted, value: Answer, now: float) -> Effects:
-        job = self._jobs.find_job(question.transaction, question.participant)
-        if job is None or job.activity is not Activity.QUOTE:
-            return
-        job.activity = None
-        self._jobs.store_job(job)
-        if job.session.state is not State.ARRANGING:
-            return
-        answer: ParticipantBody
-        try:
-            answer = self._terms(job, value, now) if isinstance(value, Quoted) else frp.Refuse(reason=_refusal(value))
-        except FormulaError as error:
-            answer = frp.Refuse(reason=str(error))
-        yield from self._send_message(job, answer, now)
-        if isinstance(answer, frp.Terms):
-            yield from job.set_timer(TermsDue, answer.valid_until)
-
-    def _terms(self, job: Job, quoted: Quoted, now: float) -> frp.Terms | frp.Refuse:
-        assert job.order is not None, "a quote follows an order"
-        order = job.order
-        capacity = self.profile.capacity
-        start = first_free_time(
-            resolve_overlaps(self.calendar(now), capacity), max(now, order.earliest_start or now), quoted.duration, capacity
-        )
-        latest_start = None if order.latest_finish is None else order.latest_finish - quoted.duration
-        if latest_start is not None and start > latest_start:
-            return frp.Refuse(reason=f"{self.profile.name} would finish at least {start - latest_start:.0f} s after the latest finish")
-        return frp.Terms(
-            effect=str(fill_in(order.effect, self.profile.name, order.inputs)),
-            precondition=order.precondition,
-            price=quoted.price,
-            currency=quoted.currency,
-            duration=quoted.duration,
-            start_from=start,
-            start_until=latest_start,
-            valid_until=now + self.profile.valid_for,
-        )
+            yield from self._negotiation.quoted(question, answer, now)
 
     def _send_message(self, job: Job, body: ParticipantBody, now: float) -> Effects:
         yield from send_message(job, body, self._jobs, now)
@@ -367,10 +280,6 @@ class ServiceManager:
                     yield from self._send_message(job, frp.Failed(description=reason, tried=False), now)
                 case _:
                     yield from self._cut_off(job, reason, now)
-
-
-def _refusal(answer: Answer) -> str:
-    return answer.reason if isinstance(answer, Refused) else str(answer)
 
 
 def _lateness_reason(message: Message, now: float) -> str:
