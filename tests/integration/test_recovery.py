@@ -13,7 +13,8 @@ from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.knowledge import MapChanged, UpdateMap
 from somrs.protocol.messages.records import TaskRecord
-from somrs.runtime.virtual_time import LATENCY, Work
+from somrs.runtime.virtual_network import LATENCY
+from somrs.runtime.virtual_time import Work
 from somrs.service_manager.sdk.orders import Advance, Halt, Order, ServiceFailed, WorkDone
 from somrs.task_manager.execution.execution_log import situation_to_restore
 from tests.support.virtual_system import Robot, Script, VirtualSystem, transfer_effect

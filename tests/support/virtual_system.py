@@ -17,7 +17,8 @@ from somrs.registry.component import SCHEMA as REGISTRY
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
 from somrs.repository.state import Contents
-from somrs.runtime.virtual_time import Medium, Watch, Work, World, promptly
+from somrs.runtime.virtual_network import Medium, promptly
+from somrs.runtime.virtual_time import Watch, Work, World
 from somrs.service_manager.participant.participant import SCHEMA as SERVICE_MANAGER
 from somrs.service_manager.participant.participant import ServiceManager
 from somrs.service_manager.sdk.orders import Capability, Halt, Order, Perform, Profile, Quote, Quoted, Refusal, Undo, WorkDone

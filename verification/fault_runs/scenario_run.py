@@ -22,7 +22,8 @@ from somrs.registry.component import Registry
 from somrs.repository.component import SCHEMA as REPOSITORY
 from somrs.repository.component import Repository
 from somrs.repository.state import Contents
-from somrs.runtime.virtual_time import LATENCY, KillPoint, Work, World
+from somrs.runtime.virtual_network import LATENCY
+from somrs.runtime.virtual_time import KillPoint, Work, World
 from somrs.service_manager.participant.participant import SCHEMA as SERVICE_MANAGER
 from somrs.service_manager.participant.participant import ServiceManager
 from somrs.service_manager.participant.state import ServiceManagerState

@@ -6,37 +6,20 @@ has a journal, revived from it.
 
 from __future__ import annotations
 
-import heapq
 import itertools
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import partial
 
 from somrs.errors import RemoteError, UsageError
 from somrs.kernel.codec import Schema
-from somrs.kernel.component import (
-    Answered,
-    Ask,
-    Component,
-    DeliveryFailed,
-    Effect,
-    Input,
-    Notified,
-    Received,
-    Record,
-    Send,
-    SetTimer,
-    Started,
-    TimerFired,
-    Withdraw,
-)
-from somrs.kernel.durability import DELIVERY_TIME, FIRST_PAUSE, LONGEST_PAUSE, JournaledComponent
+from somrs.kernel.component import Answered, Ask, Component, Effect, Input, Notified, Record, Send, SetTimer, Started, TimerFired, Withdraw
+from somrs.kernel.durability import JournaledComponent
 from somrs.protocol.messages.envelope import Message
+from somrs.runtime.virtual_clock import VirtualClock
 from somrs.runtime.virtual_journal import VirtualJournal
-
-LATENCY = 0.001
-"""Seconds until a message arrives."""
+from somrs.runtime.virtual_network import Medium, Sender, VirtualNetwork, promptly
 
 Work = Iterator[tuple[float, object]]
 """The steps of the work for an `Ask`: pairs of seconds and a value to report then; the last value is the result.
@@ -47,12 +30,6 @@ Work = Iterator[tuple[float, object]]
 QUIET = object()
 
 CarryOut = Callable[[object], Work]
-
-Medium = Callable[[Message], Sequence[float]]
-"""Returns the seconds until each copy of a message arrives: several for a repeated message, none for a lost one.
-
-A lost message is sent again after a pause, until it expires.
-"""
 
 Watch = Callable[[str, Input], None]
 """Called with each input and the address of its component, after the effects have been performed."""
@@ -71,33 +48,11 @@ class KillPoint(StrEnum):
 
 
 @dataclass(slots=True, eq=False)
-class _Life:
+class _Life(Sender):
     """A component from one start to its end. `planned_kill`: the point of its end, and the number of effects before it."""
 
-    address: str
     component: Component
-    journaled: JournaledComponent | None
     planned_kill: tuple[KillPoint, int] | None = None
-
-
-@dataclass(slots=True, eq=False)
-class _Transmission:
-    """A message under way. `sender` repeats it until `deadline`, and knows it by its number; None: it is from outside."""
-
-    message: Message
-    deadline: float
-    sender: _Life | None = None
-    number: int = 0
-    pause: float = FIRST_PAUSE
-    waiting: bool = False
-    """No copy is under way: the message waits for its recipient, or to be sent again."""
-    is_settled: bool = False
-    """The message was acknowledged, or it expired."""
-
-
-def promptly(message: Message) -> Sequence[float]:
-    """A medium without delays, repetitions and losses."""
-    return (LATENCY,)
 
 
 def immediate_work(answer: Callable[[object], object]) -> CarryOut:
@@ -127,23 +82,23 @@ class World:
         watch: Watch = lambda address, event: None,
         restored: Restored = lambda address, component: None,
     ) -> None:
-        self.now = start
-        self.messages: list[Message] = []
-        """Every message that was sent, in order; repetitions are not counted."""
         self.components: dict[str, Component] = {}
         self.records: dict[str, list[object]] = {}
         """The records of each component, by its address."""
-        self._medium, self._watch, self._restored = medium, watch, restored
+        self._watch, self._restored = watch, restored
         self._lives: dict[str, _Life] = {}
+        self._clock = VirtualClock(start)
+        self._network = VirtualNetwork(self._clock, medium, self._lives, self._feed)
         self._carry_out: dict[str, CarryOut] = {}
         self._journals: dict[str, VirtualJournal] = {}
-        self._events: list[tuple[float, int, Callable[[], None]]] = []
         self._count = itertools.count()
         self._timers: dict[tuple[str, Hashable], int] = {}
         self._work: dict[tuple[str, Hashable], int] = {}
-        self._parked: list[_Transmission] = []
-        self._cut_off: set[str] = set()
-        self._posted: set[str] = set()
+
+    @property
+    def messages(self) -> list[Message]:
+        """Every message that was sent, in order; repetitions are not counted."""
+        return self._network.messages
 
     # Components
 
@@ -164,7 +119,7 @@ class World:
             for key in [key for key in entries if key[0] == address]:
                 del entries[key]
         if life is not None:
-            self._parked = [transmission for transmission in self._parked if transmission.sender is not life]
+            self._network.forget(life)
 
     def kill(self, address: str, moment: KillPoint = KillPoint.BETWEEN_INPUTS, effects: int = 0) -> None:
         """Kill the component at this moment, for `AMID` after this number of effects; its disk stays. `alive` is False after that."""
@@ -199,27 +154,23 @@ class World:
     def _begin(self, address: str, component: Component) -> None:
         journal = self._journals.get(address)
         self.components[address] = component
-        self._lives[address] = life = _Life(address, component, journal.journaled if journal is not None else None)
+        self._lives[address] = life = _Life(address, journal.journaled if journal is not None else None, component)
         if life.journaled is not None:
             self._resume(life, life.journaled)
         self._feed(address, Started(address))
-        self._deliver_parked()
+        self._network.deliver_parked()
 
     def _resume(self, life: _Life, journaled: JournaledComponent) -> None:
         """Continue what the component had under way when it was killed."""
         address, pending = life.address, journaled.pending
         for number, sent_message in pending.messages.items():
-            transmission = _Transmission(sent_message.message, sent_message.expiry_after_restart(self.now), life, number)
-            transmission.waiting = overdue = transmission.deadline <= self.now
-            if not overdue:
-                self._count_once(sent_message.message)
-            self._schedule(self.now, partial(self._expire if overdue else self._transmit, transmission))
+            self._network.resume(sent_message.message, sent_message.expiry_after_restart(self.now), life, number)
         for timer, fire_time in pending.timers.items():
             self._set_timer(address, timer, fire_time)
         answers = dict(pending.find_abandoned_questions(journaled.schema.volatile))
         for question, task in pending.questions.items():
             if question in answers:
-                self._schedule(self.now, partial(self._answer, address, question, answers[question], life))
+                self._clock.schedule(self.now, partial(self._answer, address, question, answers[question], life))
             else:
                 self._ask(address, question, task)
 
@@ -233,11 +184,10 @@ class World:
 
     def cut_off(self, address: str) -> None:
         """Disconnect the component: it keeps running, but no message reaches it or arrives from it."""
-        self._cut_off.add(address)
+        self._network.cut_off(address)
 
     def reconnect(self, address: str) -> None:
-        self._cut_off.discard(address)
-        self._deliver_parked()
+        self._network.reconnect(address)
 
     def timers(self, address: str) -> set[Hashable]:
         """Return the timers of a component that are set."""
@@ -245,23 +195,17 @@ class World:
 
     def send(self, message: Message) -> None:
         """Send a message from outside."""
-        self._post(_Transmission(message, self.now + DELIVERY_TIME))
+        self._network.send(message)
 
     # Time
 
+    @property
+    def now(self) -> float:
+        return self._clock.now
+
     def run(self, seconds: float = 3600.0, until: Callable[[], bool] = lambda: False) -> bool:
         """Let time pass until the condition holds, for `seconds`, or until no event is left. Return whether the condition holds."""
-        end = self.now + seconds
-        while not until():
-            if not self._events or self._events[0][0] > end:
-                self.now = end
-                return until()
-            self.now, _, action = heapq.heappop(self._events)
-            action()
-        return True
-
-    def _schedule(self, due_time: float, action: Callable[[], None]) -> None:
-        heapq.heappush(self._events, (max(due_time, self.now), next(self._count), action))
+        return self._clock.run(seconds, until)
 
     # Inputs and effects
 
@@ -293,14 +237,14 @@ class World:
     def _perform(self, address: str, life: _Life, effect: Effect, number: int) -> None:
         match effect:
             case Send(message, deadline):
-                self._post(_Transmission(message, deadline if deadline is not None else self.now + DELIVERY_TIME, life, number))
+                self._network.send(message, deadline, life, number)
             case SetTimer(timer, fire_time):
                 self._set_timer(address, timer, fire_time)
             case Ask(question, task):
                 self._ask(address, question, task)
             case Withdraw(question):
                 if self._work.pop((address, question), None) is not None:
-                    self._schedule(self.now, partial(self._answer, address, question, RemoteError("withdrawn"), life))
+                    self._clock.schedule(self.now, partial(self._answer, address, question, RemoteError("withdrawn"), life))
             case Record(entry):
                 self.records[address].append(entry)
 
@@ -308,7 +252,7 @@ class World:
         self._timers.pop((address, timer), None)
         if fire_time is not None:
             serial = self._timers[address, timer] = next(self._count)
-            self._schedule(fire_time, partial(self._fire_timer, address, timer, serial))
+            self._clock.schedule(fire_time, partial(self._fire_timer, address, timer, serial))
 
     def _fire_timer(self, address: str, timer: Hashable, serial: int) -> None:
         if self._timers.get((address, timer)) == serial:
@@ -326,7 +270,7 @@ class World:
     def _continue(self, address: str, question: Hashable, serial: int, work: Work) -> None:
         step = next(work, None)
         if step is not None:
-            self._schedule(self.now + step[0], partial(self._finish_work_step, address, question, serial, work, step[1]))
+            self._clock.schedule(self.now + step[0], partial(self._finish_work_step, address, question, serial, work, step[1]))
 
     def _finish_work_step(self, address: str, question: Hashable, serial: int, work: Work, value: object) -> None:
         if self._work.get((address, question)) == serial:
@@ -334,76 +278,3 @@ class World:
                 self._feed(address, Answered(question, value))
             if self._work.get((address, question)) == serial:
                 self._continue(address, question, serial, work)
-
-    # Messages
-
-    def _count_once(self, message: Message) -> None:
-        """Count a message that is resumed after a kill, unless it was counted before the kill."""
-        if message.header.message_id not in self._posted:
-            self._posted.add(message.header.message_id)
-            self.messages.append(message)
-
-    def _post(self, transmission: _Transmission) -> None:
-        self._posted.add(transmission.message.header.message_id)
-        self.messages.append(transmission.message)
-        self._transmit(transmission)
-
-    def _transmit(self, transmission: _Transmission) -> None:
-        """Send the message, for the first time or again."""
-        if self._abandoned(transmission):
-            return
-        transmission.waiting = False
-        times = self._medium(transmission.message)
-        for delay in times:
-            self._schedule(self.now + delay, partial(self._arrive, transmission))
-        if not times:
-            transmission.waiting = True
-            retry_time = self.now + transmission.pause
-            transmission.pause = min(transmission.pause * 2, LONGEST_PAUSE)
-            self._schedule(
-                min(retry_time, transmission.deadline),
-                partial(self._transmit if retry_time < transmission.deadline else self._expire, transmission),
-            )
-
-    def _arrive(self, transmission: _Transmission) -> None:
-        """Deliver the message to its recipient; otherwise its sender repeats it until it arrives or expires."""
-        if self._reaches(transmission.message) and self._feed(transmission.message.header.recipient, Received(transmission.message)):
-            if not transmission.is_settled:
-                self._settle(transmission)
-        elif not (transmission.is_settled or transmission.waiting or self._abandoned(transmission)):
-            transmission.waiting = True
-            self._parked.append(transmission)
-            self._schedule(transmission.deadline, partial(self._expire, transmission))
-
-    def _reaches(self, message: Message) -> bool:
-        sender, recipient = message.header.sender, message.header.recipient
-        return recipient in self.components and not self._cut_off & {sender, recipient}
-
-    def _abandoned(self, transmission: _Transmission) -> bool:
-        """Whether the sender was killed, so that the message is not repeated. A copy under way may still arrive."""
-        return transmission.sender is not None and self._lives.get(transmission.sender.address) is not transmission.sender
-
-    def _settle(self, transmission: _Transmission) -> None:
-        transmission.is_settled, transmission.waiting = True, False
-        if transmission.sender is not None and transmission.sender.journaled is not None and not self._abandoned(transmission):
-            transmission.sender.journaled.mark_delivered(transmission.number)
-
-    def _deliver_parked(self) -> None:
-        parked, self._parked = self._parked, []
-        for transmission in parked:
-            if self._reaches(transmission.message):
-                transmission.waiting = False
-                self._schedule(self.now + LATENCY, partial(self._arrive, transmission))
-            else:
-                self._parked.append(transmission)
-
-    def _expire(self, transmission: _Transmission) -> None:
-        if not transmission.waiting or self._abandoned(transmission):
-            return
-        if transmission in self._parked:
-            self._parked.remove(transmission)
-        self._settle(transmission)
-        self._feed(
-            transmission.sender.address if transmission.sender is not None else transmission.message.header.sender,
-            DeliveryFailed(transmission.message, "there is no component at the address"),
-        )

@@ -11,41 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from somrs.errors import UsageError
-from somrs.kernel.component import DeliveryFailed, Effect, Input
 from somrs.protocol.messages.envelope import Message
-from somrs.runtime.virtual_time import CarryOut, KillPoint, Work, World
+from somrs.runtime.virtual_time import KillPoint, Work, World
+from tests.support.books import Books
 from tests.support.examples import examples
-from tests.support.ledger import SCHEMA, Ledger, Sink, Teller, amount_message, doubled, expected
-
-
-def slowly(task: object) -> Work:
-    yield 3.0, doubled(task)
-
-
-class Books:
-    """A ledger, who tells it, and who hears it."""
-
-    def __init__(self, *, world: World | None = None, carry_out: CarryOut = slowly) -> None:
-        self.world = world or World()
-        self.teller, self.sink = Teller(), Sink()
-        self.world.add("sink", self.sink)
-        self.world.add("teller", self.teller)
-        self.world.add("ledger", Ledger(), carry_out, journaled=SCHEMA)
-
-    @property
-    def ledger(self) -> Ledger:
-        ledger = self.world.components["ledger"]
-        assert isinstance(ledger, Ledger)
-        return ledger
-
-    def send_amount(self, amount: int) -> None:
-        self.world.fire_timer("teller", str(amount))
-
-    def revive(self) -> None:
-        self.world.revive("ledger")
-
-    def sink_messages(self) -> set[tuple[str, str, str]]:
-        return set(self.sink.received)
+from tests.support.ledger import doubled, expected
 
 
 @dataclass(frozen=True)
@@ -186,57 +156,6 @@ def test_what_is_done_is_not_done_again() -> None:
     first = expected([1])
     assert sorted(message for message in books.sink.received if message in first) == sorted(first)
     assert books.sink_messages() == expected([1, 2])
-
-
-def test_a_message_to_one_that_was_killed_waits_until_its_time_is_over() -> None:
-    class Notes(Teller):
-        undelivered = 0
-
-        def handle(self, event: Input, now: float) -> list[Effect]:
-            self.undelivered += isinstance(event, DeliveryFailed)
-            return super().handle(event, now)
-
-    books, notes = Books(), Notes()
-    books.world.add("notes", notes)
-    books.world.kill("ledger")
-    books.world.send(amount_message(1, 3, sender="notes"))
-    books.world.run(29.0)
-    assert notes.undelivered == 0
-    books.world.run(2.0)
-    assert notes.undelivered == 1
-    books.revive()
-    books.world.run(60.0)
-    assert books.ledger.total == 0
-
-
-def test_what_a_killed_sender_had_not_got_through_is_sent_when_it_is_back() -> None:
-    books = Books()
-    books.world.cut_off("sink")
-    books.send_amount(3)
-    books.world.run(60.0)
-    books.world.kill("ledger")
-    books.world.reconnect("sink")
-    books.world.run(1.0)
-    assert not books.sink.received
-    books.revive()
-    books.world.run(1.0)
-    assert books.sink_messages() == expected([3])
-
-
-def test_what_is_lost_on_the_way_comes_later() -> None:
-    tries: list[float] = []
-
-    def lossy(message: Message) -> Sequence[float]:
-        tries.append(books.world.now)
-        return () if len(tries) < 5 else (0.001,)
-
-    world = World(medium=lambda message: lossy(message))
-    books = Books(world=world)
-    books.send_amount(1)
-    start_time = world.now
-    books.world.run(1.0)
-    assert books.ledger.total == 1
-    assert [round(time - start_time, 3) for time in tries[:5]] == [0.0, 0.05, 0.15, 0.35, 0.75]
 
 
 def test_who_is_not_there_cannot_be_killed_and_who_keeps_nothing_cannot_be_revived() -> None:
