@@ -195,9 +195,9 @@ def test_the_simulator_is_followed_once_and_only_while_somebody_looks() -> None:
                 with feed.viewing(), feed.viewing(), feed.viewing():
                     for viewer in viewers:
                         await viewer.wait_until(lambda viewer=viewer: viewer.poses)  # type: ignore[misc]
-                    assert len(server._followers) == 1
+                    assert len(server._connections.followers) == 1
                 async with asyncio.timeout(HANG_TIME):
-                    while server._followers:
+                    while server._connections.followers:
                         await asyncio.sleep(0.01)
 
     run(test())

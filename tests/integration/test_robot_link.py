@@ -59,7 +59,8 @@ from somrs.devices.simulator.link.lines import (
     read_by_server,
 )
 from somrs.devices.simulator.link.link import OperatorLink, RobotLink
-from somrs.devices.simulator.server.server import MOST_STATES, Server
+from somrs.devices.simulator.server.connections import MOST_STATES
+from somrs.devices.simulator.server.server import Server
 from somrs.errors import RemoteError, SimulationError, UsageError, WireError
 from somrs.ontology.objects import Object
 from tests.support.command import somrs
