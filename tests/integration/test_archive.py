@@ -42,8 +42,7 @@ def recovered() -> TaskRecord:
     )
     task = system.submit(GOAL)
     system.finish(task)
-    (record,) = [entry for entry in system.world.records["tm"] if isinstance(entry, TaskRecord)]
-    return record
+    return system.task_record()
 
 
 def numbered(record: TaskRecord, number: int, ended_at: float, outcome: Outcome = Outcome.ACCOMPLISHED) -> TaskRecord:

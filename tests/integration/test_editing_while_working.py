@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from somrs.ontology.naming import DefinitionKey, Renaming, Section
+from somrs.ontology.naming import DefinitionKey, Section
 from somrs.ontology.types import Constraint, ObjectType
 from somrs.protocol.messages.clients import Phase
 from somrs.protocol.messages.envelope import Header, Message, message_id
@@ -12,6 +12,7 @@ from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.knowledge import Alteration, Define, Defined, Definitions, RenameObject, Updated
 from somrs.runtime.virtual_time import Work
 from somrs.service_manager.sdk.orders import Order, ServiceFailed
+from tests.support.keeper import renaming
 from tests.support.virtual_system import Robot, VirtualSystem
 
 GOAL = "Jar002 isOn Platform001"
@@ -30,16 +31,12 @@ def alter(system: VirtualSystem, alteration: Alteration) -> object:
     return next(message.body for message in system.client.received if message.header.relates_to == id)
 
 
-def rename_definition(section: Section, name: str, new_name: str) -> Define:
-    return Define(renamed=(Renaming(section=section, name=name, to=new_name),), author="Anna")
-
-
 EDITS: list[Alteration] = [
-    rename_definition(Section.TYPES, "Jar", "Pot"),
-    rename_definition(Section.TYPES, "Platform", "Stage"),
-    rename_definition(Section.TYPES, "PioneerP3DX", "Pioneer"),
-    rename_definition(Section.RELATIONS, "isAt", "standsAt"),
-    rename_definition(Section.ATTRIBUTES, "Texture", "Surface"),
+    renaming(Section.TYPES, "Jar", "Pot"),
+    renaming(Section.TYPES, "Platform", "Stage"),
+    renaming(Section.TYPES, "PioneerP3DX", "Pioneer"),
+    renaming(Section.RELATIONS, "isAt", "standsAt"),
+    renaming(Section.ATTRIBUTES, "Texture", "Surface"),
     Define(removed=(DefinitionKey(section=Section.TYPES, name="Bottle"), DefinitionKey(section=Section.FUNCTIONS, name="range"))),
     Define(
         definitions=Definitions(
@@ -89,7 +86,7 @@ def test_the_words_of_a_task_may_be_renamed_and_come_back_before_it_needs_them()
     system = VirtualSystem(Robot("Robot1", 10, 60, works=slips), Robot("Robot2", 20, 60))
     task = system.submit("?Jar: Jar isOn Platform001")
     assert system.world.run(60, lambda: any(step.state is State.EXECUTING for step in system.view(task).steps))
-    alter(system, rename_definition(Section.TYPES, "Jar", "Pot"))
-    assert isinstance(alter(system, rename_definition(Section.TYPES, "Pot", "Jar")), Defined)
+    alter(system, renaming(Section.TYPES, "Jar", "Pot"))
+    assert isinstance(alter(system, renaming(Section.TYPES, "Pot", "Jar")), Defined)
     (view,) = system.finish(task)
     assert view.outcome is Outcome.ACCOMPLISHED

@@ -37,8 +37,7 @@ def system() -> VirtualSystem:
 
 @pytest.fixture(scope="module")
 def record(system: VirtualSystem) -> TaskRecord:
-    (task_record,) = [entry for entry in system.world.records["tm"] if isinstance(entry, TaskRecord)]
-    return task_record
+    return system.task_record()
 
 
 @pytest.fixture(scope="module")

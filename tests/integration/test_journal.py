@@ -5,8 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import sqlite3
-import subprocess
-import sys
 import tempfile
 import threading
 import time
@@ -35,8 +33,8 @@ from somrs.task_manager.manager import SCHEMA as TASK_MANAGER
 from somrs.task_manager.timers import AnswerDue, BidsDue, PlanWanted, SilenceDue
 from tests.support.bodies import KINDS, messages
 from tests.support.examples import examples
+from tests.support.killed_writer import run_until_killed
 from tests.support.ledger import SCHEMA, Ledger, LedgerState, amount_message, doubled
-from tests.support.paths import ROOT
 
 WRITTEN = JournalCodec(TASK_MANAGER)
 
@@ -252,18 +250,7 @@ while True:
 def test_nothing_that_was_acknowledged_is_lost_when_the_process_is_killed(path: Path) -> None:
     acknowledged = 0
     for lines in (30, 7, 1):
-        line = [sys.executable, "-c", WRITER, str(path), str(ROOT)]
-        child = subprocess.Popen(line, stdout=subprocess.PIPE, text=True)
-        assert child.stdout is not None
-        try:
-            for _ in range(lines):
-                child.stdout.readline()
-        finally:
-            child.kill()
-        rest = [line for line in child.stdout.read().splitlines() if line]
-        child.stdout.close()
-        child.wait()
-        acknowledged += lines + len(rest)
+        acknowledged += run_until_killed(WRITER, path, lines)
         shelf = Shelf(path)
         amount_count = len(shelf.ledger.amounts)
         assert acknowledged <= amount_count <= acknowledged + 1

@@ -21,12 +21,10 @@ from somrs.ontology.values import value_of
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.repository.component import Repository
-from somrs.repository.state import Contents
 from somrs.service_manager.sdk.device import Ask, MapReader
 from somrs.service_manager.sdk.orders import Advance, Halt, Order, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo, WorkDone
-from somrs.service_manager.sdk.service_runner import carry_out
 from tests.support.hang import HANG_TIME
-from tests.support.robot_lab import map_after, run, simulator, site
+from tests.support.robot_lab import map_after, repository, run, run_work, simulator, site
 from tests.support.virtual_devices import make_ask
 
 
@@ -40,11 +38,7 @@ class DeviceHarness:
     advances: list[Advance] = field(default_factory=list)
 
     async def run_work(self, work: Quote | Perform | Halt | Undo) -> object:
-        def record_report(report: object) -> None:
-            assert isinstance(report, Advance)
-            self.advances.append(report)
-
-        return await carry_out(self.device, work, make_ask(self.repository, lambda: 0.0), record_report)
+        return await run_work(self.device, work, self.repository, self.advances)
 
     async def perform(self, order: Order) -> Map:
         """The map after the service, by what it says that holds then."""
@@ -63,18 +57,17 @@ def order(object: str = "Jar1", destination: str = "Platform1", precondition: st
 async def device_harness(
     name: str = "Robot1", speed: float | None = None, kind: type[Manipulator] = Manipulator, reconnect_time: float = 0.3
 ) -> AsyncIterator[DeviceHarness]:
-    loaded, map = site()
     async with simulator(speed) as server, OperatorLink(server.host, server.port) as operator:
-        repository = Repository("http://here/repository", Contents(ontology=loaded.ontology, map=map))
+        rooms = repository()
         device = kind(name, f"{server.host}:{server.port}")
         device.reconnect_timeout = reconnect_time
-        ask = make_ask(repository, lambda: 0.0)
+        ask = make_ask(rooms, lambda: 0.0)
         device.map = MapReader(ask)
         observed: list[asyncio.Task[Body]] = []
         device.observer = lambda situation: observed.append(asyncio.create_task(_report_situation(ask, situation)))
         await device.open()
         try:
-            yield DeviceHarness(device, operator, repository)
+            yield DeviceHarness(device, operator, rooms)
         finally:
             await device.close()
 

@@ -11,7 +11,6 @@ from somrs.ontology.types import Value
 from somrs.protocol.messages.clients import CancelTask, Phase, Policy, ReadTasks, Tasks
 from somrs.protocol.messages.directory import CAPACITY_ATTRIBUTE, Offer
 from somrs.protocol.messages.frp import Execute, Outcome, State
-from somrs.protocol.messages.records import TaskRecord
 from somrs.service_manager.participant.participant import ServiceManager
 from somrs.service_manager.sdk.orders import Capability, Profile
 from somrs.task_manager.device_queue import AtWork, DeviceQueues
@@ -174,7 +173,7 @@ def test_priority_is_in_the_list_and_in_the_record() -> None:
     assert isinstance(listed, Tasks)
     assert [view.priority for view in listed.tasks] == [-2]
     system.finish(task)
-    (record,) = [entry for entry in system.world.records["tm"] if isinstance(entry, TaskRecord)]
+    record = system.task_record()
     assert record.priority == -2
 
 

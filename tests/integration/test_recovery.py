@@ -12,12 +12,11 @@ from somrs.protocol.messages.clients import CancelTask, Policy, TaskView
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.knowledge import MapChanged, UpdateMap
-from somrs.protocol.messages.records import TaskRecord
 from somrs.runtime.virtual_network import LATENCY
 from somrs.runtime.virtual_time import Work
 from somrs.service_manager.sdk.orders import Advance, Halt, Order, ServiceFailed, WorkDone
 from somrs.task_manager.execution.execution_log import situation_to_restore
-from tests.support.virtual_system import Robot, Script, VirtualSystem, transfer_effect
+from tests.support.virtual_system import Robot, Script, VirtualSystem, drop_object, transfer_effect
 
 GOAL = "Jar002 isOn Platform001"
 BOTH_JARS = "Jar001 isOn Platform001 AND Jar002 isOn Platform001"
@@ -389,10 +388,7 @@ def test_a_procedure_for_a_failure_goes_before_the_ladder() -> None:
     """Whoever drops a jar: it is to be put on the cupboard first."""
     tidy = Handler(on=Occasion.FAILURE, service_type="TransferObject", when="?Object isOn Floor001", effect="?Object isOn Cupboard001")
 
-    def slips(order: Order) -> Work:
-        yield 5.0, ServiceFailed("it slipped", f"{order.inputs['Object']} isOn Floor001")
-
-    system = VirtualSystem(Robot("Robot1", 1, 10, works=slips), Robot("Robot2", 25, 60))
+    system = VirtualSystem(Robot("Robot1", 1, 10, works=drop_object), Robot("Robot2", 25, 60))
     (view,) = system.finish(system.submit(GOAL, handlers=(tidy,)))
     assert view.outcome is Outcome.ACCOMPLISHED
     assert [work.inputs["Destination"] for work in view.work] == ["Platform001", "Cupboard001", "Platform001"]
@@ -425,7 +421,7 @@ def test_all_of_a_task_that_is_over_is_kept() -> None:
     system = VirtualSystem(Robot("Robot1", 10, 60, works=holding("Robot1"), undoes=restore_object), Robot("Robot2", 25, 60))
     task = system.submit(GOAL)
     (view,) = system.finish(task)
-    (record,) = [entry for entry in system.world.records["tm"] if isinstance(entry, TaskRecord)]
+    record = system.task_record()
     assert (record.task, record.outcome, record.client) == (task, Outcome.ACCOMPLISHED, "client")
     assert record.work == view.work
     assert {contract.service for contract in record.contracts if contract.accepted} == {"Robot1.TransferObject", "Robot2.TransferObject"}

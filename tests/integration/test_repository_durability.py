@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 from somrs.protocol.messages.knowledge import History, ReadHistory, Updated
 from tests.support.keeper import Keeper
-from tests.support.paths import ROOT
+from tests.support.killed_writer import run_until_killed
 
 WRITER_PROGRAM = """
 import sys
@@ -34,17 +32,7 @@ def test_nothing_that_was_acknowledged_is_lost_when_the_process_is_killed(tmp_pa
     path = tmp_path / "repository.sqlite"
     acknowledged = 0
     for lines in (30, 7, 55):
-        child = subprocess.Popen([sys.executable, "-c", WRITER_PROGRAM, str(path), str(ROOT)], stdout=subprocess.PIPE, text=True)
-        assert child.stdout is not None
-        try:
-            for _ in range(lines):
-                child.stdout.readline()
-        finally:
-            child.kill()
-        rest = child.stdout.read().splitlines()
-        child.stdout.close()
-        child.wait()
-        acknowledged += lines + len([line for line in rest if line])
+        acknowledged += run_until_killed(WRITER_PROGRAM, path, lines)
         reopened = Keeper(path)
         contents = reopened.contents
         assert acknowledged <= contents.version <= acknowledged + 1

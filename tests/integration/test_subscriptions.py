@@ -23,7 +23,7 @@ from somrs.protocol.messages.clients import (
 )
 from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.frp import Fault, Outcome, State
-from somrs.protocol.messages.records import Records, TaskRecord
+from somrs.protocol.messages.records import Records
 from somrs.protocol.soap import soap
 from somrs.protocol.soap.document import MOST_BYTES
 from somrs.runtime.virtual_time import Work
@@ -154,7 +154,7 @@ def test_messages_are_read_behind_those_that_are_known_and_stay_where_they_are_w
     assert messages(system, task, known_count=len(first.messages)).messages == ()
     (view,) = system.finish(task)
     assert view.outcome is Outcome.ACCOMPLISHED
-    (record,) = [entry for entry in system.world.records["tm"] if isinstance(entry, TaskRecord)]
+    record = system.task_record()
     assert record.messages[: len(first.messages)] == first.messages
     assert news(system, task).messages == len(record.messages)
 

@@ -13,21 +13,14 @@ from somrs.gui.pages.task_story import story
 from somrs.gui.pages.task_text import gist
 from somrs.ontology.services import Handler, Occasion
 from somrs.protocol.messages.clients import CancelTask
-from somrs.protocol.messages.records import TaskRecord
-from somrs.runtime.virtual_time import Work
-from somrs.service_manager.sdk.orders import Order, ServiceFailed
 from tests.integration.test_recovery import BOTH_JARS, GOAL, goes_silent, holding, patrolled_system, restore_object, run_until_step_done
-from tests.support.virtual_system import Robot, VirtualSystem
+from tests.support.virtual_system import Robot, VirtualSystem, drop_object
 
 
 def finished_story(system: VirtualSystem) -> list[Chapter]:
     """The story of the only task, which is over."""
-    (record,) = [entry for entry in system.world.records["tm"] if isinstance(entry, TaskRecord)]
+    record = system.task_record()
     return story(view(record), record.events)
-
-
-def slips(order: Order) -> Work:
-    yield 5.0, ServiceFailed("it slipped", f"{order.inputs['Object']} isOn Floor001")
 
 
 def rungs(chapter: Chapter) -> list[str]:
@@ -43,7 +36,7 @@ def test_a_task_without_failures_is_stated_planned_done_and_over() -> None:
 
 
 def test_another_takes_over_and_does_it() -> None:
-    system = VirtualSystem(Robot("Robot1", 1, 10, works=slips), Robot("Robot2", 25, 60))
+    system = VirtualSystem(Robot("Robot1", 1, 10, works=drop_object), Robot("Robot2", 25, 60))
     system.finish(system.submit(GOAL))
     (failure,) = failures(finished_story(system))
     assert (failure.title, failure.text, failure.situation) == (
@@ -59,7 +52,7 @@ def test_another_takes_over_and_does_it() -> None:
 
 def test_what_was_laid_down_goes_before_the_ladder_and_its_plan_is_not_the_tasks() -> None:
     tidy = Handler(on=Occasion.FAILURE, service_type="TransferObject", when="?Object isOn Floor001", effect="?Object isOn Cupboard001")
-    system = VirtualSystem(Robot("Robot1", 1, 10, works=slips), Robot("Robot2", 25, 60))
+    system = VirtualSystem(Robot("Robot1", 1, 10, works=drop_object), Robot("Robot2", 25, 60))
     system.finish(system.submit(GOAL, handlers=(tidy,)))
     chapters = finished_story(system)
     (failure,) = failures(chapters)
@@ -137,7 +130,7 @@ def test_figures_are_left_out_where_more_is_said_than_they_say() -> None:
 def test_what_became_of_each_bid_is_known_without_reading_why() -> None:
     system = VirtualSystem(Robot("Robot1", 10, 60), Robot("Robot2", 25, 60), Robot("Robot3", 5, 60, refuses="it rains"))
     system.finish(system.submit(GOAL))
-    (record,) = [entry for entry in system.world.records["tm"] if isinstance(entry, TaskRecord)]
+    record = system.task_record()
     steps = [contract.step for contract in record.contracts if contract.accepted]
     bids = {contract.service: bid_status(contract, steps).text for contract in record.contracts}
     assert bids == {

@@ -35,11 +35,6 @@ def console_text(*things: object) -> str:
     return console.file.getvalue()
 
 
-def record(system: VirtualSystem) -> TaskRecord:
-    (task_record,) = [entry for entry in system.world.records["tm"] if isinstance(entry, TaskRecord)]
-    return task_record
-
-
 @pytest.fixture(scope="module")
 def observed_record() -> TaskRecord:
     """Of a task in which a robot fell silent, a patrol looked, and another robot went on."""
@@ -47,7 +42,7 @@ def observed_record() -> TaskRecord:
     task = system.submit(GOAL)
     goes_silent(system, task)
     system.finish(task)
-    return record(system)
+    return system.task_record()
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +50,7 @@ def stranded_record() -> TaskRecord:
     """Of a task that failed, and left a jar that nobody can bring back."""
     system = VirtualSystem(Robot("Robot1", 10, 60, works=holding("Robot1")))
     system.finish(system.submit(GOAL))
-    return record(system)
+    return system.task_record()
 
 
 def test_a_story_tells_what_was_done_by_whom_on_which_terms(observed_record: TaskRecord) -> None:
@@ -133,7 +128,7 @@ def test_undoing_is_shown_while_it_is_done() -> None:
     run_until_step_done(system, task)
     system.ask(CancelTask(task=task, reason="enough"))
     system.finish(task)
-    (record,) = [entry for entry in system.world.records["tm"] if isinstance(entry, TaskRecord)]
+    record = system.task_record()
     events = record.events
     assert [event.kind for event in events if event.kind is EventKind.UNDO]
     assert "undo" in console_text(terminal.events(events))

@@ -9,6 +9,7 @@ from typing import TypeVar
 from somrs.errors import UsageError
 from somrs.kernel.component import Answered, Ask, Effect, Input, Received, Record, Send, SetTimer, Started, TimerFired
 from somrs.kernel.replica import Replica, ReplicaDue
+from somrs.ontology.naming import Renaming, Section
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.bodies import Body
@@ -17,6 +18,7 @@ from somrs.protocol.messages.knowledge import (
     BrokenRule,
     Consider,
     Considered,
+    Define,
     Event,
     Events,
     MapPage,
@@ -169,3 +171,7 @@ class Keeper:
 def definitions(ontology: Ontology) -> dict[tuple[str, str], object]:
     """Return the ontology in a form that can be compared independently of the order of its definitions."""
     return {(type(definition).__name__, definition.name): definition for definition in ontology}
+
+
+def renaming(section: Section, name: str, new_name: str) -> Define:
+    return Define(renamed=(Renaming(section=section, name=name, to=new_name),), author="Anna")

@@ -12,22 +12,14 @@ from somrs.ontology.types import Ontology
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.repository.state import Contents
+from tests.support.building import building
 
 REPOSITORY = "http://here/repository"
 CLIENT = "http://here/client"
 
-SITE = """
-map: Lab
-objects:
-  Building1:
-    type: Building
-    parts:
-      Storey1:
-        type: Storey
-        parts:
-          Floor1: {type: Floor, at: [5, 5, -0.1], Shape: {Form: Box, Width: 10, Depth: 10, Height: 0.1}}
-          Room1: {type: Room}
-          Room2: {type: Room}
+SITE = (
+    building("Lab", 10, 10, "Room1: {type: Room}", "Room2: {type: Room}")
+    + """
   Table1: {type: Table, at: [1, 1, 0], Shape: {Form: Box, Width: 1, Depth: 1, Height: 0.7}}
   Table2: {type: Table, at: [8, 8, 0], Shape: {Form: Box, Width: 1, Depth: 1, Height: 0.7}, Color: Red}
   Jar1: {type: Jar, at: [1, 1, 0.7]}
@@ -38,6 +30,7 @@ facts:
   - Jar2 isOn Table1
   - Room1 isAdjacentTo Room2
 """
+)
 
 _numbers = itertools.count()
 

@@ -14,24 +14,15 @@ from somrs.devices.simulator.link.link import OperatorLink
 from somrs.devices.simulator.server.server import Server
 from somrs.ontology.objects import Map
 from somrs.repository.component import Repository
-from somrs.repository.state import Contents
 from somrs.service_manager.sdk.device import Device, MapReader
 from somrs.service_manager.sdk.orders import Advance, Halt, Order, Perform, Quote, Undo, WorkDone
-from somrs.service_manager.sdk.service_runner import carry_out
 from tests.support import robot_lab
+from tests.support.building import building
 from tests.support.virtual_devices import make_ask
 
-SITE = """
-map: TwoRooms
-objects:
-  Building1:
-    type: Building
-    parts:
-      Storey1:
-        type: Storey
-        parts:
-          Floor1: {type: Floor, at: [6, 3, -0.1], Shape: {Form: Box, Width: 12, Depth: 6, Height: 0.1}}
-          Wall1: {type: Wall, at: [6, 2, 0], Shape: {Form: Box, Width: 0.1, Depth: 4, Height: 2.5}}
+SITE = (
+    building("TwoRooms", 12, 6, "Wall1: {type: Wall, at: [6, 2, 0], Shape: {Form: Box, Width: 0.1, Depth: 4, Height: 2.5}}")
+    + """
   Table1: {type: Table, at: [1, 4, 0], Shape: {Form: Box, Width: 0.6, Depth: 1, Height: 0.7}}
   Platform1: {type: Platform, at: [10.5, 4, 0], Shape: {Form: Box, Width: 0.8, Depth: 0.8, Height: 0.3}}
   Shelf1: {type: Shelf, at: [8, 0.6, 0], Shape: {Form: Box, Width: 1.2, Depth: 0.6, Height: 0.9}}
@@ -42,6 +33,7 @@ objects:
 facts:
   - Jar1 isOn Table1
 """
+)
 
 KINDS: dict[str, type[SimulatedDevice]] = {"Robot1": Manipulator, "Patrol1": PatrolRobot, "Camera1": FixedCamera}
 
@@ -80,11 +72,7 @@ class Lab:
         return device
 
     async def run_task(self, device: Device, work: Quote | Perform | Halt | Undo) -> object:
-        def note_advance(report: object) -> None:
-            assert isinstance(report, Advance)
-            self.advances.append(report)
-
-        return await carry_out(device, work, make_ask(self.repository, lambda: 0.0), note_advance)
+        return await robot_lab.run_work(device, work, self.repository, self.advances)
 
     async def recognize(self, device: Device, object: str) -> str:
         """Return the situation that the device reports of an object."""
@@ -96,9 +84,8 @@ class Lab:
 
 @asynccontextmanager
 async def lab(speed: float | None = None) -> AsyncIterator[Lab]:
-    loaded, map = robot_lab.site(SITE)
     async with robot_lab.simulator(speed, SITE) as server, OperatorLink(server.host, server.port) as operator:
-        rooms = Lab(server, operator, Repository("http://here/repository", Contents(ontology=loaded.ontology, map=map)))
+        rooms = Lab(server, operator, robot_lab.repository(SITE))
         try:
             yield rooms
         finally:

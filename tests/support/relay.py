@@ -19,6 +19,7 @@ from somrs.planner.model.problem import AvailableService, Problem
 from somrs.planner.model.validation import apply_step
 from somrs.runtime.virtual_time import Work
 from somrs.service_manager.sdk.orders import Capability, Order, Profile, WorkDone
+from tests.support.building import wide_building
 from tests.support.virtual_system import Robot, VirtualSystem
 
 TAKE_SERVICE = ServiceType(
@@ -45,24 +46,12 @@ SECONDS = 10.0
 """The duration of each step."""
 
 
-BUILDING = """
-map: Relay
-objects:
-  Building001:
-    type: Building
-    parts:
-      Storey001:
-        type: Storey
-        parts:
-          Floor001: {type: Floor, at: [0, 0, -0.1], Shape: {Form: Box, Width: 20, Depth: 20, Height: 0.1}}"""
-
-
 def site(couriers: int, parcels: int) -> str:
     places = [f"          Place{n}: {{type: Place, at: [{n}, 0]}}" for n in range(couriers + 1)]
     devices = [f"  Courier{n}: {{type: PioneerP3DX, at: [{n}, 1]}}" for n in range(couriers)]
     things = [f"  Parcel{n}: {{type: Jar, at: [0, 0, 0]}}" for n in range(parcels)]
     facts = [f"  - Courier{n} isAt Place{n}" for n in range(couriers)] + [f"  - Parcel{n} isOn Place0" for n in range(parcels)]
-    return "\n".join([BUILDING, *places, *devices, *things, "facts:", *facts])
+    return "\n".join([wide_building("Relay"), *places, *devices, *things, "facts:", *facts])
 
 
 def carried(couriers: int, parcels: int) -> list[Step]:

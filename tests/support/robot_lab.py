@@ -14,19 +14,18 @@ from somrs.ontology.effects import changes
 from somrs.ontology.files.loading import LoadedModel, load_text, upper
 from somrs.ontology.objects import Map
 from somrs.ontology.truth import formula_holds
+from somrs.repository.component import Repository
+from somrs.repository.state import Contents
+from somrs.service_manager.sdk.device import Device
+from somrs.service_manager.sdk.orders import Advance, Halt, Perform, Quote, Undo
+from somrs.service_manager.sdk.service_runner import carry_out
+from tests.support.building import building
 from tests.support.hang import HANG_TIME
+from tests.support.virtual_devices import make_ask
 
-SITE = """
-map: Lab
-objects:
-  Building1:
-    type: Building
-    parts:
-      Storey1:
-        type: Storey
-        parts:
-          Floor1: {type: Floor, at: [4, 3, -0.1], Shape: {Form: Box, Width: 8, Depth: 6, Height: 0.1}}
-          Wall1: {type: Wall, at: [4, 0.8, 0], Shape: {Form: Box, Width: 0.1, Depth: 1.6, Height: 2.5}}
+SITE = (
+    building("Lab", 8, 6, "Wall1: {type: Wall, at: [4, 0.8, 0], Shape: {Form: Box, Width: 0.1, Depth: 1.6, Height: 2.5}}")
+    + """
   Table1: {type: Table, at: [1, 4, 0], Shape: {Form: Box, Width: 0.6, Depth: 1, Height: 0.7}}
   Platform1: {type: Platform, at: [6.5, 4, 0], Shape: {Form: Box, Width: 0.8, Depth: 0.8, Height: 0.3}}
   Jar1: {type: Jar, at: [1.15, 4, 0.7]}
@@ -37,6 +36,7 @@ facts:
   - Jar1 isOn Table1
   - Anvil1 isOn Table1
 """
+)
 
 
 def site(text: str = SITE) -> tuple[LoadedModel, Map]:
@@ -53,6 +53,21 @@ def map_after(situation: str | None, text: str = SITE) -> Map:
     changed = map.changed(changes(formula, map, loaded.ontology))
     assert formula_holds(formula, changed, loaded.ontology)
     return changed
+
+
+def repository(text: str = SITE) -> Repository:
+    loaded, map = site(text)
+    return Repository("http://here/repository", Contents(ontology=loaded.ontology, map=map))
+
+
+async def run_work(device: Device, work: Quote | Perform | Halt | Undo, repository: Repository, advances: list[Advance]) -> object:
+    """Let the device do the work as its Service Manager does, and collect what it reports meanwhile."""
+
+    def note_advance(report: object) -> None:
+        assert isinstance(report, Advance)
+        advances.append(report)
+
+    return await carry_out(device, work, make_ask(repository, lambda: 0.0), note_advance)
 
 
 @asynccontextmanager

@@ -13,6 +13,7 @@ from somrs.protocol.messages.frp import State
 from somrs.service_manager.participant.participant import ServiceManager
 from somrs.service_manager.participant.timers import Activity, HeartbeatDue, StartDue, TermsDue, WorkWanted
 from somrs.service_manager.sdk.orders import Answer, Capability, Order, Profile, Quoted, WorkDone
+from tests.support.effects import bodies
 from tests.support.lab import CLIENT, REPOSITORY
 
 REGISTRY, ME, ELSEWHERE = "http://here/registry", "http://here/washer", "http://there/washer"
@@ -89,10 +90,6 @@ class ServiceManagerHarness:
             if isinstance(effect, Send) and effect.message.header.participant == self.session.participant:
                 self.session.receive(effect.message)
         return effects
-
-
-def bodies(effects: list[Effect]) -> list[object]:
-    return [effect.message.body for effect in effects if isinstance(effect, Send)]
 
 
 def expiry_times(effects: list[Effect]) -> list[float | None]:

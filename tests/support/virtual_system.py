@@ -13,6 +13,7 @@ from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
 from somrs.protocol.messages.clients import Submit, Submitted, TaskRejected, TaskView
 from somrs.protocol.messages.envelope import Header, Message, message_id
+from somrs.protocol.messages.records import TaskRecord
 from somrs.registry.component import SCHEMA as REGISTRY
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
@@ -21,20 +22,26 @@ from somrs.runtime.virtual_network import Medium, promptly
 from somrs.runtime.virtual_time import Watch, Work, World
 from somrs.service_manager.participant.participant import SCHEMA as SERVICE_MANAGER
 from somrs.service_manager.participant.participant import ServiceManager
-from somrs.service_manager.sdk.orders import Capability, Halt, Order, Perform, Profile, Quote, Quoted, Refusal, Undo, WorkDone
+from somrs.service_manager.sdk.orders import (
+    Capability,
+    Halt,
+    Order,
+    Perform,
+    Profile,
+    Quote,
+    Quoted,
+    Refusal,
+    ServiceFailed,
+    Undo,
+    WorkDone,
+)
 from somrs.task_manager.manager import SCHEMA, TaskManager
 from somrs.task_manager.transaction.views import view
+from tests.support.building import wide_building
 
-SITE = """
-map: Test
-objects:
-  Building001:
-    type: Building
-    parts:
-      Storey001:
-        type: Storey
-        parts:
-          Floor001: {type: Floor, at: [0, 0, -0.1], Shape: {Form: Box, Width: 20, Depth: 20, Height: 0.1}}
+SITE = (
+    wide_building("Test")
+    + """
   Cupboard001: {type: Cupboard, at: [1, 1, 0], Shape: {Form: Box, Width: 0.5, Depth: 1, Height: 0.8}}
   Cupboard002: {type: Cupboard, at: [1, 4, 0], Shape: {Form: Box, Width: 0.5, Depth: 1, Height: 0.8}}
   Platform001: {type: Platform, at: [8, 2, 0], Shape: {Form: Box, Width: 1, Depth: 1, Height: 0.3}}
@@ -51,6 +58,7 @@ facts:
   - Jar002 isOn Cupboard001
   - Tin001 isOn Cupboard001
 """
+)
 
 Script = Callable[[Order], Work]
 """A device's script for an order: pairs of seconds and the report that follows."""
@@ -106,6 +114,11 @@ class Robot:
 def transfer_effect(order: Order) -> str:
     """Return the effect of a TransferObject, as arranged."""
     return f"{order.inputs['Object']} isOn {order.inputs['Destination']}"
+
+
+def drop_object(order: Order) -> Work:
+    """A robot's work: what it carries falls on the floor."""
+    yield 5.0, ServiceFailed("it slipped", f"{order.inputs['Object']} isOn Floor001")
 
 
 class Client:
@@ -225,6 +238,11 @@ class VirtualSystem:
         assert ended, [self.manager.state.tasks[task].events for task in tasks]
         self.world.run(2)
         return [self.view(task) for task in tasks]
+
+    def task_record(self) -> TaskRecord:
+        """Return the record of the only task, which has ended."""
+        (record,) = [entry for entry in self.world.records["tm"] if isinstance(entry, TaskRecord)]
+        return record
 
     def protocol_messages(self, task: str) -> list[tuple[str, str]]:
         """Return the messages of the protocol in a task, by type and service, without Progress."""

@@ -13,7 +13,7 @@ from somrs.planner.model.plan import NoPlan, Obstacle
 from somrs.planner.model.problem import AvailableService, LostService, Problem
 from somrs.planner.planning import plan, plan_quickly
 from tests.integration.test_planner_engine import tower
-from tests.unit.planner.test_planning import DRIVE, FACTS, LABEL, MAP, TRANSFER, WASH, laboratory, make_problem
+from tests.support.laboratory import DRIVE, FACTS, LABEL, MAP, TRANSFER, WASH, laboratory, make_problem
 
 CELLAR: Ontology = upper().extended(
     [

@@ -9,7 +9,7 @@ from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import Problem
 from somrs.planner.plan_cache import SIZE, PlanCache
 from somrs.planner.planning import plan
-from tests.unit.planner.test_planning import DRIVE, MAP, OPEN, TRANSFER, laboratory, make_problem
+from tests.support.laboratory import DRIVE, MAP, OPEN, TRANSFER, laboratory, make_problem
 
 ONTOLOGY = laboratory()
 

@@ -7,81 +7,14 @@ import pytest
 from somrs.entish import Name
 from somrs.entish.parse import parse
 from somrs.kernel.codec import Codec, encode
-from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Fact, FactAdded, Map, Object, ObjectAdded, ValueSet
 from somrs.ontology.services import Parameter, ServiceType
-from somrs.ontology.types import AttributeType, Kind, ObjectType, Ontology, RelationType
 from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import AvailableService, Problem
 from somrs.planner.model.validation import validate
 from somrs.planner.planning import plan
+from tests.support.laboratory import DRIVE, FACTS, LABEL, MAP, OPEN, TRANSFER, WASH, laboratory, make_problem, names
 from tests.support.sound_plans import make_sound_plan
-
-TRANSFER = ServiceType(
-    name="TransferObject",
-    inputs=(Parameter(name="Object", type="Graspable"), Parameter(name="Destination", type="Object")),
-    precondition="?Object isOn ?Source",
-    effect="?Object isOn ?Destination",
-)
-WASH = ServiceType(
-    name="WashJar", inputs=(Parameter(name="Jar", type="Jar"),), precondition="?Jar isOn ?Provider", effect="?Jar.Clean = TRUE"
-)
-OPEN = ServiceType(name="OpenDoor", inputs=(Parameter(name="Door", type="Door"),), effect="?Door.Open = TRUE")
-DRIVE = ServiceType(
-    name="DriveTo",
-    inputs=(Parameter(name="To", type="Space"),),
-    precondition="?Provider isInside ?From AND connects(?Door, ?From, ?To) AND ?Door.Open = TRUE",
-    effect="?Provider isInside ?To",
-)
-LABEL = ServiceType(
-    name="PrintLabel",
-    inputs=(Parameter(name="Jar", type="Jar"), Parameter(name="Text", type="text")),
-    precondition="?Jar.Clean = TRUE",
-    effect="?Jar.Label = ?Text",
-)
-
-
-def laboratory() -> Ontology:
-    return upper().extended(
-        [
-            AttributeType(name="Clean", kind=Kind.TRUTH),
-            ObjectType(name="Jar", parent="Graspable", attributes=("Clean",)),
-            ObjectType(name="Washer", parent="StationaryDevice"),
-            RelationType(name="isInside", joins=("Device", "Space"), functional=True),
-            RelationType(name="connects", joins=("Passage", "Space", "Space")),
-        ]
-    )
-
-
-OBJECTS = {
-    "Jar001": "Jar",
-    "Jar002": "Jar",
-    "Shelf1": "Shelf",
-    "Shelf2": "Shelf",
-    "Platform001": "Platform",
-    "Washer1": "Washer",
-    "Robot1": "DeliveryRobot",
-    "RoomA": "Room",
-    "RoomB": "Room",
-    "DoorAB": "Door",
-}
-FACTS = [
-    Fact("isOn", ("Jar001", "Shelf1")),
-    Fact("isOn", ("Jar002", "Shelf1")),
-    Fact("isInside", ("Robot1", "RoomA")),
-    Fact("connects", ("DoorAB", "RoomA", "RoomB")),
-    Fact("connects", ("DoorAB", "RoomB", "RoomA")),
-]
-MAP = Map((Object(name=name, type=type_name) for name, type_name in OBJECTS.items()), FACTS)
-
-
-def make_problem(goal: str, *services: ServiceType, map: Map = MAP, excluded: frozenset[str] = frozenset()) -> Problem:
-    offered = tuple(AvailableService(service, ("Washer1",) if service is WASH else ("Robot1",)) for service in services)
-    return Problem(ontology=laboratory(), map=map, goal=parse(goal), services=offered, excluded=excluded)
-
-
-def names(result: Plan) -> list[str]:
-    return [str(step) for step in result.steps]
 
 
 def test_what_holds_already_needs_no_step() -> None:

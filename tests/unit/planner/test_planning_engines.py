@@ -18,8 +18,8 @@ from somrs.planner.model.world import World
 from somrs.planner.planning import plan, plan_quickly
 from somrs.planner.search.progress import Progress
 from somrs.planner.search.search import TooHard, search
+from tests.support.laboratory import FACTS, OBJECTS, TRANSFER, make_problem, names
 from tests.unit.planner import test_numbers
-from tests.unit.planner.test_planning import FACTS, OBJECTS, TRANSFER, make_problem, names
 
 GOAL = "Jar001 isOn Platform001"
 MOVED = "TransferObject(Object: Jar001, Destination: Platform001)"

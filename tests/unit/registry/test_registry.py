@@ -32,17 +32,11 @@ from somrs.registry.state import LeasesDue
 from somrs.repository.component import Repository
 from somrs.runtime.virtual_time import World
 from tests.support.lab import REPOSITORY, ask, contents, deliver_request, lab, request, sent_bodies
+from tests.support.laboratory import OPEN, TRANSFER
 
 REGISTRY = "http://here/registry"
 FOLLOWER = "http://here/follower"
 
-TRANSFER = ServiceType(
-    name="TransferObject",
-    inputs=(Parameter(name="Object", type="Graspable"), Parameter(name="Destination", type="Object")),
-    precondition="?Object isOn ?Source",
-    effect="?Object isOn ?Destination",
-)
-OPEN = ServiceType(name="OpenDoor", inputs=(Parameter(name="Door", type="Door"),), effect="?Door.Open = TRUE")
 CAREFUL = ServiceType(name="CarefulTransfer", parent="TransferObject", inputs=TRANSFER.inputs, effect=TRANSFER.effect)
 
 

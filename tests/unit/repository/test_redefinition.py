@@ -27,7 +27,7 @@ from somrs.protocol.messages.knowledge import (
     Updated,
     UpdateMap,
 )
-from tests.support.keeper import Keeper, definitions
+from tests.support.keeper import Keeper, definitions, renaming
 
 WORKSHOP = """
 attributes:
@@ -88,10 +88,6 @@ def keeper(tmp_path: Path) -> Iterator[Keeper]:
     keeper.close()
 
 
-def rename(section: Section, name: str, new_name: str) -> Define:
-    return Define(renamed=(Renaming(section=section, name=name, to=new_name),), author="Anna")
-
-
 def remove(section: Section, *names: str) -> Define:
     return Define(removed=tuple(DefinitionKey(section=section, name=name) for name in names), author="Anna")
 
@@ -104,7 +100,7 @@ def types(*types: ObjectType, expected: int | None = None, author: str = "Anna")
 
 
 def test_a_type_is_renamed_wherever_it_is_spoken_of(keeper: Keeper) -> None:
-    assert keeper.ask(rename(Section.TYPES, "Tin", "PaintTin"), Defined) == Defined(version=1)
+    assert keeper.ask(renaming(Section.TYPES, "Tin", "PaintTin"), Defined) == Defined(version=1)
     ontology, map = keeper.contents.ontology, keeper.contents.map
     assert "Tin" not in ontology.types
     assert ontology.types["SmallTin"].parent == "PaintTin"
@@ -117,16 +113,16 @@ def test_a_type_is_renamed_wherever_it_is_spoken_of(keeper: Keeper) -> None:
 
 
 def test_types_in_formulas_and_parts_are_renamed(keeper: Keeper) -> None:
-    keeper.ask(rename(Section.TYPES, "Bench", "Workbench"), Defined)
-    keeper.ask(rename(Section.TYPES, "Vice", "Clamp"), Defined)
+    keeper.ask(renaming(Section.TYPES, "Bench", "Workbench"), Defined)
+    keeper.ask(renaming(Section.TYPES, "Vice", "Clamp"), Defined)
     ontology = keeper.contents.ontology
     assert "?Bench: Workbench" in (ontology.services["Refill"].precondition or "")
     assert ontology.types["Workbench"].parts[0].type == "Clamp"
 
 
 def test_an_attribute_is_renamed_wherever_it_is_spoken_of(keeper: Keeper) -> None:
-    keeper.ask(rename(Section.ATTRIBUTES, "Volume", "Litres"), Defined)
-    keeper.ask(rename(Section.ATTRIBUTES, "Package", "Packing"), Defined)
+    keeper.ask(renaming(Section.ATTRIBUTES, "Volume", "Litres"), Defined)
+    keeper.ask(renaming(Section.ATTRIBUTES, "Package", "Packing"), Defined)
     ontology, tin = keeper.contents.ontology, keeper.contents.ontology.types["Tin"]
     assert ontology.attributes["Packing"].attributes == ("Litres", "Content")
     assert tin.attributes == ("Packing",)
@@ -141,15 +137,15 @@ def test_an_attribute_is_renamed_wherever_it_is_spoken_of(keeper: Keeper) -> Non
 
 
 def test_a_relation_is_renamed_with_its_facts(keeper: Keeper) -> None:
-    keeper.ask(rename(Section.RELATIONS, "belongsTo", "standsAt"), Defined)
+    keeper.ask(renaming(Section.RELATIONS, "belongsTo", "standsAt"), Defined)
     assert "?Tin standsAt ?Bench" in (keeper.contents.ontology.services["Refill"].precondition or "")
     assert [*keeper.contents.map.facts("standsAt")] == [Fact("standsAt", ("Tin1", "Bench1"))]
     assert [*keeper.contents.map.facts("belongsTo")] == []
 
 
 def test_functions_and_services_are_renamed(keeper: Keeper) -> None:
-    keeper.ask(rename(Section.FUNCTIONS, "content", "fill"), Defined)
-    keeper.ask(rename(Section.SERVICES, "Refill", "TopUp"), Defined)
+    keeper.ask(renaming(Section.FUNCTIONS, "content", "fill"), Defined)
+    keeper.ask(renaming(Section.SERVICES, "Refill", "TopUp"), Defined)
     services = keeper.contents.ontology.services
     assert parse(f"{services['TopUp'].cost} = 0") == parse("2 * fill(?Tin) + way(?At, ?At) = 0")
     assert services["RefillQuickly"].parent == "TopUp"
@@ -157,8 +153,8 @@ def test_functions_and_services_are_renamed(keeper: Keeper) -> None:
 
 def test_what_a_formula_says_besides_is_left_as_it_was_written(keeper: Keeper) -> None:
     formula_before = keeper.contents.ontology.types["Tin"].constraints[1].formula
-    keeper.ask(rename(Section.ATTRIBUTES, "Color", "Colour"), Rejected)
-    keeper.ask(rename(Section.RELATIONS, "belongsTo", "standsAt"), Defined)
+    keeper.ask(renaming(Section.ATTRIBUTES, "Color", "Colour"), Rejected)
+    keeper.ask(renaming(Section.RELATIONS, "belongsTo", "standsAt"), Defined)
     assert keeper.contents.ontology.types["Tin"].constraints[1].formula == formula_before
 
 
@@ -186,16 +182,16 @@ def test_renaming_and_redefining_come_together(keeper: Keeper) -> None:
 @pytest.mark.parametrize(
     ("define", "problem"),
     [
-        (rename(Section.TYPES, "Tim", "Can1"), "there is no type Tim; did you mean Tin?"),
-        (rename(Section.TYPES, "Tin", "Jar"), "there is a type Jar already"),
-        (rename(Section.TYPES, "Tin", "A b"), "not a name that formulas can use"),
-        (rename(Section.OBJECTS, "Tin1", "Tin9"), "is renamed by itself"),
+        (renaming(Section.TYPES, "Tim", "Can1"), "there is no type Tim; did you mean Tin?"),
+        (renaming(Section.TYPES, "Tin", "Jar"), "there is a type Jar already"),
+        (renaming(Section.TYPES, "Tin", "A b"), "not a name that formulas can use"),
+        (renaming(Section.OBJECTS, "Tin1", "Tin9"), "is renamed by itself"),
         (remove(Section.TYPES, "Tim"), "there is no type Tim"),
         (remove(Section.OBJECTS, "Tin1"), "by an update of the map"),
-        (rename(Section.ATTRIBUTES, "Volume", "at"), "objects have a key at"),
+        (renaming(Section.ATTRIBUTES, "Volume", "at"), "objects have a key at"),
         (types(ObjectType(name="T", parent="Tin", doc="\x00")), "U+0000"),
         (types(ObjectType(name="T", parent="Tin"), ObjectType(name="T", parent="Jar")), "defined 2 times"),
-        (rename(Section.TYPES, "Device", "Machine"), "neither removed nor renamed"),
+        (renaming(Section.TYPES, "Device", "Machine"), "neither removed nor renamed"),
         (remove(Section.ATTRIBUTES, "PositionX"), "neither removed nor renamed"),
         (remove(Section.RELATIONS, "isPartOf"), "neither removed nor renamed"),
         (Define(definitions=Definitions(attributes=(AttributeType(name="PositionX", kind=Kind.TEXT),))), "kind must stay number"),
@@ -304,22 +300,22 @@ def test_two_people_who_edit_the_same_type_hear_of_each_other(keeper: Keeper) ->
 
 
 def test_what_was_removed_or_renamed_meanwhile_is_said_to_be(keeper: Keeper) -> None:
-    keeper.ask(rename(Section.TYPES, "SmallTin", "TinyTin"), Defined)
+    keeper.ask(renaming(Section.TYPES, "SmallTin", "TinyTin"), Defined)
     broken_rules = keeper.broken(types(ObjectType(name="SmallTin", parent="Tin"), expected=0))
     assert "Anna removed or renamed it in version 1" in broken_rules[0].message
 
 
 def test_a_renaming_minds_what_others_did_to_the_same_thing_only(keeper: Keeper) -> None:
     keeper.ask(types(structs.replace(keeper.contents.ontology.types["Tin"], doc="Anna's")), Defined)
-    assert keeper.ask(structs.replace(rename(Section.ATTRIBUTES, "Volume", "Litres"), expected_version=0), Defined)
-    assert keeper.broken(structs.replace(rename(Section.TYPES, "Tin", "Box1"), expected_version=0))
+    assert keeper.ask(structs.replace(renaming(Section.ATTRIBUTES, "Volume", "Litres"), expected_version=0), Defined)
+    assert keeper.broken(structs.replace(renaming(Section.TYPES, "Tin", "Box1"), expected_version=0))
 
 
 # Considering
 
 
 def test_considering_tells_what_would_change_and_changes_nothing(keeper: Keeper) -> None:
-    considered = keeper.ask(Consider(change=rename(Section.TYPES, "Tin", "PaintTin")), Considered)
+    considered = keeper.ask(Consider(change=renaming(Section.TYPES, "Tin", "PaintTin")), Considered)
     assert considered.broken == ()
     assert considered.revision is not None
     assert "Tin" in [type.name for type in considered.revision.before.types]
@@ -343,10 +339,10 @@ def test_of_very_many_consequences_the_first_are_told_and_how_many_there_are(kee
     rejected = keeper.ask(remove(Section.TYPES, "Tin"), Rejected)
     assert len(rejected.broken) == 50
     assert "more problems" in rejected.problems[-1]
-    renamed = keeper.ask(Consider(change=rename(Section.TYPES, "Tin", "T")), Considered)
+    renamed = keeper.ask(Consider(change=renaming(Section.TYPES, "Tin", "T")), Considered)
     assert renamed.all_changes == 1001
     assert 20 < len(renamed.changes) <= 200
-    keeper.ask(rename(Section.TYPES, "Tin", "T"), Defined)
+    keeper.ask(renaming(Section.TYPES, "Tin", "T"), Defined)
     assert keeper.events(ReadEvents(limit=1))[0].all_changes == 1001
 
 
@@ -357,7 +353,7 @@ def test_the_history_of_the_ontology_tells_who_changed_what_from_what(keeper: Ke
     tin = keeper.contents.ontology.types["Tin"]
     keeper.ask(types(structs.replace(tin, doc="Anna's")), Defined)
     keeper.ask(UpdateMap(situation="Tin1 isOn Bench2"), Updated)
-    keeper.ask(rename(Section.TYPES, "SmallTin", "TinyTin"), Defined)
+    keeper.ask(renaming(Section.TYPES, "SmallTin", "TinyTin"), Defined)
     renamed, redefined = keeper.events(ReadEvents(ontology=True))
     assert (renamed.version, redefined.version, redefined.author) == (3, 1, "Anna")
     assert redefined.revision is not None
@@ -370,16 +366,19 @@ def test_the_history_of_the_ontology_tells_who_changed_what_from_what(keeper: Ke
 @pytest.mark.parametrize(
     "define",
     [
-        rename(Section.TYPES, "Tin", "PaintTin"),
-        rename(Section.ATTRIBUTES, "Package", "Packing"),
-        rename(Section.RELATIONS, "belongsTo", "standsAt"),
-        rename(Section.FUNCTIONS, "way", "distanceOf"),
+        renaming(Section.TYPES, "Tin", "PaintTin"),
+        renaming(Section.ATTRIBUTES, "Package", "Packing"),
+        renaming(Section.RELATIONS, "belongsTo", "standsAt"),
+        renaming(Section.FUNCTIONS, "way", "distanceOf"),
         remove(Section.SERVICES, "Refill", "RefillQuickly"),
         types(ObjectType(name="Vice", parent="Tin"), ObjectType(name="Drill", parent="Furniture")),
-        Define(renamed=rename(Section.TYPES, "Tin", "T").renamed, definitions=Definitions(types=(ObjectType(name="Tin", parent="T"),))),
+        Define(
+            renamed=renaming(Section.TYPES, "Tin", "T").renamed,
+            definitions=Definitions(types=(ObjectType(name="Tin", parent="T"),)),
+        ),
         Define(
             removed=remove(Section.TYPES, "Vice").removed,
-            renamed=rename(Section.TYPES, "Bench", "B").renamed,
+            renamed=renaming(Section.TYPES, "Bench", "B").renamed,
             definitions=Definitions(types=(ObjectType(name="B", parent="Table"),)),
         ),
     ],
@@ -399,7 +398,7 @@ def test_undoing_brings_back_what_was_and_undoing_that_what_came(keeper: Keeper,
 
 
 def test_undoing_a_renaming_takes_along_what_came_since(keeper: Keeper) -> None:
-    keeper.ask(rename(Section.TYPES, "Tin", "PaintTin"), Defined)
+    keeper.ask(renaming(Section.TYPES, "Tin", "PaintTin"), Defined)
     keeper.ask(types(ObjectType(name="HugeTin", parent="PaintTin")), Defined)
     keeper.ask(UpdateMap(changes=(ValueSet("Tin1", "PositionX", 1.3),)), Updated)
     keeper.ask(Undo(version=1), Updated)

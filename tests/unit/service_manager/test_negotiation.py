@@ -11,7 +11,8 @@ from somrs.protocol.messages.frp import State
 from somrs.service_manager.participant.messaging import REPORT_TIME
 from somrs.service_manager.participant.timers import Activity, TermsDue, WorkWanted
 from somrs.service_manager.sdk.orders import Advance, Answer, Failure, Quote, Quoted, Refused
-from tests.support.service_manager_harness import ARRANGE, NOW, ServiceManagerHarness, bodies, expiry_times, order, rest, timers
+from tests.support.effects import bodies
+from tests.support.service_manager_harness import ARRANGE, NOW, ServiceManagerHarness, expiry_times, order, rest, timers
 
 
 def test_an_arrange_has_the_device_quote_what_was_asked_for() -> None:

@@ -38,6 +38,7 @@ from somrs.service_manager.participant.timers import (
     WorkWanted,
 )
 from somrs.service_manager.sdk.orders import Advance, Failure, Perform, Quoted, Report, Undo, WorkDone
+from tests.support.effects import bodies
 from tests.support.lab import CLIENT, REPOSITORY, request
 from tests.support.service_manager_harness import (
     ARRANGE,
@@ -47,7 +48,6 @@ from tests.support.service_manager_harness import (
     NOW,
     PROFILE,
     ServiceManagerHarness,
-    bodies,
     expiry_times,
     order,
     rest,

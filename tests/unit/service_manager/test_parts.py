@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable
-from typing import TypeVar
+from collections.abc import Iterable
 
 import pytest
 
@@ -20,21 +19,9 @@ from somrs.service_manager.participant.job import Job, Jobs, failure, interrupti
 from somrs.service_manager.participant.map_reports import PATIENCE, MapReport, MapReports
 from somrs.service_manager.participant.messaging import CUT_OFF, REPORT_TIME, send_message
 from somrs.service_manager.participant.timers import Activity, HeartbeatDue, ReportDue, StartDue, WorkWanted
+from tests.support.effects import run_effects
 
 ADDRESS, REPOSITORY = "http://here/washer", "http://here/repository"
-
-T = TypeVar("T")
-
-
-def run(generator: Generator[Effect, None, T]) -> tuple[list[Effect], T]:
-    """The effects, and what it comes to."""
-    effects: list[Effect] = []
-    while True:
-        try:
-            effects.append(next(generator))
-        except StopIteration as end:
-            return effects, end.value
-
 
 # The calendar
 
@@ -88,10 +75,14 @@ def job(participant: str = "Washer1.Wash#s1", state: State = State.EXECUTING) ->
 def test_a_job_wakes_up_once_for_each_timer_that_it_set() -> None:
     running_job = job()
     timer = HeartbeatDue("t1", "Washer1.Wash#s1")
-    assert run(running_job.set_timer(HeartbeatDue, None))[0] == []
-    assert run(running_job.set_timer(HeartbeatDue, 5.0))[0] == run(running_job.set_timer(HeartbeatDue, 5.0))[0] == [SetTimer(timer, 5.0)]
+    assert run_effects(running_job.set_timer(HeartbeatDue, None))[0] == []
+    assert (
+        run_effects(running_job.set_timer(HeartbeatDue, 5.0))[0]
+        == run_effects(running_job.set_timer(HeartbeatDue, 5.0))[0]
+        == [SetTimer(timer, 5.0)]
+    )
     assert running_job.timers == {timer}
-    assert [run(running_job.set_timer(HeartbeatDue, None))[0] for _ in range(2)] == [[SetTimer(timer, None)], []]
+    assert [run_effects(running_job.set_timer(HeartbeatDue, None))[0] for _ in range(2)] == [[SetTimer(timer, None)], []]
     assert (running_job.key, running_job.question_for(Activity.HALT)) == (
         ("t1", "Washer1.Wash#s1"),
         WorkWanted("t1", "Washer1.Wash#s1", Activity.HALT),
@@ -161,7 +152,7 @@ def test_who_says_that_work_is_over_waits_for_nothing_any_more(
 ) -> None:
     running_job, jobs = job(state=state), Jobs()
     running_job.timers = {HeartbeatDue(*running_job.key), StartDue(*running_job.key)}
-    *woken, send = run(send_message(running_job, body, jobs, 7.0))[0]
+    *woken, send = run_effects(send_message(running_job, body, jobs, 7.0))[0]
     assert isinstance(send, Send)
     assert (woken, send.message.body, send.expires_at) == (
         [SetTimer(kind(*running_job.key), None) for kind in timers],
@@ -191,19 +182,22 @@ def answer(body: Body) -> Message:
 def test_reports_are_made_one_after_the_other_once_the_device_is_there() -> None:
     reports = MapReports(address=ADDRESS, repository=REPOSITORY)
     first, second, third = report(1, 0.0, "A", 60.0), report(2, 1.0, "B", 21.0), report(3, 5.0, "C", 65.0)
-    assert run(reports.add("Washer1", "A", 0.0, 60.0))[0] == run(reports.add("Washer1", "B", 1.0, 20.0))[0] == []
+    assert run_effects(reports.add("Washer1", "A", 0.0, 60.0))[0] == run_effects(reports.add("Washer1", "B", 1.0, 20.0))[0] == []
     assert not reports.is_pending(first.id)
-    assert run(reports.start(2.0))[0] == report_effects(first, 2.0 + PATIENCE)
-    assert run(reports.start(3.0))[0] == [], "it is there already"
-    assert run(reports.add("Washer1", "C", 5.0, 60.0))[0] == [], "another is on its way"
+    assert run_effects(reports.start(2.0))[0] == report_effects(first, 2.0 + PATIENCE)
+    assert run_effects(reports.start(3.0))[0] == [], "it is there already"
+    assert run_effects(reports.add("Washer1", "C", 5.0, 60.0))[0] == [], "another is on its way"
     assert [reports.is_pending(report_id) for report_id in (first.id, second.id, None)] == [True, False, False]
-    assert run(reports.resend(12.0))[0] == report_effects(first, 12.0 + PATIENCE)
-    assert run(reports.answered(answer(Updated(version=1)), 13.0)) == ([SetTimer(ReportDue(), None), *report_effects(second, 21.0)], "")
-    assert run(reports.resend(21.0))[0] == report_effects(third, 21.0 + PATIENCE), "the time of the one before is over"
-    assert run(reports.answered(answer(Updated(version=2)), 22.0)) == ([SetTimer(ReportDue(), None)], "")
+    assert run_effects(reports.resend(12.0))[0] == report_effects(first, 12.0 + PATIENCE)
+    assert run_effects(reports.answered(answer(Updated(version=1)), 13.0)) == (
+        [SetTimer(ReportDue(), None), *report_effects(second, 21.0)],
+        "",
+    )
+    assert run_effects(reports.resend(21.0))[0] == report_effects(third, 21.0 + PATIENCE), "the time of the one before is over"
+    assert run_effects(reports.answered(answer(Updated(version=2)), 22.0)) == ([SetTimer(ReportDue(), None)], "")
     assert (reports.pending, reports.is_pending(third.id)) == ([], False)
     fourth = report(4, 30.0, "D", 90.0)
-    assert run(reports.add("Washer1", "D", 30.0, 60.0))[0] == report_effects(fourth, 30.0 + PATIENCE)
+    assert run_effects(reports.add("Washer1", "D", 30.0, 60.0))[0] == report_effects(fourth, 30.0 + PATIENCE)
 
 
 @pytest.mark.parametrize(
@@ -215,5 +209,5 @@ def test_reports_are_made_one_after_the_other_once_the_device_is_there() -> None
 )
 def test_what_is_wrong_with_a_report_is_said(body: Body, problem_text: str) -> None:
     reports = MapReports(address=ADDRESS, repository=REPOSITORY, ready=True)
-    assert run(reports.add("Washer1.Wash", "A", 0.0, 5.0))[0] == report_effects(report(1, 0.0, "A", 5.0, "Washer1.Wash"), 5.0)
-    assert run(reports.answered(answer(body), 1.0)) == ([SetTimer(ReportDue(), None)], problem_text)
+    assert run_effects(reports.add("Washer1.Wash", "A", 0.0, 5.0))[0] == report_effects(report(1, 0.0, "A", 5.0, "Washer1.Wash"), 5.0)
+    assert run_effects(reports.answered(answer(body), 1.0)) == ([SetTimer(ReportDue(), None)], problem_text)

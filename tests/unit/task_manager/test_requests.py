@@ -13,7 +13,7 @@ from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import Rejected, Updated, UpdateMap
 from somrs.task_manager.requests import ForPlan, ForReport, ReportAnswered, Requests, ServicesKnown, answer_problems
 from somrs.task_manager.timers import AnswerDue
-from tests.unit.task_manager.execution.test_participants import run_effects
+from tests.support.effects import run_effects
 
 WORK = ServiceType(name="Work", effect="Jar1.Clean = TRUE")
 PLAN, REPORT = ForPlan("task1", 1, 0), ForReport("task1")

@@ -8,7 +8,7 @@ from somrs.entish.parse import parse
 from somrs.ontology.types import RelationType
 from somrs.planner.model.plan import Plan, Step
 from somrs.task_manager.reservations import BlockedPlan, Reservation, Reservations, plan_reservation
-from tests.unit.planner.test_planning import laboratory
+from tests.support.laboratory import laboratory
 
 ONTOLOGY = laboratory().extended([RelationType(name="isNextTo", joins=("Object", "Object"), symmetric=True)])
 

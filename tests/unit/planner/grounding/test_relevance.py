@@ -11,7 +11,7 @@ from somrs.planner.grounding.relevance import demands
 from somrs.planner.model.operators import goal_operators
 from somrs.planner.model.problem import AvailableService, Problem
 from somrs.planner.model.world import World
-from tests.unit.planner.test_planning import DRIVE, FACTS, LABEL, OBJECTS, OPEN, TRANSFER, WASH, laboratory
+from tests.support.laboratory import DRIVE, FACTS, LABEL, OBJECTS, OPEN, TRANSFER, WASH, laboratory
 
 TRANSFER_JAR = ServiceType(
     name="TransferJar",

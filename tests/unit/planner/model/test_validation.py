@@ -10,8 +10,8 @@ from msgspec.structs import replace
 from somrs.entish.parse import parse
 from somrs.planner.model.plan import Link, Plan, Step
 from somrs.planner.model.validation import validate
+from tests.support.laboratory import TRANSFER, WASH, make_problem
 from tests.support.sound_plans import make_sound_plan
-from tests.unit.planner.test_planning import TRANSFER, WASH, make_problem
 
 PROBLEM = make_problem("Jar001.Clean = TRUE", TRANSFER, WASH)
 PLAN = make_sound_plan(PROBLEM)

@@ -15,14 +15,9 @@ from somrs.planner.model.problem import LostService
 from somrs.protocol.messages.directory import Offer
 from somrs.task_manager.arrangement.available_services import MOST_FAILURES, AvailableServices, KnownServices, service_names
 from somrs.task_manager.execution.workflow import StepRun
-from tests.unit.planner.test_planning import MAP, TRANSFER, laboratory
+from tests.support.laboratory import MAP, TRANSFER, laboratory, offer
 
 WORK = ServiceType(name="Work", effect="Jar001.Clean = TRUE")
-
-
-def offer(name: str, service_type: ServiceType = TRANSFER) -> Offer:
-    service = f"{name}.{service_type.name}"
-    return Offer(service=service, provider=name, provider_type="DeliveryRobot", address=name, service_type=service_type)
 
 
 def step_run(service_type: str = "TransferObject", effect: str = "Jar001 isOn Shelf2") -> StepRun:

@@ -20,7 +20,8 @@ from somrs.task_manager.arrangement.call_for_proposals import Arrangement, CallF
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow
 from somrs.task_manager.timers import BidsDue
-from tests.unit.task_manager.execution.test_participants import DAY, WORK, TransactionHarness, run_effects, sends
+from tests.support.effects import run_effects
+from tests.unit.task_manager.execution.test_participants import DAY, WORK, TransactionHarness, sends
 
 TIMER = BidsDue("task1", 1)
 EFFECT = "Jar1.Clean = TRUE"

@@ -8,7 +8,6 @@ from somrs.entish import Name
 from somrs.entish.parse import parse
 from somrs.kernel.component import Ask, Effect, ErrorAnswer, Send, Withdraw
 from somrs.kernel.replica import Replica
-from somrs.ontology.services import ServiceType
 from somrs.planner.model.plan import NoPlan, Plan, Step
 from somrs.planner.model.problem import LostService, Problem
 from somrs.protocol.messages.clients import Submit
@@ -21,8 +20,8 @@ from somrs.task_manager.execution.workflow import Progress, Workflow
 from somrs.task_manager.requests import ForPlan, Requests
 from somrs.task_manager.reservations import BlockedPlan, Reservation, Reservations
 from somrs.task_manager.timers import Answer, PlanWanted
-from tests.unit.planner.test_planning import MAP, TRANSFER, laboratory
-from tests.unit.task_manager.execution.test_participants import run_effects
+from tests.support.effects import run_effects
+from tests.support.laboratory import MAP, TRANSFER, laboratory, offer
 
 GOAL = "Jar001 isOn Shelf2"
 NO_PLAN = NoPlan("there is none")
@@ -35,11 +34,6 @@ def step(id: str = "step1", jar: str = "Jar001") -> Step:
 
 PLAN = Plan((step(),))
 RESERVATION = Reservation(changes=frozenset({"Jar001"}))
-
-
-def offer(name: str, service_type: ServiceType = TRANSFER) -> Offer:
-    service = f"{name}.{service_type.name}"
-    return Offer(service=service, provider=name, provider_type="DeliveryRobot", address=name, service_type=service_type)
 
 
 def context() -> TaskManagerContext:

@@ -21,7 +21,7 @@ from somrs.task_manager.execution.bids import (
     relevant_situation,
     service_types,
 )
-from tests.unit.planner.test_planning import MAP, TRANSFER, laboratory
+from tests.support.laboratory import MAP, TRANSFER, laboratory
 
 TYPES = {
     "Work": ServiceType(name="Work", effect=""),

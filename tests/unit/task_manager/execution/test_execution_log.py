@@ -17,7 +17,7 @@ from somrs.protocol.messages.events import GoalKind
 from somrs.protocol.messages.frp import State
 from somrs.task_manager.execution.execution_log import ExecutionLog, Work, concerned_objects, situation_to_restore
 from somrs.task_manager.execution.workflow import StepRun
-from tests.unit.planner.test_planning import MAP, TRANSFER, laboratory
+from tests.support.laboratory import MAP, TRANSFER, laboratory
 from tests.unit.task_manager.execution.test_participants import TransactionHarness
 
 NOW = MAP.changed([ValueSet("DoorAB", "Open", False), ValueSet("Jar001", "Weight", 0.3)])

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
-from typing import TypeVar
-
 import pytest
 
 from somrs.kernel.component import Effect, Send, SetTimer
@@ -26,6 +23,7 @@ from somrs.task_manager.execution.participants import Members, Participants, ans
 from somrs.task_manager.requests import Requests
 from somrs.task_manager.reservations import Reservations
 from somrs.task_manager.timers import OverdueDue, SilenceDue
+from tests.support.effects import run_effects
 
 WORK = ServiceType(name="Work", effect="Jar1.Clean = TRUE")
 OFFER = Offer(service="Robot1.Work", provider="Robot1", provider_type="Robot", address="devices/Robot1", service_type=WORK)
@@ -33,18 +31,6 @@ ARRANGE = frp.Arrange(service_type="Work", inputs={}, effect="Jar1.Clean = TRUE"
 TERMS = frp.Terms(effect="Jar1.Clean = TRUE", price=5.0, duration=30.0)
 EXECUTE = frp.Execute(inputs={})
 ME, DAY = "tm", 86_400.0
-
-T = TypeVar("T")
-
-
-def run_effects(generator: Generator[Effect, None, T]) -> tuple[list[Effect], T]:
-    """What it has done, and what it comes to."""
-    effects: list[Effect] = []
-    while True:
-        try:
-            effects.append(next(generator))
-        except StopIteration as end:
-            return effects, end.value
 
 
 class TransactionHarness:

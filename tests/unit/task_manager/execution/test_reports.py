@@ -5,18 +5,14 @@ from __future__ import annotations
 import pytest
 
 from somrs.kernel.codec import Codec, encode
-from somrs.kernel.component import Effect, Send
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import Rejected, Updated, UpdateMap
 from somrs.task_manager.execution.reports import ProgressSubject, Report, Reports, ReportSubject, UnobservedSubject, WorkSubject, settlement
 from somrs.task_manager.requests import ForReport
+from tests.support.effects import bodies
 from tests.unit.task_manager.arrangement.test_plan_request import context
-
-
-def updates(effects: list[Effect]) -> list[Body]:
-    return [effect.message.body for effect in effects if isinstance(effect, Send)]
 
 
 def test_reports_go_one_after_the_other() -> None:
@@ -24,11 +20,11 @@ def test_reports_go_one_after_the_other() -> None:
     first = Report(update=UpdateMap(situation="Jar001 isOn Shelf1"), subject=ProgressSubject("p"))
     second = Report(update=UpdateMap(situation="Jar001 isOn Shelf2"), subject=WorkSubject("p", "Jar001 isOn Shelf2"))
     assert reports.pending is False
-    assert updates([*reports.add_report("task1", first, world, 5.0)]) == [first.update]
+    assert bodies([*reports.add_report("task1", first, world, 5.0)]) == [first.update]
     assert [*reports.add_report("task1", second, world, 6.0)] == []
     assert (reports.waiting, reports.pending) == ([first, second], True)
     assert reports.settle_first() is False
-    assert updates([*reports.send_next("task1", world, 7.0)]) == [second.update]
+    assert bodies([*reports.send_next("task1", world, 7.0)]) == [second.update]
     assert [request.purpose for request in world.requests.pending.values()] == [ForReport("task1")] * 2
     assert (reports.settle_first(), reports.pending) == (True, False)
 

@@ -16,9 +16,10 @@ from somrs.protocol.messages.frp import State
 from somrs.task_manager.execution.execution_log import ExecutionLog, Work
 from somrs.task_manager.recovery.compensation import Attempt, Compensation, RestorationGoal, Undoing
 from somrs.task_manager.reservations import Reservation
-from tests.unit.planner.test_planning import MAP, TRANSFER
+from tests.support.effects import run_effects
+from tests.support.laboratory import MAP, TRANSFER
 from tests.unit.task_manager.arrangement.test_plan_request import context
-from tests.unit.task_manager.execution.test_participants import TransactionHarness, run_effects, sends
+from tests.unit.task_manager.execution.test_participants import TransactionHarness, sends
 
 ON_PLATFORM, ON_SHELF = "Jar001 isOn Platform001", "Jar001 isOn Shelf2"
 

@@ -12,7 +12,7 @@ from somrs.ontology.services import Handler, Occasion
 from somrs.planner.model.plan import Step
 from somrs.task_manager.execution.execution_log import Work
 from somrs.task_manager.recovery.handlers import fitting_handlers
-from tests.unit.planner.test_planning import MAP, TRANSFER, laboratory
+from tests.support.laboratory import MAP, TRANSFER, laboratory
 
 ON_PLATFORM, ON_SHELF = "?Object isOn Platform001", "?Object isOn Shelf1"
 

@@ -23,9 +23,10 @@ from somrs.task_manager.execution.execution_log import ExecutionLog, Work
 from somrs.task_manager.execution.reports import Report, Reports, UnobservedSubject
 from somrs.task_manager.recovery.observation import Look, LookPlan, LookQueue, Observation, Unseen, look_plans, unknown_changes
 from somrs.task_manager.requests import ForLook
-from tests.unit.planner.test_planning import MAP, TRANSFER, laboratory
-from tests.unit.task_manager.arrangement.test_plan_request import context, offer
-from tests.unit.task_manager.execution.test_participants import TransactionHarness, run_effects
+from tests.support.effects import run_effects
+from tests.support.laboratory import MAP, TRANSFER, laboratory, offer
+from tests.unit.task_manager.arrangement.test_plan_request import context
+from tests.unit.task_manager.execution.test_participants import TransactionHarness
 
 KNOWN_EFFECT = f"?Thing.{UNKNOWN} = FALSE"
 
