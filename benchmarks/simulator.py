@@ -20,10 +20,11 @@ from scipy.sparse.csgraph import dijkstra
 from timing import side_by_side
 
 from somrs.devices.simulator.link.commands import Command, CommandDone, CommandGivenUp, DriveTo, Grip, Place
-from somrs.devices.simulator.motion.navigation import Navigator, length
+from somrs.devices.simulator.motion.navigation import Navigator
 from somrs.devices.simulator.server.server import Server
 from somrs.devices.simulator.server.simulation import Simulation
 from somrs.devices.simulator.world.scene import Scene
+from somrs.devices.simulator.world.solids import path_length
 from somrs.ontology.files.loading import load, upper
 from somrs.ontology.objects import Map, Object
 from somrs.ontology.types import Ontology, Value
@@ -160,8 +161,8 @@ def navigation() -> None:
     start, goal = (1.0, 0.7), (44.5, 24.3)
     path = navigator.path(start, goal, RADIUS)
     assert path is not None
-    path_length, plain = length(path), search(start, goal)
-    print(f"\nan office of 45 x 25 m, {len(objects)} objects: a path of {path_length:.1f} m, on the grid {plain:.1f} m")
+    length, plain = path_length(path), search(start, goal)
+    print(f"\nan office of 45 x 25 m, {len(objects)} objects: a path of {length:.1f} m, on the grid {plain:.1f} m")
     ways: dict[str, Callable[[], object]] = {
         "scipy's Dijkstra on a prepared grid of 10 cm": lambda: search(start, goal),
         "path: found, smoothed, with a margin": lambda: navigator.path(start, goal, RADIUS),

@@ -10,8 +10,8 @@ import numpy as np
 
 from somrs.devices.simulator.motion.clearance import Disc
 from somrs.devices.simulator.motion.robot import BRAKING, GivenUp, Robot, Routine, wait, wrap
-from somrs.devices.simulator.motion.traffic import GAP, Capsule, length, path_distance, point_distance
-from somrs.devices.simulator.world.solids import Point
+from somrs.devices.simulator.motion.traffic import GAP, Capsule, path_distance, point_distance
+from somrs.devices.simulator.world.solids import Point, path_length
 
 PATIENCE = 45.0
 """Time after which a robot without progress gives up, s."""
@@ -76,8 +76,8 @@ def drive_to(robot: Robot, goal: Point, yaw: float | None = None, patience: floa
                 waited += yield from _unblock(robot, obstacle, patience)
                 met_robot = None
             else:
-                if length(path) < best - 0.3:
-                    best, waited = length(path), 0.0
+                if path_length(path) < best - 0.3:
+                    best, waited = path_length(path), 0.0
                 met_robot = yield from _follow(robot, path)
                 if met_robot is None:
                     continue
@@ -283,7 +283,7 @@ def _refuge(robot: Robot, other_robot: Robot) -> list[Point] | None:
         if path is None:
             continue
         # The part of its path that the other robot drives until this robot has reached the refuge.
-        ahead = _beginning(other_robot.plan, 0.5 + other_robot.solid.speed * length(path) / robot.solid.speed)
+        ahead = _beginning(other_robot.plan, 0.5 + other_robot.solid.speed * path_length(path) / robot.solid.speed)
         if path_distance(path, ahead) > robot.size.radius + other_robot.size.radius + 0.1:
             return path
         if fallback is None and math.dist(point, other_robot.plan[0]) > math.dist((x, y), other_robot.plan[0]):

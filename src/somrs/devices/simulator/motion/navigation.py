@@ -10,14 +10,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from scipy import ndimage
 
 from somrs.devices.simulator.motion.clearance import FAR, Disc, Grid, clearances
 from somrs.devices.simulator.motion.wayfinding import costs_from, search
-from somrs.devices.simulator.world.solids import Point, Role, Solid, solid_of
+from somrs.devices.simulator.world.solids import Point, Role, Solid, path_length, solid_of
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
 
@@ -82,7 +81,7 @@ class Navigator:
     def distance(self, start: Point, goal: Point, radius: float, discs: Sequence[Disc] = ()) -> float | None:
         """Length of the path, m; None if there is none."""
         path = self.path(start, goal, radius, discs)
-        return None if path is None else length(path)
+        return None if path is None else path_length(path)
 
     def approach(
         self,
@@ -212,10 +211,6 @@ class Navigator:
             corners.append(path[low])
             i = low
         return corners
-
-
-def length(path: Sequence[Point]) -> float:
-    return sum(math.dist(start, end) for start, end in pairwise(path))
 
 
 def edge_targets(solid: Solid, inset: float, spacing: float = 0.2) -> Iterator[tuple[Point, Point]]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 from somrs.devices.simulator.world.solids import Point
 
@@ -67,7 +66,3 @@ def path_distance(path: Sequence[Point], other_path: Sequence[Point]) -> float:
         (segment_distance(start, end, other_start, other_end) for start, end in segments for other_start, other_end in other_segments),
         default=math.inf,
     )
-
-
-def length(path: Sequence[Point]) -> float:
-    return sum(math.dist(start, end) for start, end in pairwise(path))

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from itertools import pairwise
 
 from somrs.errors import SimulationError
 from somrs.ontology.objects import Object
@@ -126,6 +128,10 @@ def _polygon_distance(outline: tuple[Point, ...], u: float, v: float) -> float:
         if (start_y > v) != (end_y > v):
             is_interior ^= u < start_x + (v - start_y) / (end_y - start_y) * dx
     return -nearest if is_interior else nearest
+
+
+def path_length(path: Sequence[Point]) -> float:
+    return sum(math.dist(start, end) for start, end in pairwise(path))
 
 
 def role_of(object: Object, ontology: Ontology) -> Role:

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from somrs.devices.simulator.motion.clearance import Disc
-from somrs.devices.simulator.motion.navigation import Navigator, edge_targets, length
-from somrs.devices.simulator.world.solids import Point, Solid, solid_of
+from somrs.devices.simulator.motion.navigation import Navigator, edge_targets
+from somrs.devices.simulator.world.solids import Point, Solid, path_length, solid_of
 from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Map, Object
 from somrs.ontology.types import Value
@@ -104,9 +104,9 @@ def test_finds_a_way_where_the_plain_search_does_and_a_safe_one(things: list[Obj
         assert all(solid.distance(x, y) > RADIUS - 0.02 for solid in solids)
     if wide < math.inf:
         # The plain way has corners of 45 degrees, at most 8 % longer than straight; ours likes room, and may take a longer way.
-        assert length(path) <= 1.35 * wide
+        assert path_length(path) <= 1.35 * wide
     narrow = plain_distance(solids, size, start, goal, RADIUS - 0.08)
-    assert length(path) >= narrow / 1.09 - 0.15
+    assert path_length(path) >= narrow / 1.09 - 0.15
 
 
 def two_rooms(*extra_objects: Object, gap: float = 0.9) -> Navigator:
@@ -166,7 +166,7 @@ def test_leaves_a_place_that_is_too_close_to_a_table() -> None:
     plan = navigator(floor(6, 6), box("Table1", "Table", 3, 3, 1, 1))
     path = plan.path((2.3, 3), (5, 3), RADIUS)
     assert path is not None
-    assert length(path) < 4.5
+    assert path_length(path) < 4.5
     assert plan.path((5, 3), (2.3, 3), RADIUS) is None, "but nothing drives there"
 
 
