@@ -16,8 +16,8 @@ from somrs.ontology.types import Ontology, Value
 
 PLACEMENT_RELATIONS = ("isOn", "isIn", "isHeldBy")
 """The relations that locate an object by another: what it is on, in, or held by."""
-FURNITURE = "furniture"
-KINDS = {Role.MARK: "place", Role.SUPPORT: FURNITURE, Role.STATIC: FURNITURE}
+_FURNITURE = "furniture"
+_KINDS = {Role.MARK: "place", Role.SUPPORT: _FURNITURE, Role.STATIC: _FURNITURE}
 
 
 MAX_OVERHANG = 0.15
@@ -117,7 +117,7 @@ def _body(object: Object, solid: Solid, map: Map, ontology: Ontology) -> Body:
     return Body(
         name=solid.name,
         type=solid.type,
-        kind=KINDS.get(solid.role, solid.role.value),
+        kind=_KINDS.get(solid.role, solid.role.value),
         form=solid.form,
         x=solid.x,
         y=solid.y,

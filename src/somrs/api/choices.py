@@ -86,7 +86,7 @@ class Placings(msgspec.Struct, frozen=True, kw_only=True):
     formulas: tuple[str, ...]
 
 
-def thing(object: Object, ontology: Ontology, map: Map) -> Thing:
+def _thing(object: Object, ontology: Ontology, map: Map) -> Thing:
     symbol = next((icon for type_name, icon in SYMBOLS if ontology.is_subtype(object.type, type_name)), "category")
     label = object.values.get("Label")
     location_facts = (
@@ -98,7 +98,7 @@ def thing(object: Object, ontology: Ontology, map: Map) -> Thing:
 
 def things(ontology: Ontology, map: Map, *, typed: str, type_name: str, relation: str | None, place: int, limit: int) -> Things:
     candidates = fitting_objects(ontology, map, Slot(relation=relation, place=place, type=type_name), typed)
-    return Things(things=tuple(thing(candidate, ontology, map) for candidate in candidates[:limit]), is_truncated=len(candidates) > limit)
+    return Things(things=tuple(_thing(candidate, ontology, map) for candidate in candidates[:limit]), is_truncated=len(candidates) > limit)
 
 
 def sayable(object: Object, ontology: Ontology, map: Map) -> Sayable:
@@ -122,7 +122,7 @@ def sayable(object: Object, ontology: Ontology, map: Map) -> Sayable:
         if attribute.kind is not Kind.COMPLEX
     ]
     return Sayable(
-        thing=thing(object, ontology, map),
+        thing=_thing(object, ontology, map),
         relations=tuple(sorted(relations, key=lambda relation: not relation.achievable)),
         attributes=tuple(sorted(attributes, key=lambda attribute: not attribute.achievable)),
     )

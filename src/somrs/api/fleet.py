@@ -30,8 +30,8 @@ from somrs.protocol.messages.frp import State
 DEVICE = "Device"
 """The type of all devices (upper ontology)."""
 
-STOREY = "Storey"
-HELD_BY = "isHeldBy"
+_STOREY = "Storey"
+_HELD_BY = "isHeldBy"
 
 STALE = 10.0
 """Seconds after which all offers are read again, since news of them may have been lost."""
@@ -197,7 +197,7 @@ class FleetService:
             ),
             position=self._position(name),
             place=self._place(name),
-            holding=tuple(arguments[0] for arguments in map.facts_with(HELD_BY, 1, name)),
+            holding=tuple(arguments[0] for arguments in map.facts_with(_HELD_BY, 1, name)),
             charge=_number(value_of(name, "Charge", map, ontology)),
             services=tuple(sorted(offered, key=lambda service: service.service)),
             assignments=assignments,
@@ -244,7 +244,7 @@ class FleetService:
         map, ontology = self._context.map, self._context.ontology
         whole, visited = map.whole(name), set[str]()
         while whole is not None and whole in map.objects and whole not in visited:
-            if ontology.is_subtype(map.objects[whole].type, STOREY):
+            if ontology.is_subtype(map.objects[whole].type, _STOREY):
                 return whole
             visited.add(whole)
             whole = map.whole(whole)

@@ -11,7 +11,7 @@ from somrs.ontology.objects import Fact, Map, Object
 from somrs.protocol.messages.knowledge import Considered, Events, History, ReadEvents, RenameObject, Rows, Updated, UpdateMap
 from somrs.repository.rollback import rewind_map
 
-YAML = "application/yaml"
+_YAML = "application/yaml"
 
 MAX_REWOUND_VERSIONS = 100
 """Up to this number of versions, reading the changes is faster than reading a map of thousands of objects."""
@@ -83,7 +83,7 @@ class MapService:
     async def export(self) -> Document:
         """Export the site as a file for `somrs up`: the map, and its ontology without the upper ontology."""
         text = dump_site(self._context.ontology, self._context.map)
-        return Document(content=text.encode(), media_type=YAML, name="site.yaml")
+        return Document(content=text.encode(), media_type=_YAML, name="site.yaml")
 
     async def _read_map_at(self, map: Map, now: int, version: int) -> Map:
         """The map at a version: derived from the current map for a recent version, read as a whole for an older one."""

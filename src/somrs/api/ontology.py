@@ -22,7 +22,7 @@ from somrs.protocol.messages.knowledge import BrokenRule, Define, Defined, Defin
 from somrs.repository.ontology_diff import diff_ontologies
 from somrs.repository.outcome import apply_revision
 
-YAML = "application/yaml"
+_YAML = "application/yaml"
 
 
 class OntologyView(msgspec.Struct, frozen=True, kw_only=True):
@@ -124,7 +124,7 @@ class OntologyService:
     async def export_yaml(self, whole: bool = False) -> Document:
         """Export the ontology as a YAML file: without the upper ontology, or with `whole` all of it."""
         text = dump_ontology(self._context.ontology, upper(), "ontology", whole=whole)
-        return Document(content=text.encode(), media_type=YAML, name="ontology.yaml")
+        return Document(content=text.encode(), media_type=_YAML, name="ontology.yaml")
 
     @operation("POST", "/ontology/import.yaml")
     async def import_yaml(self, body: ImportOntology, dry: bool = False) -> ImportResult:
@@ -139,7 +139,7 @@ class OntologyService:
 
     async def _consequences(self, change: Define | Undo) -> Consequences:
         outcome = await self._context.client.consider(change)
-        offers = tuple(broken_offers(self._context.ontology, outcome.revision, await self._context.client.services()))
+        offers = tuple(_broken_offers(self._context.ontology, outcome.revision, await self._context.client.services()))
         users = tuple(await self._find_word_uses(change, outcome.revision))
         return Consequences(**{name: getattr(outcome, name) for name in outcome.__struct_fields__}, offers=offers, affected=users)
 
@@ -159,7 +159,7 @@ class OntologyService:
         return [Renaming(section=renaming.section, name=renaming.to, to=renaming.name) for renaming in renamed]
 
 
-def broken_offers(ontology: Ontology, change: Revision | None, offers: Iterable[Offer]) -> Iterator[BrokenOffer]:
+def _broken_offers(ontology: Ontology, change: Revision | None, offers: Iterable[Offer]) -> Iterator[BrokenOffer]:
     """The services on offer that the planner can use now and could not use after the change, with the reason."""
     ontology_after = apply_revision(ontology, change) if change is not None else ontology
     for offer in offers if change is not None else ():

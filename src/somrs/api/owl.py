@@ -20,8 +20,8 @@ from somrs.protocol.messages.knowledge import UpdateMap
 P = ParamSpec("P")
 T = TypeVar("T")
 
-MEDIA_TYPES = {owl.Format.TURTLE: "text/turtle; charset=utf-8", owl.Format.XML: "application/rdf+xml"}
-ENDINGS = {owl.Format.TURTLE: "ttl", owl.Format.XML: "rdf"}
+_MEDIA_TYPES = {owl.Format.TURTLE: "text/turtle; charset=utf-8", owl.Format.XML: "application/rdf+xml"}
+_ENDINGS = {owl.Format.TURTLE: "ttl", owl.Format.XML: "rdf"}
 
 LARGE_MAP = 300
 """Number of objects above which a separate process does the work, so that other requests do not wait."""
@@ -59,8 +59,8 @@ class OwlService(OntologyService):
             format,
             shapes=shapes,
         )
-        name = f"{'site' if map else 'ontology'}.{ENDINGS[format]}"
-        return Document(content=content, media_type=MEDIA_TYPES[format], name=name)
+        name = f"{'site' if map else 'ontology'}.{_ENDINGS[format]}"
+        return Document(content=content, media_type=_MEDIA_TYPES[format], name=name)
 
     @operation("POST", "/ontology/import.owl")
     async def import_owl(self, body: ImportOntology, dry: bool = False, map: bool = False) -> OwlImportResult:

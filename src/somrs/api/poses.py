@@ -33,7 +33,7 @@ RATE = 20.0
 """Ticks per second."""
 RETRY_DELAY = 0.5
 """Seconds between two attempts to connect to the simulator."""
-HEADER = struct.Struct("<ddII")
+_HEADER = struct.Struct("<ddII")
 
 Row = tuple[float, ...]
 Message = str | bytes
@@ -152,11 +152,11 @@ class PoseFeed:
             self._rows[i] = line.values[start:end]
             start = end
         frame = self._frame(line.moved, line.values)
-        self._publish_tick([_text(news), frame] if news != NO_NEWS else [frame], alive=True)
+        self._publish_tick([_text(news), frame] if news != _NO_NEWS else [frame], alive=True)
 
     def _frame(self, moved: Iterable[int], values: Iterable[float]) -> bytes:
         indices = array("I", moved)
-        return HEADER.pack(self._clock, self._time, self._table, len(indices)) + indices.tobytes() + array("f", values).tobytes()
+        return _HEADER.pack(self._clock, self._time, self._table, len(indices)) + indices.tobytes() + array("f", values).tobytes()
 
     def _publish_tick(self, news: list[Message], *, alive: bool) -> None:
         self._alive, self._news, self._whole = alive, news, None
@@ -169,4 +169,4 @@ def _text(news: PosesNews) -> str:
     return msgspec.json.encode(news).decode()
 
 
-NO_NEWS = PosesNews()
+_NO_NEWS = PosesNews()

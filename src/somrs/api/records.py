@@ -15,7 +15,7 @@ from somrs.errors import UsageError
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.records import ReadRecords, Records, TaskRecord
 
-MEDIA_TYPES = {Format.JSONL: "application/jsonl", Format.CSV: "text/csv; charset=utf-8"}
+_MEDIA_TYPES = {Format.JSONL: "application/jsonl", Format.CSV: "text/csv; charset=utf-8"}
 
 
 class RecordService:
@@ -68,7 +68,7 @@ class RecordService:
         await write(self._task_history, query, file, format, table or Table.TASKS)
         table_name = table or Table.TASKS
         return Document(
-            content=file.getvalue().encode(), media_type=MEDIA_TYPES[format], name=f"{table_name}-{datetime.now():%Y%m%d-%H%M}.{format}"
+            content=file.getvalue().encode(), media_type=_MEDIA_TYPES[format], name=f"{table_name}-{datetime.now():%Y%m%d-%H%M}.{format}"
         )
 
 

@@ -65,7 +65,7 @@ class Api:
             setattr(self, group, client.part(group, declared))
 
 
-class LiveContext:
+class _LiveContext:
     """A copy of the map and the ontology: read once, and updated with the news of `hub`."""
 
     def __init__(self, client: ApiClient, api: Api) -> None:
@@ -113,7 +113,7 @@ class LiveApi(Api):
     def __init__(self, client: ApiClient) -> None:
         super().__init__(client)
         self.client = client
-        self.context = LiveContext(client, self)
+        self.context = _LiveContext(client, self)
 
 
 @asynccontextmanager

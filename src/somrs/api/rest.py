@@ -31,13 +31,13 @@ log = logging.getLogger(__name__)
 PAGE_LIBRARY = "fastapi_swagger"
 """The package that contains the files of the documentation page; it is not imported."""
 
-PAGE = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>SO-MRS: the API</title>
+_PAGE = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>SO-MRS: the API</title>
 <meta name="viewport" content="width=device-width, initial-scale=1"><link rel="stylesheet" href="{root}/page/swagger-ui.css">
 </head><body><div id="api"></div><script src="{root}/page/swagger-ui-bundle.js"></script>
 <script>SwaggerUIBundle({{url: "{root}/openapi.json", dom_id: "#api", validatorUrl: null}})</script></body></html>"""
 
 
-def has_page() -> bool:
+def _has_page() -> bool:
     """Whether the package with the documentation page is installed."""
     return find_spec(PAGE_LIBRARY) is not None
 
@@ -56,13 +56,17 @@ def application(operations: Sequence[Operation], hub: Hub, extra_routes: Sequenc
         return Response(document_bytes(), media_type="application/json")
 
     async def page(request: Request) -> Response:
-        return HTMLResponse(PAGE.format(root=request.scope.get("root_path", "").rstrip("/")))
+        return HTMLResponse(_PAGE.format(root=request.scope.get("root_path", "").rstrip("/")))
 
     async def live(socket: WebSocket) -> None:
         await _serve_news(socket, hub)
 
     routes: list[Any] = [
-        *([Route("/", page), Mount("/page", StaticFiles(packages=[(PAGE_LIBRARY, "resources")]))] if has_page() else [Route("/", openapi)]),
+        *(
+            [Route("/", page), Mount("/page", StaticFiles(packages=[(PAGE_LIBRARY, "resources")]))]
+            if _has_page()
+            else [Route("/", openapi)]
+        ),
         Route("/openapi.json", openapi),
         WebSocketRoute("/live", live),
         *extra_routes,

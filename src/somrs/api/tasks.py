@@ -33,7 +33,7 @@ from somrs.runtime.wire import Unanswered
 
 __all__ = ["TaskChanged", "TaskDetails", "TaskList", "TaskService", "TasksChanged"]
 
-WHOLE_ID = len("urn:uuid:00000000-0000-0000-0000-000000000000")
+_WHOLE_ID = len("urn:uuid:00000000-0000-0000-0000-000000000000")
 
 MOST_NAMED = 5
 """Maximum number of records read to find the tasks whose ids begin with a text."""
@@ -130,7 +130,7 @@ class TaskService:
 
     async def _complete_id(self, name: str) -> str:
         """The complete id of the task whose id begins with `name`. Raises NotFound for no task, UsageError for several."""
-        if len(name) == WHOLE_ID and name.startswith("urn:uuid:"):
+        if len(name) == _WHOLE_ID and name.startswith("urn:uuid:"):
             return name
         known_ids = [row.task for row in await self._client.rows()]
         records = await TaskHistory(self._client.records).first(ReadRecords(task=name, brief=True), MOST_NAMED) if name else []

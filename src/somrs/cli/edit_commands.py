@@ -22,7 +22,7 @@ MAX_LINES = 12
 """Maximum number of lines shown for an event."""
 
 
-def parse_section(text: str) -> Section:
+def _parse_section(text: str) -> Section:
     """The section of an ontology with this name, in the singular or the plural: `type`, `types`. Raises UsageError if there is none."""
     sections = {section.value: section for section in Section if section is not Section.OBJECTS}
     by_singular = {SINGULAR[section].partition(" ")[0]: section for section in sections.values()}
@@ -62,7 +62,7 @@ def describe_event(event: Event) -> Iterator[str]:
         yield f"undid version {event.undoes}"
     yield from (f"renamed {renaming}" for renaming in event.renamed)
     if event.revision is not None:
-        yield from describe_revision(
+        yield from _describe_revision(
             event.revision,
             {(renaming.section, renaming.to) for renaming in event.renamed}
             | {(renaming.section, renaming.name) for renaming in event.renamed},
@@ -70,7 +70,7 @@ def describe_event(event: Event) -> Iterator[str]:
     yield from map(terminal.change, event.changes)
 
 
-def describe_revision(revision: Revision, skipped_names: set[tuple[Section, str]]) -> Iterator[str]:
+def _describe_revision(revision: Revision, skipped_names: set[tuple[Section, str]]) -> Iterator[str]:
     """The changes of definitions, one per line, except of those in `skipped_names`."""
     definitions_before, definitions_after = (
         {key_of(definition): definition for definition in side.all_definitions()} for side in (revision.before, revision.after)
@@ -137,7 +137,7 @@ def _print_outcome(outcome: Considered | Consequences, *, json: bool) -> int:
     if json:
         terminal.print_json(outcome)
         return 1 if outcome.broken else 0
-    lines = [*(describe_revision(outcome.revision, set()) if outcome.revision is not None else ()), *map(terminal.change, outcome.changes)]
+    lines = [*(_describe_revision(outcome.revision, set()) if outcome.revision is not None else ()), *map(terminal.change, outcome.changes)]
     omitted_count = outcome.all_changes - len(outcome.changes)
     for line in lines or ["nothing would change"]:
         print(line)
@@ -158,11 +158,11 @@ def _print_outcome(outcome: Considered | Consequences, *, json: bool) -> int:
 
 
 def rename_definition(section: str, name: str, new_name: str, author: str) -> Define:
-    return Define(renamed=(Renaming(section=parse_section(section), name=name, to=new_name),), author=author)
+    return Define(renamed=(Renaming(section=_parse_section(section), name=name, to=new_name),), author=author)
 
 
 def remove_definitions(section: str, names: Sequence[str], author: str) -> Define:
-    parsed_section = parse_section(section)
+    parsed_section = _parse_section(section)
     return Define(removed=tuple(DefinitionKey(section=parsed_section, name=name) for name in names), author=author)
 
 

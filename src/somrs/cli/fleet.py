@@ -36,18 +36,18 @@ async def fleet(data: Path, *, follow: bool, json: bool) -> None:
             if json:
                 terminal.print_json(fleet_state)
             else:
-                terminal.console().print(render_fleet(fleet_state))
+                terminal.console().print(_render_fleet(fleet_state))
             return
         with Live(console=terminal.console(), auto_refresh=False) as screen, service.context.hub.subscribe("fleet") as subscription:
             async for news in subscription:
                 match news.value:
                     case Devices() as devices:
-                        screen.update(render_fleet(devices), refresh=True)
+                        screen.update(_render_fleet(devices), refresh=True)
                     case ErrorReport(problem=problem):
                         screen.update(Text(problem, style="red"), refresh=True)
 
 
-def render_fleet(fleet_state: Devices) -> Group:
+def _render_fleet(fleet_state: Devices) -> Group:
     """All devices, and the latest arrivals and departures."""
     rows = (
         (

@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from somrs.sites import Site
     from somrs.sites.pddl import ImportedProblem
 
-PDDL = ".pddl"
+_PDDL = ".pddl"
 
 
 def import_site(sources: Sequence[Path], output: Path | None) -> None:
     """Import a building or a planning problem, write it as a map file, and check that file."""
-    if any(source.suffix == PDDL for source in sources):
+    if any(source.suffix == _PDDL for source in sources):
         _import_problem(sources, output)
         return
     if len(sources) != 1:
@@ -29,8 +29,8 @@ def import_site(sources: Sequence[Path], output: Path | None) -> None:
         from somrs.sites import IMPORTERS
 
         endings = ", ".join(f"*{ending}" for ending in IMPORTERS)
-        raise UsageError(f"{source}: files of this kind cannot be imported; the kinds are {endings}, and a domain and a problem, *{PDDL}")
-    target = output or target_of(source)
+        raise UsageError(f"{source}: files of this kind cannot be imported; the kinds are {endings}, and a domain and a problem, *{_PDDL}")
+    target = output or _target_of(source)
     notes = write_import(reader, source, target)
     for note in notes:
         print(f"note: {note}")
@@ -39,7 +39,7 @@ def import_site(sources: Sequence[Path], output: Path | None) -> None:
 
 def _import_problem(sources: Sequence[Path], output: Path | None) -> None:
     imported = problem_of(sources)
-    target = output or target_of(sources[-1])
+    target = output or _target_of(sources[-1])
     target.write_text(dump_site(imported.ontology, imported.map, imported.name), encoding="utf-8")
     for note in imported.notes:
         print(f"note: {note}")
@@ -52,7 +52,7 @@ def problem_of(sources: Sequence[Path]) -> ImportedProblem:
     """Read a planning problem from its two files. Raises UsageError or ModelError."""
     from somrs.sites.pddl import read
 
-    if len(sources) != 2 or any(source.suffix != PDDL for source in sources):
+    if len(sources) != 2 or any(source.suffix != _PDDL for source in sources):
         raise UsageError("a problem in PDDL has two files, first the domain, then the problem: somrs import domain.pddl problem.pddl")
     domain, problem = sources
     return read(domain, problem)
@@ -73,7 +73,7 @@ def importer(source: Path) -> Callable[[Path], Site] | None:
     return next((reader for ending, reader in IMPORTERS.items() if source.name.endswith(ending)), None)
 
 
-def target_of(source: Path) -> Path:
+def _target_of(source: Path) -> Path:
     """The default name of the map file, in the current folder."""
     return Path(source.name.split(".")[0] + ".map.yaml")
 
@@ -90,12 +90,12 @@ def import_sources(site: Sequence[Path], data: Path) -> list[Path]:
     files: list[Path] = []
     for file in site:
         if (reader := importer(file)) is not None:
-            files.append(data / target_of(file))
+            files.append(data / _target_of(file))
             write_import(reader, file, files[-1])
-        elif file.suffix != PDDL:
+        elif file.suffix != _PDDL:
             files.append(file)
-    if stated := [file for file in site if file.suffix == PDDL]:
+    if stated := [file for file in site if file.suffix == _PDDL]:
         imported = problem_of(stated)
-        files.append(data / target_of(stated[-1]))
+        files.append(data / _target_of(stated[-1]))
         files[-1].write_text(dump_site(imported.ontology, imported.map, imported.name), encoding="utf-8")
     return files

@@ -34,7 +34,7 @@ app.add_typer(orders_app, name="orders")
 app.add_typer(run_app, name="run")
 
 
-def print_version(requested: bool) -> None:
+def _print_version(requested: bool) -> None:
     if requested:
         typer.echo(f"somrs {__version__}")
         raise typer.Exit
@@ -42,7 +42,7 @@ def print_version(requested: bool) -> None:
 
 @app.callback()
 def options(
-    version: Annotated[bool, typer.Option("--version", help="Print the version and exit.", callback=print_version, is_eager=True)] = False,
+    version: Annotated[bool, typer.Option("--version", help="Print the version and exit.", callback=_print_version, is_eager=True)] = False,
 ) -> None:
     """SO-MRS: robots and devices accomplish tasks, which are submitted as formulas."""
 

@@ -141,10 +141,10 @@ async def list_orders(data: Path, *, json: bool) -> None:
         rows = (
             (
                 order.id,
-                terminal.lines(order.name, goal_text(order)),
+                terminal.lines(order.name, _goal_text(order)),
                 in_words(order.when),
                 _describe_next(order),
-                describe_run(order.last) if order.last is not None else "-",
+                _describe_run(order.last) if order.last is not None else "-",
             )
             for order in orders
         )
@@ -155,7 +155,7 @@ async def list_orders(data: Path, *, json: bool) -> None:
         print("no standing orders yet; `somrs orders add NAME FORMULA --every 2h` adds one")
 
 
-def goal_text(order: StandingOrder) -> str:
+def _goal_text(order: StandingOrder) -> str:
     if order.task is not None:
         return order.task.effect
     return ", ".join((f"template {order.template}", *(f"{name}={value}" for name, value in order.values.items())))
@@ -167,7 +167,7 @@ def _describe_next(order: StandingOrder) -> str:
     return "never again" if order.enabled else "paused"
 
 
-def describe_run(run: Run) -> str:
+def _describe_run(run: Run) -> str:
     """The time and the result of a run, as text."""
     result = run.state.value
     if run.state is RunState.SUBMITTED:
@@ -190,8 +190,8 @@ async def show_runs(name: str, limit: int, data: Path, *, json: bool) -> None:
     if json:
         terminal.print_json(runs)
         return
-    rows = ((describe_run(run), terminal.short(run.task) if run.task is not None else "-") for run in runs)
-    print(f"{order.name}: {goal_text(order)}; {in_words(order.when)}; next: {_describe_next(order)}")
+    rows = ((_describe_run(run), terminal.short(run.task) if run.task is not None else "-") for run in runs)
+    print(f"{order.name}: {_goal_text(order)}; {in_words(order.when)}; next: {_describe_next(order)}")
     terminal.console().print(terminal.table("", ("due", "task"), rows) if runs else "the order was not due yet")
 
 

@@ -23,20 +23,20 @@ async def plan(request: Preview, data: Path, *, json: bool) -> int:
     elif not result.steps:
         print("\n".join(reasons(result)))
     else:
-        terminal.console().print(preview(result, quoted=request.quotes))
+        terminal.console().print(_preview(result, quoted=request.quotes))
     return 0 if result.steps or not result.reasons else 1
 
 
-def preview(result: Previewed, *, quoted: bool) -> Group:
+def _preview(result: Previewed, *, quoted: bool) -> Group:
     parts: list[RenderableType] = [terminal.plan(result.steps)]
     if quoted:
-        parts += ["", quotations(result.quotations), "", total(result)]
+        parts += ["", _quotations(result.quotations), "", _total(result)]
     if result.waits:
         parts.append(Text(f"A task would begin by {result.waits}."))
     return Group(*parts)
 
 
-def quotations(offered_quotations: Iterable[Quotation]) -> RenderableType:
+def _quotations(offered_quotations: Iterable[Quotation]) -> RenderableType:
     """The terms of the services for each step; ✔ marks the service that would be chosen."""
     quotation_list = [*offered_quotations]
     rows = (
@@ -59,7 +59,7 @@ def quotations(offered_quotations: Iterable[Quotation]) -> RenderableType:
     )
 
 
-def total(result: Previewed) -> Text:
+def _total(result: Previewed) -> Text:
     """The total price and time, or the steps that no service would do."""
     if result.unserved:
         return Text("\n".join(f"{step}: {reason}" for step, reason in result.unserved.items()), "red")

@@ -24,7 +24,7 @@ def print_report(report: TaskReport, console: Console) -> None:
     if view.steps:
         parts.append(terminal.steps("Plan" if record is None else "Last plan", view.steps))
     if view.work:
-        parts.append(work(view.work))
+        parts.append(_work(view.work))
     if report.contracts:
         parts.append(contracts(report.contracts))
     if report.events:
@@ -51,7 +51,7 @@ def _facts(report: TaskReport) -> Table:
     return table
 
 
-def work(views: Iterable[WorkView]) -> Table:
+def _work(views: Iterable[WorkView]) -> Table:
     """The execution log: the work of services in the order in which it began, with its results."""
     works = [*views]
     rows = (

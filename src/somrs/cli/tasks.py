@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 tasks_app = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
 
 TaskName = Annotated[str, typer.Argument(help="The task's id or the beginning of it, or `last`.")]
-PROCEDURE = "[SERVICE TYPE:] FORMULA [WHEN FORMULA]; the step's inputs are variables, such as ?Object. Can be given several times."
+_PROCEDURE = "[SERVICE TYPE:] FORMULA [WHEN FORMULA]; the step's inputs are variables, such as ?Object. Can be given several times."
 
 SinceOption = Annotated[str | None, typer.Option(help="Only tasks that ended since 2026-03-01, since 2026-03-01T14:30, or within 2h, 7d.")]
 TextOption = Annotated[str | None, typer.Option("--text", help="Only tasks with this text in the goal.")]
@@ -72,10 +72,10 @@ def do(
         int, typer.Option(help="Among tasks that wait for the same objects or devices, the one with the higher number goes first.")
     ] = 0,
     on_failure: Annotated[
-        list[str], typer.Option(help=f"A goal to achieve when a step fails, before the recovery of the step: {PROCEDURE}")
+        list[str], typer.Option(help=f"A goal to achieve when a step fails, before the recovery of the step: {_PROCEDURE}")
     ] = [],  # noqa: B006  # typer requires a list as the default
     on_compensation: Annotated[
-        list[str], typer.Option(help=f"A goal to achieve to undo a step, instead of the situation before it: {PROCEDURE}")
+        list[str], typer.Option(help=f"A goal to achieve to undo a step, instead of the situation before it: {_PROCEDURE}")
     ] = [],  # noqa: B006  # as above
     wait: Annotated[bool, typer.Option(help="Wait until the task has ended.")] = True,
     data: Data = DEFAULT_FOLDER,

@@ -49,7 +49,7 @@ class Format(StrEnum):
     CSV = "csv"
 
 
-TASK_COLUMNS = (
+_TASK_COLUMNS = (
     "task", "effect", "outcome", "explanation", "reasons", "submitted_at", "ended_at", "seconds", "client", "precondition", "policy",
     "deadline", "priority", "steps", "work", "completed", "compensated", "stranded", "setbacks", "price", "currency",
 )  # fmt: skip
@@ -122,7 +122,7 @@ async def _lines(history: TaskHistory, query: ReadRecords, file: IO[str], format
     async for page in history.pages(query):
         for record in page.records:
             if writer is not None:
-                writer.writerows(rows(record, table))
+                writer.writerows(_rows(record, table))
             else:
                 file.write(msgspec.json.encode(record).decode() + "\n")
         yield page
@@ -143,12 +143,12 @@ def _bar(output: Path) -> Iterator[ProgressCallback]:
 def columns(table: Table) -> tuple[str, ...]:
     """The column names of a table."""
     if table is Table.TASKS:
-        return TASK_COLUMNS
+        return _TASK_COLUMNS
     kind, _ = _PARTS[table]
     return ("task", *kind.__struct_fields__)
 
 
-def rows(record: TaskRecord, table: Table) -> Iterator[Row]:
+def _rows(record: TaskRecord, table: Table) -> Iterator[Row]:
     """The rows of a record in a table."""
     if table is Table.TASKS:
         yield _task(record)
@@ -163,7 +163,7 @@ def _task(record: TaskRecord) -> Row:
     currencies = {contract.currency for contract in accepted}
     states = [work.state for work in record.work]
     values: dict[str, object] = {
-        **{name: getattr(record, name) for name in TASK_COLUMNS if name in TaskRecord.__struct_fields__},
+        **{name: getattr(record, name) for name in _TASK_COLUMNS if name in TaskRecord.__struct_fields__},
         "seconds": round(record.ended_at - record.submitted_at, 3),
         "steps": len(record.steps),
         "work": len(record.work),

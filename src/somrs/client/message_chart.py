@@ -13,7 +13,7 @@ LEFT_MARGIN, TOP_MARGIN, COLUMN, ROW = 90, 90, 330, 40
 MOST_TEXT = 50
 """Maximum number of characters of a note beside an arrow."""
 
-STYLE = """
+_STYLE = """
   .chart { font-family: system-ui, sans-serif; font-size: 13px; fill: #1c2733 }
   .ground { fill: #ffffff }
   .head { fill: #e8eef5; stroke: #5b7083 }
@@ -39,7 +39,7 @@ def chart(lines: Sequence[Line], title: str) -> str:
     height = TOP_MARGIN + ROW * (len(lines) + 1) + 30
     drawn = [
         f'<svg xmlns="http://www.w3.org/2000/svg" class="chart" viewBox="0 0 {width} {height}" width="{width}" height="{height}">',
-        f"<title>{escape(title)}</title><style>{STYLE}</style>",
+        f"<title>{escape(title)}</title><style>{_STYLE}</style>",
         *_arrowheads(),
         f'<rect class="ground" width="{width}" height="{height}"/>',
         f'<text x="{LEFT_MARGIN - 60}" y="28" font-size="16" font-weight="600">{escape(title)}</text>',

@@ -17,8 +17,8 @@ from typing import Any, TypeVar, get_type_hints
 
 import msgspec
 
-MARK = "__operation__"
-BODY = "body"
+_MARK = "__operation__"
+_BODY = "body"
 
 F = TypeVar("F", bound=Callable[..., Awaitable[Any]])
 
@@ -66,7 +66,7 @@ def operation(method: str, path: str) -> Callable[[F], F]:
     """Mark a coroutine method as an operation: `@operation("GET", "/map/objects/{name}")`. Its docstring becomes its documentation."""
 
     def mark(function: F) -> F:
-        setattr(function, MARK, (method, path))
+        setattr(function, _MARK, (method, path))
         return function
 
     return mark
@@ -75,7 +75,7 @@ def operation(method: str, path: str) -> Callable[[F], F]:
 def operations(group: str, part: object) -> Iterator[Operation]:
     """The operations among the methods of a part of the API: an object, which carries them out, or a class, which declares them."""
     for name, function in inspect.getmembers(part, inspect.iscoroutinefunction):
-        if (marked := getattr(function, MARK, None)) is not None:
+        if (marked := getattr(function, _MARK, None)) is not None:
             method, path = marked
             declared = _declared(getattr(function, "__func__", function), path)
             yield Operation(f"{group}.{name}", method, path, function, *declared)
@@ -89,7 +89,7 @@ def _declared(function: Callable[..., Awaitable[Any]], path: str) -> tuple[tuple
     parameters = tuple(
         Parameter(
             parameter.name,
-            "path" if parameter.name in in_path else "body" if parameter.name == BODY else "query",
+            "path" if parameter.name in in_path else "body" if parameter.name == _BODY else "query",
             hints[parameter.name],
             parameter.default,
         )

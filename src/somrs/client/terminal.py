@@ -88,7 +88,7 @@ def steps(title: str, step_views: Sequence[StepView], other_work: Sequence[WorkV
             lines(step.service_type, inputs(step)),
             *((", ".join(step.after) or "-",) if is_ordered else ()),
             lines(step.service or "-", terms(step.price, "EUR", step.duration)),
-            step_progress(step),
+            _step_progress(step),
         )
         for step in step_views
     ]
@@ -105,7 +105,7 @@ def terms(price: float | None, currency: str, duration: float | None) -> str:
     return ", ".join(part for part in (cost, f"{duration:.0f} s" if duration is not None else "") if part)
 
 
-def step_progress(step: StepView) -> Group | Text:
+def _step_progress(step: StepView) -> Group | Text:
     """The state of a step, with a progress bar while it executes."""
     if step.state is State.NEW:
         return Text("open", style="dim")
@@ -140,10 +140,10 @@ def plan(step_views: Sequence[StepView]) -> Table:
 def outcome(view: TaskView) -> Text:
     """The state of a task, and the first reason for it."""
     reason_text = "".join(f": {reason}" for reason in reasons(view)[:1])
-    return progress_text(view).append(reason_text, style="not bold" if view.outcome is None else None)
+    return _progress_text(view).append(reason_text, style="not bold" if view.outcome is None else None)
 
 
-def progress_text(view: TaskView) -> Text:
+def _progress_text(view: TaskView) -> Text:
     """The state of a task; after its end, with its total time."""
     if view.outcome is None:
         return Text(task_state(view.phase, None).lower(), style="bold")
@@ -154,7 +154,7 @@ def progress_text(view: TaskView) -> Text:
 
 def ending(view: TaskView) -> Group:
     """The state of a task, and the reasons for it, one per line."""
-    return Group(progress_text(view), *(Padding(Text(reason), (0, 0, 0, 2)) for reason in reasons(view)))
+    return Group(_progress_text(view), *(Padding(Text(reason), (0, 0, 0, 2)) for reason in reasons(view)))
 
 
 def tasks(views: Sequence[TaskView]) -> Table:

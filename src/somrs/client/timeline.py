@@ -11,12 +11,12 @@ from rich.text import Text
 
 from somrs.client.trace import Line
 
-BEGINS = {"Execute": "does", "Compensate": "undoes"}
-ENDS = frozenset(("Completed", "Failed", "Stopped", "Compensated", "Stranded"))
+_BEGINS = {"Execute": "does", "Compensate": "undoes"}
+_ENDS = frozenset(("Completed", "Failed", "Stopped", "Compensated", "Stranded"))
 SIGNS = {"Completed": "✔", "Failed": "✘", "Stopped": "■", "Compensated": "↶", "Stranded": "!", "lost": "?"}
 """A sign for each ending of a bar; colour is never the only sign."""
 
-COLOURS = {"does": "#2c5d8f", "undoes": "#8a5a00", "lost": "#b3261e"}
+_COLOURS = {"does": "#2c5d8f", "undoes": "#8a5a00", "lost": "#b3261e"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,15 +45,15 @@ def bars(lines: Sequence[Line]) -> list[Bar]:
     last_times = {line.participant: line.at for line in lines if line.type != "End"}
     bars_by_work: dict[tuple[str, str], Bar] = {}
     for line in lines:
-        if line.type in BEGINS:
+        if line.type in _BEGINS:
             device, _, _ = line.recipient.partition(".")
             label = str(line.body.get("inputs", {}).get("Object") or str(line.body.get("situation", "")).partition(" ")[0])
-            kind = BEGINS[line.type]
+            kind = _BEGINS[line.type]
             if (line.participant, kind) not in bars_by_work:
                 bars_by_work[line.participant, kind] = Bar(
                     device=device, label=label, kind=kind, start=line.at, end=last_times[line.participant], ending="lost"
                 )
-        elif line.type in ENDS:
+        elif line.type in _ENDS:
             kind = "undoes" if line.type in ("Compensated", "Stranded") else "does"
             bar = bars_by_work.get((line.participant, kind))
             if bar is not None and bar.ending == "lost":
@@ -76,7 +76,7 @@ def timeline_table(bars: Sequence[Bar], marks: Sequence[Mark], width: int = 64) 
         begin = int((bar.start - start) * scale)
         length = max(1, round((bar.end - bar.start) * scale))
         fill = {"does": "█", "undoes": "▒"}[bar.kind] if bar.ending != "lost" else "░"
-        colour = COLOURS["lost" if bar.ending in ("lost", "Failed", "Stranded") else bar.kind]
+        colour = _COLOURS["lost" if bar.ending in ("lost", "Failed", "Stranded") else bar.kind]
         line = Text(" " * begin) + Text(fill * min(length, width - begin), style=colour) + Text(f" {SIGNS[bar.ending]}")
         rows.append((bar.start, bar.device, f"{bar.kind}: {bar.label}", line))
     for mark in marks:
@@ -87,10 +87,10 @@ def timeline_table(bars: Sequence[Bar], marks: Sequence[Mark], width: int = 64) 
     return table
 
 
-LEFT_MARGIN, TOP_MARGIN, LANE, CHART_WIDTH, RIGHT_MARGIN = 130, 70, 44, 1100, 110
+_LEFT_MARGIN, _TOP_MARGIN, _LANE, _CHART_WIDTH, _RIGHT_MARGIN = 130, 70, 44, 1100, 110
 LETTER = 7.2
 """Maximum width of a letter, in pixels."""
-STYLE = """
+_STYLE = """
   .timeline { font-family: system-ui, sans-serif; font-size: 12px; fill: #1c2733 }
   .lane { stroke: #e1e7ee }
   .who { font-weight: 600; text-anchor: end }
@@ -104,44 +104,44 @@ STYLE = """
 def svg(bars: Sequence[Bar], marks: Sequence[Mark], title: str) -> str:
     """The timeline as an SVG document: a lane with bars for each device, and a vertical line for each mark."""
     start, end = _limits(bars, marks)
-    scale = CHART_WIDTH / max(end - start, 1e-9)
+    scale = _CHART_WIDTH / max(end - start, 1e-9)
     lanes = _lanes(bars)
     names = list(dict.fromkeys(device for device, _ in lanes.values()))
     rows = {(device, row) for device, row in lanes.values()}
-    place = {key: TOP_MARGIN + LANE * index for index, key in enumerate(sorted(rows, key=lambda key: (names.index(key[0]), key[1])))}
-    bottom = TOP_MARGIN + LANE * len(place)
+    place = {key: _TOP_MARGIN + _LANE * index for index, key in enumerate(sorted(rows, key=lambda key: (names.index(key[0]), key[1])))}
+    bottom = _TOP_MARGIN + _LANE * len(place)
     height = bottom + 24 * len(marks) + 30
     elements = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" class="timeline" viewBox="0 0 {LEFT_MARGIN + CHART_WIDTH + RIGHT_MARGIN} {height}" '
-        f'width="{LEFT_MARGIN + CHART_WIDTH + RIGHT_MARGIN}" height="{height}">',
-        f"<title>{escape(title)}</title><style>{STYLE}</style>",
-        f'<rect width="{LEFT_MARGIN + CHART_WIDTH + RIGHT_MARGIN}" height="{height}" fill="#ffffff"/>',
+        f'<svg xmlns="http://www.w3.org/2000/svg" class="timeline" viewBox="0 0 {_LEFT_MARGIN + _CHART_WIDTH + _RIGHT_MARGIN} {height}" '
+        f'width="{_LEFT_MARGIN + _CHART_WIDTH + _RIGHT_MARGIN}" height="{height}">',
+        f"<title>{escape(title)}</title><style>{_STYLE}</style>",
+        f'<rect width="{_LEFT_MARGIN + _CHART_WIDTH + _RIGHT_MARGIN}" height="{height}" fill="#ffffff"/>',
         f'<text x="20" y="28" font-size="16" font-weight="600">{escape(title)}</text>',
     ]
-    for number, (kind, colour) in enumerate(COLOURS.items()):
-        legend_x = LEFT_MARGIN + CHART_WIDTH - 90 * (len(COLOURS) - number)
+    for number, (kind, colour) in enumerate(_COLOURS.items()):
+        legend_x = _LEFT_MARGIN + _CHART_WIDTH - 90 * (len(_COLOURS) - number)
         elements.append(
             f'<rect x="{legend_x}" y="17" width="12" height="12" rx="3" fill="{colour}"/><text x="{legend_x + 18}" y="28">{kind}</text>'
         )
     for seconds in _ticks(end - start):
-        x = LEFT_MARGIN + seconds * scale
-        elements.append(f'<line class="lane" x1="{x:.1f}" y1="{TOP_MARGIN - 14}" x2="{x:.1f}" y2="{bottom}"/>')
-        elements.append(f'<text x="{x:.1f}" y="{TOP_MARGIN - 20}" text-anchor="middle">{seconds:g} s</text>')
+        x = _LEFT_MARGIN + seconds * scale
+        elements.append(f'<line class="lane" x1="{x:.1f}" y1="{_TOP_MARGIN - 14}" x2="{x:.1f}" y2="{bottom}"/>')
+        elements.append(f'<text x="{x:.1f}" y="{_TOP_MARGIN - 20}" text-anchor="middle">{seconds:g} s</text>')
     for (device, row), y in place.items():
         if row == 0:
-            elements.append(f'<text class="who" x="{LEFT_MARGIN - 12}" y="{y + 20}">{escape(device)}</text>')
+            elements.append(f'<text class="who" x="{_LEFT_MARGIN - 12}" y="{y + 20}">{escape(device)}</text>')
     texts: list[str] = []
     """Texts are drawn last, so that no line crosses them."""
     for bar in bars:
         y = place[lanes[bar]]
-        x, wide = LEFT_MARGIN + (bar.start - start) * scale, max(3.0, (bar.end - bar.start) * scale)
-        colour = COLOURS["lost" if bar.ending in ("lost", "Failed", "Stranded") else bar.kind]
+        x, wide = _LEFT_MARGIN + (bar.start - start) * scale, max(3.0, (bar.end - bar.start) * scale)
+        colour = _COLOURS["lost" if bar.ending in ("lost", "Failed", "Stranded") else bar.kind]
         opacity = ' fill-opacity="0.35"' if bar.ending == "lost" else ""
         elements.append(f'<rect x="{x:.1f}" y="{y + 4}" width="{wide:.1f}" height="24" rx="4" fill="{colour}"{opacity}/>')
         label = f"{SIGNS[bar.ending]} {bar.label}"
         next_start = min(
             (other_bar.start for other_bar in bars if lanes[other_bar] == lanes[bar] and other_bar.start >= bar.end),
-            default=end + RIGHT_MARGIN / scale,
+            default=end + _RIGHT_MARGIN / scale,
         )
         if (next_start - bar.end) * scale > LETTER * len(label) and (bar.ending == "lost" or wide <= LETTER * len(label)):
             texts.append(f'<text class="beside" x="{x + wide + 5:.1f}" y="{y + 20}">{escape(label)}</text>')
@@ -149,9 +149,9 @@ def svg(bars: Sequence[Bar], marks: Sequence[Mark], title: str) -> str:
             fits = label if wide > LETTER * len(label) else SIGNS[bar.ending]
             texts.append(f'<text class="inside" x="{x + 6:.1f}" y="{y + 20}">{escape(fits)}</text>')
     for number, mark in enumerate(sorted(marks, key=lambda mark: mark.at)):
-        x, y = LEFT_MARGIN + (mark.at - start) * scale, bottom + 16 + 24 * number
-        elements.append(f'<line class="mark" x1="{x:.1f}" y1="{TOP_MARGIN - 14}" x2="{x:.1f}" y2="{y}"/>')
-        late = x > LEFT_MARGIN + CHART_WIDTH * 0.7
+        x, y = _LEFT_MARGIN + (mark.at - start) * scale, bottom + 16 + 24 * number
+        elements.append(f'<line class="mark" x1="{x:.1f}" y1="{_TOP_MARGIN - 14}" x2="{x:.1f}" y2="{y}"/>')
+        late = x > _LEFT_MARGIN + _CHART_WIDTH * 0.7
         anchor = ' text-anchor="end"' if late else ""
         texts.append(
             f'<text class="told"{anchor} x="{x + (-6 if late else 6):.1f}" y="{y}">{escape(f"{mark.subject}: {mark.text}")}</text>'

@@ -29,7 +29,7 @@ class Line(msgspec.Struct, frozen=True, kw_only=True):
     body: dict[str, Any]
 
 
-def line_of(message: Message, now: float, coordinator: str) -> Line:
+def _line_of(message: Message, now: float, coordinator: str) -> Line:
     """The trace line of a message, with `TaskManager` and the names of services in place of addresses."""
     header = message.header
     service = (header.participant or "").partition("#")[0] or header.recipient
@@ -97,7 +97,7 @@ class Trace:
         self.coordinator = ""
 
     def __call__(self, message: Message, now: float) -> None:
-        self._file.write(msgspec.json.encode(line_of(message, now, self.coordinator)) + b"\n")
+        self._file.write(msgspec.json.encode(_line_of(message, now, self.coordinator)) + b"\n")
 
     def close(self) -> None:
         self._file.close()

@@ -8,7 +8,7 @@ from pathlib import Path
 WIDTH, CAPTION, GAP, COLUMNS = 600, 40, 8, 3
 """Width of a picture, height of its caption and gap between pictures, in pixels; and pictures per row."""
 
-INK, PAPER = "#1c2733", "#ffffff"
+_INK, _PAPER = "#1c2733", "#ffffff"
 
 
 def sheet(pictures: Sequence[Path], captions: Mapping[str, str], target: Path) -> None:
@@ -20,12 +20,12 @@ def sheet(pictures: Sequence[Path], captions: Mapping[str, str], target: Path) -
     columns = min(COLUMNS, len(images))
     rows = -(-len(images) // columns)
     size = columns * (WIDTH + GAP) + GAP, rows * (height + CAPTION + GAP) + GAP
-    page = Image.new("RGB", size, PAPER)
+    page = Image.new("RGB", size, _PAPER)
     draw = ImageDraw.Draw(page)
     font = ImageFont.load_default(size=18)
     for number, (picture, image) in enumerate(zip(pictures, images, strict=True)):
         x = GAP + number % columns * (WIDTH + GAP)
         y = GAP + number // columns * (height + CAPTION + GAP)
         page.paste(image.resize((WIDTH, height)), (x, y))
-        draw.text((x + 4, y + height + 8), f"{picture.stem}   {captions.get(picture.stem, '')}", fill=INK, font=font)
+        draw.text((x + 4, y + height + 8), f"{picture.stem}   {captions.get(picture.stem, '')}", fill=_INK, font=font)
     page.save(target)

@@ -31,12 +31,12 @@ from somrs.protocol.messages.clients import Policy, Submit, TaskView
 from somrs.protocol.messages.events import EventKind
 from somrs.protocol.messages.frp import Outcome, State
 
-DESTINATION = "Platform001"
-THINGS = ("Jar002", "Jar003", "Carton001")
-REQUEST = Submit(effect=" AND ".join(f"{thing} isOn {DESTINATION}" for thing in THINGS), policy=Policy.TIME)
+_DESTINATION = "Platform001"
+_THINGS = ("Jar002", "Jar003", "Carton001")
+_REQUEST = Submit(effect=" AND ".join(f"{thing} isOn {_DESTINATION}" for thing in _THINGS), policy=Policy.TIME)
 SPEED = "5"
 """Simulated seconds per second. Timeouts, such as that of heartbeats, are in seconds of real time."""
-FAILING_ROBOT, SUBSTITUTE_ROBOT, PATROL_ROBOT = "Robot1", "Robot2", "Patrol1"
+_FAILING_ROBOT, _SUBSTITUTE_ROBOT, _PATROL_ROBOT = "Robot1", "Robot2", "Patrol1"
 DOWNTIME = 1.0
 """Seconds between the kill and the restart of the Task Manager."""
 UNDER_WAY = 0.4
@@ -63,7 +63,7 @@ class ScenarioRecord:
         ]
 
 
-class ScenarioPlayer:
+class _ScenarioPlayer:
     """Plays the scenario in a running system."""
 
     def __init__(self, system: System, client: Client, console: Console) -> None:
@@ -72,8 +72,8 @@ class ScenarioPlayer:
         self._trace = Follower(system.data / "messages.jsonl")
 
     async def play(self) -> ScenarioRecord:
-        task = await self._client.submit(REQUEST)
-        self._mark("client", REQUEST.effect)
+        task = await self._client.submit(_REQUEST)
+        self._mark("client", _REQUEST.effect)
         watcher = asyncio.create_task(self._watch(task))
         try:
             async with asyncio.timeout(MOST_TIME):
@@ -91,11 +91,11 @@ class ScenarioPlayer:
     async def _take_next_action(self, task: str) -> None:
         """Take the next action of the scenario if its trigger has occurred."""
         record = self.record
-        if not record.dead and record.find_messages("Execute", FAILING_ROBOT):
+        if not record.dead and record.find_messages("Execute", _FAILING_ROBOT):
             record.dead = True
-            self._system.programs[FAILING_ROBOT].process.kill()
-            self._mark(FAILING_ROBOT, "its computer crashes")
-        elif record.dead and not record.killed and record.find_messages("Completed", SUBSTITUTE_ROBOT):
+            self._system.programs[_FAILING_ROBOT].process.kill()
+            self._mark(_FAILING_ROBOT, "its computer crashes")
+        elif record.dead and not record.killed and record.find_messages("Completed", _SUBSTITUTE_ROBOT):
             record.killed = True
             self._system.programs["task-manager"].process.kill()
             self._mark("Task Manager", "is killed")
@@ -108,14 +108,14 @@ class ScenarioPlayer:
             await self._client.cancel(task, "the client changed its mind")
 
     def _last_step_is_under_way(self) -> bool:
-        if not self.record.find_messages("Completed", PATROL_ROBOT):
+        if not self.record.find_messages("Completed", _PATROL_ROBOT):
             return False
-        observation_time = self.record.find_messages("Completed", PATROL_ROBOT)[-1].at
-        executions = [line for line in self.record.find_messages("Execute", SUBSTITUTE_ROBOT) if line.at > observation_time]
+        observation_time = self.record.find_messages("Completed", _PATROL_ROBOT)[-1].at
+        executions = [line for line in self.record.find_messages("Execute", _SUBSTITUTE_ROBOT) if line.at > observation_time]
         if not executions:
             return False
         progress = [
-            line for line in self.record.find_messages("Progress", SUBSTITUTE_ROBOT) if line.participant == executions[-1].participant
+            line for line in self.record.find_messages("Progress", _SUBSTITUTE_ROBOT) if line.participant == executions[-1].participant
         ]
         return bool(progress) and float(progress[-1].body.get("fraction", 0)) >= UNDER_WAY
 
@@ -145,11 +145,11 @@ async def perform(system: System, folder: Path, console: Console) -> int:
     started = time.monotonic()
     async with Client(system.addresses) as client, OperatorLink(host, int(port)) as operator:
         map_before = await client.map()
-        console.print(f"[bold]Scenario 2[/]: {REQUEST.effect}")
-        player = ScenarioPlayer(system, client, console)
+        console.print(f"[bold]Scenario 2[/]: {_REQUEST.effect}")
+        player = _ScenarioPlayer(system, client, console)
         record = await player.play()
         ontology, map = await client.ontology(), await client.map()
-        actual_places = {thing: (await operator.observe(thing)).support for thing in THINGS}
+        actual_places = {thing: (await operator.observe(thing)).support for thing in _THINGS}
         with contextlib.suppress(RemoteError):
             (folder / "end.png").write_bytes(await operator.picture())
     assert record.view is not None, "an accepted task has news"
@@ -162,7 +162,7 @@ async def perform(system: System, folder: Path, console: Console) -> int:
     console.print(timeline_table(timeline_bars, record.marks))
     console.print(_execution_table(record.view))
     console.print(terminal.outcome(record.view))
-    checks = verdict(record, map_before, map, actual_places)
+    checks = _verdict(record, map_before, map, actual_places)
     console.print(terminal.table("Checks", ("", ""), ((check, "yes" if passed else "NO") for check, passed in checks.items())))
     console.print(f"It took {time.monotonic() - started:.0f} s. All files are in {folder}/")
     return 0 if all(checks.values()) else 1
@@ -173,7 +173,7 @@ def _execution_table(view: TaskView) -> Table:
     return terminal.table("Work and its final state", ("step", "service", "object", "final state", "to restore"), rows)
 
 
-def verdict(record: ScenarioRecord, map_before: Map, map_after: Map, actual_places: dict[str, str | None]) -> dict[str, bool]:
+def _verdict(record: ScenarioRecord, map_before: Map, map_after: Map, actual_places: dict[str, str | None]) -> dict[str, bool]:
     """The checks of the scenario's result, each with whether it passed."""
     assert record.view is not None, "an accepted task has news"
     initial_places, final_places = _places(map_before), _places(map_after)
@@ -182,18 +182,20 @@ def verdict(record: ScenarioRecord, map_before: Map, map_after: Map, actual_plac
     accepted = {line.participant for line in record.lines if line.type == "Accept"}
     return {
         "a robot fell silent, and the patrol robot observed what it left": bool(
-            record.find_messages("Query", FAILING_ROBOT) and record.find_messages("Completed", PATROL_ROBOT)
+            record.find_messages("Query", _FAILING_ROBOT) and record.find_messages("Completed", _PATROL_ROBOT)
         ),
         "the Task Manager was killed, and the same task continued": record.killed and record.view.outcome is not None,
         "the task was cancelled, as the client requested": record.view.outcome is Outcome.CANCELLED,
         "each completed step was compensated": bool(record.view.work)
         and all(work.state in (State.COMPENSATED, State.UNREACHABLE) for work in record.view.work if work.before is not None),
-        "in the Repository, each thing is where it was at the start": all(final_places[thing] == initial_places[thing] for thing in THINGS),
-        "in the simulator, each thing is where the Repository says": all(actual_places[thing] == final_places[thing] for thing in THINGS),
+        "in the Repository, each thing is where it was at the start": all(
+            final_places[thing] == initial_places[thing] for thing in _THINGS
+        ),
+        "in the simulator, each thing is where the Repository says": all(actual_places[thing] == final_places[thing] for thing in _THINGS),
         "each participant with a contract was released": accepted <= homes,
         "no service was executed twice": len(set(executed)) == len({line.participant for line in record.lines if line.type == "Execute"}),
     }
 
 
 def _places(map: Map) -> dict[str, str | None]:
-    return {thing: next((arguments[1] for arguments in map.facts_with("isOn", 0, thing)), None) for thing in THINGS}
+    return {thing: next((arguments[1] for arguments in map.facts_with("isOn", 0, thing)), None) for thing in _THINGS}

@@ -42,9 +42,9 @@ from somrs.ontology.types import Ontology
 from somrs.protocol.messages.clients import Submit, TaskView
 from somrs.protocol.messages.frp import Outcome
 
-SCENARIOS = ("1", "1b", "2")
+_SCENARIOS = ("1", "1b", "2")
 REQUEST = Submit(effect="Jar002 isOn Platform001", precondition="Jar002 isOn ?Shelf")
-CHEAP_ROBOT, EXPENSIVE_ROBOT, JAR, CUPBOARD, DESTINATION = "Robot1", "Robot2", "Jar002", "Cupboard001", "Platform001"
+CHEAP_ROBOT, _EXPENSIVE_ROBOT, _JAR, _CUPBOARD, _DESTINATION = "Robot1", "Robot2", "Jar002", "Cupboard001", "Platform001"
 STEPS = {
     "A": "robot 1 approaches and grips the jar",
     "B": "robot 1 transports the jar",
@@ -63,7 +63,7 @@ UNDER_WAY = 1.2
 
 
 @dataclass(slots=True)
-class ScenarioResult:
+class _ScenarioResult:
     """The result of a scenario. Times are in seconds."""
 
     view: TaskView
@@ -83,8 +83,8 @@ async def play(scenario: str, folder: Path, seed: int | None, console: Console |
 
     `seed`: vary the positions and the time of the failure; None: as in the paper. Raises UsageError for an unknown scenario.
     """
-    if scenario not in SCENARIOS:
-        raise UsageError(f"there is no scenario {scenario}; there are {' and '.join(SCENARIOS)}")
+    if scenario not in _SCENARIOS:
+        raise UsageError(f"there is no scenario {scenario}; there are {' and '.join(_SCENARIOS)}")
     console = console or terminal.console()
     if folder.exists():
         shutil.rmtree(folder)
@@ -96,7 +96,7 @@ async def play(scenario: str, folder: Path, seed: int | None, console: Console |
             await system.start()
         if scenario == "2":
             return await recovery_demo.perform(system, folder, console)
-        played = await perform(scenario, system, folder, distance, console)
+        played = await _perform(scenario, system, folder, distance, console)
     finally:
         await system.stop()
     _close(played, scenario, folder, console)
@@ -111,34 +111,34 @@ def prepare(scenario: str, folder: Path, seed: int | None) -> tuple[Path, float]
     assert loaded.map is not None, "the scenario's site has a map"
     map, distance = loaded.map, 2.5
     if seed is not None:
-        map, distance = vary_scenario(map, loaded.ontology, random.Random(seed))
+        map, distance = _vary_scenario(map, loaded.ontology, random.Random(seed))
     site = folder / "map-before.yaml"
     site.write_text(dump_site(loaded.ontology, map), encoding="utf-8")
     return site, distance
 
 
-def vary_scenario(map: Map, ontology: Ontology, rng: random.Random) -> tuple[Map, float]:
+def _vary_scenario(map: Map, ontology: Ontology, rng: random.Random) -> tuple[Map, float]:
     """Return a map with random positions of robots and jar, and a random distance in metres before the failure."""
     navigator = Navigator(map, ontology)
     changes: list[Change] = []
     placed: list[tuple[float, float]] = []
-    for robot in (CHEAP_ROBOT, EXPENSIVE_ROBOT):
+    for robot in (CHEAP_ROBOT, _EXPENSIVE_ROBOT):
         while True:
             x, y = rng.uniform(0.8, 11.0), rng.uniform(0.8, 7.2)
             if navigator.free((x, y), 0.5) and all(hypot(x - px, y - py) > 1.5 for px, py in placed):
                 break
         placed.append((x, y))
         changes += [ValueSet(robot, "PositionX", x), ValueSet(robot, "PositionY", y), ValueSet(robot, "RotationZ", rng.uniform(-pi, pi))]
-    cupboard = map.objects[CUPBOARD].values
+    cupboard = map.objects[_CUPBOARD].values
     front, middle = float(cupboard["PositionX"]) + float(cupboard["Shape.Width"]) / 2, float(cupboard["PositionY"])
     changes += [
-        ValueSet(JAR, "PositionX", round(front - rng.uniform(0.07, 0.14), 3)),
-        ValueSet(JAR, "PositionY", round(middle + rng.uniform(-0.35, 0.1), 3)),
+        ValueSet(_JAR, "PositionX", round(front - rng.uniform(0.07, 0.14), 3)),
+        ValueSet(_JAR, "PositionY", round(middle + rng.uniform(-0.35, 0.1), 3)),
     ]
     return map.changed(changes), rng.uniform(0.3, 6.0)
 
 
-async def perform(scenario: str, system: System, folder: Path, distance: float, console: Console) -> ScenarioResult:
+async def _perform(scenario: str, system: System, folder: Path, distance: float, console: Console) -> _ScenarioResult:
     """Submit the task, and record its messages and pictures until it ends."""
     assert system.addresses.simulator is not None
     host, _, port = system.addresses.simulator.rpartition(":")
@@ -148,7 +148,7 @@ async def perform(scenario: str, system: System, folder: Path, distance: float, 
         if scenario == "1b":
             await operator.schedule(CHEAP_ROBOT, Fault.DRIVE, carried=distance)
         started, start_time = time.monotonic(), (await operator.clock()).time
-        camera = asyncio.create_task(Photographer(operator, folder, console).watch())
+        camera = asyncio.create_task(_Photographer(operator, folder, console).watch())
         console.print(f"[bold]Scenario {scenario}[/]: {REQUEST.effect}, from {REQUEST.precondition}")
         task = await client.submit(REQUEST)
         view: TaskView | None = None
@@ -161,7 +161,7 @@ async def perform(scenario: str, system: System, folder: Path, distance: float, 
         _print(trace, lines, console)
         assert view is not None, "an accepted task has news"
         simulated = (await operator.clock()).time - start_time
-        jar_state = await operator.observe(JAR)
+        jar_state = await operator.observe(_JAR)
         ontology, map = await client.ontology(), await client.map()
         camera.cancel()
         with contextlib.suppress(asyncio.CancelledError):
@@ -175,16 +175,16 @@ async def perform(scenario: str, system: System, folder: Path, distance: float, 
         checks = {
             "the task was accomplished": view.outcome is Outcome.ACCOMPLISHED,
             "the goal holds in the Repository": formula_holds(parse(REQUEST.effect), map, ontology),
-            "the goal holds in the simulator": jar_state.support == DESTINATION,
-            "the messages are those of the paper": differences_from_paper(scenario, lines) == [],
+            "the goal holds in the simulator": jar_state.support == _DESTINATION,
+            "the messages are those of the paper": _differences_from_paper(scenario, lines) == [],
         }
-    return ScenarioResult(view, lines, checks, pictures, simulated, elapsed)
+    return _ScenarioResult(view, lines, checks, pictures, simulated, elapsed)
 
 
-def differences_from_paper(scenario: str, lines: list[Line]) -> list[str]:
+def _differences_from_paper(scenario: str, lines: list[Line]) -> list[str]:
     """List the differences between the messages and those of the paper. Progress, which the paper omits, may come at any time."""
     messages = [(line.sender, line.type, line.recipient) for line in lines if line.type != "Progress"]
-    manager, first, second = "TaskManager", f"{CHEAP_ROBOT}.TransferObject", f"{EXPENSIVE_ROBOT}.TransferObject"
+    manager, first, second = "TaskManager", f"{CHEAP_ROBOT}.TransferObject", f"{_EXPENSIVE_ROBOT}.TransferObject"
     expected: list[set[tuple[str, str, str]]] = [
         {(manager, "Arrange", first), (manager, "Arrange", second)},
         {(first, "Terms", manager), (second, "Terms", manager)},
@@ -226,7 +226,7 @@ def _position(situation: object) -> dict[str, str]:
         for part in parts
         if isinstance(part, Comparison)
         and isinstance(part.left, Attribute)
-        and part.left.owner == Name(JAR)
+        and part.left.owner == Name(_JAR)
         and "Position" in part.left.path
     }
 
@@ -237,7 +237,7 @@ def _print(trace: Follower, lines: list[Line], console: Console) -> None:
         console.print(terminal.passing(line, lines[0].at))
 
 
-class Photographer:
+class _Photographer:
     """Takes a picture of each step of the paper's figure when the step occurs."""
 
     def __init__(self, operator: OperatorLink, folder: Path, console: Console) -> None:
@@ -252,8 +252,8 @@ class Photographer:
                 for robot, state in (await self._operator.robots()).items():
                     if (letter := self._moment(robot, state)) is not None:
                         await self._take_picture(letter, robot)
-                if "F" not in self._taken_letters and self._gripped and (await self._operator.observe(JAR)).support == DESTINATION:
-                    await self._take_picture("F", JAR)
+                if "F" not in self._taken_letters and self._gripped and (await self._operator.observe(_JAR)).support == _DESTINATION:
+                    await self._take_picture("F", _JAR)
                 await asyncio.sleep(0.01)
         except SimulationError as error:
             self._console.print(f"[yellow]no pictures: {error}[/]")
@@ -263,7 +263,7 @@ class Photographer:
         first = robot == CHEAP_ROBOT
         if first and Fault.DRIVE in state.faults and state.holding is None and "C" not in self._taken_letters:
             return "C"
-        if state.holding != JAR:
+        if state.holding != _JAR:
             return None
         gripped, carried = ("A", "B") if first else ("D", "E")
         if gripped not in self._taken_letters:
@@ -278,7 +278,7 @@ class Photographer:
         (self._folder / f"{letter}.png").write_bytes(await self._operator.picture(subject))
 
 
-def _close(played: ScenarioResult, scenario: str, folder: Path, console: Console) -> None:
+def _close(played: _ScenarioResult, scenario: str, folder: Path, console: Console) -> None:
     console.print()
     console.print(terminal.steps("Steps", played.view.steps))
     console.print(terminal.outcome(played.view))
@@ -286,6 +286,6 @@ def _close(played: ScenarioResult, scenario: str, folder: Path, console: Console
     if played.pictures:
         letters = [picture.stem for picture in played.pictures]
         console.print(terminal.table("Pictures", ("file", "content"), ((f"{letter}.png", STEPS[letter]) for letter in letters)))
-    if wrong := differences_from_paper(scenario, played.lines):
+    if wrong := _differences_from_paper(scenario, played.lines):
         console.print("\n".join(f"[yellow]differs from the paper: {text}[/]" for text in wrong))
     console.print(f"{played.simulated:.0f} s of simulated time took {played.elapsed:.1f} s. All files are in {folder}/")

@@ -177,7 +177,7 @@ class DeviceRunner:
         return (await retry_unanswered(lambda: runtime.request(question), MAP_TIME)).body
 
 
-async def serve(kind: type[Device], name: str, data: Path, host: str = "127.0.0.1") -> None:
+async def _serve(kind: type[Device], name: str, data: Path, host: str = "127.0.0.1") -> None:
     """Run a device until its process receives SIGTERM or SIGINT."""
     addresses = Addresses.read(data)
     runner = DeviceRunner(kind(name, addresses.simulator or addresses.world), addresses, data, host)
@@ -189,7 +189,7 @@ async def serve(kind: type[Device], name: str, data: Path, host: str = "127.0.0.
 
 def run_driver(driver: str, name: str, data: Path, host: str = "127.0.0.1") -> None:
     """Run a device of the class that `driver` names until the process receives SIGTERM or SIGINT."""
-    run_program(serve(load(driver), name, data, host))
+    run_program(_serve(load(driver), name, data, host))
 
 
 def run(kind: type[Device]) -> None:
@@ -201,7 +201,7 @@ def run(kind: type[Device]) -> None:
     arguments = parser.parse_args()
     logging.basicConfig(level=logging.INFO, format="%(levelname)s %(message)s")
     try:
-        run_program(serve(kind, arguments.name, arguments.data, arguments.host))
+        run_program(_serve(kind, arguments.name, arguments.data, arguments.host))
     except (InputError, RemoteError) as error:
         print(error, file=sys.stderr)
         sys.exit(2)

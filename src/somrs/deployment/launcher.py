@@ -45,7 +45,7 @@ COMMON = (
 SHARED_OBJECTS = ("somrs.cli.main:command", "somrs.ontology.files.loading:upper")
 """Cached functions whose results several programs use and never change: the command line, and the upper ontology with its grammar."""
 
-CHUNK = 1 << 16
+_CHUNK = 1 << 16
 
 
 class Start(msgspec.Struct, frozen=True, kw_only=True):
@@ -197,7 +197,7 @@ class Launcher:
 
     def _read_channel(self, launcher_process: LauncherProcess, end_event: asyncio.Event) -> None:
         try:
-            chunk = launcher_process.channel.recv(CHUNK)
+            chunk = launcher_process.channel.recv(_CHUNK)
         except ConnectionError:
             chunk = b""
         *lines, self._buffer = (self._buffer + chunk).split(b"\n")
@@ -252,14 +252,14 @@ def import_common() -> None:
 def launch(channel: socket.socket) -> NoReturn:
     """Run as the launcher until the channel is closed. In each forked process, run the requested program instead."""
     setproctitle.setproctitle("somrs launcher")
-    request_with_files = serve(channel)
+    request_with_files = _serve(channel)
     if request_with_files is not None:
-        run_request(*request_with_files)
+        _run_request(*request_with_files)
         sys.exit()
     os._exit(0)  # there is nothing to clean up
 
 
-def serve(channel: socket.socket) -> tuple[Start, list[int]] | None:
+def _serve(channel: socket.socket) -> tuple[Start, list[int]] | None:
     """Fork a process for each request. Return the request and its files in the forked process, and None when the channel is closed."""
     wakes, woken = socket.socketpair()
     wakes.setblocking(False)
@@ -271,7 +271,7 @@ def serve(channel: socket.socket) -> tuple[Start, list[int]] | None:
         while True:
             for key, _ in selector.select():
                 if key.fileobj is woken:
-                    woken.recv(CHUNK)
+                    woken.recv(_CHUNK)
                     _report_ended(channel)
                     continue
                 text, files = _request(channel)
@@ -285,7 +285,7 @@ def serve(channel: socket.socket) -> tuple[Start, list[int]] | None:
                 _send_event(channel, Started(pid=pid))
 
 
-def run_request(request: Start, files: list[int]) -> None:
+def _run_request(request: Start, files: list[int]) -> None:
     """Run the requested program in this process."""
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     os.setsid()
@@ -302,9 +302,9 @@ def run_request(request: Start, files: list[int]) -> None:
 def _request(channel: socket.socket) -> tuple[bytes, list[int]]:
     """Read a line, and the file descriptors that came with it. The line is empty when the other end is closed."""
     try:
-        text, files, _, _ = socket.recv_fds(channel, CHUNK, 2)
+        text, files, _, _ = socket.recv_fds(channel, _CHUNK, 2)
         while text and not text.endswith(b"\n"):
-            chunk = channel.recv(CHUNK)
+            chunk = channel.recv(_CHUNK)
             text = text + chunk if chunk else b""
     except ConnectionError:  # the other end was killed before it had read everything
         return b"", []

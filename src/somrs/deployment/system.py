@@ -93,7 +93,7 @@ class System:
     ) -> None:
         self.site, self.data, self.speed, self.host = [path.resolve() for path in site], data, speed, host
         self.programs: dict[str, Program] = {}
-        self.windows, self.world_address = windows, world_address
+        self._windows, self._world_address = windows, world_address
         self.addresses = Addresses(repository="", registry="", task_manager="")
         self._listed = False
         self._reservation: Reservation | None = None
@@ -126,7 +126,7 @@ class System:
             repository=f"http://{self.host}:{ports[0]}/repository",
             registry=f"http://{self.host}:{ports[1]}/registry",
             task_manager=f"http://{self.host}:{ports[2]}/task-manager",
-            gui=f"http://{self.host}:{ports[4]}" if self.windows and has_windows() else None,
+            gui=f"http://{self.host}:{ports[4]}" if self._windows and has_windows() else None,
             api=f"http://{self.host}:{ports[5]}/api",
             scheduler=f"http://{self.host}:{ports[6]}/scheduler",
         )
@@ -137,14 +137,14 @@ class System:
             ontology, map = await client.ontology(), await client.map()
         driven = devices(map, ontology)
         bodiless = symbolic(driven)
-        world_address = self.world_address or f"{self.host}:{ports[3]}"
+        world_address = self._world_address or f"{self.host}:{ports[3]}"
         self.addresses = replace(self.addresses, world=world_address) if bodiless else replace(self.addresses, simulator=world_address)
         # Not earlier: while another system uses this data folder, its addresses must stay in the file.
         self.addresses.write(self.data)
         self._listed = True
         (self.data / SITE_FILE).write_bytes(msgspec.json.encode([str(path) for path in self.site]))
         first = [self._start("registry", "--port", str(ports[1])), self._start("task-manager", "--port", str(ports[2]))]
-        if self.world_address is None:
+        if self._world_address is None:
             first.append(self._start("world" if bodiless else "simulator", "--port", str(ports[3]), "--speed", self.speed))
         await asyncio.gather(*first)
         last_starts = [self._start("device", driver, "--name", name, label=name) for name, driver in driven]

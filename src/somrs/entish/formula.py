@@ -22,7 +22,7 @@ class Name(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
     name: str
 
     def __str__(self) -> str:
-        return format_node(self, set())
+        return _format_node(self, set())
 
 
 class Variable(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
@@ -32,7 +32,7 @@ class Variable(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
     type: str | None = None
 
     def __str__(self) -> str:
-        return format_node(self, set())
+        return _format_node(self, set())
 
 
 class Number(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
@@ -42,7 +42,7 @@ class Number(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
     unit: str | None = None
 
     def __str__(self) -> str:
-        return format_node(self, set())
+        return _format_node(self, set())
 
 
 class Text(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
@@ -51,7 +51,7 @@ class Text(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
     value: str
 
     def __str__(self) -> str:
-        return format_node(self, set())
+        return _format_node(self, set())
 
 
 class Truth(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
@@ -60,7 +60,7 @@ class Truth(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
     value: bool
 
     def __str__(self) -> str:
-        return format_node(self, set())
+        return _format_node(self, set())
 
 
 class Attribute(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
@@ -70,7 +70,7 @@ class Attribute(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
     path: str
 
     def __str__(self) -> str:
-        return format_node(self, set())
+        return _format_node(self, set())
 
 
 class Call(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
@@ -80,7 +80,7 @@ class Call(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
     arguments: tuple[Term, ...]
 
     def __str__(self) -> str:
-        return format_node(self, set())
+        return _format_node(self, set())
 
 
 class Arithmetic(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
@@ -92,7 +92,7 @@ class Arithmetic(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True)
     right: Term
 
     def __str__(self) -> str:
-        return format_node(self, set())
+        return _format_node(self, set())
 
 
 Term = Name | Variable | Number | Text | Truth | Attribute | Call | Arithmetic
@@ -105,7 +105,7 @@ class Relation(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
     arguments: tuple[Name | Variable, ...]
 
     def __str__(self) -> str:
-        return format_node(self, set())
+        return _format_node(self, set())
 
 
 class Comparison(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
@@ -116,7 +116,7 @@ class Comparison(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True)
     right: Term
 
     def __str__(self) -> str:
-        return format_node(self, set())
+        return _format_node(self, set())
 
 
 class Not(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
@@ -125,7 +125,7 @@ class Not(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
     atom: Relation | Comparison
 
     def __str__(self) -> str:
-        return format_node(self, set())
+        return _format_node(self, set())
 
 
 class And(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
@@ -134,7 +134,7 @@ class And(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
     parts: tuple[Formula, ...]
 
     def __str__(self) -> str:
-        return format_node(self, set())
+        return _format_node(self, set())
 
 
 class Or(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
@@ -143,7 +143,7 @@ class Or(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
     parts: tuple[Formula, ...]
 
     def __str__(self) -> str:
-        return format_node(self, set())
+        return _format_node(self, set())
 
 
 Formula = Relation | Comparison | Not | And | Or
@@ -153,7 +153,7 @@ Constant = Name | Number | Text | Truth
 Substitution = Mapping[str, Term]
 
 
-def format_node(node: Formula | Term, declared: set[str]) -> str:
+def _format_node(node: Formula | Term, declared: set[str]) -> str:
     """The text of a node. `declared` holds the variables whose type is already written; the function adds those that it writes."""
     match node:
         case Name(name):
@@ -173,24 +173,24 @@ def format_node(node: Formula | Term, declared: set[str]) -> str:
         case Truth(value):
             return "TRUE" if value else "FALSE"
         case Attribute(owner, path):
-            return f"{format_node(owner, declared)}.{path}"
+            return f"{_format_node(owner, declared)}.{path}"
         case Call(name, arguments):
-            return f"{name}({', '.join(format_node(argument, declared) for argument in arguments)})"
+            return f"{name}({', '.join(_format_node(argument, declared) for argument in arguments)})"
         case Arithmetic(left_term, operator, right_term):
-            return f"{format_node(left_term, declared)} {operator} {format_node(right_term, declared)}"
+            return f"{_format_node(left_term, declared)} {operator} {_format_node(right_term, declared)}"
         case Relation(name, (first, second)):
-            return f"{format_node(first, declared)} {name} {format_node(second, declared)}"
+            return f"{_format_node(first, declared)} {name} {_format_node(second, declared)}"
         case Relation(name, arguments):
-            return f"{name}({', '.join(format_node(argument, declared) for argument in arguments)})"
+            return f"{name}({', '.join(_format_node(argument, declared) for argument in arguments)})"
         case Comparison(left_term, operator, right_term):
-            return f"{format_node(left_term, declared)} {operator} {format_node(right_term, declared)}"
+            return f"{_format_node(left_term, declared)} {operator} {_format_node(right_term, declared)}"
         case Not(atom):
-            return f"NOT {format_node(atom, declared)}"
+            return f"NOT {_format_node(atom, declared)}"
         case And(parts):
-            texts = (format_node(part, declared) for part in parts)
+            texts = (_format_node(part, declared) for part in parts)
             return " AND ".join(f"({text})" if isinstance(part, Or) else text for part, text in zip(parts, texts, strict=True))
         case Or(parts):
-            return " OR ".join(format_node(part, declared) for part in parts)
+            return " OR ".join(_format_node(part, declared) for part in parts)
     raise TypeError(f"not a formula or term: {node!r}")
 
 

@@ -39,7 +39,7 @@ from somrs.entish.formula import (
 from somrs.errors import FormulaError
 
 # With `\b`, a name may begin with a keyword (`ORanges`, `OR-gate`), but cannot be a keyword.
-GRAMMAR = r"""
+_GRAMMAR = r"""
 start: formula
 ?formula: conjunct (_OR conjunct)*      -> disjunction
 ?conjunct: factor (_AND factor)*        -> conjunction
@@ -243,7 +243,7 @@ def _object(placed: _PlacedTerm, relation: Token) -> Name | Variable:
 
 @lru_cache(maxsize=1)
 def _grammar() -> Lark:
-    return Lark(GRAMMAR, parser="lalr", maybe_placeholders=True, propagate_positions=False)
+    return Lark(_GRAMMAR, parser="lalr", maybe_placeholders=True, propagate_positions=False)
 
 
 def parse(text: str) -> Formula:

@@ -43,13 +43,13 @@ SIGNS = {
 LEAVING = {"expired": "stopped responding", "retracted": "withdrew its services"}
 """Labels for the Registry's reasons of departure."""
 
-NO_BREAK = "\N{NO-BREAK SPACE}"
+_NO_BREAK = "\N{NO-BREAK SPACE}"
 
 Break = Callable[[str, Fault, bool], Awaitable[None]]
 """Causes a fault of a robot or, if True, repairs it."""
 
 
-def icon(device: DeviceView) -> str:
+def _icon(device: DeviceView) -> str:
     return next((ICONS[name] for name in device.lineage if name in ICONS), "memory")
 
 
@@ -68,7 +68,7 @@ class DeviceCard:
         self.device = device
         with ui.element("article").classes("somrs-device").props(f'aria-label="{device.name}"') as self.element:
             with ui.element("header").classes("somrs-device-head"):
-                self._icon = ui.icon(icon(device)).classes("somrs-device-icon").props('aria-hidden="true"')
+                self._icon = ui.icon(_icon(device)).classes("somrs-device-icon").props('aria-hidden="true"')
                 with ui.element("div").classes("somrs-device-name"):
                     self._name = ui.label().classes("somrs-device-title").props('role="heading" aria-level="2"')
                     self._place_label = ui.label().classes("somrs-soft")
@@ -86,7 +86,7 @@ class DeviceCard:
 
     def show_device(self, device: DeviceView) -> None:
         self.device = device
-        self._icon.name = icon(device)
+        self._icon.name = _icon(device)
         self._name.set_text(device.name)
         self._place_label.set_text(" · ".join(part for part in (device.label or "", device.type, _position_text(device)) if part))
         self._state.show_sign(state(device))
@@ -181,7 +181,7 @@ def _position_text(device: DeviceView) -> str:
         x, y = device.position[:2]
     else:
         return ""
-    return f"at {x:.1f}, {y:.1f} m".replace(" ", NO_BREAK)
+    return f"at {x:.1f}, {y:.1f} m".replace(" ", _NO_BREAK)
 
 
 def _note(device: DeviceView) -> str:

@@ -45,7 +45,7 @@ PAGE_LINKS = (
     PageLink("/history", "History", "history", "Task Manager"),
 )
 
-STYLESHEET = "/look/look.css"
+_STYLESHEET = "/look/look.css"
 
 for popup in (ui.select, ui.menu, ui.dialog):
     # Lists, menus and dialogs appear without animation: during one, Quasar delays setting the focus, and may take it from the field in
@@ -57,7 +57,7 @@ for popup in (ui.select, ui.menu, ui.dialog):
 def page(title: str, path: str, api: LiveApi) -> Iterator[None]:
     """Add the frame of a page; the elements made inside are its content. `path`: the navigation entry to highlight."""
     ui.page_title(f"{title} · SO-MRS")
-    ui.add_head_html(f'<link rel="stylesheet" href="{STYLESHEET}">')
+    ui.add_head_html(f'<link rel="stylesheet" href="{_STYLESHEET}">')
     dark = ui.dark_mode(value=app.storage.user.get("dark"))
     with ui.header(elevated=False).classes("somrs-header"), ui.element("nav").classes("somrs-nav").props('aria-label="Pages"'):
         ui.link("SO-MRS", "/").classes("somrs-home")

@@ -25,7 +25,7 @@ MAX_COMPLETIONS = 60
 MAX_NEW_VARIABLES = 3
 """The maximum number of suggested new variables where no `?` was typed."""
 
-VALUE_TYPES = {"number": "any number", "text": "any text", "truth": "TRUE or FALSE"}
+_VALUE_TYPES = {"number": "any number", "text": "any text", "truth": "TRUE or FALSE"}
 UNITS = ("mm", "cm", "m", "km", "g", "kg", "s", "min", "h", "m/s", "km/h", "rad", "deg", "%", "EUR")
 """The units that are suggested; formulas accept all units of pint."""
 
@@ -89,17 +89,17 @@ class _Completer:
             case Spot.ATOM:
                 yield from self.objects(Slot(), 0)
                 yield from self.functions(1)
-                yield from self.known_variables(1)
-                yield from self.prefixed_relations(2)
+                yield from self._known_variables(1)
+                yield from self._prefixed_relations(2)
                 yield from self.words({} if self.cursor.negated else {"NOT": "does not hold"}, "keyword", 3)
             case Spot.TERM:
                 yield from self.objects(Slot(), 0)
                 yield from self.functions(0)
-                yield from self.known_variables(1)
+                yield from self._known_variables(1)
             case Spot.OBJECT:
-                yield from self.known_variables(0)
+                yield from self._known_variables(0)
                 yield from self.objects(self.cursor.slot, 0)
-                yield from self.typed_variables(2)
+                yield from self._typed_variables(2)
             case Spot.ATTRIBUTE:
                 yield from self.attributes()
             case Spot.TYPE:
@@ -107,18 +107,18 @@ class _Completer:
             case Spot.RELATION:
                 yield from self.relations()
                 yield from self.operators(2)
-                yield from self.connectives(3)
+                yield from self._connectives(3)
             case Spot.VALUE:
                 yield from self.values()
             case Spot.UNIT:
                 yield from self.units()
-                yield from self.connectives(1)
+                yield from self._connectives(1)
             case Spot.CONTINUATION:
                 yield from self.operators(0)
-                yield from self.connectives(1)
+                yield from self._connectives(1)
             case Spot.VARIABLE:
-                yield from self.known_variables(0)
-                yield from self.typed_variables(1)
+                yield from self._known_variables(0)
+                yield from self._typed_variables(1)
 
     def words(self, words: Mapping[str, str], kind: str, group: int, suffix: str = " ") -> Iterator[_Ranked]:
         for word, detail in words.items():
@@ -135,20 +135,20 @@ class _Completer:
             item = Completion(text=name, kind="object", detail=describe_object(self.map.objects[name]), suffix=suffix)
             yield _Ranked(item, match, group + preference, preference)
 
-    def known_variables(self, group: int) -> Iterator[_Ranked]:
+    def _known_variables(self, group: int) -> Iterator[_Ranked]:
         fits, objects = self.cursor.slot.type, self.cursor.spot is Spot.OBJECT
         for name, type_name in self.cursor.variables.items():
-            if type_name in VALUE_TYPES and objects:
+            if type_name in _VALUE_TYPES and objects:
                 continue
             if (
                 type_name is None
-                or type_name in VALUE_TYPES
+                or type_name in _VALUE_TYPES
                 or self.ontology.is_subtype(type_name, fits)
                 or self.ontology.is_subtype(fits, type_name)
             ):
                 yield from self.words({f"?{name}": type_name or "a variable"}, "variable", group, "" if self.cursor.enclosure else " ")
 
-    def typed_variables(self, group: int) -> Iterator[_Ranked]:
+    def _typed_variables(self, group: int) -> Iterator[_Ranked]:
         """New variables with the types that fit here."""
         likely = _likely(self.cursor.slot, self.ontology, self.map)
         ordered = sorted(self.ontology.subtypes(self.cursor.slot.type), key=lambda name: (not likely(name), not self.map.of_type(name)))
@@ -168,7 +168,7 @@ class _Completer:
                 preference = 0 if relation.name in service_effects(self.ontology) else 1
                 yield _Ranked(Completion(text=relation.name, kind="relation", detail=detail, suffix=" "), match, 0, preference)
 
-    def prefixed_relations(self, group: int) -> Iterator[_Ranked]:
+    def _prefixed_relations(self, group: int) -> Iterator[_Ranked]:
         """The relations that are not binary; they are written before their arguments."""
         signatures = {
             relation.name: f"({', '.join(relation.joins)})" for relation in self.ontology.relations.values() if len(relation.joins) != 2
@@ -215,7 +215,7 @@ class _Completer:
                 path = self.cursor.compared
                 texts = {value for object in self.map.objects.values() if isinstance(value := object.values.get(path), str)}
                 yield from self.words({str(Text(text)): "a text" for text in sorted(texts)}, "value", 0)
-        yield from self.known_variables(1)
+        yield from self._known_variables(1)
         if self.cursor.enclosure != '"':
             of_values = attribute is not None
             if not of_values or self.typed:
@@ -238,7 +238,7 @@ class _Completer:
                 detail = self.ontology.types[name].doc or (f"a kind of {parent}" if parent else "")
                 item = Completion(text=name, kind="type", detail=detail, suffix="" if self.cursor.enclosure else " ")
                 yield _Ranked(item, match, 0 if fits else 1, 0 if self.map.of_type(name) else 1)
-        yield from self.words(VALUE_TYPES, "type", 2)
+        yield from self.words(_VALUE_TYPES, "type", 2)
 
     # Operators and connectives
 
@@ -251,7 +251,7 @@ class _Completer:
             signs |= {"<": "is less than", "<=": "is at most", ">": "is more than", ">=": "is at least"}
         yield from self.words(signs, "operator", group)
 
-    def connectives(self, group: int) -> Iterator[_Ranked]:
+    def _connectives(self, group: int) -> Iterator[_Ranked]:
         if self.cursor.complete:
             yield from self.words({"AND": "both hold", "OR": "one of them holds"}, "keyword", group)
 

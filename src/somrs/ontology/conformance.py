@@ -67,10 +67,10 @@ class _Checker:
 
     def __init__(self, map: Map, ontology: Ontology, touched: set[str] | None, map_before: Map | None = None) -> None:
         self.map, self.ontology, self.touched, self.map_before = map, ontology, touched, map_before
-        self.by_first: dict[str, list[Fact]] = {}
+        self._by_first: dict[str, list[Fact]] = {}
         self.facts: list[Fact] = []
         self.parts: dict[str, list[str]] = {}
-        self.wholes: dict[str, str] = {}
+        self._wholes: dict[str, str] = {}
         self.schemas: dict[str, _Schema] = {}
         self._rule_results: dict[tuple[object, ...], bool] = {}
         """Cached results of rules about an object's own values, by type, rule and values."""
@@ -79,7 +79,7 @@ class _Checker:
     def _index(self) -> None:
         for fact in self.map.facts(PART_OF):
             if len(fact.arguments) == 2:
-                self.wholes[fact.arguments[0]] = fact.arguments[1]
+                self._wholes[fact.arguments[0]] = fact.arguments[1]
                 self.parts.setdefault(fact.arguments[1], []).append(fact.arguments[0])
         if self.touched is not None:
             # A whole is checked when one of its parts changes, because its rules count the parts and its formulas refer to them.
@@ -88,13 +88,13 @@ class _Checker:
         self.facts = [fact for fact in self.map.facts() if touched is None or not touched.isdisjoint(fact.arguments)]
         for fact in self.facts:
             if fact.arguments:
-                self.by_first.setdefault(fact.arguments[0], []).append(fact)
+                self._by_first.setdefault(fact.arguments[0], []).append(fact)
 
     def _enclosing_wholes(self, name: str) -> Iterator[str]:
         visited_names: set[str] = set()
-        while name in self.wholes and name not in visited_names:
+        while name in self._wholes and name not in visited_names:
             visited_names.add(name)
-            name = self.wholes[name]
+            name = self._wholes[name]
             yield name
 
     def _nested_parts(self, whole: str) -> Iterator[str]:
@@ -124,7 +124,7 @@ class _Checker:
             yield from self._constraints(object, constraints, schema, {violation.path for violation in wrong})
         for fact in self.facts:
             yield from self._fact(fact)
-        for name, facts in self.by_first.items():
+        for name, facts in self._by_first.items():
             if self.touched is None or name in self.touched:
                 yield from self._exclusive(name, facts)
 
@@ -176,7 +176,7 @@ class _Checker:
 
     def _roots(self) -> list[str]:
         abstract = {name for name in self.ontology.types if self.ontology.is_subtype(name, ABSTRACT)}
-        return [name for name, object in self.map.objects.items() if object.type in abstract and name not in self.wholes]
+        return [name for name, object in self.map.objects.items() if object.type in abstract and name not in self._wholes]
 
     def _place(self, object: Object, schema: _Schema) -> Iterator[Violation]:
         """Violations of the rule for places: an object is the root, is a part, has a position, or a relation such as isOn places it."""
@@ -189,7 +189,7 @@ class _Checker:
                 message = f"{first} is the map's root already; make {object.name} a part of it, or of one of its parts"
                 yield Violation(subject=object.name, rule="root", message=message)
             return
-        for fact in self.by_first.get(object.name, ()):
+        for fact in self._by_first.get(object.name, ()):
             relation = self.ontology.relations.get(fact.relation)
             if fact.relation == PART_OF or (relation is not None and relation.excludes is not None):
                 return

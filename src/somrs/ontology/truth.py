@@ -154,7 +154,7 @@ class _Query:
                 inner = _Branch(self, (atom,), tuple(variables(atom)), bound)
                 return next(inner.search(inner.goals, bound), None) is None
             case Relation(relation, arguments):
-                return self.is_related(relation, tuple(name_of(argument, bound) or "" for argument in arguments))
+                return self._is_related(relation, tuple(name_of(argument, bound) or "" for argument in arguments))
             case Comparison(left_term, operator, right_term):
                 left_value, right_value = self.measure(left_term, bound), self.measure(right_term, bound)
                 return left_value is not None and right_value is not None and compare(left_value, operator, right_value)
@@ -166,7 +166,7 @@ class _Query:
         relation_type = self.ontology.relations.get(relation)
         return arity == 2 and relation_type is not None and relation_type.symmetric
 
-    def is_related(self, relation: str, arguments: tuple[str, ...]) -> bool:
+    def _is_related(self, relation: str, arguments: tuple[str, ...]) -> bool:
         if self.map.has_fact(relation, arguments):
             return True
         return self.is_symmetric(relation, len(arguments)) and self.map.has_fact(relation, arguments[::-1])

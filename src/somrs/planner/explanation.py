@@ -82,14 +82,14 @@ class _Reasons:
         for literal in parts:
             if not self.reachable([literal]):
                 self.unreachable.append(str(literal))
-                self.explain(literal, DEPTH)
+                self._explain(literal, DEPTH)
         if self.unreachable:
             return
         conflict = find_minimal_conflict(parts, self.world)
         self.unreachable.extend(map(str, conflict))
         if len(conflict) == 1:
             self.texts[f"no order of services makes {_format_literal(conflict[0])} true"] = None
-            self.explain(conflict[0], DEPTH)
+            self._explain(conflict[0], DEPTH)
             return
         thing = find_torn_object(conflict, self.world)
         self.obstacles.update([Obstacle.TWO_PLACES] * (thing is not None))
@@ -104,7 +104,7 @@ class _Reasons:
         except (Inexpressible, TooLarge):
             return True
 
-    def explain(self, literal: Literal, depth: int) -> None:
+    def _explain(self, literal: Literal, depth: int) -> None:
         """Explain why the literal is not reachable."""
         if self._unknown_objects(literal):
             return
@@ -210,7 +210,7 @@ class _Reasons:
                 need = f"{_format_literal(missing)}{self._describe_current(missing)}"
                 self.texts[f"{service.name} could bring about {_format_literal(literal)}, but needs {need}"] = None
             if depth > 0 and not circular:
-                self.explain(missing, depth - 1)
+                self._explain(missing, depth - 1)
         if not lacking:
             self.texts[f"{service.name} has such effects, but not {_format_literal(literal)}"] = None
 

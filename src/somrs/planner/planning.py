@@ -53,7 +53,7 @@ LIMIT = 30.0
 
 
 @dataclass(frozen=True, slots=True)
-class Engines:
+class _Engines:
     """The engines to call when the planner's own search gives up, and the time limit of each in seconds."""
 
     search: Engine | None
@@ -86,10 +86,10 @@ def plan(
     """A plan that makes the goal true on the map, or why there is none. Prefers the rest of the previous plan if it is as short."""
     if (result := plan_quickly(problem)) is not None:
         return result
-    return generalize_providers(problem, prefer_shorter(problem, _plan(problem, Engines(engine, numeric, improver, limit))))
+    return generalize_providers(problem, prefer_shorter(problem, _plan(problem, _Engines(engine, numeric, improver, limit))))
 
 
-def _plan(problem: Problem, engines: Engines) -> Plan | NoPlan:
+def _plan(problem: Problem, engines: _Engines) -> Plan | NoPlan:
     try:
         return _search_plan(problem, *_compile_problem(problem), engines)
     except Inexpressible as inexpressible:
@@ -125,7 +125,7 @@ def _report_inexpressible(inexpressible: Inexpressible) -> NoPlan:
     return NoPlan(explanation=f"this cannot be planned for: {inexpressible}", undecided=True)
 
 
-def _search_plan(problem: Problem, world: World, goals: list[Operator], engines: Engines) -> Plan | NoPlan:
+def _search_plan(problem: Problem, world: World, goals: list[Operator], engines: _Engines) -> Plan | NoPlan:
     """Search first with the likely actions only (narrow), then with all relevant actions: only the latter can prove that there is no
     plan."""
     max_actions = VALUES if world.vocabulary.calculates else None
@@ -144,7 +144,7 @@ def _search_plan(problem: Problem, world: World, goals: list[Operator], engines:
     return explain_failure(problem, world, grounding.guessed)
 
 
-def _improve_plan(problem: Problem, first_plan: Plan, task: Task, engines: Engines) -> Plan:
+def _improve_plan(problem: Problem, first_plan: Plan, task: Task, engines: _Engines) -> Plan:
     """A better plan than the first, if the improver finds one in time. When planning follows a failure (`problem.rest`), the first plan is
     kept, because devices are waiting."""
     if engines.improver is None or len(first_plan.steps) < LONG or problem.rest:
@@ -155,7 +155,7 @@ def _improve_plan(problem: Problem, first_plan: Plan, task: Task, engines: Engin
     )
 
 
-def _plan_with_counters(problem: Problem, engines: Engines) -> Plan | NoPlan:
+def _plan_with_counters(problem: Problem, engines: _Engines) -> Plan | NoPlan:
     """Plan with counters beside the facts, for numbers that may take too many values to have a fact each."""
     world = World(problem, counting=True)
     goals = list(goal_operators(problem.goal, world.vocabulary))
@@ -170,7 +170,7 @@ def _plan_with_counters(problem: Problem, engines: Engines) -> Plan | NoPlan:
     return explain_failure(problem, world, grounding.guessed)
 
 
-def _solve_with_counters(task: Task, counters: Counters, engines: Engines) -> list[Move] | None:
+def _solve_with_counters(task: Task, counters: Counters, engines: _Engines) -> list[Move] | None:
     try:
         return search_with_counters(task, counters, STATES if engines.numeric is not None else ALL_STATES)
     except CountingFailed as error:
@@ -186,7 +186,7 @@ def _solve_with_counters(task: Task, counters: Counters, engines: Engines) -> li
     return moves
 
 
-def _solve(task: Task, engines: Engines) -> list[Move] | None:
+def _solve(task: Task, engines: _Engines) -> list[Move] | None:
     try:
         return cheapest(task)
     except TooHard as hard:

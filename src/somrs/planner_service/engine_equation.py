@@ -33,12 +33,12 @@ def equations(task: FiniteTask) -> Iterator[Equation]:
     pairs would take a minute."""
     yield equation(task)
     if companions(task):
-        for part in parts(task):
+        for part in _parts(task):
             if pairs := companions(part):
                 yield equation(part, pairs)
 
 
-def parts(task: FiniteTask) -> Iterable[FiniteTask]:
+def _parts(task: FiniteTask) -> Iterable[FiniteTask]:
     """The task restricted to what each part of the goal depends on; goal parts with the same dependencies share a subtask."""
     subtasks: dict[tuple[tuple[str, ...], ...], FiniteTask] = {}
     for variable, value in task.goal:

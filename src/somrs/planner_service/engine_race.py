@@ -61,9 +61,9 @@ class _Running:
     def __init__(self, entrant: Entrant, number: int, task: Path, seconds: float, memory: int) -> None:
         self.entrant = entrant
         self.plan_path = task.with_name(f"plan-{number}")
-        self.output_path = task.with_name(f"said-{number}")
+        self._output_path = task.with_name(f"said-{number}")
         self.started_at = time.monotonic()
-        with task.open("rb") as task_file, self.output_path.open("wb") as output_file:
+        with task.open("rb") as task_file, self._output_path.open("wb") as output_file:
             self.process = subprocess.Popen(entrant.command(task, self.plan_path), stdin=task_file, stdout=output_file, stderr=output_file)
         if sys.platform == "linux":
             with contextlib.suppress(ProcessLookupError):
@@ -84,7 +84,7 @@ class _Running:
         return EngineResult(engine_name=self.entrant.name, operators=None) if self.process.returncode in self.entrant.proves else None
 
     def describe_failure(self) -> str:
-        last_lines = self.output_path.read_text(encoding="utf-8", errors="replace").strip().splitlines()[-1:]
+        last_lines = self._output_path.read_text(encoding="utf-8", errors="replace").strip().splitlines()[-1:]
         return f"{self.entrant.name} ended with code {self.process.returncode}" + (f" ({last_lines[0][-200:]})" if last_lines else "")
 
 

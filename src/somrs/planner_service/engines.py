@@ -64,7 +64,7 @@ def plan_in_process(problem: object, limit: float = LIMIT) -> Plan | NoPlan:
     def improve(task: str, hurry: bool) -> list[list[str]]:
         """Look for better plans for twice the time that the first plan took, within bounds."""
         spent = time.monotonic() - started_at
-        return improve_plan(task, hurry, min(max(2 * spent, LEAST_BETTER), MOST_BETTER, limit - spent))
+        return _improve_plan(task, hurry, min(max(2 * spent, LEAST_BETTER), MOST_BETTER, limit - spent))
 
     return plan(problem, solve if entrants() else None, limit, tyr if is_tyr_installed() else None, improve)
 
@@ -91,7 +91,7 @@ def race_engines(task: str, seconds: float, engines: list[Entrant]) -> EngineRes
         return race(engines, file, seconds)
 
 
-def improve_plan(task: str, hurry: bool, seconds: float) -> list[list[str]]:
+def _improve_plan(task: str, hurry: bool, seconds: float) -> list[list[str]]:
     """Further plans for a task: one with as many agents at work in parallel as possible, which is often short, too; and, if `hurry` is
     False, a cheap one."""
     if seconds <= 0:

@@ -43,10 +43,10 @@ KEPT_TIME = 60
 """Seconds for which a client keeps an idle connection. The server keeps it longer, so that it never closes a connection first."""
 
 CONTENT_TYPE = f"{soap.MEDIA_TYPE}; charset=utf-8"
-HANG_UP = {"Connection": "close"}
+_HANG_UP = {"Connection": "close"}
 _ACCEPTED = Response(status_code=202)
-STOPPING = "this component is stopping"
-STARTING = "no component is available yet; this process is starting"
+_STOPPING = "this component is stopping"
+_STARTING = "no component is available yet; this process is starting"
 
 
 class NotTaken(RemoteError):
@@ -107,7 +107,7 @@ class Server:
         match scope["method"]:
             case _ if not self.parts:
                 # A process listens before its components are read from disk; clients that know their addresses have to try again.
-                response = _response(_unavailable(RemoteError(STARTING)))
+                response = _response(_unavailable(RemoteError(_STARTING)))
             case "POST":
                 response = await self._handle_post(scope, receive)
             case "GET" | "HEAD":
@@ -124,20 +124,20 @@ class Server:
         content_type = headers.get(b"content-type", b"").decode("latin-1")
         is_batch = content_type == batches.MEDIA_TYPE
         if not (is_batch or _is_soap(content_type)) or not _is_plain(headers):
-            return PlainTextResponse(f"send {CONTENT_TYPE}, not compressed\n", 415, headers=HANG_UP)
+            return PlainTextResponse(f"send {CONTENT_TYPE}, not compressed\n", 415, headers=_HANG_UP)
         try:
             if self._stopping:
-                raise RemoteError(STOPPING)
+                raise RemoteError(_STOPPING)
             async with asyncio.timeout(self.body_time):
                 document = await self._unless_stopped(_body(headers, receive))
         except ClientDisconnect:
             return Response(status_code=400)
         except TimeoutError:
-            return PlainTextResponse(f"the message was not complete within {self.body_time:g} s\n", 408, headers=HANG_UP)
+            return PlainTextResponse(f"the message was not complete within {self.body_time:g} s\n", 408, headers=_HANG_UP)
         except RemoteError as error:
             return _response(_unavailable(error))
         if document is None:
-            return PlainTextResponse(f"the message has more than {MOST_BYTES} bytes, which is the limit\n", 413, headers=HANG_UP)
+            return PlainTextResponse(f"the message has more than {MOST_BYTES} bytes, which is the limit\n", 413, headers=_HANG_UP)
         return await self._take_batch(document) if is_batch else _response(await self._outcome(document, handler))
 
     async def _take_batch(self, batch: bytes) -> Response:
@@ -187,7 +187,7 @@ class Server:
             if not self._stopping:
                 raise
             task.uncancel()
-            raise RemoteError(STOPPING) from None
+            raise RemoteError(_STOPPING) from None
         finally:
             self._open.discard(task)
 
@@ -217,7 +217,7 @@ def _response(outcome: Outcome) -> Response:
     if status == 202:
         return _ACCEPTED
     if status == 503:
-        return Response(content, status, media_type="text/plain", headers=HANG_UP)
+        return Response(content, status, media_type="text/plain", headers=_HANG_UP)
     return Response(content, status, media_type=CONTENT_TYPE)
 
 

@@ -49,7 +49,7 @@ all, or when there is only one.
 """
 
 
-class Outbox:
+class _Outbox:
     """The messages to one destination. `on_rejected` takes over messages that the recipient rejected: they must not delay later ones."""
 
     def __init__(self, post: Post, now: Callable[[], float], on_rejected: Callable[[OutgoingMessage], None]) -> None:
@@ -109,8 +109,8 @@ class Outboxes:
 
     def __init__(self, wire: Wire, post_alone: Callable[[Message, float], Awaitable[Message | None]], now: Callable[[], float]) -> None:
         self._wire, self._post_alone, self._now = wire, post_alone, now
-        self._by_address: dict[str, Outbox] = {}
-        self._by_origin: dict[str, Outbox] = {}
+        self._by_address: dict[str, _Outbox] = {}
+        self._by_origin: dict[str, _Outbox] = {}
 
     def busy(self, address: str) -> bool:
         """Whether messages to this address wait to be sent separately; later messages have to follow them."""
@@ -127,7 +127,7 @@ class Outboxes:
         recipient_origin = origin(header.recipient)
         box = self._by_origin.get(recipient_origin)
         if box is None:
-            box = self._by_origin[recipient_origin] = Outbox(self._wire.post_batch, self._now, self.enqueue_separately)
+            box = self._by_origin[recipient_origin] = _Outbox(self._wire.post_batch, self._now, self.enqueue_separately)
         box.enqueue(outgoing)
 
     def enqueue_separately(self, outgoing: OutgoingMessage) -> None:
@@ -135,7 +135,7 @@ class Outboxes:
         recipient = outgoing.message.header.recipient
         box = self._by_address.get(recipient)
         if box is None:
-            box = self._by_address[recipient] = Outbox(self._post_first, self._now, self.enqueue_separately)
+            box = self._by_address[recipient] = _Outbox(self._post_first, self._now, self.enqueue_separately)
         box.enqueue(outgoing)
 
     async def _post_first(self, messages: Sequence[Message], seconds: float) -> Sequence[Message | None]:

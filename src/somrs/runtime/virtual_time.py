@@ -55,7 +55,7 @@ class _Life(Sender):
     planned_kill: tuple[KillPoint, int] | None = None
 
 
-def immediate_work(answer: Callable[[object], object]) -> CarryOut:
+def _immediate_work(answer: Callable[[object], object]) -> CarryOut:
     """Return work that takes no time. An exception of `answer` is the answer."""
 
     def work(task: object) -> Work:
@@ -106,7 +106,7 @@ class World:
         """Add a component at a new address, and start it. `journaled`: store its inputs as data of this schema."""
         self.records[address] = []
         self._journals.pop(address, None)
-        self._carry_out[address] = carry_out or immediate_work(_refuse_work)
+        self._carry_out[address] = carry_out or _immediate_work(_refuse_work)
         if journaled is not None:
             self._journals[address] = VirtualJournal(component, journaled)
         self._begin(address, component)

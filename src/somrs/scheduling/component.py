@@ -200,7 +200,7 @@ class Scheduler:
                     yield self._answer(message, answer)
         except SomrsError as error:
             report = error_report(error)
-            yield self._answer(message, orders.OrdersRejected(**{name: getattr(report, name) for name in REJECTED}))
+            yield self._answer(message, orders.OrdersRejected(**{name: getattr(report, name) for name in _REJECTED}))
 
     def _serve_waiting(self, now: float) -> Effects:
         waiting, self.state.until_ready = self.state.until_ready, {}
@@ -356,7 +356,7 @@ class Scheduler:
         return Header(sender=address, recipient=subscriber, message_id=id)
 
 
-REJECTED = orders.OrdersRejected.__struct_fields__
+_REJECTED = orders.OrdersRejected.__struct_fields__
 
 
 def _page(entries: dict[str, T], cursor: str) -> tuple[list[T], bool]:

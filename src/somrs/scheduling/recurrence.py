@@ -16,7 +16,7 @@ import msgspec
 from somrs.errors import UsageError
 from somrs.protocol.messages.orders import Daily, Every, Once, Schedule
 
-LEAST_MINUTES = 0.1
+_LEAST_MINUTES = 0.1
 DAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
 
 _TIME = re.compile(r"([01]?\d|2[0-3]):([0-5]\d)")
@@ -38,8 +38,8 @@ def check_recurrence(recurrence: Schedule, now: float) -> Schedule:
                 raise UsageError("that time is in the past; give a time in the future")
             return recurrence
         case Every(minutes=minutes, since=anchor):
-            if not (LEAST_MINUTES <= minutes < math.inf) or not math.isfinite(anchor or 0.0):
-                raise UsageError(f"the interval of an order is a number of minutes, at least {LEAST_MINUTES:g}; {minutes:g} is not")
+            if not (_LEAST_MINUTES <= minutes < math.inf) or not math.isfinite(anchor or 0.0):
+                raise UsageError(f"the interval of an order is a number of minutes, at least {_LEAST_MINUTES:g}; {minutes:g} is not")
             return msgspec.structs.replace(recurrence, since=now if anchor is None else anchor)
         case Daily(at=time, days=days):
             match = _TIME.fullmatch(time.strip())

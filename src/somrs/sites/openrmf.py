@@ -26,11 +26,11 @@ from somrs.sites.plan import Box, Point, clearance, cleared, roomiest, without_g
 from somrs.sites.rmf_models import MODELS, THINGS, UNKNOWN, Model
 from somrs.sites.site import Site
 
-WALL_THICKNESS, WALL_HEIGHT, DOOR_HEIGHT, FLOOR_THICKNESS = 0.1, 2.5, 2.1, 0.1
-PLACE_RADIUS = 0.4
+_WALL_THICKNESS, _WALL_HEIGHT, _DOOR_HEIGHT, _FLOOR_THICKNESS = 0.1, 2.5, 2.1, 0.1
+_PLACE_RADIUS = 0.4
 EDGE = 0.15
 """The largest distance, in metres, from a free edge of its support at which a gripper can reach an object."""
-NEAR_EDGE = 0.1
+_NEAR_EDGE = 0.1
 
 
 def import_building(path: str | Path) -> Site:
@@ -179,13 +179,13 @@ class _Import:
         for index, edge_start, edge_end, parameters in self._edges(level, "doors"):
             gaps.append((edge_start, edge_end))
             name = _identifier(str(_parameter(parameters, "name", "") or f"Door{index + 1:03}"))
-            self._wall_like(level, self._fresh(name), "Door", edge_start, edge_end, DOOR_HEIGHT, {"Open": True})
+            self._wall_like(level, self._fresh(name), "Door", edge_start, edge_end, _DOOR_HEIGHT, {"Open": True})
         for _, edge_start, edge_end, _ in self._edges(level, "walls"):
             pieces = [(edge_start, edge_end)]
             for gap in gaps:
                 pieces = [rest for piece in pieces for rest in without_gap(*piece, gap)]
             for start, end in pieces:
-                level.walls.append(self._wall_like(level, self._numbered("Wall"), "Wall", start, end, WALL_HEIGHT, {"Color": "White"}))
+                level.walls.append(self._wall_like(level, self._numbered("Wall"), "Wall", start, end, _WALL_HEIGHT, {"Color": "White"}))
         for index, floor in enumerate(level.data.get("floors") or ()):
             with self._reading(f"floor {index + 1} of {level.name}", ("levels", level.name, "floors", index)):
                 self._floor(level, [level.points[int(vertex)] for vertex in floor["vertices"]])
@@ -202,9 +202,9 @@ class _Import:
                 yield index, start, end, edge[2] if len(edge) > 2 else {}
 
     def _wall_like(self, level: _Level, name: str, type: str, start: Point, end: Point, height: float, values: dict[str, Value]) -> Box:
-        overlap = WALL_THICKNESS if type == "Wall" else 0.0
+        overlap = _WALL_THICKNESS if type == "Wall" else 0.0
         yaw = math.atan2(end[1] - start[1], end[0] - start[0])
-        box = Box((start[0] + end[0]) / 2, (start[1] + end[1]) / 2, math.dist(start, end) + overlap, WALL_THICKNESS, yaw)
+        box = Box((start[0] + end[0]) / 2, (start[1] + end[1]) / 2, math.dist(start, end) + overlap, _WALL_THICKNESS, yaw)
         self._add(name, type, {**_pose(box, level.elevation), **_shape(box, height), **values}, level.storey)
         return box
 
@@ -215,9 +215,9 @@ class _Import:
         values: dict[str, Value] = {
             "PositionX": round(x, 3),
             "PositionY": round(y, 3),
-            "PositionZ": round(level.elevation - FLOOR_THICKNESS, 3),
+            "PositionZ": round(level.elevation - _FLOOR_THICKNESS, 3),
             "Shape.Form": "Polygon",
-            "Shape.Height": FLOOR_THICKNESS,
+            "Shape.Height": _FLOOR_THICKNESS,
             "Shape.Outline": corners,
             "Color": "Grey",
         }
@@ -291,12 +291,12 @@ class _Import:
         obstacles = [*level.walls, *(other_box for name, (other_box, _, _) in level.furniture.items() if name != support)]
         u, v = box.local(point)
         half = (box.width / 2, box.depth / 2)
-        u, v = (max(-h + NEAR_EDGE, min(h - NEAR_EDGE, t)) for t, h in zip((u, v), half, strict=True))
+        u, v = (max(-h + _NEAR_EDGE, min(h - _NEAR_EDGE, t)) for t, h in zip((u, v), half, strict=True))
         best: tuple[float, Point] | None = None
         for axis in (0, 1):
             for sign in (-1, 1):
                 edge, stand = [u, v], [u, v]
-                edge[axis], stand[axis] = sign * (half[axis] - NEAR_EDGE), sign * (half[axis] + PLACE_RADIUS)
+                edge[axis], stand[axis] = sign * (half[axis] - _NEAR_EDGE), sign * (half[axis] + _PLACE_RADIUS)
                 gap = half[axis] - sign * (u, v)[axis]
                 if clearance(box.world((stand[0], stand[1])), obstacles) >= 0.3 and (best is None or gap < best[0]):
                     best = gap, (u, v) if gap <= EDGE else (edge[0], edge[1])
@@ -323,7 +323,7 @@ class _Import:
 
     def _free(self, level: _Level, name: str, point: Point) -> Point:
         """The point, or the nearest one where the disc of the place is free, so that robots can stand and put objects there."""
-        free = roomiest(point, level.solid(), PLACE_RADIUS, 1.0)
+        free = roomiest(point, level.solid(), _PLACE_RADIUS, 1.0)
         if free is None:
             self.notes.append(f"there is no room for a robot at {name}")
             return point
@@ -336,7 +336,7 @@ class _Import:
             with self._reading(f"lift {key}", ("lifts", key)):
                 x, y = self._point(levels[0], data["x"], data["y"])
                 box = Box(x, y, float(data["width"]), float(data["depth"]), float(data.get("yaw", 0.0)))
-                values = {**_pose(box, levels[0].elevation), **_shape(box, WALL_HEIGHT)}
+                values = {**_pose(box, levels[0].elevation), **_shape(box, _WALL_HEIGHT)}
                 self._add(self._fresh(_identifier(str(key))), "Lift", values, next(iter(self.objects)))
                 self.notes.append(f"lift {key} is on the map as a device; robots can use it when a program serves it")
 

@@ -110,7 +110,7 @@ def _page(records: Iterable[TaskRecord], query: ReadRecords, limit: int, total: 
         whole = _drop_lists(record, omitted_lists) if omitted_lists else record
         if number >= limit or (page and size(whole) > free_bytes):
             return Records(records=tuple(page), more=True, total=total)
-        part, rest = cut(whole, query.after, free_bytes)
+        part, rest = _cut(whole, query.after, free_bytes)
         page.append(part)
         free_bytes -= size(part)
         if rest is not None:
@@ -118,7 +118,7 @@ def _page(records: Iterable[TaskRecord], query: ReadRecords, limit: int, total: 
     return Records(records=tuple(page), total=total)
 
 
-def cut(record: TaskRecord, offset: int, free_bytes: int = PAGE_BYTES) -> tuple[TaskRecord, int | None]:
+def _cut(record: TaskRecord, offset: int, free_bytes: int = PAGE_BYTES) -> tuple[TaskRecord, int | None]:
     """Return the record with as many of its parts after the first `offset` as fit, and the next offset; None if these are the last."""
     parts = [(name, part) for name in LISTS for part in getattr(record, name)][max(offset, 0) :]
     bare = _drop_lists(record, LISTS)

@@ -27,7 +27,7 @@ from somrs.storage.archive import TaskArchive
 from somrs.storage.disk import Disk, Kind
 from somrs.version import __version__
 
-PROGRAM = f"SO-MRS {__version__}"
+_PROGRAM = f"SO-MRS {__version__}"
 
 SNAPSHOT_SHARE = 0.02
 """The maximal share of the event loop's time for snapshots."""
@@ -182,7 +182,7 @@ class Journal:
             raise
         except Exception as error:  # data that do not fit may raise any exception
             raise UsageError(self._stuck(stored_journal, f"cannot be read ({type(error).__name__}: {error})")) from error
-        if (stored_journal.schema, stored_journal.program) != (self._written.schema.version, PROGRAM):
+        if (stored_journal.schema, stored_journal.program) != (self._written.schema.version, _PROGRAM):
             self.disk.write_and_wait(lambda db: self._anew(db, address, journaled))
             self._entry_count = 0
         return journaled, True
@@ -190,7 +190,7 @@ class Journal:
     def _changed(self, stored_journal: _StoredJournal, address: str) -> str | None:
         """Return why the journal cannot be continued; None if it can."""
         if not self._written.schema.can_read(stored_journal.schema):
-            return f"was written by {stored_journal.program}, whose state {PROGRAM} cannot read"
+            return f"was written by {stored_journal.program}, whose state {_PROGRAM} cannot read"
         if stored_journal.setting != self._setting:
             return f"was written for {stored_journal.setting}, and this is for {self._setting}"
         if stored_journal.address != address and not self._written.schema.relocatable:
@@ -222,7 +222,7 @@ class Journal:
         try:
             self.disk.write_and_wait(lambda db: self._archive.store_replayed(archive_records, state, db))
         except Contradiction as error:
-            advice = f"it was written by {stored_journal.program}: start that once more and stop it normally, then continue with {PROGRAM}"
+            advice = f"it was written by {stored_journal.program}: start that once more and stop it normally, then continue with {_PROGRAM}"
             raise UsageError(f"{self.disk.path}: {error}; {advice}") from None
         return journaled
 
@@ -293,7 +293,7 @@ def begin_with(
     """Begin a journal with the present component, and delete its earlier contents."""
     db.execute("DELETE FROM entries WHERE component = ?", (component,))
     is_open = msgspec.json.encode(tuple(journaled.component.open)).decode()
-    life = (component, PROGRAM, setting, address, is_open, written.schema.version)
+    life = (component, _PROGRAM, setting, address, is_open, written.schema.version)
     db.execute("INSERT OR REPLACE INTO life VALUES (?, ?, ?, ?, ?, ?)", life)
     _snapshot(db, component, journaled.number, journaled.time, written.encode_snapshot(journaled))
 

@@ -24,7 +24,7 @@ from somrs.storage.disk import Step, execute
 DRIVERS = ("fixed_camera", "manipulator", "patrol")
 """Modules with drivers of simulated devices."""
 
-KINDS: dict[str, type[Definition]] = {kind.__name__: kind for kind in (AttributeType, RelationType, FunctionType, ObjectType, ServiceType)}
+_KINDS: dict[str, type[Definition]] = {kind.__name__: kind for kind in (AttributeType, RelationType, FunctionType, ObjectType, ServiceType)}
 
 _OBJECT = msgspec.json.Decoder(Object)
 _ARGUMENTS = msgspec.json.Decoder(tuple[str, ...])
@@ -45,7 +45,7 @@ def _journaled(db: sqlite3.Connection) -> None:
 
 def _contents(db: sqlite3.Connection) -> Contents | None:
     definitions = [
-        msgspec.json.decode(document, type=KINDS[kind])
+        msgspec.json.decode(document, type=_KINDS[kind])
         for kind, document in db.execute("SELECT kind, document FROM definitions ORDER BY rowid")
     ]
     if not definitions:

@@ -29,7 +29,7 @@ from somrs.storage.store_events import event_of, read_event, read_job, read_way_
 MAX_PAST_VERSIONS = 4
 """The number of past versions that are kept in memory, for their next pages."""
 
-TABLES = """
+_TABLES = """
     CREATE TABLE events (version INTEGER PRIMARY KEY, at REAL NOT NULL, author TEXT NOT NULL, changes TEXT NOT NULL, before TEXT,
       revision TEXT, renamed TEXT, undoes INTEGER);
     CREATE INDEX revisions ON events (version) WHERE revision IS NOT NULL;
@@ -43,7 +43,7 @@ KIND = Kind(
     rival="another process",
     application=0x534F4D52,  # `SOMR` in ASCII
     version=5,
-    tables=journal.TABLES + TABLES,
+    tables=journal.TABLES + _TABLES,
     migrations=MIGRATIONS,
 )
 
@@ -54,10 +54,10 @@ def repository_journal(path: Path) -> Journal:
     Raises:
         UsageError: the file is damaged, of another kind, or not writable.
     """
-    return Journal(path, SCHEMA, disk=Disk(path, KIND), archive=MapHistory())
+    return Journal(path, SCHEMA, disk=Disk(path, KIND), archive=_MapHistory())
 
 
-class MapHistory:
+class _MapHistory:
     """The archive of a Repository's journal, as `journal.Archive`: each `Event`, with the changes that revert it."""
 
     def __init__(self) -> None:

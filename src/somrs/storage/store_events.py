@@ -57,12 +57,12 @@ def read_job(task: HistoryOf | EventsOf) -> Job[list[Row]]:
     """Return the job that reads the requested events."""
     match task:
         case HistoryOf(object=object, limit=limit):
-            return functools.partial(history, object, limit)
+            return functools.partial(_history, object, limit)
         case EventsOf():
-            return functools.partial(read_events, task)
+            return functools.partial(_read_events, task)
 
 
-def read_events(query: EventsOf, db: sqlite3.Connection) -> list[Row]:
+def _read_events(query: EventsOf, db: sqlite3.Connection) -> list[Row]:
     """Return the requested events."""
     condition, order = ("version > ?", "ASC") if query.after is not None else ("version < ?", "DESC")
     bound = query.after if query.after is not None else query.before if query.before is not None else 1 << 62
@@ -79,7 +79,7 @@ def read_event(version: int, db: sqlite3.Connection) -> Row | None:
     return Row(*row) if row is not None else None
 
 
-def history(object: str, limit: int, db: sqlite3.Connection) -> list[Row]:
+def _history(object: str, limit: int, db: sqlite3.Connection) -> list[Row]:
     """Return the latest events that changed the object, newest first, under all names that it had."""
     found_rows: list[Row] = []
     name, last_version = object, 1 << 62

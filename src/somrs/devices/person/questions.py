@@ -15,7 +15,7 @@ from somrs.errors import UsageError
 
 FILE = "questions.sqlite"
 """Name of the file in the data folder of the system."""
-COLUMNS = "number, person, about, text, asked, until, answer, problem, ended"
+_COLUMNS = "number, person, about, text, asked, until, answer, problem, ended"
 
 
 class Question(Struct, frozen=True, kw_only=True):
@@ -69,8 +69,8 @@ class Questions:
         return next(iter(self._read("number = ?", (number,))), None)
 
     def _read(self, condition: str, values: Sequence[object]) -> list[Question]:
-        rows = self._db.execute(f"SELECT {COLUMNS} FROM questions WHERE {condition}", values).fetchall()
-        return [Question(**dict(zip(COLUMNS.split(", "), row, strict=True))) for row in rows]
+        rows = self._db.execute(f"SELECT {_COLUMNS} FROM questions WHERE {condition}", values).fetchall()
+        return [Question(**dict(zip(_COLUMNS.split(", "), row, strict=True))) for row in rows]
 
     def answer(self, number: int, answer: str) -> None:
         """Answer a question. `read` returns the result of the check. Raises UsageError if the question is not open."""

@@ -27,10 +27,10 @@ PAGE = 50
 ARCHIVE_DELAY = 0.5
 """Seconds after which an ended task is in the records."""
 
-ANY_VALUE = ""
-TIMES = {ANY_VALUE: "Any time", "1h": "The last hour", "1d": "The last day", "7d": "The last 7 days", "30d": "The last 30 days"}
-ENDS = {ANY_VALUE: "Any outcome", **{outcome.value: sign.text for outcome, sign in OUTCOMES.items()}}
-EXPORTS = (
+_ANY_VALUE = ""
+_TIMES = {_ANY_VALUE: "Any time", "1h": "The last hour", "1d": "The last day", "7d": "The last 7 days", "30d": "The last 30 days"}
+_ENDS = {_ANY_VALUE: "Any outcome", **{outcome.value: sign.text for outcome, sign in OUTCOMES.items()}}
+_EXPORTS = (
     ("Tasks", "CSV, a row for each task", {"format": "csv", "table": "tasks"}),
     ("Work", "CSV, a row for each piece of work of a service", {"format": "csv", "table": "work"}),
     ("Terms", "CSV, a row for each service asked", {"format": "csv", "table": "contracts"}),
@@ -39,7 +39,7 @@ EXPORTS = (
     ("Everything", "JSON lines, a line for each task", {"format": "jsonl"}),
 )
 
-COLUMNS = [
+_COLUMNS = [
     {"name": "outcome", "label": "Outcome", "field": "outcome", "align": "left"},
     {"name": "effect", "label": "Goal", "field": "effect", "align": "left"},
     {"name": "devices", "label": "Devices", "field": "devices", "align": "left"},
@@ -47,9 +47,10 @@ COLUMNS = [
     {"name": "took", "label": "Took", "field": "took", "align": "right"},
 ]
 
-END_CELL = """<q-td :props="props"><span :class="'somrs-badge somrs-' + props.row.tone"><q-icon :name="props.row.icon" aria-hidden="true" />
+_END_CELL = """\
+<q-td :props="props"><span :class="'somrs-badge somrs-' + props.row.tone"><q-icon :name="props.row.icon" aria-hidden="true" />
 <span>{{ props.row.outcome }}</span></span></q-td>"""
-GOAL_CELL = """<q-td :props="props">
+_GOAL_CELL = """<q-td :props="props">
 <a :href="'/tasks/' + props.row.task" class="somrs-history-link somrs-formula">{{ props.row.effect }}</a>
 <div v-if="props.row.why" class="somrs-soft somrs-history-why">{{ props.row.why }}</div></q-td>"""
 
@@ -62,7 +63,7 @@ def register(api: LiveApi) -> None:
             history.set_filters(text, outcome, since, service)
             await guarded(history.begin)()
             await guarded(history.choices)()
-            follow(api.context.hub, "tasks", read_nothing, history.hear)
+            follow(api.context.hub, "tasks", _read_nothing, history.hear)
 
 
 class _History:
@@ -85,19 +86,19 @@ class _History:
                 ui.label("Tasks that have ended").classes("somrs-soft")
                 ui.space()
                 with ui.dropdown_button("Export", icon="download", auto_close=True).props("flat no-caps dense"), ui.element("q-list"):
-                    for name, description, parameters in EXPORTS:
+                    for name, description, parameters in _EXPORTS:
                         self._export_item(name, description, parameters)
             with ui.element("search").classes("somrs-history-filters").props('aria-label="Filters"'):
                 on_change = guarded(self._changed)
                 self._text = ui.input("Goal contains", on_change=on_change).props("outlined dense clearable debounce=300")
-                self._outcome = ui.select(ENDS, value=ANY_VALUE, label="Outcome", on_change=on_change).props("outlined dense")
-                self._period = ui.select(TIMES, value=ANY_VALUE, label="Ended in", on_change=on_change).props("outlined dense")
+                self._outcome = ui.select(_ENDS, value=_ANY_VALUE, label="Outcome", on_change=on_change).props("outlined dense")
+                self._period = ui.select(_TIMES, value=_ANY_VALUE, label="Ended in", on_change=on_change).props("outlined dense")
                 self._device = ui.select([], label="Device", with_input=True, new_value_mode="add-unique", on_change=on_change)
                 self._device.props("outlined dense clearable")
-            self._table = ui.table(rows=[], columns=COLUMNS, row_key="task").classes("somrs-history-table")
+            self._table = ui.table(rows=[], columns=_COLUMNS, row_key="task").classes("somrs-history-table")
             self._table.props("flat wrap-cells hide-pagination :rows-per-page-options=[0]")
-            self._table.add_slot("body-cell-outcome", END_CELL)
-            self._table.add_slot("body-cell-effect", GOAL_CELL)
+            self._table.add_slot("body-cell-outcome", _END_CELL)
+            self._table.add_slot("body-cell-effect", _GOAL_CELL)
             self._table.on("rowClick", _open, [[], ["task"], None])
             self._empty_state = ui.element("div").classes("somrs-history-nothing")
             with ui.element("nav").classes("somrs-history-pages").props('aria-label="Pages of tasks"') as self._pages:
@@ -114,9 +115,9 @@ class _History:
     def set_filters(self, text: str, outcome: str, period: str, service: str) -> None:
         """Set the filters from the page's address."""
         self._text.value = text
-        self._outcome.value = outcome if outcome in ENDS else ANY_VALUE
-        if period not in TIMES:
-            self._period.set_options({**TIMES, period: period})
+        self._outcome.value = outcome if outcome in _ENDS else _ANY_VALUE
+        if period not in _TIMES:
+            self._period.set_options({**_TIMES, period: period})
         self._period.value = period
         if service:
             self._device.set_options([service])
@@ -212,7 +213,7 @@ class _History:
         return {name: str(value) for name, value in filter_values.items() if value}
 
     async def _clear(self) -> None:
-        self.set_filters(ANY_VALUE, ANY_VALUE, ANY_VALUE, ANY_VALUE)
+        self.set_filters(_ANY_VALUE, _ANY_VALUE, _ANY_VALUE, _ANY_VALUE)
         await self._changed()
 
     def _export_item(self, name: str, description: str, parameters: dict[str, str]) -> None:
@@ -224,7 +225,7 @@ class _History:
         return lambda: ui.download.from_url(f"/api/records/export?{urlencode({**parameters, **self._filters()})}")
 
 
-async def read_nothing() -> None:
+async def _read_nothing() -> None:
     """Do nothing: the page's content was read when it was made."""
 
 

@@ -24,33 +24,33 @@ CONTRACT_SIGNS = {
 }
 """Status of services whose terms were accepted."""
 
-REQUESTED = Sign("more_horiz", "Asked", "busy")
-OFFERS = Sign("sell", "Offers", "busy")
-LOST = Sign("remove_circle_outline", "Not chosen", "plain")
-SILENT = Sign("help", "Did not answer", "bad")
-REFUSED = Sign("block", "Refused", "bad")
-RELEASED = Sign("logout", "Released", "plain")
+_REQUESTED = Sign("more_horiz", "Asked", "busy")
+_OFFERS = Sign("sell", "Offers", "busy")
+_LOST = Sign("remove_circle_outline", "Not chosen", "plain")
+_SILENT = Sign("help", "Did not answer", "bad")
+_REFUSED = Sign("block", "Refused", "bad")
+_RELEASED = Sign("logout", "Released", "plain")
 
-DASH = "–"
+_DASH = "–"
 
 
 def bid_status(contract: ContractView, chosen: Collection[str]) -> Sign:
     """The status of a bid. `chosen`: the steps for which terms were accepted."""
     if contract.accepted:
-        return CONTRACT_SIGNS.get(contract.state, RELEASED)
+        return CONTRACT_SIGNS.get(contract.state, _RELEASED)
     match contract.state:
         case State.NEW | State.ARRANGING:
-            return REQUESTED
+            return _REQUESTED
         case State.OFFERED:
-            return OFFERS
+            return _OFFERS
     if contract.refused:
-        return REFUSED
+        return _REFUSED
     if contract.price is None:
-        return RELEASED if contract.refused is None else SILENT
-    return LOST if contract.step in chosen else RELEASED
+        return _RELEASED if contract.refused is None else _SILENT
+    return _LOST if contract.step in chosen else _RELEASED
 
 
-def reason_text(contract: ContractView) -> str:
+def _reason_text(contract: ContractView) -> str:
     return contract.reason if contract.reason and contract.reason != "ended" else ""
 
 
@@ -77,15 +77,15 @@ def _bid(contract: ContractView, chosen: Collection[str], start: float) -> Bid:
         icon=status.icon,
         tone=status.tone,
         word=status.text,
-        why=reason_text(contract),
-        price=f"{contract.price:g} {contract.currency}" if contract.price is not None else DASH,
-        takes=format_duration(contract.duration) if contract.duration is not None else DASH,
+        why=_reason_text(contract),
+        price=f"{contract.price:g} {contract.currency}" if contract.price is not None else _DASH,
+        takes=format_duration(contract.duration) if contract.duration is not None else _DASH,
         window=_window(contract, start),
-        valid=format_time(contract.valid_until) if contract.valid_until is not None else DASH,
+        valid=format_time(contract.valid_until) if contract.valid_until is not None else _DASH,
     )
 
 
 def _window(contract: ContractView, start: float) -> str:
     if contract.start is None or contract.finish is None:
-        return DASH
+        return _DASH
     return f"+{format_duration(max(0.0, contract.start - start))} – +{format_duration(max(0.0, contract.finish - start))}"

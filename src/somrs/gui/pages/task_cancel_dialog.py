@@ -11,7 +11,7 @@ from somrs.gui.shell import guarded, notify
 from somrs.protocol.messages.clients import Phase, TaskView, WorkView
 from somrs.protocol.messages.frp import State
 
-FINISHED_STATES = (State.COMPLETED, State.FAILED, State.STOPPED, State.UNREACHABLE)
+_FINISHED_STATES = (State.COMPLETED, State.FAILED, State.STOPPED, State.UNREACHABLE)
 
 
 def cancel_consequences(view: TaskView) -> list[str]:
@@ -33,7 +33,7 @@ def _undone(view: TaskView) -> Iterator[WorkView]:
     for work in reversed(view.work):
         if (
             work.before is not None
-            and work.state in (*FINISHED_STATES, State.EXECUTING)
+            and work.state in (*_FINISHED_STATES, State.EXECUTING)
             and "." not in work.step
             and work.before not in restored_situations
         ):

@@ -15,7 +15,7 @@ from somrs.protocol.messages.clients import Phase, Policy, TaskView
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.people import person_name
 
-POLICIES = {Policy.PRICE: "the cheapest", Policy.TIME: "the soonest", Policy.WEIGHTED: "price and time"}
+_POLICIES = {Policy.PRICE: "the cheapest", Policy.TIME: "the soonest", Policy.WEIGHTED: "price and time"}
 
 
 class TaskHeader:
@@ -38,7 +38,7 @@ class TaskHeader:
                 _fact("Submitted").set_text(f"{format_time(view.submitted_at)} by {person_name(view.client)}")
                 self._due = _fact("Deadline")
                 _fact("Priority").set_text(str(view.priority))
-                _fact("Policy").set_text(POLICIES[view.policy])
+                _fact("Policy").set_text(_POLICIES[view.policy])
                 if view.precondition:
                     _fact("Precondition").set_text(view.precondition)
                 _fact("Id").set_text(task_key(view.task)[:8])
@@ -62,7 +62,7 @@ class TaskHeader:
         self._view = view
         is_ended = view.phase is Phase.ENDED
         self._badge.show_sign(task_sign(view.phase, view.outcome))
-        completed_count, share = progress(view)
+        completed_count, share = _progress(view)
         count = len(view.steps)
         self._steps.set_text(
             f"{completed_count} of {count_text(count, 'step')} done" if count else "no plan yet" if not is_ended else "none"
@@ -100,7 +100,7 @@ def reason_text(reason: str) -> str:
     return gist(reason[:1].upper() + reason[1:])
 
 
-def progress(view: TaskView) -> tuple[int, float]:
+def _progress(view: TaskView) -> tuple[int, float]:
     """The number of completed steps, and the share of all steps that is done (0 to 1)."""
     completed_count = sum(step.state is State.COMPLETED for step in view.steps)
     share = completed_count + sum(step.fraction for step in view.steps if step.state is State.EXECUTING)

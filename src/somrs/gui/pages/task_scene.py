@@ -15,16 +15,16 @@ from somrs.gui.pages.task_text import device_name
 from somrs.protocol.messages.clients import TaskView
 from somrs.protocol.messages.frp import State
 
-SPACE, PLAN = "3d", "plan"
+_SPACE, _PLAN = "3d", "plan"
 VIEW_SETTING = "task view"
 """Key in the browser's settings: which of the two views is shown."""
 
-HEIGHT = "340px"
+_HEIGHT = "340px"
 
 SCENE_DELAY = 0.3
 """Seconds after which the scene is made, so that the rest of the page appears first."""
 
-WORKING = (State.EXECUTING, State.STOPPING, State.COMPENSATING)
+_WORKING = (State.EXECUTING, State.STOPPING, State.COMPENSATING)
 
 
 class TaskScene:
@@ -35,10 +35,10 @@ class TaskScene:
         self._arrows: list[tuple[str, str | tuple[float, float]]] = []
         self._plan: FloorPlan | None = None
         self._space: Scene3D | None = None
-        chosen = app.storage.user.get(VIEW_SETTING, SPACE)
-        self._choice = ui.toggle({SPACE: "3D", PLAN: "Floor plan"}, value=chosen, on_change=self._switch_view)
+        chosen = app.storage.user.get(VIEW_SETTING, _SPACE)
+        self._choice = ui.toggle({_SPACE: "3D", _PLAN: "Floor plan"}, value=chosen, on_change=self._switch_view)
         self._choice.props('no-caps dense unelevated aria-label="View"').classes("somrs-task-scene-choice")
-        self._place = ui.element("div").classes("somrs-task-view").style(f"min-height: {HEIGHT}")
+        self._place = ui.element("div").classes("somrs-task-view").style(f"min-height: {_HEIGHT}")
         ui.timer(SCENE_DELAY, self._build_view, once=True)
 
     def _switch_view(self) -> None:
@@ -49,10 +49,10 @@ class TaskScene:
         self._place.clear()
         self._plan = self._space = None
         with self._place:
-            if self._choice.value == PLAN:
+            if self._choice.value == _PLAN:
                 self._plan = FloorPlan(mode="view").classes("somrs-task-floor")
             else:
-                self._space = Scene3D(height=HEIGHT)
+                self._space = Scene3D(height=_HEIGHT)
         self._mark()
 
     def _mark(self) -> None:
@@ -73,7 +73,7 @@ class TaskScene:
 def _work_marks(view: TaskView) -> Iterator[tuple[str, str]]:
     """Names of objects, each with the text to append to its label."""
     for work in view.work:
-        if work.state in WORKING:
+        if work.state in _WORKING:
             yield next(iter(work.inputs.values()), ""), ""
             yield device_name(work.service), work.step
 

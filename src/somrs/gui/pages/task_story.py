@@ -17,7 +17,7 @@ from somrs.protocol.messages.events import Event, EventKind, kind_of
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.people import person_name
 
-LOST = (State.FAILED, State.STOPPED, State.UNREACHABLE)
+_LOST = (State.FAILED, State.STOPPED, State.UNREACHABLE)
 
 ENDINGS = {
     Outcome.ACCOMPLISHED: (state_labels.OUTCOMES[Outcome.ACCOMPLISHED], "good", "The task was accomplished nevertheless."),
@@ -114,7 +114,7 @@ class _StoryBuilder:
         if not isinstance(event, events.ServiceFailure):
             return ""
         for work in reversed(self._view.work):
-            is_lost = work.step == entry.step and work.began <= entry.at and (work.result or work.state) in LOST
+            is_lost = work.step == entry.step and work.began <= entry.at and (work.result or work.state) in _LOST
             if is_lost and work.service == event.service:
                 return gist(work.situation) if work.situation and work.state is not State.UNREACHABLE else ""
         return ""

@@ -11,7 +11,7 @@ from somrs.gui.pages.task_story import story
 from somrs.gui.panel import Panel
 from somrs.protocol.messages.clients import TaskEvent, TaskView
 
-TONES = {"good": "check_circle", "bad": "cancel", "busy": "pending", "plain": "info"}
+_TONES = {"good": "check_circle", "bad": "cancel", "busy": "pending", "plain": "info"}
 
 
 class StoryPanel:
@@ -49,6 +49,6 @@ def _part(chapter: Chapter, start: float) -> Part:
         ],
         result=chapter.result or "Recovery is under way.",
         result_tone=chapter.result_tone,
-        result_icon=TONES[chapter.result_tone],
+        result_icon=_TONES[chapter.result_tone],
         took=f"after {format_duration(chapter.ended - chapter.at)}" if chapter.ended is not None else "",
     )

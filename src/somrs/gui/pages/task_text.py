@@ -19,8 +19,8 @@ PHASES = {
     Phase.ENDED: Sign("flag", state_labels.PHASES[Phase.ENDED], "plain"),
 }
 
-PLACE = re.compile(r"(\w+)\.PositionX = (\S+) AND \1\.PositionY = (\S+)(?: AND \1\.PositionZ = \S+)?")
-FIGURES = re.compile(r" AND \w+\.(?:Position|Rotation)\w* = \S+")
+_PLACE = re.compile(r"(\w+)\.PositionX = (\S+) AND \1\.PositionY = (\S+)(?: AND \1\.PositionZ = \S+)?")
+_FIGURES = re.compile(r" AND \w+\.(?:Position|Rotation)\w* = \S+")
 NEARBY_POSITION = re.compile(r" AND \w+ at \S+, \S+ m")
 """A position in numbers after another statement about the place, which is more informative."""
 
@@ -45,7 +45,7 @@ def device_name(service: str) -> str:
 
 def gist(text: str) -> str:
     """Shorten a situation, or a text that ends with one: fewer numbers."""
-    placed = FIGURES.sub("", PLACE.sub(r"\1 at \2, \3 m", text))
+    placed = _FIGURES.sub("", _PLACE.sub(r"\1 at \2, \3 m", text))
     return NEARBY_POSITION.sub("", placed).replace(" AND ", " and ")
 
 

@@ -34,9 +34,9 @@ TASK_LIMIT = 200
 RETRY_DELAY = 2.0
 """Seconds after which a request to a Task Manager that does not answer is repeated."""
 
-ALL_TASKS, RUNNING = "all", "running"
+_ALL_TASKS, _RUNNING = "all", "running"
 
-COLUMNS: list[dict[str, Any]] = [
+_COLUMNS: list[dict[str, Any]] = [
     {"name": "far", "label": "Status", "field": "far", "align": "left"},
     {"name": "effect", "label": "Goal", "field": "effect", "align": "left"},
     {"name": "stated", "label": "Submitted", "field": "at", "align": "left"},
@@ -63,7 +63,7 @@ class _Tasks:
         self._schedule_render = Throttle(self._render)
         with ui.element("div").classes("somrs-tasks-head"):
             ui.label("Tasks").classes("somrs-title").props('role="heading" aria-level="1"')
-            self._filter = ui.toggle(_choices([]), value=ALL_TASKS, on_change=self._render).props("no-caps dense unelevated")
+            self._filter = ui.toggle(_choices([]), value=_ALL_TASKS, on_change=self._render).props("no-caps dense unelevated")
             self._search_field = ui.input(placeholder="Find in goals, people, services", on_change=self._render).props(
                 'dense outlined clearable type=search aria-label="Find"'
             )
@@ -71,7 +71,7 @@ class _Tasks:
             new = ui.button("New task", icon="add_task", on_click=lambda: ui.navigate.to("/define"))
             new.props("unelevated no-caps color=primary").classes("somrs-tasks-new")
         UnavailableBanner(api, "Task Manager")
-        self._table = TaskList(COLUMNS, "Reading the tasks …").classes("somrs-tasks somrs-sheet")
+        self._table = TaskList(_COLUMNS, "Reading the tasks …").classes("somrs-tasks somrs-sheet")
         with ui.element("p").classes("somrs-soft somrs-tasks-foot"):
             ui.label("Older tasks are in the")
             ui.link("History", "/history")
@@ -121,18 +121,18 @@ class _Tasks:
     def _matches_filter(self, row: TaskRow) -> bool:
         words = str(self._search_field.value or "").lower().split()
         text = f"{row.effect} {person_name(row.client)} {' '.join(row.services)} {row.explanation} {row.task}".lower()
-        return self._filter.value in (ALL_TASKS, _kind(row)) and all(word in text for word in words)
+        return self._filter.value in (_ALL_TASKS, _kind(row)) and all(word in text for word in words)
 
 
 def _choices(rows: Sequence[TaskRow]) -> dict[str, str]:
     """The filter's options with the number of tasks for each."""
     count = Counter(_kind(row) for row in rows)
     outcomes = {outcome.value: f"{label} {count[outcome.value]}" for outcome, label in OUTCOMES.items()}
-    return {ALL_TASKS: f"All {len(rows)}", RUNNING: f"Running {count[RUNNING]}", **outcomes}
+    return {_ALL_TASKS: f"All {len(rows)}", _RUNNING: f"Running {count[_RUNNING]}", **outcomes}
 
 
 def _kind(row: TaskRow) -> str:
-    return row.outcome.value if row.outcome is not None else RUNNING
+    return row.outcome.value if row.outcome is not None else _RUNNING
 
 
 def _table_row(row: TaskRow, asked_people: frozenset[str], now: float) -> dict[str, Any]:

@@ -96,11 +96,11 @@ class _Writer:
 
     def _allow_attributes(self, subject: IdentifiedNode, attributes: Iterable[str]) -> None:
         for name in attributes:
-            self._add(subject, RDFS.subClassOf, self._restriction(iri(Section.ATTRIBUTES, name), (OWL.maxCardinality, count(1))))
+            self._add(subject, RDFS.subClassOf, self._restriction(iri(Section.ATTRIBUTES, name), (OWL.maxCardinality, _count(1))))
 
     def _require_attributes(self, subject: IdentifiedNode, attributes: Iterable[str]) -> None:
         for name in attributes:
-            self._add(subject, RDFS.subClassOf, self._restriction(iri(Section.ATTRIBUTES, name), (OWL.cardinality, count(1))))
+            self._add(subject, RDFS.subClassOf, self._restriction(iri(Section.ATTRIBUTES, name), (OWL.cardinality, _count(1))))
 
     # Relations
 
@@ -159,7 +159,7 @@ class _Writer:
         for part in type.parts:
             for facet, number in _counts(part):
                 on_class = (OWL.onClass, iri(Section.TYPES, part.type))
-                self._add(subject, RDFS.subClassOf, self._restriction(HAS_PART, (facet, count(number)), on_class))
+                self._add(subject, RDFS.subClassOf, self._restriction(HAS_PART, (facet, _count(number)), on_class))
         for path, value in type.defaults.items():
             self._note(subject, default=f"{path} = {json.dumps(value, ensure_ascii=False)}")
         for number, constraint in enumerate(type.constraints):
@@ -189,7 +189,7 @@ class _Writer:
         return values
 
 
-def count(number: int) -> Literal:
+def _count(number: int) -> Literal:
     return Literal(str(number), datatype=XSD.nonNegativeInteger, normalize=False)
 
 

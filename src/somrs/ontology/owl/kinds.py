@@ -25,7 +25,7 @@ class Kinds:
         classes = [
             node
             for node in sorted_iris(s for kind in (OWL.Class, RDFS.Class) for s in graph.subjects(RDF.type, kind))
-            if not is_vocabulary(node)
+            if not _is_vocabulary(node)
         ]
         self.services = self._named_subclasses(classes, V.Service, Section.SERVICES)
         self.facts = self._named_subclasses(classes, V.Fact, Section.RELATIONS)
@@ -37,7 +37,7 @@ class Kinds:
         simple = sorted_iris(graph.subjects(RDF.type, OWL.DatatypeProperty))
         named = [*simple, *complex, *self._mentioned(Section.ATTRIBUTES)]
         self.attributes: dict[Node, str] = {node: source.name(node, Section.ATTRIBUTES) for node in dict.fromkeys(named)}
-        relation_nodes = [node for node in properties if node not in self.attributes and not is_vocabulary(node)]
+        relation_nodes = [node for node in properties if node not in self.attributes and not _is_vocabulary(node)]
         self.relations = {node: source.name(node, Section.RELATIONS) for node in [*relation_nodes, *self.facts]}
         self.functions = {node: source.name(node, Section.FUNCTIONS) for node in sorted_iris(graph.subjects(RDF.type, V.Function))}
         self._objects: dict[URIRef, str] | None = None
@@ -52,7 +52,7 @@ class Kinds:
             object_nodes = [
                 node
                 for node in sorted_iris(iter(typed))
-                if node not in definition_nodes and not is_vocabulary(node) and not self._is_value(node)
+                if node not in definition_nodes and not _is_vocabulary(node) and not self._is_value(node)
             ]
             self._objects = {node: source.name(node, Section.OBJECTS) for node in object_nodes}
         return self._objects
@@ -101,6 +101,6 @@ class Kinds:
         return superclasses
 
 
-def is_vocabulary(node: Node) -> bool:
+def _is_vocabulary(node: Node) -> bool:
     """Whether the node belongs to the vocabulary of SO-MRS, OWL, RDF or SHACL, or is a shape."""
     return isinstance(node, URIRef) and str(node).startswith((str(V), str(OWL), str(RDFS), str(RDF), str(SHAPES), str(SH)))

@@ -14,14 +14,14 @@ from somrs.ontology.types import AttributeType, Kind, Value
 
 DATATYPES = {Kind.NUMBER: XSD.decimal, Kind.TEXT: XSD.string, Kind.TRUTH: XSD.boolean, Kind.ENUMERATION: XSD.string}
 
-NUMBERS = {
+_NUMBERS = {
     XSD[name]
     for name in (
         "decimal", "double", "float", "integer", "int", "long", "short", "byte", "nonNegativeInteger", "positiveInteger",
         "nonPositiveInteger", "negativeInteger", "unsignedInt", "unsignedLong", "unsignedShort", "unsignedByte",
     )
 } | {OWL.real, OWL.rational}  # fmt: skip
-TEXTS = {XSD.string, XSD.normalizedString, XSD.token, RDFS.Literal, RDF.PlainLiteral, RDF.langString}
+_TEXTS = {XSD.string, XSD.normalizedString, XSD.token, RDFS.Literal, RDF.PlainLiteral, RDF.langString}
 
 
 class Range(Struct, frozen=True, kw_only=True):
@@ -138,11 +138,11 @@ def _facets(base: Node, node: Node, graph: Graph) -> Range:
 
 
 def _kind(datatype: Node) -> Kind:
-    if datatype in NUMBERS:
+    if datatype in _NUMBERS:
         return Kind.NUMBER
     if datatype == XSD.boolean:
         return Kind.TRUTH
-    if datatype in TEXTS:
+    if datatype in _TEXTS:
         return Kind.TEXT
     raise Unclear(f"the datatype {datatype}; there are numbers (xsd:decimal), texts (xsd:string), truths (xsd:boolean) and lists of values")
 
@@ -157,7 +157,7 @@ def value_of(node: Node) -> Value:
     """The value of a literal. Raises Unclear for a node that is not a literal."""
     if not isinstance(node, Literal):
         raise Unclear(f"{node}, where a value is expected")
-    if node.datatype in NUMBERS:
+    if node.datatype in _NUMBERS:
         return float(str(node))
     if node.datatype == XSD.boolean:
         return str(node) in ("true", "1")

@@ -15,7 +15,7 @@ from somrs.ontology.owl.source import Source, sorted_iris
 from somrs.ontology.owl.words import SHAPES
 from somrs.ontology.types import Constraint, ObjectType, Ontology
 
-SUPPORTED_PREDICATES = {
+_SUPPORTED_PREDICATES = {
     SH.path,
     SH.minInclusive,
     SH.maxInclusive,
@@ -82,7 +82,7 @@ def _path(node: Node | None, source: Source, kinds: Kinds) -> str:
 
 def _constraint(node: Node, path: str, source: Source) -> Constraint | None:
     graph = source.graph
-    unsupported_predicate = next((word for word in graph.predicates(node) if word not in SUPPORTED_PREDICATES and word != RDF.type), None)
+    unsupported_predicate = next((word for word in graph.predicates(node) if word not in _SUPPORTED_PREDICATES and word != RDF.type), None)
     if unsupported_predicate is not None:
         raise Unclear(
             f"{source.short(unsupported_predicate)}, which is not kept; limits are sh:minInclusive, sh:maxInclusive, sh:in and sh:minCount"

@@ -39,8 +39,8 @@ class ArgumentType(Struct, frozen=True):
 
 Restriction = OptionalAttribute | RequiredAttribute | AttributeLimits | Part | ArgumentType
 
-MAX_CARDINALITIES = (OWL.maxCardinality, OWL.maxQualifiedCardinality)
-MIN_CARDINALITIES = (OWL.minCardinality, OWL.minQualifiedCardinality, OWL.cardinality, OWL.qualifiedCardinality)
+_MAX_CARDINALITIES = (OWL.maxCardinality, OWL.maxQualifiedCardinality)
+_MIN_CARDINALITIES = (OWL.minCardinality, OWL.minQualifiedCardinality, OWL.cardinality, OWL.qualifiedCardinality)
 
 
 def read_restriction(node: Node, source: Source, attributes: dict[Node, str]) -> Restriction:
@@ -61,10 +61,10 @@ def read_restriction(node: Node, source: Source, attributes: dict[Node, str]) ->
         return _read_limits(attributes[property_node], range_node, source, attributes)
     if (node, OWL.someValuesFrom, None) in graph:
         return RequiredAttribute(attributes[property_node])
-    for facet in MIN_CARDINALITIES:
+    for facet in _MIN_CARDINALITIES:
         if (min_count := graph.value(node, facet)) is not None and int(str(min_count)) == 1:
             return RequiredAttribute(attributes[property_node])
-    for facet in MAX_CARDINALITIES:
+    for facet in _MAX_CARDINALITIES:
         if (max_count := graph.value(node, facet)) is not None and int(str(max_count)) == 1:
             return OptionalAttribute(attributes[property_node])
     raise Unclear(

@@ -46,7 +46,7 @@ KINDS = {
 }
 """By class: advice for declarations that SO-MRS has no equivalent for."""
 
-UNSUPPORTED_NOTE = "SO-MRS has no equivalent for it, and it is not kept"
+_UNSUPPORTED_NOTE = "SO-MRS has no equivalent for it, and it is not kept"
 
 
 class Source:
@@ -154,7 +154,7 @@ class Source:
     def mark_used(self, subject: Node, predicate: Node, object: Node) -> None:
         self._used_statements.add((subject, predicate, object))
 
-    def is_new(self, statement: tuple[Node, Node, Node]) -> bool:
+    def _is_new(self, statement: tuple[Node, Node, Node]) -> bool:
         return statement not in self._used_statements
 
     # Names
@@ -176,12 +176,12 @@ class Source:
             self.note(node, f"the label {plain[0]!r} does not rename an object; give it another name on the map itself")
             return name
         if section_of(node) is section and find_definition(self._base, DefinitionKey(section=section, name=name)) is not None:
-            if is_name(plain[0]):
+            if _is_name(plain[0]):
                 self.renamings.append(Renaming(section=section, name=name, to=plain[0]))
             else:
                 self.note(node, f"the label {plain[0]!r} is no name (letters, digits, _ and -), so that it keeps its own")
             return name
-        chosen_label = next((label for label in [*plain, name] if is_name(label)), None)
+        chosen_label = next((label for label in [*plain, name] if _is_name(label)), None)
         if chosen_label is None:
             message = f"is no name for a {SINGULAR[section]}; give it a label of a letter and then letters, digits, _ or -"
             self.problem(node, "name", message)
@@ -203,7 +203,7 @@ class Source:
             (
                 statement
                 for statement in self.graph
-                if self.is_new(statement) and not (isinstance(statement[0], BNode) and statement[0] in inner)
+                if self._is_new(statement) and not (isinstance(statement[0], BNode) and statement[0] in inner)
             ),
             key=lambda statement: tuple(map(str, statement)),
         )
@@ -212,10 +212,10 @@ class Source:
 
     def _unknown(self, subject: Node, predicate: Node, object: Node) -> str:
         if predicate == RDF.type:
-            return f"it is declared as {self.short(object)}: {KINDS.get(object, UNSUPPORTED_NOTE)}"  # type: ignore[call-overload]  # any node
+            return f"it is declared as {self.short(object)}: {KINDS.get(object, _UNSUPPORTED_NOTE)}"  # type: ignore[call-overload]  # any node
         if subject == ONTOLOGY and predicate not in ADVICE:
-            return f"{self.short(predicate)} of the ontology: {UNSUPPORTED_NOTE}"
-        advice = ADVICE.get(predicate, UNSUPPORTED_NOTE)  # type: ignore[call-overload]  # any node
+            return f"{self.short(predicate)} of the ontology: {_UNSUPPORTED_NOTE}"
+        advice = ADVICE.get(predicate, _UNSUPPORTED_NOTE)  # type: ignore[call-overload]  # any node
         object_text = f" {self.short(object)}" if not isinstance(object, BNode) else ""
         return f"{self.short(predicate)}{object_text}: {advice}"
 
@@ -228,7 +228,7 @@ class Source:
         return text if len(text) < 60 else f"{text[:57]}..."
 
 
-def is_name(text: str) -> bool:
+def _is_name(text: str) -> bool:
     return NAME.fullmatch(text) is not None and text not in WORDS
 
 

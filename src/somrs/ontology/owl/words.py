@@ -29,7 +29,7 @@ SHAPES = Namespace("urn:so-mrs:shape:")
 V = Namespace("urn:so-mrs:owl:")
 """Terms that OWL lacks."""
 
-PREFIXES = {
+_PREFIXES = {
     **{section.value.rstrip("s"): space for section, space in SPACES.items()},
     "value": VALUES,
     "shape": SHAPES,
@@ -66,7 +66,7 @@ NOTES = {
 }
 """The annotation properties of the vocabulary, with their descriptions."""
 
-CLASSES = {
+_CLASSES = {
     V.Value: "A value that is a group of attributes, such as Shape",
     V.Fact: "A relation of one object, or of more than two: each fact is an individual",
     V.Function: "A function of objects whose result is a number",
@@ -116,7 +116,7 @@ def literal(value: Value) -> Literal:
 
 def bind_prefixes(graph: Graph) -> Graph:
     """Bind the prefixes of the vocabulary in the graph, and return it."""
-    for prefix, space in PREFIXES.items():
+    for prefix, space in _PREFIXES.items():
         graph.bind(prefix, space, replace=True)
     return graph
 
@@ -126,7 +126,7 @@ def declarations(arity: int) -> Iterator[tuple[URIRef, URIRef, URIRef | Literal]
     for property, note in NOTES.items():
         yield property, RDF.type, OWL.AnnotationProperty
         yield property, RDFS.comment, Literal(note)
-    for name, note in CLASSES.items():
+    for name, note in _CLASSES.items():
         yield name, RDF.type, OWL.Class
         yield name, RDFS.comment, Literal(note)
     yield HAS_PART, RDF.type, OWL.ObjectProperty

@@ -16,7 +16,7 @@ from somrs.planner.model.world import World
 
 Kinds = frozenset[str]
 """The types of an unknown argument."""
-ANY_KIND: Kinds = frozenset()
+_ANY_KIND: Kinds = frozenset()
 Subgoal = tuple[bool, str, tuple[Argument | Kinds, ...]]
 """Facts that have to hold (True) or must not hold (False)."""
 
@@ -82,7 +82,7 @@ def _covers(general: Demand, special: Demand, world: World, narrow: bool) -> boo
         if name in values:
             if not world.is_eligible(values[name], required_kinds):
                 return False
-        elif not _implies_kinds(special.operator.types.get(name, ANY_KIND) | kinds.get(name, ANY_KIND), required_kinds, world):
+        elif not _implies_kinds(special.operator.types.get(name, _ANY_KIND) | kinds.get(name, _ANY_KIND), required_kinds, world):
             return False
     return True
 
@@ -132,17 +132,17 @@ def _find_subgoals(demand: Demand) -> Iterator[Subgoal]:
     def argument(term: object) -> Argument | Kinds:
         match term:
             case Variable(name):
-                return values.get(name) or kinds.get(name, ANY_KIND) | demand.operator.types.get(name, ANY_KIND)
+                return values.get(name) or kinds.get(name, _ANY_KIND) | demand.operator.types.get(name, _ANY_KIND)
             case str() | Name() | Number() | Text() | Truth():
                 return term
-        return ANY_KIND
+        return _ANY_KIND
 
     for predicate, arguments in demand.operator.preconditions:
         yield True, predicate, tuple(map(argument, arguments))
     for literal in demand.operator.numeric_conditions:
         for term in terms(literal):
             if isinstance(term, Attribute):
-                yield True, "." + term.path, (argument(strip_type(term.owner)), ANY_KIND)
+                yield True, "." + term.path, (argument(strip_type(term.owner)), _ANY_KIND)
     for forbidden in demand.operator.negative_preconditions:
         predicate, arguments = forbidden.pattern
         yield False, predicate, tuple(map(argument, arguments))
@@ -159,8 +159,8 @@ def _match_operator(
             if not pattern_term.name or "." in pattern_term.name:
                 continue  # any partner; or the current value of an attribute, which the goal does not determine
             if isinstance(argument, frozenset):
-                kinds[pattern_term.name] = kinds.get(pattern_term.name, ANY_KIND) | argument - operator.types.get(
-                    pattern_term.name, ANY_KIND
+                kinds[pattern_term.name] = kinds.get(pattern_term.name, _ANY_KIND) | argument - operator.types.get(
+                    pattern_term.name, _ANY_KIND
                 )
             elif values.setdefault(pattern_term.name, argument) != argument or not is_eligible(
                 argument, operator.types.get(pattern_term.name, ())

@@ -57,9 +57,9 @@ class Task:
         self._by_first: dict[tuple[str, Argument], list[Fact]] = {}
         forbidden = {action: grounding.forbidden_facts(action) for action in grounding.actions if action.operator.negative_preconditions}
         actions = self._useful(grounding, forbidden)
-        initial_facts = [fact for fact in self.mentioned if grounding.world.fact_holds(fact)]
+        initial_facts = [fact for fact in self._mentioned if grounding.world.fact_holds(fact)]
         self._conflicting_variables = self._find_conflicting_variables(initial_facts)
-        for fact in (*initial_facts, *(fact for fact in grounding.facts.new if fact in self.mentioned)):
+        for fact in (*initial_facts, *(fact for fact in grounding.facts.new if fact in self._mentioned)):
             self._place(fact)
         for facts in forbidden.values():
             for fact in facts:
@@ -91,7 +91,7 @@ class Task:
                 or action.numeric_effects
             ]
             if len(useful_actions) == len(actions):
-                self.mentioned = needed_facts | unwanted | dict.fromkeys(fact for action in actions for fact in action.delete_effects)
+                self._mentioned = needed_facts | unwanted | dict.fromkeys(fact for action in actions for fact in action.delete_effects)
                 return useful_actions
             actions = useful_actions
 

@@ -97,7 +97,7 @@ class Vocabulary:
         for relation in ontology.relations.values():
             if relation.excludes is not None:
                 groups.setdefault(relation.excludes, []).append(relation.name)
-        self.groups = groups
+        self._groups = groups
         for effect in effects:
             for part in conjuncts(effect):
                 match part:
@@ -118,7 +118,7 @@ class Vocabulary:
     def excluded_by(self, relation: str) -> list[str]:
         """The other relations that an object leaves when it enters this one."""
         relation_type = self.ontology.relations.get(relation)
-        group = self.groups.get(relation_type.excludes, []) if relation_type and relation_type.excludes else []
+        group = self._groups.get(relation_type.excludes, []) if relation_type and relation_type.excludes else []
         return [name for name in group if name != relation]
 
     def variable_of(self, fact: Fact) -> tuple[str, Argument] | None:
@@ -199,7 +199,7 @@ class _Compiler:
 
     def __init__(self, vocabulary: Vocabulary, inputs: Mapping[str, str]) -> None:
         self.vocabulary, self.inputs = vocabulary, inputs
-        self.occurrences: Counter[str] = Counter(inputs.keys())
+        self._occurrences: Counter[str] = Counter(inputs.keys())
         self.preconditions: dict[Pattern, None] = {}
         self.negative_preconditions: list[NegativePrecondition] = []
         self.tests: list[Test] = []
@@ -213,7 +213,7 @@ class _Compiler:
     def operator(self, service: ServiceType | None, precondition: tuple[Literal, ...], effect: Formula | None) -> Operator:
         parts = conjuncts(effect) if effect is not None else ()
         for part in (*precondition, *parts):
-            self.occurrences.update(term.name for term in terms(part) if isinstance(term, Variable))
+            self._occurrences.update(term.name for term in terms(part) if isinstance(term, Variable))
             self._note_types(part)
         for name, type_name in self.inputs.items():
             self._note(name, type_name)
@@ -325,7 +325,7 @@ class _Compiler:
         if relation is None or not relation.functional or not self.vocabulary.is_exclusive(atom.relation):
             return None
         for argument, joined in zip(atom.arguments[1:], relation.joins[1:], strict=True):
-            if not isinstance(argument, Variable) or self.occurrences[argument.name] != 1:
+            if not isinstance(argument, Variable) or self._occurrences[argument.name] != 1:
                 return None
             if argument.type is not None and not self.vocabulary.ontology.is_subtype(joined, argument.type):
                 return None

@@ -11,7 +11,7 @@ from somrs.planner.grounding.task import Assignment, Move, Task
 from somrs.planner.model.operators import Inexpressible
 from somrs.planner.search.counting import Counters, NumericCondition, NumericEffect
 
-INDENT = "\n  "
+_INDENT = "\n  "
 
 
 class NumericTask:
@@ -50,7 +50,7 @@ class NumericTask:
             effects.append(f"(assign (n{numeric_effect.counter}) {value})")
         if move.action.operator.service is None:
             effects = ["(reached)"]
-        return f"(:action a{number} :parameters () :precondition (and {' '.join(preconditions)}){INDENT}:effect (and {' '.join(effects)}))"
+        return f"(:action a{number} :parameters () :precondition (and {' '.join(preconditions)}){_INDENT}:effect (and {' '.join(effects)}))"
 
     def _effect(self, move: Move, conditions: tuple[Assignment, ...], variable: int, value: int) -> Iterator[str]:
         """The literals that give a variable a value and delete its old value, or all other values if the old one is unknown."""

@@ -110,7 +110,7 @@ class AdditiveHeuristic:
         self.moves: list[Move] = []
         self.preconditions: list[tuple[Assignment, ...]] = []
         self.effects: list[list[Assignment]] = []
-        self.dependents: dict[Assignment, list[int]] = {}
+        self._dependents: dict[Assignment, list[int]] = {}
         for move in task.moves:
             units: dict[tuple[Assignment, ...], list[Assignment]] = {}
             for conditions, variable, value in move.effects:
@@ -118,7 +118,7 @@ class AdditiveHeuristic:
             for conditions, unit_effects in units.items():
                 unit_preconditions = tuple(dict.fromkeys((*move.preconditions, *conditions)))
                 for precondition in unit_preconditions:
-                    self.dependents.setdefault(precondition, []).append(len(self.moves))
+                    self._dependents.setdefault(precondition, []).append(len(self.moves))
                 self.moves.append(move)
                 self.preconditions.append(unit_preconditions)
                 self.effects.append(unit_effects)
@@ -144,7 +144,7 @@ class AdditiveHeuristic:
             supporter[assignment] = index
             if assignment == self.task.goal:
                 return price, self._helpful(supporter, state)
-            for index in self.dependents.get(assignment, ()):
+            for index in self._dependents.get(assignment, ()):
                 self.visit_count += 1
                 unmet_counts[index] -= 1
                 total[index] += price

@@ -35,23 +35,23 @@ def page() -> str:
             "",
             "The diagram omits End and Cancel, which lead from every state to Ended, and Query, which changes nothing.",
             "",
-            *mermaid(states.PARTICIPANT, states.PARTICIPANT_SENDS, {}, frozenset((End, Cancel, Query))),
+            *_mermaid(states.PARTICIPANT, states.PARTICIPANT_SENDS, {}, frozenset((End, Cancel, Query))),
             "",
-            *grid(states.PARTICIPANT, states.TO_PARTICIPANT),
+            *_grid(states.PARTICIPANT, states.TO_PARTICIPANT),
             "",
             "## The coordinator's view of a participant",
             "",
             "`silent` is the coordinator's own transition, after a timeout.",
             "",
-            *mermaid(states.COORDINATOR, states.COORDINATOR_SENDS, states.ABANDONED_STATES, frozenset()),
+            *_mermaid(states.COORDINATOR, states.COORDINATOR_SENDS, states.ABANDONED_STATES, frozenset()),
             "",
-            *grid(states.COORDINATOR, states.TO_COORDINATOR),
+            *_grid(states.COORDINATOR, states.TO_COORDINATOR),
             "",
         ]
     )
 
 
-def mermaid(table: Table, sends: Sends, silent: dict[State, State], excluded: frozenset[MessageType]) -> Iterator[str]:
+def _mermaid(table: Table, sends: Sends, silent: dict[State, State], excluded: frozenset[MessageType]) -> Iterator[str]:
     """Yield a state diagram with one arrow for each pair of states, labelled with all messages that lead from one to the other."""
     arrows: dict[tuple[State, State], list[str]] = {}
     for state, after_sending in sends.items():
@@ -75,7 +75,7 @@ def mermaid(table: Table, sends: Sends, silent: dict[State, State], excluded: fr
     yield "```"
 
 
-def grid(table: Table, messages: tuple[MessageType, ...]) -> Iterator[str]:
+def _grid(table: Table, messages: tuple[MessageType, ...]) -> Iterator[str]:
     """Yield the whole table, with a row for each state and a column for each message."""
     yield f"| | {' | '.join(message.__name__ for message in messages)} |"
     yield f"|---|{'---|' * len(messages)}"

@@ -59,7 +59,7 @@ SESSION = ("Transaction", "Participant", "Version")
 REFUSALS = frozenset(kind for answers in REQUESTS.values() for kind in answers[1:])
 """The answers that refuse a request."""
 
-FAULT_ACTION = f"{WSA}/fault"
+_FAULT_ACTION = f"{WSA}/fault"
 _NOT_XML = re.compile("[^\\t\\n\\r\\x20-\\ud7ff\\ue000-\\ufffd\\U00010000-\\U0010ffff]")
 _OWN_ROLES = (None, "", f"{ENV}/role/next", f"{ENV}/role/ultimateReceiver")
 _PREFIXES = {"env": ENV, "wsa": WSA, "frp": FRP}
@@ -74,14 +74,14 @@ _ENVELOPE = f"{{{ENV}}}Envelope"
 _ROLE, _MUST_UNDERSTAND = f"{{{ENV}}}role", f"{{{ENV}}}mustUnderstand"
 
 
-class BodyType(NamedTuple):
+class _BodyType(NamedTuple):
     """The namespace and the class of a body."""
 
     namespace: str
     kind: type[Struct]
 
 
-_BY_TAG = {f"{{{namespace}}}{kind.__name__}": BodyType(namespace, kind) for namespace, kinds in NAMESPACES.items() for kind in kinds}
+_BY_TAG = {f"{{{namespace}}}{kind.__name__}": _BodyType(namespace, kind) for namespace, kinds in NAMESPACES.items() for kind in kinds}
 _NAMESPACE_OF = {kind: namespace for namespace, kinds in NAMESPACES.items() for kind in kinds}
 
 
@@ -92,7 +92,7 @@ def namespace_of(kind: type[Struct]) -> str:
 
 def action(kind: type[Struct]) -> str:
     """Return the WS-Addressing action of a type of message."""
-    return FAULT_ACTION if kind is frp.Fault else f"{_NAMESPACE_OF[kind]}:{kind.__name__}"
+    return _FAULT_ACTION if kind is frp.Fault else f"{_NAMESPACE_OF[kind]}:{kind.__name__}"
 
 
 # Writing
@@ -210,7 +210,7 @@ def _code(code: str) -> tuple[str, str]:
 
 def fault(error: WireError, relates_to: str | None = None) -> bytes:
     """Return the SOAP Fault that reports the error to the sender, with the headers of SOAP 1.2 part 1, 5.4.7 and 5.4.8."""
-    document = [_start(), _element("wsa:Action", FAULT_ACTION)]
+    document = [_start(), _element("wsa:Action", _FAULT_ACTION)]
     if relates_to is not None:
         document.append(_element("wsa:RelatesTo", relates_to))
     if error.code == "env:VersionMismatch":
@@ -250,7 +250,7 @@ def decode(document: bytes) -> Message:
     return Message(header=_header(headers, session), body=value)
 
 
-def _body_type(element: Element, headers: dict[str, str]) -> BodyType:
+def _body_type(element: Element, headers: dict[str, str]) -> _BodyType:
     """Return the type of the body, after checking that the headers match it."""
     body_type = _BY_TAG.get(str(element.tag))
     if body_type is None:

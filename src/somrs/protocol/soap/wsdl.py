@@ -17,9 +17,9 @@ from somrs.protocol.soap.xml import Element, union_of
 from somrs.protocol.soap.xsd import XS, schema_of
 
 WSDL = "http://schemas.xmlsoap.org/wsdl/"
-SOAP12 = "http://schemas.xmlsoap.org/wsdl/soap12/"
-WSAW = "http://www.w3.org/2006/05/addressing/wsdl"
-WSAM = "http://www.w3.org/2007/05/addressing/metadata"
+_SOAP12 = "http://schemas.xmlsoap.org/wsdl/soap12/"
+_WSAW = "http://www.w3.org/2006/05/addressing/wsdl"
+_WSAM = "http://www.w3.org/2007/05/addressing/metadata"
 TARGET = "urn:so-mrs:components:1.0"
 HTTP = "http://schemas.xmlsoap.org/soap/http"
 
@@ -66,7 +66,7 @@ def description(path: str, address: str) -> bytes | None:
     name, kinds = component
     prefixes = {short: uri for short, uri in _SCHEMAS.items() if any(namespace_of(kind) == uri for kind in _message_types(kinds))}
     root = etree.Element(
-        f"{{{WSDL}}}definitions", nsmap={"wsdl": WSDL, "soap12": SOAP12, "wsaw": WSAW, "wsam": WSAM, "xs": XS, "c": TARGET, **prefixes}
+        f"{{{WSDL}}}definitions", nsmap={"wsdl": WSDL, "soap12": _SOAP12, "wsaw": _WSAW, "wsam": _WSAM, "xs": XS, "c": TARGET, **prefixes}
     )
     root.set("targetNamespace", TARGET)
     root.set("name", name)
@@ -78,7 +78,7 @@ def description(path: str, address: str) -> bytes | None:
     _port_type(root, name, kinds)
     _binding(root, name, kinds)
     port = _add(_add(root, "service", name=name), "port", name=f"{name}Port", binding=f"c:{name}Binding")
-    etree.SubElement(port, f"{{{SOAP12}}}address", {"location": address})
+    etree.SubElement(port, f"{{{_SOAP12}}}address", {"location": address})
     document: bytes = etree.tostring(root, encoding="utf-8", xml_declaration=True, pretty_print=True)
     return document
 
@@ -109,17 +109,17 @@ def _port_type(root: Element, name: str, kinds: Kinds) -> None:
 
 def _message(operation: Element, tag: str, kind: type[Struct], **attributes: str) -> None:
     element = _add(operation, tag, message=f"c:{kind.__name__}", **attributes)
-    for namespace in (WSAM, WSAW):
+    for namespace in (_WSAM, _WSAW):
         element.set(f"{{{namespace}}}Action", action(kind))
 
 
 def _binding(root: Element, name: str, kinds: Kinds) -> None:
     binding = _add(root, "binding", name=f"{name}Binding", type=f"c:{name}")
-    etree.SubElement(binding, f"{{{SOAP12}}}binding", {"style": "document", "transport": HTTP})
-    etree.SubElement(binding, f"{{{WSAW}}}UsingAddressing", {f"{{{WSDL}}}required": "true"})
+    etree.SubElement(binding, f"{{{_SOAP12}}}binding", {"style": "document", "transport": HTTP})
+    etree.SubElement(binding, f"{{{_WSAW}}}UsingAddressing", {f"{{{WSDL}}}required": "true"})
     for kind in kinds:
         operation = _add(binding, "operation", name=kind.__name__)
-        etree.SubElement(operation, f"{{{SOAP12}}}operation", {"soapAction": action(kind), "style": "document"})
+        etree.SubElement(operation, f"{{{_SOAP12}}}operation", {"soapAction": action(kind), "style": "document"})
         _literal(_add(operation, "input"), "body")
         answers = _ANSWERS.get(kind, ())
         if answers:
@@ -129,7 +129,7 @@ def _binding(root: Element, name: str, kinds: Kinds) -> None:
 
 
 def _literal(parent: Element, tag: str, **attributes: str) -> None:
-    etree.SubElement(parent, f"{{{SOAP12}}}{tag}", {**attributes, "use": "literal"})
+    etree.SubElement(parent, f"{{{_SOAP12}}}{tag}", {**attributes, "use": "literal"})
 
 
 def _add(parent: Element, tag: str, **attributes: str) -> Element:

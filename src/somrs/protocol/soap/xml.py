@@ -30,7 +30,7 @@ WriteFields = Callable[[list[str], Any], None]
 """Writes the fields of a Struct as elements to a document."""
 
 Read = Callable[[Element], Any]
-SENDER = "env:Sender"
+_SENDER = "env:Sender"
 
 MOST_WHOLE = 10**18 - 1
 """The largest whole number: every stack can read this many digits."""
@@ -136,7 +136,7 @@ def _write_text(document: list[str], name: str, attributes: str, text: str) -> N
     try:
         document.append(f"<{name}{attributes}>{escaped(text)}</{name}>")
     except ValueError:
-        raise WireError(SENDER, f"{_local(name)}: this text has a character that XML cannot carry: {text[:60]!r}") from None
+        raise WireError(_SENDER, f"{_local(name)}: this text has a character that XML cannot carry: {text[:60]!r}") from None
 
 
 def _write_simple(document: list[str], name: str, attributes: str, value: float | bool) -> None:
@@ -145,7 +145,7 @@ def _write_simple(document: list[str], name: str, attributes: str, value: float 
 
 def _write_whole(document: list[str], name: str, attributes: str, value: int) -> None:
     if abs(value) > MOST_WHOLE:
-        raise WireError(SENDER, f"{_local(name)}: whole numbers have up to 18 digits, and this is {value!r:.40}")
+        raise WireError(_SENDER, f"{_local(name)}: whole numbers have up to 18 digits, and this is {value!r:.40}")
     document.append(f"<{name}{attributes}>{int(value)!r}</{name}>")
 
 
@@ -197,7 +197,7 @@ def _entries_writer(inner: Write) -> Write:
             try:
                 named = f' name="{escaped_attribute(key)}"'
             except ValueError:
-                raise WireError(SENDER, f"a name has a character that XML cannot carry: {key[:60]!r}") from None
+                raise WireError(_SENDER, f"a name has a character that XML cannot carry: {key[:60]!r}") from None
             inner(document, entry, named, item)
         document.append(f"</{name}>")
 
@@ -236,7 +236,7 @@ def fields_writer(kind: type[Struct]) -> WriteFields:
 
 
 def _wrong(element: Element, problem: str) -> WireError:
-    return WireError(SENDER, f"{etree.QName(element).localname}: {problem}")
+    return WireError(_SENDER, f"{etree.QName(element).localname}: {problem}")
 
 
 def _text(element: Element) -> str:

@@ -18,7 +18,7 @@ from somrs.protocol.soap.soap import FRP, NAMESPACES, SESSION
 from somrs.protocol.soap.xml import Element, Field, fields, is_value, strip_none, union_of
 
 XS = "http://www.w3.org/2001/XMLSchema"
-VALUE = "Value"
+_VALUE = "Value"
 _SIMPLE = {str: "xs:string", float: "xs:double", int: "xs:long", bool: "xs:boolean"}
 
 
@@ -48,7 +48,7 @@ class _Writer:
         if hint in _SIMPLE:
             return _SIMPLE[hint]
         if is_value(hint):
-            return self._declare_type(VALUE, hint, self._value)
+            return self._declare_type(_VALUE, hint, self._value)
         if typing.get_origin(hint) is dict:
             inner = strip_none(typing.get_args(hint)[1])
             return self._declare_type(f"Named{self.type_of(inner).rpartition(':')[2].title()}s", hint, self._entries)

@@ -55,10 +55,10 @@ class ImportedProblem:
 
     def problem(self) -> Problem:
         """The problem for the planner, with every agent available."""
-        return Problem(ontology=self.ontology, map=self.map, goal=self.goal, services=self.available)
+        return Problem(ontology=self.ontology, map=self.map, goal=self.goal, services=self._available)
 
     @cached_property
-    def available(self) -> tuple[AvailableService, ...]:
+    def _available(self) -> tuple[AvailableService, ...]:
         """Every service type, with the agents that offer it."""
         providers: dict[str, list[str]] = {service.name: [] for service in self.services}
         for agent, offered in self.agents.items():
@@ -124,19 +124,19 @@ class _ProblemBuilder:
             if len(thing.types) > 1:
                 task.mistakes.unsupported(thing.word, thing.written, "an object with several types is not supported")
         relations, types, attributes, functions = Names(base.relations), Names(base.types), Names([*base.attributes, *RESERVED]), Names()
-        self.function_names = Names(base.functions)
+        self._function_names = Names(base.functions)
         for signature in domain.predicates.values():
             relations.add(signature.word.text, signature.word.written)
         for signature in domain.functions.values():
             is_attribute = len(signature.parameters) < 2
-            (attributes if is_attribute else functions).add(signature.word.text, self.function_names.fresh(signature.word.written))
+            (attributes if is_attribute else functions).add(signature.word.text, self._function_names.fresh(signature.word.written))
         self.objects = Names()
         for name, thing in things.items():
             self.objects.add(name, thing.written)
         self.things = things
         self.world = self.objects.fresh(WORLD)
         self.kinds = Kinds(domain, things.values(), types, relations)
-        self.world_type = types.fresh(WORLD)
+        self._world_type = types.fresh(WORLD)
         self.cost, self.notes = _metric(task, domain)
         self.symbols = SymbolTable(
             domain=domain,
@@ -152,7 +152,7 @@ class _ProblemBuilder:
         self.values: dict[str, dict[str, Value]] = {}
         self.tables: dict[str, dict[str, float]] = {}
         self.facts: dict[Fact, None] = {}
-        self.agent_type = types.fresh(AGENT)
+        self._agent_type = types.fresh(AGENT)
 
     def imported(self) -> ImportedProblem:
         reader = FormulaReader(self.symbols, self.task.mistakes, "init", {})
@@ -166,7 +166,7 @@ class _ProblemBuilder:
         services = tuple(offer.service for offer in offers)
         agents, lone_agent = self._agents(offers)
         map = Map(
-            [*self._objects(), *([Object(name=lone_agent, type=self.agent_type)] if lone_agent is not None else [])],
+            [*self._objects(), *([Object(name=lone_agent, type=self._agent_type)] if lone_agent is not None else [])],
             [*self._all_facts(), *([Fact(PART_OF, (lone_agent, self.world))] if lone_agent is not None else [])],
         )
         if self.domain.name.lower() != self.task.domain.lower():
@@ -217,7 +217,7 @@ class _ProblemBuilder:
         return Map(self._objects(), self._all_facts())
 
     def _objects(self) -> Iterator[Object]:
-        yield Object(name=self.world, type=self.world_type, values={"Label": self.task.name, **self.values.get(self.world, {})})
+        yield Object(name=self.world, type=self._world_type, values={"Label": self.task.name, **self.values.get(self.world, {})})
         for name, thing in self.things.items():
             entish_name = self.objects.entish(name)
             label: dict[str, Value] = {"Label": thing.written} if entish_name != thing.written else {}
@@ -241,19 +241,19 @@ class _ProblemBuilder:
             if name != self.cost and len(signature.parameters) < 2:
                 attribute = self.symbols.attributes.entish(name)
                 yield AttributeType(name=attribute, kind=Kind.NUMBER)
-                for type_name in self.kinds.covering(signature.parameters[0]) if signature.parameters else [self.world_type]:
+                for type_name in self.kinds.covering(signature.parameters[0]) if signature.parameters else [self._world_type]:
                     attributes.setdefault(type_name, []).append(attribute)
         for name, signature in self.domain.predicates.items():
-            yield RelationType(name=self.symbols.relations.entish(name), joins=self._joins(signature.parameters) or (self.world_type,))
+            yield RelationType(name=self.symbols.relations.entish(name), joins=self._joins(signature.parameters) or (self._world_type,))
         for relation in self.kinds.picked:
             yield RelationType(name=relation, joins=(self.kinds.of_picked(relation),), doc="Selects the objects to which an action applies")
         for name, signature in self.domain.functions.items():
             if len(signature.parameters) > 1:
                 yield self._table(name, signature)
-        yield ObjectType(name=self.world_type, parent=ABSTRACT, attributes=tuple(attributes.get(self.world_type, ())))
+        yield ObjectType(name=self._world_type, parent=ABSTRACT, attributes=tuple(attributes.get(self._world_type, ())))
         yield from self.kinds.definitions(attributes)
         if has_lone_agent:
-            yield ObjectType(name=self.agent_type, parent=DEVICE, driver=DRIVER, doc="Offers all actions of the domain")
+            yield ObjectType(name=self._agent_type, parent=DEVICE, driver=DRIVER, doc="Offers all actions of the domain")
 
     def _joins(self, parameters: tuple[Typed, ...]) -> tuple[str, ...]:
         return tuple(self.kinds.joined(parameter) for parameter in parameters)

@@ -32,8 +32,8 @@ class Progress(StrEnum):
     COMPLETED = "done"
 
 
-UNPROMISED = (Progress.OPEN, Progress.ARRANGING)
-PROMISED = (Progress.ARRANGED, Progress.EXECUTING)
+_UNPROMISED = (Progress.OPEN, Progress.ARRANGING)
+_PROMISED = (Progress.ARRANGED, Progress.EXECUTING)
 
 
 class StepRun(Struct, kw_only=True, eq=False):
@@ -97,7 +97,7 @@ class Workflow(Struct, dict=True, eq=False):
         self._successors = {id: tuple(runs[successor] for successor in plan.successors(id)) for id in runs}
         self._count = Counter({**dict.fromkeys(Progress, 0), **Counter(run.progress for run in runs.values())})
         self._unarranged = {
-            id: sum(predecessor.progress in UNPROMISED for predecessor in predecessors) for id, predecessors in self._predecessors.items()
+            id: sum(predecessor.progress in _UNPROMISED for predecessor in predecessors) for id, predecessors in self._predecessors.items()
         }
         """By step: the number of direct predecessors that no service is committed to."""
         self._undone = {
@@ -112,7 +112,7 @@ class Workflow(Struct, dict=True, eq=False):
         """By provider: the steps that it is committed to or executes."""
         for id, run in runs.items():
             self._sort(run)
-            if run.provider is not None and run.progress in PROMISED:
+            if run.provider is not None and run.progress in _PROMISED:
                 self._promised.setdefault(run.provider, set()).add(id)
 
     def __iter__(self) -> Iterator[StepRun]:
@@ -127,8 +127,8 @@ class Workflow(Struct, dict=True, eq=False):
         self._count[progress] += 1
         self._sort(run)
         if run.provider is not None:
-            _set_member(self._promised.setdefault(run.provider, set()), run.step.id, progress in PROMISED)
-        promised_delta = (progress not in UNPROMISED) - (old_progress not in UNPROMISED)
+            _set_member(self._promised.setdefault(run.provider, set()), run.step.id, progress in _PROMISED)
+        promised_delta = (progress not in _UNPROMISED) - (old_progress not in _UNPROMISED)
         done_delta = (progress is Progress.COMPLETED) - (old_progress is Progress.COMPLETED)
         if promised_delta or done_delta:
             for successor in self._successors[run.step.id]:
@@ -232,7 +232,7 @@ class Workflow(Struct, dict=True, eq=False):
     @property
     def arranged(self) -> bool:
         """Whether every step is arranged, in execution or completed."""
-        return not any(self._count[progress] for progress in UNPROMISED)
+        return not any(self._count[progress] for progress in _UNPROMISED)
 
     @property
     def busy(self) -> bool:

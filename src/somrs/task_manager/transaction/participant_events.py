@@ -24,7 +24,7 @@ from somrs.task_manager.transaction.step_executor import StepExecutor
 GoalAction = tuple[GoalExecution | None, NextAction] | None
 """The next action of the transaction, and the goal that it concerns (None: the task's own)."""
 
-PROCEED: GoalAction = (None, Proceed())
+_PROCEED: GoalAction = (None, Proceed())
 
 
 class ParticipantEvents:
@@ -131,7 +131,7 @@ class ParticipantEvents:
             self._state.log.drop(work)  # its terms, or its time to begin, had expired before Execute arrived
         execution, _ = self._assignment(member)
         if execution is None:
-            return PROCEED
+            return _PROCEED
         action = yield from self._executor(execution).participant_left(member, reason, now)
         return (execution, action) if action is not None else None
 
@@ -151,7 +151,7 @@ class ParticipantEvents:
             yield from self._executor(goal_execution).invalidate_plan(f"{member.offer.service} reported during planning")
         if situation is None:
             self._conclude_work(member, None, trouble)
-            return PROCEED
+            return _PROCEED
         member.reporting = True
         yield from self._put_on_map(member, situation, WorkSubject(member.id, situation, trouble), now)
         return None
@@ -232,4 +232,4 @@ class ParticipantEvents:
             self._state.look_queue.add_work(work)
         if execution is not None and run is not None:
             StepExecutor(execution, self._scope).lost(run, service, reason)
-        return PROCEED
+        return _PROCEED

@@ -34,7 +34,7 @@ SKIP_REASONS = ("blocked", "unreachable")
 
 
 @dataclass(frozen=True, slots=True)
-class Spot:
+class _Spot:
     """A place to search, in metres on the map; `label` describes it for people."""
 
     label: str
@@ -136,7 +136,7 @@ class PatrolRobot(SimulatedDevice):
 
     # Places to search
 
-    async def _spots(self, task: Task, object: str) -> list[Spot]:
+    async def _spots(self, task: Task, object: str) -> list[_Spot]:
         """Places where the object may be, the most likely first."""
         last_spot = await self._find_last_spot(task, object)
         robots = [spot for spot in await self._places(task, "MobileManipulator", height=False) if spot.label not in (self.name, object)]
@@ -148,7 +148,7 @@ class PatrolRobot(SimulatedDevice):
             state = (await self._link.status()).state
             x, y = state.x, state.y
 
-        def far(spot: Spot) -> float:
+        def far(spot: _Spot) -> float:
             return math.dist((x, y), (spot.x, spot.y))
 
         likely = [spot for spot in robots if spot.label in holders]
@@ -156,31 +156,31 @@ class PatrolRobot(SimulatedDevice):
         places = [*likely, *([last_spot] if last_spot is not None else []), *rest, *sorted(supports, key=far)][:MOST_PLACES]
         return places + sorted(await self._floor_spots(task), key=far)[:MOST_FLOOR]
 
-    async def _find_last_spot(self, task: Task, object: str) -> Spot | None:
+    async def _find_last_spot(self, task: Task, object: str) -> _Spot | None:
         rows = await task.map.query(f"{object}.PositionX = ?X AND {object}.PositionY = ?Y AND {object}.PositionZ = ?Z", limit=1)
         return _spot(f"the last known position of {object}", rows[0]) if rows else None
 
-    async def _floor_spots(self, task: Task) -> list[Spot]:
+    async def _floor_spots(self, task: Task) -> list[_Spot]:
         """Spots that cover the floors; assumes that floors are boxes parallel to the axes, as most are."""
         size = "?It.Shape.Width = ?Width AND ?It.Shape.Depth = ?Depth AND ?It.Shape.Height = ?Height"
         place = "?It.PositionX = ?X AND ?It.PositionY = ?Y AND ?It.PositionZ = ?Z"
-        spots: list[Spot] = []
+        spots: list[_Spot] = []
         for row in await task.map.query(f"?It: Floor = ?It AND {place} AND {size}"):
             middle, width, depth = _spot(f"the floor {row['It']}", row), _metres(row["Width"]), _metres(row["Depth"])
             xs, ys = (_spread(length) for length in (width, depth))
             spots += [replace(middle, x=middle.x + dx, y=middle.y + dy) for dx in xs for dy in ys]
         return spots
 
-    async def _places(self, task: Task, kind: str, *, height: bool) -> list[Spot]:
+    async def _places(self, task: Task, kind: str, *, height: bool) -> list[_Spot]:
         """The positions of the objects of a type; with `height`, the positions on top of them."""
         place = "?It.PositionX = ?X AND ?It.PositionY = ?Y AND ?It.PositionZ = ?Z"
         rows = await task.map.query(f"?It: {kind} = ?It AND {place}" + (" AND ?It.Shape.Height = ?Height" if height else ""))
         return [_spot(str(row["It"]), row) for row in rows]
 
 
-def _spot(label: str, row: dict[str, Value]) -> Spot:
+def _spot(label: str, row: dict[str, Value]) -> _Spot:
     x, y, z = (_metres(row[axis]) for axis in "XYZ")
-    return Spot(label, x, y, z + _metres(row.get("Height", 0.0)) + LOOK_HEIGHT)
+    return _Spot(label, x, y, z + _metres(row.get("Height", 0.0)) + LOOK_HEIGHT)
 
 
 def _spread(length: float) -> list[float]:

@@ -21,12 +21,12 @@ from somrs.service_manager.sdk.device import Device, Task
 from somrs.service_manager.sdk.orders import Refusal
 from somrs.service_manager.sdk.values import term
 
-DEFAULT_PRICE = "5 EUR"
+_DEFAULT_PRICE = "5 EUR"
 DEFAULT_SPEED = 0.5
 """Speed of a robot for which the map states none, m/s."""
 DRIVING_FACTOR = 1.25
 """Ratio of driving time to the time at full speed, for turning, starting and stopping."""
-DISABLING = {Fault.DRIVE: "its drive is dead", Fault.GRIPPER: "its gripper is stuck"}
+_DISABLING = {Fault.DRIVE: "its drive is dead", Fault.GRIPPER: "its gripper is stuck"}
 REPORTING = 2.0
 """Seconds between two progress reports while the robot drives."""
 NOTICING = 1.0
@@ -77,7 +77,7 @@ class SimulatedDevice(Device):
 
     def _notice_fault(self, state: RobotState) -> None:
         """Report a disabling fault at once."""
-        if not self._known_broken and DISABLING.keys() & set(state.faults):
+        if not self._known_broken and _DISABLING.keys() & set(state.faults):
             self.observed(self._out_of_order())
 
     def _out_of_order(self) -> str:
@@ -128,7 +128,7 @@ class SimulatedDevice(Device):
         except RemoteError as error:
             raise Refusal(f"{self.name} does not answer: {error}") from None
         if state.faults:
-            broken = " and ".join(DISABLING.get(fault, fault) for fault in state.faults)
+            broken = " and ".join(_DISABLING.get(fault, fault) for fault in state.faults)
             raise Refusal(f"{self.name} is out of order: {broken}")
         return state
 
@@ -152,7 +152,7 @@ class SimulatedDevice(Device):
     async def price(self, task: Task, way: float) -> float | str:
         """The device's Price on the map, plus the price of driving `way` metres."""
         rows = await task.map.query(f"{self.name}.Price = ?Price")
-        price = rows[0]["Price"] if rows else DEFAULT_PRICE
+        price = rows[0]["Price"] if rows else _DEFAULT_PRICE
         if not self.price_per_metre:
             return price
         amount = term(str(price))

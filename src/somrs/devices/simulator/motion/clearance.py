@@ -49,7 +49,7 @@ class Grid:
     @staticmethod
     def enclosing(solids: Sequence[Solid], margin: float) -> Grid:
         """A grid that contains all solids, with a margin around them."""
-        boxes = [(*solid.world(u, v),) for solid in solids for u, v in corners(solid)] or [(-5.0, -5.0), (5.0, 5.0)]
+        boxes = [(*solid.world(u, v),) for solid in solids for u, v in _corners(solid)] or [(-5.0, -5.0), (5.0, 5.0)]
         min_x, min_y = (min(c[i] for c in boxes) - margin for i in (0, 1))
         max_x, max_y = (max(c[i] for c in boxes) + margin for i in (0, 1))
         return Grid(min_x, min_y, math.ceil((max_y - min_y) / CELL), math.ceil((max_x - min_x) / CELL))
@@ -106,28 +106,28 @@ def clearances(grid: Grid, obstacles: Sequence[Solid], floors: Sequence[Solid], 
     if floors:
         ground = np.zeros(field.shape, dtype=bool)
         for solid, margin in [(floor, grid.size / 2) for floor in floors] + [(passage, 2 * grid.size) for passage in passages]:
-            slices, distance = distances(grid, solid, margin + grid.size)
+            slices, distance = _distances(grid, solid, margin + grid.size)
             ground[slices] |= distance <= margin
         inner_distance = ndimage.distance_transform_edt(ground) - 0.5
         outer_distance = ndimage.distance_transform_edt(~ground) - 0.5
         field = np.minimum(field, np.where(ground, inner_distance, -outer_distance) * grid.size).astype(np.float32)
     for solid in obstacles:
-        slices, distance = distances(grid, solid, FAR)
+        slices, distance = _distances(grid, solid, FAR)
         field[slices] = np.minimum(field[slices], distance)
     field[[0, -1], :] = field[:, [0, -1]] = -FAR  # a border of obstacles, so that no step of the search leaves the grid
     return np.clip(field, -FAR, FAR)
 
 
-def distances(grid: Grid, solid: Solid, margin: float) -> tuple[tuple[slice, slice], Field]:
+def _distances(grid: Grid, solid: Solid, margin: float) -> tuple[tuple[slice, slice], Field]:
     """Slices of the cells within `margin` of a solid, and their signed distances from its outline."""
-    on_map = [solid.world(u, v) for u, v in corners(solid)]
+    on_map = [solid.world(u, v) for u, v in _corners(solid)]
     xs, ys = [c[0] for c in on_map], [c[1] for c in on_map]
     slices, x, y = grid.window(min(xs) - margin, min(ys) - margin, max(xs) + margin, max(ys) + margin)
     points = np.stack(np.broadcast_arrays(x, y), axis=-1).reshape(-1, 2)
     return slices, distances_from(solid, points).reshape(y.size, x.size).astype(np.float32)
 
 
-def corners(solid: Solid) -> Sequence[Point]:
+def _corners(solid: Solid) -> Sequence[Point]:
     """The corners of an outline around a solid, in its own frame: its polygon, or a box."""
     if solid.form == "Polygon":
         return solid.outline

@@ -46,7 +46,7 @@ def robot_discs(robots: Collection[Robot]) -> list[Disc]:
     return discs
 
 
-def route(robot: Robot, goal: Point, robots: Collection[Robot]) -> list[Point] | None:
+def _route(robot: Robot, goal: Point, robots: Collection[Robot]) -> list[Point] | None:
     """A path around static obstacles, things on the floor, and the given robots; None if there is none."""
     x, y, _ = robot.pose()
     discs = [*floor_things(robot, [robot.holding] if robot.holding else []), *robot_discs(robots)]
@@ -70,7 +70,7 @@ def drive_to(robot: Robot, goal: Point, yaw: float | None = None, patience: floa
         while math.dist(robot.pose()[:2], goal) > 0.015:
             robot.need_drive()
             parked = [other_robot for other_robot in robot.other_robots() if not other_robot.plan]
-            path = route(robot, goal, [*parked, met_robot] if met_robot is not None and met_robot.plan else parked)
+            path = _route(robot, goal, [*parked, met_robot] if met_robot is not None and met_robot.plan else parked)
             if path is None:
                 obstacle = _culprit(robot, goal, parked, met_robot)
                 waited += yield from _unblock(robot, obstacle, patience)
@@ -97,14 +97,14 @@ def _culprit(robot: Robot, goal: Point, parked: list[Robot], met_robot: Robot | 
 
     Raises GivenUp when there is no path even without them.
     """
-    free_path = route(robot, goal, ())
+    free_path = _route(robot, goal, ())
     if free_path is None:
         raise GivenUp("unreachable", f"{robot.name} finds no path to ({goal[0]:.2f}, {goal[1]:.2f})")
     robot.plan = free_path
-    if met_robot is not None and route(robot, goal, parked) is not None:
+    if met_robot is not None and _route(robot, goal, parked) is not None:
         return met_robot
     alternatives = ((candidate, [other_robot for other_robot in parked if other_robot is not candidate]) for candidate in parked)
-    return next((candidate for candidate, rest in alternatives if route(robot, goal, rest) is not None), None)
+    return next((candidate for candidate, rest in alternatives if _route(robot, goal, rest) is not None), None)
 
 
 def turn_to(robot: Robot, yaw: float) -> Routine:
@@ -212,7 +212,7 @@ def _unblock(robot: Robot, other_robot: Robot | None, patience: float) -> Genera
 
 def ask_aside(robot: Robot, place: Point) -> Routine:
     """Ask idle robots to leave a place and the path to it."""
-    robot.plan = route(robot, place, ()) or [robot.pose()[:2], place]
+    robot.plan = _route(robot, place, ()) or [robot.pose()[:2], place]
     for other_robot in robot.other_robots():
         room = robot.size.radius + other_robot.size.radius + 0.12
         idle = other_robot.activity is None and not other_robot.plan and other_robot.mobile
@@ -235,7 +235,7 @@ def make_way(robot: Robot, other_robot: Robot) -> Generator[None, None, bool]:
         if met_robot is not None or not other_robot.plan or not other_robot.mobile:
             break
         yield from wait(0.25)
-        mine = (route(robot, goal, ()) if goal is not None else None) or [robot.pose()[:2]]
+        mine = (_route(robot, goal, ()) if goal is not None else None) or [robot.pose()[:2]]
         if (
             other_robot.plan
             and path_distance(_beginning(mine), _beginning(other_robot.plan)) > robot.size.radius + other_robot.size.radius + 0.1
@@ -279,7 +279,7 @@ def _refuge(robot: Robot, other_robot: Robot) -> list[Point] | None:
         if not robot.navigator.free(point, robot.size.radius + MARGIN):
             continue
         attempt_count += 1
-        path = route(robot, point, robot.other_robots())
+        path = _route(robot, point, robot.other_robots())
         if path is None:
             continue
         # The part of its path that the other robot drives until this robot has reached the refuge.

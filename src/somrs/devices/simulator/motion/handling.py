@@ -90,7 +90,7 @@ def get_within_reach(robot: Robot, target_name: str, spots: Spots, top: float, i
             return float(candidates[reachable_index][0]), float(candidates[reachable_index][1])
         robot.need_drive()
         ranked = stands(robot, candidates, top, penalties, ignored)
-        wished = ranked or stands_without_others(robot, candidates, top, penalties, ignored)
+        wished = ranked or _stands_without_others(robot, candidates, top, penalties, ignored)
         if not wished:
             raise GivenUp("unreachable", f"there is no place for {robot.name} from which it could reach {target_name}")
         started = robot.scene.time
@@ -111,13 +111,13 @@ def get_within_reach(robot: Robot, target_name: str, spots: Spots, top: float, i
             raise problem
 
 
-def stands_without_others(robot: Robot, spots: Array, top: float, penalties: Array, ignored: Collection[str]) -> list[Stand]:
+def _stands_without_others(robot: Robot, spots: Array, top: float, penalties: Array, ignored: Collection[str]) -> list[Stand]:
     """The stands that the robot would have if there were no other robots."""
     lone_robot = Robot(robot.solid, robot.scene, robot.navigator, {})
     return stands(lone_robot, spots, top, penalties, ignored)
 
 
-def claim_arm(robot: Robot, spot: Point) -> Routine:
+def _claim_arm(robot: Robot, spot: Point) -> Routine:
     """Wait until the space for the arm is free of other robots, then claim it. Raises GivenUp after `PATIENCE` seconds."""
     x, y, _ = robot.pose()
     arm_claim, waited = Capsule((x, y), spot, ARM), 0.0
@@ -133,7 +133,7 @@ def pick(robot: Robot, thing: str) -> Routine:
     """Grip a thing that is within reach. Raises GivenUp."""
     scene, solid = robot.scene, robot.scene.world.solids[thing]
     robot.need_gripper()
-    yield from claim_arm(robot, scene.pose(thing)[:2])
+    yield from _claim_arm(robot, scene.pose(thing)[:2])
     x, y, z, _ = scene.pose(thing)
     if scene.holder(thing) is not None or math.dist((x, y), robot.arm_claim.end if robot.arm_claim else (x, y)) > 0.05:
         robot.arm_claim = None
@@ -151,7 +151,7 @@ def pick(robot: Robot, thing: str) -> Routine:
     yield from robot.arm(turret=turret, reach=reach)
     yield from robot.arm(lift=tip + robot.size.hang + 0.03)
     yield from robot.arm(lift=tip + robot.size.hang)
-    yield from close(robot, thing)
+    yield from _close(robot, thing)
     scene.hold(robot.name, thing)
     yield from robot.arm(lift=_lift_over(robot, (x, y), z))
     yield from withdraw(robot)
@@ -198,7 +198,7 @@ def _grasp_angle(robot: Robot, thing: str) -> tuple[float, float]:
     return angle, half
 
 
-def close(robot: Robot, thing: str) -> Routine:
+def _close(robot: Robot, thing: str) -> Routine:
     """Close each finger until it touches the thing. Raises GivenUp unless both do."""
     for _ in range(150):
         touching = robot.scene.touching_fingers(robot.name, thing)
@@ -221,15 +221,15 @@ def place(robot: Robot, support: Solid, position: Point | None) -> Routine:
     radius, top = robot.scene.world.solids[thing].extent, top_of(support)
     while True:
         spot = yield from get_within_reach(robot, support.name, spots_on(robot, support, position), top)
-        yield from claim_arm(robot, spot)
+        yield from _claim_arm(robot, spot)
         # Meanwhile another robot may have put something there.
         if thing_distances(robot, np.array([spot]), top - 0.05, top + 0.4, [thing])[0] - radius > 0.005:
             break
         robot.arm_claim = None
-    yield from put_on_spot(robot, spot, top)
+    yield from _put_on_spot(robot, spot, top)
 
 
-def put_on_spot(robot: Robot, spot: Point, top: float) -> Routine:
+def _put_on_spot(robot: Robot, spot: Point, top: float) -> Routine:
     """Put what is held on a spot in the space that the arm has claimed, release it, and withdraw the arm."""
     thing = robot.holding
     assert thing is not None
@@ -242,7 +242,7 @@ def put_on_spot(robot: Robot, spot: Point, top: float) -> Routine:
     yield from robot.arm(turret=turret, reach=reach)
     underside = top - robot.solid.z + robot.size.hang + _drop(robot)
     yield from robot.arm(lift=underside + 0.02)
-    yield from lower(robot, thing, underside - 0.02)
+    yield from _lower(robot, thing, underside - 0.02)
     robot.need_gripper()
     robot.scene.release(robot.name)
     yield from _open_clear(robot)
@@ -253,7 +253,7 @@ def put_on_spot(robot: Robot, spot: Point, top: float) -> Routine:
     yield from withdraw(robot)
 
 
-def lower(robot: Robot, thing: str, lowest: float) -> Routine:
+def _lower(robot: Robot, thing: str, lowest: float) -> Routine:
     """Lower the hand slowly until something supports the thing. Raises GivenUp if nothing does."""
     target, held = robot.joints["lift"], 0
     for _ in range(200):
@@ -283,8 +283,8 @@ def set_down(robot: Robot) -> Routine:
     else:
         raise GivenUp("no-space", f"there is no free spot around {robot.name} to put {thing} on")
     yield from _draw_in(robot)
-    yield from claim_arm(robot, ranked[0][0])
-    yield from put_on_spot(robot, *ranked[0])
+    yield from _claim_arm(robot, ranked[0][0])
+    yield from _put_on_spot(robot, *ranked[0])
 
 
 def _draw_in(robot: Robot) -> Routine:

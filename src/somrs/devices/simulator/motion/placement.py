@@ -49,7 +49,7 @@ def stands(robot: Robot, spots: Array, top: float, penalties: Array, ignored: Co
     costs = costs + np.hypot(bases[:, 0] - x, bases[:, 1] - y) * 0.3
     mask = robot.scene.clearances(bases, level + 0.02, level + 1.85) >= size.radius + MARGIN + 0.015
     bases, target_spots, costs = bases[mask], target_spots[mask], costs[mask]
-    mask = boom_clear(robot, bases, target_spots, top)
+    mask = _boom_clear(robot, bases, target_spots, top)
     bases, target_spots, costs = bases[mask], target_spots[mask], costs[mask]
     obstacles = [Capsule((d.x, d.y), (d.x, d.y), d.radius) for d in floor_things(robot, ignored)]
     claims = [claim for other_robot in robot.other_robots() for claim in other_robot.claims()]
@@ -68,7 +68,7 @@ def stands(robot: Robot, spots: Array, top: float, penalties: Array, ignored: Co
     return ranked_stands
 
 
-def boom_clear(robot: Robot, bases: Array, spots: Array, top: float) -> npt.NDArray[np.bool_]:
+def _boom_clear(robot: Robot, bases: Array, spots: Array, top: float) -> npt.NDArray[np.bool_]:
     """For each pair of base and spot, whether the boom passes above all static solids between them when the hand is at `top`."""
     boom = top + robot.size.hang - 0.05
     clear = np.ones(len(bases), dtype=bool)
@@ -107,8 +107,8 @@ def free_spots(robot: Robot, support: Solid, radius: float, position: Point | No
         for claim in [other_robot.base_claim()] if other_robot is robot else other_robot.claims():
             bases = np.minimum(bases, _from_capsule(spots, claim) - radius)
     if support.role is Role.FLOOR and position is None:  # keep named places free
-        edge = np.minimum(edge, off_marks(robot, spots) - radius)
-        edge = np.minimum(edge, off_doorways(robot, spots) - DOORWAY)
+        edge = np.minimum(edge, _off_marks(robot, spots) - radius)
+        edge = np.minimum(edge, _off_doorways(robot, spots) - DOORWAY)
     inset = EDGE if position is None else 0.0
     mask = (
         (edge >= inset - 1e-9)
@@ -120,13 +120,13 @@ def free_spots(robot: Robot, support: Solid, radius: float, position: Point | No
     return spots[mask], penalty[mask]
 
 
-def off_marks(robot: Robot, spots: Array) -> Array:
+def _off_marks(robot: Robot, spots: Array) -> Array:
     """Distance from each spot to the nearest named place on the robot's floor; negative inside it."""
     marks = [mark for mark in robot.scene.world.by_role(Role.MARK) if abs(mark.z - robot.solid.z) < 0.1]
     return np.min([distances_from(mark, spots) for mark in marks], axis=0) if marks else np.full(len(spots), 9.0)
 
 
-def off_doorways(robot: Robot, spots: Array) -> Array:
+def _off_doorways(robot: Robot, spots: Array) -> Array:
     """Distance from each spot to the nearest door on the robot's floor."""
     doors = [door for door in robot.scene.world.by_role(Role.DOOR) if abs(door.z - robot.solid.z) < 0.1]
     return np.min([distances_from(door, spots) for door in doors], axis=0) if doors else np.full(len(spots), 9.0)
@@ -178,11 +178,11 @@ def spots_here(robot: Robot, radius: float) -> list[tuple[Point, float]]:
         robots = min((float(_from_capsule(single_spot, c)[0]) - radius for o in robot.other_robots() for c in o.claims()), default=9.0)
         if (
             min(edge, walls - FINGERS, room - FINGERS, robots - 0.12) < 0
-            or not boom_clear(robot, base[None, :], single_spot, support.top)[0]
+            or not _boom_clear(robot, base[None, :], single_spot, support.top)[0]
         ):
             continue
         narrow = 0.4 * max(0.0, 0.5 - min(walls, room, robots))
-        marked = 1 if on_floor and off_marks(robot, single_spot)[0] < radius else 0
+        marked = 1 if on_floor and _off_marks(robot, single_spot)[0] < radius else 0
         rated_spots.append((float(cost) + narrow + (marked if on_floor else 2), (float(spot[0]), float(spot[1])), support.top))
     rated_spots.sort()
     ranked = [(spot, top) for _, spot, top in rated_spots]
@@ -217,7 +217,7 @@ def reachable_now(robot: Robot, spots: Array, top: float) -> int | None:
     x, y, _ = robot.pose()
     base = np.tile(np.array([[x, y]]), (len(spots), 1))
     distance = np.hypot(spots[:, 0] - x, spots[:, 1] - y)
-    fine = (distance >= robot.size.nearest) & (distance <= robot.size.farthest) & boom_clear(robot, base, spots, top)
+    fine = (distance >= robot.size.nearest) & (distance <= robot.size.farthest) & _boom_clear(robot, base, spots, top)
     ready = np.flatnonzero(fine)
     return int(ready[0]) if len(ready) else None
 

@@ -29,7 +29,7 @@ RATES = {"turret": 1.3, "lift": 0.4, "reach": 0.4, "wrist": 2.5, "left": 0.08, "
 """Speeds at which the set points of the arm's joints approach their targets, rad/s and m/s."""
 STANDING = 0.01
 """Speed below which the base counts as standing, m/s and rad/s."""
-TOLERANCES = {"turret": 0.01, "lift": 0.006, "reach": 0.004, "wrist": 0.05, "left": 0.006, "right": 0.006}
+_TOLERANCES = {"turret": 0.01, "lift": 0.006, "reach": 0.004, "wrist": 0.05, "left": 0.006, "right": 0.006}
 
 Routine = Generator[None, None, None]
 
@@ -61,7 +61,7 @@ class Robot:
         self.arm_claim: Capsule | None = None
         self.asking_robot: Robot | None = None
         """A robot that has asked this robot to make way."""
-        self.speed, self.turning, self.heading = 0.0, 0.0, (1.0, 0.0)
+        self.speed, self._turning, self.heading = 0.0, 0.0, (1.0, 0.0)
         self._moved = False
         self._targets: dict[str, float] = {joint: self.joints[joint] for joint in RATES} if self.size.gripper else {}
 
@@ -98,10 +98,10 @@ class Robot:
     def end_period(self) -> None:
         """Drive the base. Without a call of `move` in this period, it stops."""
         if not self._moved:
-            self.speed = self.turning = 0.0
+            self.speed = self._turning = 0.0
         self.joints.drive("x", self.speed * self.heading[0])
         self.joints.drive("y", self.speed * self.heading[1])
-        self.joints.drive("yaw", self.turning)
+        self.joints.drive("yaw", self._turning)
 
     def move(self, direction: Point, speed: float, turning: float) -> Robot | None:
         """Move the base in this period, as close to the requested motion as the drive and the claims of other robots allow.
@@ -111,12 +111,12 @@ class Robot:
         self._moved = True
         limit = TURNING_UP * PERIOD
         turning = max(-TURNING, min(TURNING, turning))
-        self.turning = max(self.turning - limit, min(self.turning + limit, turning))
+        self._turning = max(self._turning - limit, min(self._turning + limit, turning))
         target_speed = max(0.0, min(speed, self.speed + ACCELERATION * PERIOD, self.solid.speed))
         target_speed = max(target_speed, self.speed - BRAKING * PERIOD)
         obstacle: Robot | None = None
         for share in (1.0, 0.8, 0.6, 0.4, 0.2, 0.0):
-            blocker = self.find_blocker(self.base_claim(direction, target_speed * share))
+            blocker = self._find_blocker(self.base_claim(direction, target_speed * share))
             if blocker is None:
                 self.speed, self.heading = target_speed * share, direction
                 break
@@ -140,7 +140,7 @@ class Robot:
         """The other robots on the same floor."""
         return [r for r in self.fleet.values() if r is not self and abs(r.solid.z - self.solid.z) < 1.5]
 
-    def find_blocker(self, wanted_claim: Capsule) -> Robot | None:
+    def _find_blocker(self, wanted_claim: Capsule) -> Robot | None:
         """A robot whose claim overlaps the wanted claim, or None. Standing still and moving away are always allowed."""
         for other_robot in self.other_robots():
             for claim in other_robot.claims():
@@ -186,7 +186,7 @@ class Robot:
             yield
             if all(completed):
                 settling += 1
-                if settling > 75 or all(abs(self.joints[joint] - target) < TOLERANCES[joint] for joint, target in targets.items()):
+                if settling > 75 or all(abs(self.joints[joint] - target) < _TOLERANCES[joint] for joint, target in targets.items()):
                     return
 
     def need_gripper(self) -> None:

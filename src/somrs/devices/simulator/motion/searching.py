@@ -26,7 +26,7 @@ ATTEMPTS = 4
 """Number of viewpoints that are tried for a place."""
 GLANCE = 5
 """Control periods between two checks whether the object is in view."""
-BLOCKED = ("blocked", "unreachable")
+_BLOCKED = ("blocked", "unreachable")
 
 
 def look_at(robot: Robot, point: Place, object: str | None, observations: dict[str, ObjectState]) -> Routine:
@@ -38,7 +38,7 @@ def look_at(robot: Robot, point: Place, object: str | None, observations: dict[s
         try:
             yield from _move_until_seen(robot, drive_to(robot, (x, y), yaw, patience=4.0), object)
         except GivenUp as failure:
-            if failure.reason not in BLOCKED:
+            if failure.reason not in _BLOCKED:
                 raise
             problem = failure
         else:

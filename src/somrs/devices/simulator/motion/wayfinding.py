@@ -25,7 +25,7 @@ LEVELS = 50
 """Number of levels of clearance; level 0 is occupied."""
 HASTE = 1.1 / CELL
 """Weight of the coarse distance, in cells per metre. Overestimating it by 10 % halves the search, for paths a few per cent longer."""
-STEPS = tuple((dr, dc, math.hypot(dr, dc)) for dr in (-1, 0, 1) for dc in (-1, 0, 1) if (dr, dc) != (0, 0))
+_STEPS = tuple((dr, dc, math.hypot(dr, dc)) for dr in (-1, 0, 1) for dc in (-1, 0, 1) if (dr, dc) != (0, 0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,20 +38,20 @@ class Costs:
         return float(self.blocks[cell[0] // BLOCK, cell[1] // BLOCK])
 
 
-def levels_of(field: Field, radius: float, comfort: float) -> NDArray[np.uint8]:
+def _levels_of(field: Field, radius: float, comfort: float) -> NDArray[np.uint8]:
     """The level of each cell: 0 where the robot cannot be, from 1 (touching) to LEVELS (`comfort` or more to spare)."""
     room = (field - radius) / comfort
     levels: NDArray[np.uint8] = np.where(room < 0, 0, 1 + np.clip(room, 0, 1) * (LEVELS - 1)).astype(np.uint8)
     return levels
 
 
-def factor(level: Any) -> Any:
+def _factor(level: Any) -> Any:
     """The cost of a metre at a level, or at each level of an array."""
     return 1 + TIGHT * (1 - (level - 1) / (LEVELS - 1)) ** 2
 
 
 def costs_from(field: Field, radius: float, comfort: float, start: Cell) -> Costs:
-    return _coarse(levels_of(field, radius, comfort), start)
+    return _coarse(_levels_of(field, radius, comfort), start)
 
 
 def _coarse(levels: NDArray[np.uint8], start: Cell) -> Costs:
@@ -60,9 +60,9 @@ def _coarse(levels: NDArray[np.uint8], start: Cell) -> Costs:
     padded = np.zeros((rows * BLOCK, columns * BLOCK), dtype=np.uint8)
     padded[: levels.shape[0], : levels.shape[1]] = levels
     best = padded.reshape(rows, BLOCK, columns, BLOCK).max(axis=(1, 3))
-    price, number = factor(best.astype(float)) * BLOCK * CELL, np.arange(rows * columns).reshape(rows, columns)
+    price, number = _factor(best.astype(float)) * BLOCK * CELL, np.arange(rows * columns).reshape(rows, columns)
     sources, targets, weights = [], [], []
-    for dr, dc, step in STEPS:
+    for dr, dc, step in _STEPS:
         source_cells = slice(max(-dr, 0), rows - max(dr, 0)), slice(max(-dc, 0), columns - max(dc, 0))
         target_cells = slice(max(dr, 0), rows - max(-dr, 0)), slice(max(dc, 0), columns - max(-dc, 0))
         open = (best[source_cells] > 0) & (best[target_cells] > 0)
@@ -80,12 +80,12 @@ def search(field: Field, radius: float, comfort: float, start: Cell, goal: Cell)
 
     The outermost cells of the field must be obstacles.
     """
-    levels = levels_of(field, radius, comfort)
+    levels = _levels_of(field, radius, comfort)
     columns = levels.shape[1]
     ahead: list[float] = _coarse(levels, goal).blocks.ravel().tolist()
     block_columns = -(-columns // BLOCK)
-    cells, prices = levels.tobytes(), [math.inf, *(float(factor(level)) for level in range(1, LEVELS + 1))]
-    steps = [(dr * columns + dc, length) for dr, dc, length in STEPS]
+    cells, prices = levels.tobytes(), [math.inf, *(float(_factor(level)) for level in range(1, LEVELS + 1))]
+    steps = [(dr * columns + dc, length) for dr, dc, length in _STEPS]
     # Priority: cost so far plus estimated cost ahead, in cells. The estimate is the coarse cost or, near the goal, the straight line.
     begin, end = start[0] * columns + start[1], goal[0] * columns + goal[1]
     costs, predecessors, closed = {begin: 0.0}, {begin: begin}, set[int]()

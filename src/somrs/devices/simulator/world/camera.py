@@ -26,7 +26,7 @@ from somrs.devices.simulator.world.scene import Scene
 from somrs.devices.simulator.world.solids import Role, Solid
 from somrs.errors import SimulationError
 
-BACKENDS = ("egl", "osmesa")
+_BACKENDS = ("egl", "osmesa")
 NO_GRAPHICS = ("disable", "disabled", "off", "false", "0")
 """Values of MUJOCO_GL by which MuJoCo uses no OpenGL."""
 FIELD_OF_VIEW = 45.0
@@ -56,7 +56,7 @@ def opengl() -> str:
     """The kind of OpenGL that works on this machine. Raises SimulationError if none does."""
     if GRAPHICS in NO_GRAPHICS:
         raise SimulationError(f"pictures are switched off by MUJOCO_GL={GRAPHICS}")
-    for kind in (GRAPHICS,) if GRAPHICS in BACKENDS else BACKENDS:
+    for kind in (GRAPHICS,) if GRAPHICS in _BACKENDS else _BACKENDS:
         environment = {**os.environ, "MUJOCO_GL": "disable", "PYOPENGL_PLATFORM": kind}
         trial = [sys.executable, "-c", TRIAL.format(module=f"mujoco.{kind}")]
         if subprocess.run(trial, env=environment, capture_output=True, timeout=60, check=False).returncode == 0:

@@ -22,9 +22,9 @@ LIFT_TOP = 1.75
 """Largest height of the boom, m: enough to take a tall bottle from a top at 1.2 m."""
 # Collision bits: static bodies collide with robots and things, robots with everything, static bodies never with each other.
 STATIC_BIT, ROBOT_BIT, THING_BIT = 1, 2, 4
-DARK, STEEL, RUBBER, TIP = (0.13, 0.14, 0.16, 1), (0.72, 0.74, 0.77, 1), (0.06, 0.06, 0.07, 1), (0.95, 0.55, 0.1, 1)
-JOINTS = ("x", "y", "yaw", "turret", "lift", "reach", "wrist", "left", "right")
-BASE_JOINTS = JOINTS[:3]
+_DARK, _STEEL, _RUBBER, _TIP = (0.13, 0.14, 0.16, 1), (0.72, 0.74, 0.77, 1), (0.06, 0.06, 0.07, 1), (0.95, 0.55, 0.1, 1)
+_JOINTS = ("x", "y", "yaw", "turret", "lift", "reach", "wrist", "left", "right")
+BASE_JOINTS = _JOINTS[:3]
 ARM_SEEN = ("turret", "lift", "reach", "wrist", "left")
 """The joints that describe the pose of an arm; both fingers are equally open."""
 
@@ -57,15 +57,15 @@ def _geom(
 def _add_base(base: mujoco.MjsBody, size: Dimensions, mass: float, colour: tuple[float, ...]) -> None:
     radius, height, wheel = size.base, size.height, min(0.0975, 0.4 * size.height)
     _geom(base, "cylinder", [radius, (height - GROUND) / 2], [0, 0, (height + GROUND) / 2], (0, 0, 0, 0), mass, group=3)
-    _geom(base, "cylinder", [radius - 0.03, (height - 0.09) / 2], [0, 0, (height - 0.03) / 2 + 0.02], DARK)
+    _geom(base, "cylinder", [radius - 0.03, (height - 0.09) / 2], [0, 0, (height - 0.03) / 2 + 0.02], _DARK)
     _geom(base, "cylinder", [radius, 0.045], [0, 0, height - 0.07], colour)
-    _geom(base, "cylinder", [radius - 0.01, 0.0125], [0, 0, height - 0.0125], DARK)
-    _geom(base, "box", [0.015, 0.5 * radius, 0.02], [radius - 0.012, 0, height - 0.07], STEEL)
+    _geom(base, "cylinder", [radius - 0.01, 0.0125], [0, 0, height - 0.0125], _DARK)
+    _geom(base, "box", [0.015, 0.5 * radius, 0.02], [radius - 0.012, 0, height - 0.07], _STEEL)
     turned = [math.sqrt(0.5), math.sqrt(0.5), 0, 0]
     for side in (-1, 1):
-        _geom(base, "cylinder", [wheel, 0.024], [0, side * (radius - 0.024), wheel], RUBBER, quat=turned)
-        _geom(base, "cylinder", [0.5 * wheel, 0.026], [0, side * (radius - 0.024), wheel], STEEL, quat=turned)
-    _geom(base, "sphere", [0.035], [-radius + 0.06, 0, 0.035], RUBBER)
+        _geom(base, "cylinder", [wheel, 0.024], [0, side * (radius - 0.024), wheel], _RUBBER, quat=turned)
+        _geom(base, "cylinder", [0.5 * wheel, 0.026], [0, side * (radius - 0.024), wheel], _STEEL, quat=turned)
+    _geom(base, "sphere", [0.035], [-radius + 0.06, 0, 0.035], _RUBBER)
 
 
 def _add_arm(spec: mujoco.MjSpec, base: mujoco.MjsBody, name: str, size: Dimensions) -> None:
@@ -84,21 +84,21 @@ def _add_arm(spec: mujoco.MjSpec, base: mujoco.MjsBody, name: str, size: Dimensi
         return body
 
     turret = part("turret", "", [0, 0, 0], [0, 0, 1], None, 0.3)
-    _geom(turret, "cylinder", [0.05, 0.008], [mast, 0, size.height + 0.006], STEEL)
-    _geom(turret, "cylinder", [0.024, (1.0 - size.height) / 2], [mast, 0, (1.0 + size.height) / 2], STEEL, 0.6)
+    _geom(turret, "cylinder", [0.05, 0.008], [mast, 0, size.height + 0.006], _STEEL)
+    _geom(turret, "cylinder", [0.024, (1.0 - size.height) / 2], [mast, 0, (1.0 + size.height) / 2], _STEEL, 0.6)
     lift = part("lift", "turret", [0, 0, 0], [0, 0, 1], (size.height + 0.03, LIFT_TOP), 0.5)
     _geom(lift, "cylinder", [0.016, 0.37], [mast, 0, -0.37], (0.55, 0.57, 0.6, 1))
-    _geom(lift, "box", [0.04, 0.04, 0.035], [mast, 0, 0], DARK, 0.3)
-    _geom(lift, "box", [(size.base + 0.035 - mast) / 2, 0.02, 0.018], [(size.base + 0.035 + mast) / 2, 0, 0], STEEL, 0.3)
+    _geom(lift, "box", [0.04, 0.04, 0.035], [mast, 0, 0], _DARK, 0.3)
+    _geom(lift, "box", [(size.base + 0.035 - mast) / 2, 0.02, 0.018], [(size.base + 0.035 + mast) / 2, 0, 0], _STEEL, 0.3)
     hand = part("reach", "lift", [0, 0, 0], [1, 0, 0], (0.0, size.farthest + 0.02), 0.3)
     _geom(hand, "box", [0.18, 0.013, 0.012], [-0.18, 0, 0], (0.5, 0.52, 0.55, 1))
     drop = size.hang - FINGER
-    _geom(hand, "cylinder", [0.02, drop / 2], [0, 0, -drop / 2 + 0.01], DARK, 0.3)
+    _geom(hand, "cylinder", [0.02, drop / 2], [0, 0, -drop / 2 + 0.01], _DARK, 0.3)
     palm = part("wrist", "reach", [0, 0, -drop], [0, 0, 1], None, 0.02)
-    _geom(palm, "box", [0.018, OPENING + 0.014, 0.012], [0, 0, 0.012], DARK, 0.2)
+    _geom(palm, "box", [0.018, OPENING + 0.014, 0.012], [0, 0, 0.012], _DARK, 0.2)
     for key, side in (("left", 1), ("right", -1)):
         finger = part(key, "wrist", [0, 0, 0], [0, side, 0], (0.0, OPENING), 0.1)
-        _geom(finger, "box", [0.014, 0.006, FINGER / 2], [0, side * 0.006, -FINGER / 2], TIP, 0.08, friction=[1.2, 0.02, 0.001], condim=4)
+        _geom(finger, "box", [0.014, 0.006, FINGER / 2], [0, side * 0.006, -FINGER / 2], _TIP, 0.08, friction=[1.2, 0.02, 0.001], condim=4)
     gains = {
         "turret": (600, 90, 80),
         "lift": (9000, 500, 400),
@@ -125,7 +125,7 @@ class Joints:
     def __init__(self, name: str, model: mujoco.MjModel, data: mujoco.MjData, gripper: bool) -> None:
         # Views of the physics' memory: getting a view costs more than reading it.
         self._positions, self._velocities, self._targets = np.asarray(data.qpos), np.asarray(data.qvel), np.asarray(data.ctrl)
-        joints = JOINTS if gripper else BASE_JOINTS
+        joints = _JOINTS if gripper else BASE_JOINTS
         ids = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, f"{name}/{joint}") for joint in joints]
         self._position = {joint: int(model.jnt_qposadr[i]) for joint, i in zip(joints, ids, strict=True)}
         self._velocity = {joint: int(model.jnt_dofadr[i]) for joint, i in zip(joints, ids, strict=True)}

@@ -6,7 +6,7 @@ from somrs.devices.simulator.world.solids import Role, Solid
 
 Colour = tuple[float, float, float, float]
 
-COLOURS: dict[str, Colour] = {
+_COLOURS: dict[str, Colour] = {
     "Black": (0.10, 0.10, 0.11, 1),
     "White": (0.93, 0.93, 0.91, 1),
     "Grey": (0.60, 0.62, 0.64, 1),
@@ -18,7 +18,7 @@ COLOURS: dict[str, Colour] = {
     "Brown": (0.60, 0.42, 0.26, 1),
 }
 # The colours of types, for objects whose colour the map does not state.
-TYPICAL: dict[str, Colour] = {
+_TYPICAL: dict[str, Colour] = {
     "Table": (0.72, 0.55, 0.37, 1),
     "Cupboard": (0.55, 0.40, 0.28, 1),
     "Shelf": (0.70, 0.71, 0.72, 1),
@@ -33,7 +33,7 @@ TYPICAL: dict[str, Colour] = {
     "Window": (0.62, 0.78, 0.88, 0.35),
     "Door": (0.58, 0.42, 0.28, 1),
 }
-BY_ROLE: dict[Role, Colour] = {
+_BY_ROLE: dict[Role, Colour] = {
     Role.FLOOR: (0.82, 0.81, 0.78, 1),
     Role.WALL: (0.92, 0.91, 0.88, 1),
     Role.SUPPORT: (0.65, 0.55, 0.45, 1),
@@ -46,9 +46,9 @@ METAL: Colour = (0.35, 0.36, 0.38, 1)
 
 def colour_of(solid: Solid) -> Colour:
     """The object's own colour, or the typical colour of its type or role."""
-    typical = TYPICAL.get(solid.type) or BY_ROLE.get(solid.role, (0.62, 0.62, 0.60, 1))
-    if solid.color in COLOURS:
-        own_colour = COLOURS[solid.color]
+    typical = _TYPICAL.get(solid.type) or _BY_ROLE.get(solid.role, (0.62, 0.62, 0.60, 1))
+    if solid.color in _COLOURS:
+        own_colour = _COLOURS[solid.color]
         if solid.role is Role.FLOOR:  # floors get a light tint of their colour
             own_colour = (0.45 + 0.55 * own_colour[0], 0.45 + 0.55 * own_colour[1], 0.45 + 0.55 * own_colour[2], 1)
         return (*own_colour[:3], typical[3])

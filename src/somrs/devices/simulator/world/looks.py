@@ -186,7 +186,7 @@ def _plain(body: mujoco.MjsBody, s: Solid, c: Colour) -> None:
             _part(body, (s.radius, 0, s.height), (0, 0, s.height / 2), c, "cylinder", "matt")
 
 
-DRAWINGS: dict[str, Draw] = {
+_DRAWINGS: dict[str, Draw] = {
     "Table": _table,
     "Cupboard": _cupboard,
     "Shelf": _shelf,
@@ -199,11 +199,11 @@ DRAWINGS: dict[str, Draw] = {
     "Camera": _camera,
     "Place": _mark,
 }
-ROUND_TOO = ("Plant", "Jar", "Bottle", "Place")
+_ROUND_TOO = ("Plant", "Jar", "Bottle", "Place")
 
 
 def draw(body: mujoco.MjsBody, solid: Solid, ancestors: list[str]) -> None:
     """Add the visible parts of an object to its body: those of the nearest ancestor type with a drawing, or its plain form."""
-    known_type = next((name for name in ancestors if name in DRAWINGS), None)
-    drawing = DRAWINGS[known_type] if known_type is not None and (solid.form == "Box" or known_type in ROUND_TOO) else _plain
+    known_type = next((name for name in ancestors if name in _DRAWINGS), None)
+    drawing = _DRAWINGS[known_type] if known_type is not None and (solid.form == "Box" or known_type in _ROUND_TOO) else _plain
     drawing(body, solid, colour_of(solid))

@@ -185,9 +185,9 @@ class Scene:
     def observe(self, name: str) -> ObjectState:
         """The true state of an object. `support` is None while a robot holds it."""
         x, y, z, yaw = self.pose(name)
-        return ObjectState(object=name, x=x, y=y, z=z, yaw=yaw, support=self.carrier(name), held_by=self.holder(name))
+        return ObjectState(object=name, x=x, y=y, z=z, yaw=yaw, support=self._carrier(name), held_by=self.holder(name))
 
-    def carrier(self, name: str) -> str | None:
+    def _carrier(self, name: str) -> str | None:
         """What the object stands on: an object that touches it from below or, if there is no contact, the solid directly below it.
 
         A thing on the floor at a named place stands on that place.

@@ -39,7 +39,7 @@ class Role(StrEnum):
 
 
 # The first supertype in this order determines the role, so special types come before general types.
-ROLES = (
+_ROLES = (
     (ABSTRACT, Role.IGNORED),
     ("Ceiling", Role.IGNORED),
     ("Opening", Role.IGNORED),
@@ -136,7 +136,7 @@ def path_length(path: Sequence[Point]) -> float:
 
 def role_of(object: Object, ontology: Ontology) -> Role:
     """The role of the object's type; `IGNORED` for a type that the ontology does not know."""
-    return next((role for ancestor, role in ROLES if ontology.is_subtype(object.type, ancestor)), Role.IGNORED)
+    return next((role for ancestor, role in _ROLES if ontology.is_subtype(object.type, ancestor)), Role.IGNORED)
 
 
 def solid_of(object: Object, ontology: Ontology) -> Solid | None:

@@ -21,7 +21,7 @@ from somrs.ontology.types import Ontology
 
 STEP = 0.005
 """Time step of the physics, s."""
-STATICS = (Role.WALL, Role.DOOR, Role.SUPPORT, Role.STATIC)
+_STATICS = (Role.WALL, Role.DOOR, Role.SUPPORT, Role.STATIC)
 
 
 @dataclass(slots=True)
@@ -37,7 +37,7 @@ class World:
 
     def blocks(self) -> list[Solid]:
         """The static obstacles, without open doors."""
-        return [solid for solid in self.by_role(*STATICS) if not (solid.role is Role.DOOR and solid.open)]
+        return [solid for solid in self.by_role(*_STATICS) if not (solid.role is Role.DOOR and solid.open)]
 
     def add(self, object: Object) -> Solid | None:
         """Add an object to the description. Returns None if it takes up no space. Raises SimulationError if it exists already."""

@@ -17,7 +17,7 @@ from somrs.protocol.messages.clients import Submit
 _LEXEME = re.compile(r'"(?:[^"\\\n]|\\.)*"|#[^\n]*|\?[\w-]+|[^\W\d][\w-]*(?:\.[\w.-]+)?')
 
 
-def formula_texts(task: Submit) -> Iterator[str]:
+def _formula_texts(task: Submit) -> Iterator[str]:
     """Yield the formulas of a task."""
     yield task.effect
     yield task.precondition or ""
@@ -29,7 +29,7 @@ def formula_texts(task: Submit) -> Iterator[str]:
 def mentioned_things(task: Submit, map: Map) -> list[str]:
     """The things on the map that a task names, in order of occurrence."""
     thing_names: dict[str, None] = {}
-    for text in formula_texts(task):
+    for text in _formula_texts(task):
         try:
             thing_names.update(dict.fromkeys(name for name in names(parse(text)) if name in map.objects))
         except FormulaError:

@@ -15,8 +15,8 @@ from somrs.gui.pages.define.form import Form
 from somrs.gui.pages.define.goal_lines import ORDERS, Line, is_same_formula, lines_of, text_of
 from somrs.ontology.types import ABSTRACT, Kind
 
-GROUPS = ("Achievable by services", "Other relations", "Attributes")
-ORDER_WORDS = {"=": "is", "!=": "is not", "<": "is less than", "<=": "is at most", ">": "is more than", ">=": "is at least"}
+_GROUPS = ("Achievable by services", "Other relations", "Attributes")
+_ORDER_WORDS = {"=": "is", "!=": "is not", "<": "is less than", "<=": "is at most", ">": "is more than", ">=": "is at least"}
 
 FIXED = ("BuildingElement", ABSTRACT)
 """Types that a click on the plan does not take as the thing to move."""
@@ -158,12 +158,12 @@ class _Row:
                 text=_words(relation.name),
                 detail=relation.doc,
                 symbol="link",
-                group=GROUPS[0 if relation.achievable else 1],
+                group=_GROUPS[0 if relation.achievable else 1],
             )
             for relation in sayable.relations
         ]
         attributes = [
-            Choice(value=f".{attribute.path}", text=attribute.path, detail=_current_value_text(attribute), symbol="tune", group=GROUPS[2])
+            Choice(value=f".{attribute.path}", text=attribute.path, detail=_current_value_text(attribute), symbol="tune", group=_GROUPS[2])
             for attribute in sayable.attributes
         ]
         self._predicate_picker.offer(options=[*relations, *attributes])
@@ -212,7 +212,7 @@ class _Row:
     def _fill_value(self) -> None:
         attribute, line = self._attribute(self.line.path), self.line
         orders = ORDERS if line.kind is Kind.NUMBER else ORDERS[:2]
-        choices = [Choice(value=order, text=ORDER_WORDS[order], detail=order) for order in orders]
+        choices = [Choice(value=order, text=_ORDER_WORDS[order], detail=order) for order in orders]
         Picker("Comparison", value=line.order, options=choices, on_pick=self._pick_order).classes("somrs-define-order")
         match line.kind:
             case Kind.ENUMERATION | Kind.TRUTH:

@@ -17,14 +17,14 @@ from somrs.gui.pages.define.procedures import Procedures
 from somrs.gui.panel import panel
 from somrs.protocol.messages.clients import Policy
 
-POLICIES = {
+_POLICIES = {
     Policy.PRICE: ("Cheapest", "The lowest price; at equal prices, the earliest completion."),
     Policy.TIME: ("Soonest", "The earliest completion; at equal times, the lowest price."),
     Policy.WEIGHTED: ("Weighted", "The lowest sum of the price and a cost for each second until completion:"),
 }
-PRIORITIES = {-1: "Low", 0: "Normal", 1: "High", 2: "Urgent"}
-REPEATS = {NOW: "Now", ONE_TIME: "Once, later", INTERVAL: "At intervals", DAILY: "On days of the week"}
-DAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
+_PRIORITIES = {-1: "Low", 0: "Normal", 1: "High", 2: "Urgent"}
+_REPEATS = {NOW: "Now", ONE_TIME: "Once, later", INTERVAL: "At intervals", DAILY: "On days of the week"}
+_DAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
 
 
 class ExecutionOptions:
@@ -32,13 +32,13 @@ class ExecutionOptions:
         self._form = form
         with panel("Execution options", "tune", "define how", "somrs-define-how") as self._panel:
             with _field("Services"):
-                self._policy = _toggle({policy: word for policy, (word, _) in POLICIES.items()}, "Choice of services")
+                self._policy = _toggle({policy: word for policy, (word, _) in _POLICIES.items()}, "Choice of services")
             self._policy_line = ui.label().classes("somrs-soft")
             with ui.element("div").classes("somrs-define-inline") as self._time_value_row:
                 self._time_value = _input("Cost per second", "0.01").classes("somrs-define-short")
                 ui.label("EUR per second").classes("somrs-soft")
             with _field("Priority"):
-                self._priority = _toggle(PRIORITIES, "Priority")
+                self._priority = _toggle(_PRIORITIES, "Priority")
             ui.label("Among tasks waiting for the same thing or device, the highest priority goes first. No step is interrupted.").classes(
                 "somrs-soft"
             )
@@ -92,7 +92,7 @@ class ExecutionOptions:
                 typed.value = text
         if self._unit.value != draft.deadline_unit:
             self._unit.choose(draft.deadline_unit)
-        self._policy_line.set_text(POLICIES[draft.policy][1])
+        self._policy_line.set_text(_POLICIES[draft.policy][1])
         self._time_value_row.visible = draft.policy is Policy.WEIGHTED
         self._panel.note.set_text(_summary(draft))
 
@@ -103,7 +103,7 @@ class _Repeating:
     def __init__(self, form: Form) -> None:
         self._form = form
         with _field("When"):
-            options = [Choice(value=recurrence, text=text) for recurrence, text in REPEATS.items()]
+            options = [Choice(value=recurrence, text=text) for recurrence, text in _REPEATS.items()]
             self._recurrence_picker = Picker("When", options=options, on_pick=self._pick).classes("somrs-define-when")
         self._details = ui.element("div").classes("somrs-define-repeat")
         self._shown_recurrence: str | None = None
@@ -148,7 +148,7 @@ class _Repeating:
                     self._field("Time", "time", 'type="time"')
         if repeat.recurrence == DAILY:
             with ui.element("div").classes("somrs-define-days").props('role="group" aria-label="Days"'):
-                for day, name in enumerate(DAYS):
+                for day, name in enumerate(_DAYS):
                     ui.checkbox(name, value=day in repeat.days, on_change=self._day(day)).props("dense")
             ui.label("No day selected: every day.").classes("somrs-soft")
         with ui.element("div").classes("somrs-define-inline"):
@@ -179,10 +179,10 @@ class _Repeating:
 
 def _summary(draft: Draft) -> str:
     """The options in a few words, shown while the panel is collapsed."""
-    parts = [POLICIES[draft.policy][0].lower()]
-    parts += [f"{PRIORITIES.get(draft.priority, draft.priority)} priority".lower()] if draft.priority else []
+    parts = [_POLICIES[draft.policy][0].lower()]
+    parts += [f"{_PRIORITIES.get(draft.priority, draft.priority)} priority".lower()] if draft.priority else []
     parts += [f"within {draft.deadline} {draft.deadline_unit}"] if draft.deadline.strip() else []
-    parts += [REPEATS[draft.repeat.recurrence].lower()] if draft.repeat.recurrence != NOW else []
+    parts += [_REPEATS[draft.repeat.recurrence].lower()] if draft.repeat.recurrence != NOW else []
     return ", ".join(parts)
 
 

@@ -12,8 +12,8 @@ from somrs.api.remote import LiveApi
 from somrs.gui.components.draft_storage import DraftStorage
 from somrs.gui.pages.define.draft import Draft
 
-STORAGE_KEY = "somrs-define"
-KEY = "task"
+_STORAGE_KEY = "somrs-define"
+_KEY = "task"
 
 
 class Form:
@@ -24,7 +24,7 @@ class Form:
         self._listeners: list[Callable[[], None]] = []
         self._is_submitted = False
         self._restored = False
-        self._storage = DraftStorage(STORAGE_KEY, self._restore)
+        self._storage = DraftStorage(_STORAGE_KEY, self._restore)
 
     def on_change(self, refresh: Callable[[], None]) -> None:
         """Call `refresh` whenever the draft changes."""
@@ -33,13 +33,13 @@ class Form:
     def changed(self) -> None:
         """Report a change of the draft to all panels."""
         if not self._is_submitted:
-            self._storage.save(KEY, {"form": msgspec.to_builtins(self.draft)})
+            self._storage.save(_KEY, {"form": msgspec.to_builtins(self.draft)})
         for refresh in self._listeners:
             refresh()
 
     def mirror(self, element: Element, path: str) -> None:
         """Store the element's input in the browser as it is typed, also while the server is away."""
-        self._storage.mirror(element, "update:value", KEY, path)
+        self._storage.mirror(element, "update:value", _KEY, path)
 
     def begin(self) -> None:
         """Store the initial draft, unless the browser already has one. Called once the page is open in the browser."""
@@ -49,7 +49,7 @@ class Form:
     def end(self) -> None:
         """Remove the stored draft: the task was submitted."""
         self._is_submitted = True
-        self._storage.forget(KEY)
+        self._storage.forget(_KEY)
 
     def clear(self) -> None:
         self.draft = Draft()

@@ -21,7 +21,7 @@ from somrs.gui.shell import author, guarded, notify
 from somrs.protocol.messages.orders import Daily, Every, Filled, Once, OrderSaved, Run, RunState, Schedule, StandingOrder
 from somrs.scheduling.recurrence import in_words
 
-RUNS = {
+_RUNS = {
     RunState.SUBMITTING: Sign("hourglass_empty", "Being submitted", "busy"),
     RunState.SUBMITTED: Sign("play_circle", "Running", "busy"),
     RunState.SKIPPED: Sign("skip_next", "Skipped", "plain"),
@@ -133,7 +133,7 @@ def repeat_of(order: StandingOrder) -> Repeat:
 
 
 def _run(run: Run) -> None:
-    sign = OUTCOMES[run.outcome] if run.outcome is not None else RUNS[run.state]
+    sign = OUTCOMES[run.outcome] if run.outcome is not None else _RUNS[run.state]
     with ui.element("div").classes("somrs-define-run"):
         Badge(sign)
         if run.task is not None:

@@ -27,7 +27,7 @@ ADVICE = {
     Obstacle.TWO_PLACES: "Split the goal: parts that cannot hold at the same time need several tasks, one after the other.",
 }
 """What the user can do about each obstacle to a plan."""
-OTHERWISE = "Choose a smaller goal, or another thing or place; the Map page shows the current state."
+_OTHERWISE = "Choose a smaller goal, or another thing or place; the Map page shows the current state."
 
 
 class Preview:
@@ -132,7 +132,7 @@ class Preview:
         self._panel.note.set_text(", ".join([count, *summary_parts]))
 
     async def _show_impossible(self, preview: Previewed) -> None:
-        advice = [ADVICE[obstacle] for obstacle in preview.obstacles] or [OTHERWISE]
+        advice = [ADVICE[obstacle] for obstacle in preview.obstacles] or [_OTHERWISE]
         if Obstacle.NO_SERVICE_TYPE in preview.obstacles:
             advice[preview.obstacles.index(Obstacle.NO_SERVICE_TYPE)] += f" {await self._offered_effects()}"
         self._refused("No plan is possible now", preview.reasons, advice)

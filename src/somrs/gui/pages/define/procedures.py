@@ -12,7 +12,7 @@ from somrs.gui.pages.define.draft import Procedure
 from somrs.gui.pages.define.form import Form
 from somrs.ontology.services import PROVIDER, Occasion
 
-OCCASIONS = {Occasion.FAILURE: "When a step fails", Occasion.COMPENSATION: "To undo a step"}
+_OCCASIONS = {Occasion.FAILURE: "When a step fails", Occasion.COMPENSATION: "To undo a step"}
 
 
 class Procedures:
@@ -48,7 +48,7 @@ class Procedures:
         services = self._form.api.context.ontology.services
         with ui.element("fieldset").classes("somrs-define-procedure"):
             with ui.element("div").classes("somrs-define-inline"):
-                occasions = [Choice(value=occasion.value, text=text) for occasion, text in OCCASIONS.items()]
+                occasions = [Choice(value=occasion.value, text=text) for occasion, text in _OCCASIONS.items()]
                 Picker("Event", value=procedure.on.value, options=occasions, on_pick=partial(self._set_occasion, procedure))
                 ui.label("of").classes("somrs-soft")
                 types = [Choice(value="", text="any step"), *(Choice(value=name, detail=service.doc) for name, service in services.items())]

@@ -68,7 +68,7 @@ class AddPanel:
                 ui.label("Click a position on the plan. R turns the object, Escape cancels.").classes("somrs-map-now").props(
                     'role="status"'
                 )
-            add_button = ui.button("Add without a position", on_click=lambda: self.open_dialog(str(self._type), None)).props(
+            add_button = ui.button("Add without a position", on_click=lambda: self._open_dialog(str(self._type), None)).props(
                 "flat dense no-caps"
             )
             add_button.props('icon="add_location_alt"' if self._placeable(self._type) else 'icon="add"')
@@ -76,7 +76,7 @@ class AddPanel:
     def place_object(self, event: dict[str, Any]) -> None:
         """Handle a click on the plan."""
         spot = Spot(x=event["x"], y=event["y"], turned=event["turned"], target=event["target"], storey=event["storey"] or "")
-        self.open_dialog(event["type"], spot)
+        self._open_dialog(event["type"], spot)
 
     def stop(self) -> None:
         self._type = None
@@ -84,7 +84,7 @@ class AddPanel:
         self._plan.place(None)
         self._frame()
 
-    def open_dialog(self, type_name: str, spot: Spot | None) -> None:
+    def _open_dialog(self, type_name: str, spot: Spot | None) -> None:
         """Open a form for the name and the required attributes."""
         _NewObjectDialog(self._api, type_name, spot, self._change, self._finish)
 

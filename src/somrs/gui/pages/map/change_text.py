@@ -11,7 +11,7 @@ from somrs.ontology.objects import Change, FactAdded, FactRemoved, ObjectAdded, 
 from somrs.ontology.types import UNKNOWN, WORKING, AttributeType, Ontology, Value
 from somrs.protocol.messages.knowledge import Event
 
-PLACEMENT_WORDS = {ON_RELATION: "put on", IN_RELATION: "put into", HELD_RELATION: "taken by"}
+_PLACEMENT_WORDS = {ON_RELATION: "put on", IN_RELATION: "put into", HELD_RELATION: "taken by"}
 MAX_OBJECTS = 6
 """Limit of objects that are listed individually."""
 
@@ -49,8 +49,8 @@ def _change_phrases(name: str, changes: list[Change], ontology: Ontology) -> lis
                 phrases.append(f"added, a {object.type}")
             case ObjectRemoved():
                 phrases.append("removed")
-            case FactAdded(fact) if fact.relation in PLACEMENT_WORDS and len(fact.arguments) == 2:
-                phrases.append(f"{PLACEMENT_WORDS[fact.relation]} {fact.arguments[1]}")
+            case FactAdded(fact) if fact.relation in _PLACEMENT_WORDS and len(fact.arguments) == 2:
+                phrases.append(f"{_PLACEMENT_WORDS[fact.relation]} {fact.arguments[1]}")
             case FactAdded(fact):
                 phrases.append(f"{fact.relation} {', '.join(fact.arguments[1:])}")
     removed_facts = [change.fact for change in changes if isinstance(change, FactRemoved)]
@@ -61,7 +61,7 @@ def _change_phrases(name: str, changes: list[Change], ontology: Ontology) -> lis
         position_text = ", ".join(f"{axis} {value:.2f} m" for axis, value in axes if isinstance(value, int | float))
         phrases.insert(0, f"moved to {position_text}" if position_text else "no longer has a position")
     if isinstance(angle := values.get(TURNED), int | float):
-        phrases.append(f"turned to {format_degrees(angle)}")
+        phrases.append(f"turned to {_format_degrees(angle)}")
     for path, value in values.items():
         if path not in (X, Y, TURNED) and not (path == Z and (X in values or Y in values)):
             phrases.append(_value_phrase(path, value, ontology))
@@ -69,7 +69,7 @@ def _change_phrases(name: str, changes: list[Change], ontology: Ontology) -> lis
     phrases += [
         f"no longer {fact.relation} {', '.join(fact.arguments[1:])}"
         for fact in removed_facts
-        if not (replaced and fact.relation in PLACEMENT_WORDS)
+        if not (replaced and fact.relation in _PLACEMENT_WORDS)
     ]
     return phrases
 
@@ -90,12 +90,12 @@ def format_value(value: Value, attribute: AttributeType | None) -> str:
     if isinstance(value, str):
         return value
     if attribute is not None and attribute.unit == "rad":
-        return format_degrees(value)
+        return _format_degrees(value)
     unit = {"percent": "%"}.get(attribute.unit, attribute.unit) if attribute is not None and attribute.unit else ""
     return f"{value:.6g} {unit}".rstrip()
 
 
-def format_degrees(angle: float) -> str:
+def _format_degrees(angle: float) -> str:
     return f"{math.degrees(angle):.4g}°"
 
 

@@ -10,7 +10,7 @@ from somrs.api.remote import LiveApi
 from somrs.gui.pages.map.entries import show_events
 from somrs.gui.shell import guarded
 
-PAGE = 30
+_PAGE = 30
 
 
 class ChangeList:
@@ -34,7 +34,7 @@ class ChangeList:
         await self._load_older()
 
     async def _load_older(self) -> None:
-        event_page = await self._api.map.events(before=self._oldest, limit=PAGE)
+        event_page = await self._api.map.events(before=self._oldest, limit=_PAGE)
         with self._list:
             show_events(event_page.events, self._api.context.ontology, self._show_version, self._undo)
             if not event_page.events and self._oldest is None:

@@ -20,8 +20,8 @@ from somrs.ontology.types import Kind, Ontology, Value
 from somrs.protocol.messages.knowledge import BrokenRule, UpdateMap
 from somrs.protocol.messages.people import person_name
 
-PLACE = ("Position", "Rotation")
-FORM = "Shape.Form"
+_PLACE = ("Position", "Rotation")
+_FORM = "Shape.Form"
 SIZES = {"Box": {"Width", "Depth", "Height"}, "Cylinder": {"Radius", "Height"}, "Polygon": {"Outline", "Height"}}
 """The sizes that each form has."""
 VERSION_CONFLICT = "overtaken"
@@ -29,7 +29,7 @@ VERSION_CONFLICT = "overtaken"
 
 
 @dataclass(frozen=True, slots=True)
-class ValueConflict:
+class _ValueConflict:
     """A value that another user changed while the field was edited."""
 
     value: Value | None
@@ -47,7 +47,7 @@ class ObjectForm:
         self._version = api.context.version
         draft = drafts.draft_of(object.name)
         self.typed: dict[str, Raw] = draft.typed()
-        self._conflicts: dict[str, ValueConflict] = {}
+        self._conflicts: dict[str, _ValueConflict] = {}
         self._fields: dict[str, Field] = {}
         self._is_removed = False
         self._news = ui.element("div").classes("somrs-map-news").props('role="alert"')
@@ -63,7 +63,7 @@ class ObjectForm:
             if path not in self._fields or (raw or None) == (self._fields[path].spot.raw(self._map_values.get(path)) or None):
                 self.typed.pop(path)
         clashing = {path: None for path in self.typed if draft.map_values.get(path) != self._map_values.get(path)}
-        self._conflicts.update({path: ValueConflict(self._map_values.get(path), "another user") for path in clashing})
+        self._conflicts.update({path: _ValueConflict(self._map_values.get(path), "another user") for path in clashing})
         self._show_conflicts()
         self._changed()
 
@@ -92,7 +92,7 @@ class ObjectForm:
         first, _, inner = path.partition(".")
         if inner:
             return first
-        if first.startswith(PLACE):
+        if first.startswith(_PLACE):
             return "Place"
         object_type = self._ontology.types[self.type]
         inherited = self._ontology.attributes_of("PhysicalObject") if self._ontology.is_subtype(self.type, "PhysicalObject") else {}
@@ -112,20 +112,20 @@ class ObjectForm:
         else:
             self.typed[path] = raw
         field.mark(path in self.typed)
-        if path == FORM:
+        if path == _FORM:
             self._fit_form()
         self._mark()
         self._changed()
 
     def _fit_form(self) -> None:
         """Show only the sizes that the object's form has."""
-        if FORM not in self._fields:
+        if _FORM not in self._fields:
             return
-        form = self.typed.get(FORM, self._map_values.get(FORM)) or self._fields[FORM].spot.default
+        form = self.typed.get(_FORM, self._map_values.get(_FORM)) or self._fields[_FORM].spot.default
         sizes = SIZES.get(str(form), set().union(*SIZES.values()))
         for path, field in self._fields.items():
             first, _, inner = path.partition(".")
-            if first == "Shape" and inner and path != FORM:
+            if first == "Shape" and inner and path != _FORM:
                 field.element.visible = inner in sizes or path in self.typed
 
     def _mark(self) -> None:
@@ -221,7 +221,7 @@ class ObjectForm:
     async def apply_changes(self, object: Object | None, changes: tuple[Change, ...], version: int) -> None:
         """Adopt a new state of the object: unedited fields show the new values; edited fields keep their content and show the conflict."""
         if object is None or object.type != self.type:
-            await self.mark_removed()
+            await self._mark_removed()
             return
         if self._is_removed:
             self._restore()
@@ -246,7 +246,7 @@ class ObjectForm:
         self._fit_form()
         if clashing:
             author_name = await self._last_author(version)
-            self._conflicts.update({path: ValueConflict(object.values.get(path), author_name) for path in clashing})
+            self._conflicts.update({path: _ValueConflict(object.values.get(path), author_name) for path in clashing})
         self._show_conflicts()
         self._mark()
 
@@ -281,7 +281,7 @@ class ObjectForm:
         self._mark()
         self._changed()
 
-    async def mark_removed(self) -> None:
+    async def _mark_removed(self) -> None:
         """Show that the object has been removed from the map."""
         if self._is_removed:
             return

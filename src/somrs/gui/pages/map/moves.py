@@ -10,7 +10,7 @@ from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Va
 from somrs.ontology.types import PART_OF, Ontology
 from somrs.ontology.values import value_of
 
-ON_RELATION, IN_RELATION, HELD_RELATION, AT_RELATION = "isOn", "isIn", "isHeldBy", "isAt"
+ON_RELATION, IN_RELATION, HELD_RELATION, _AT_RELATION = "isOn", "isIn", "isHeldBy", "isAt"
 X, Y, Z, TURNED = "PositionX", "PositionY", "PositionZ", "RotationZ"
 DIGITS = 4
 """In metres: a tenth of a millimetre, finer than any measurement."""
@@ -33,11 +33,11 @@ def move_changes(map: Map, ontology: Ontology, move: Move) -> tuple[Change, ...]
     """The changes that move an object with everything that stands on it, is in it, is held by it, or is part of it."""
     x, y = number(map, ontology, move.name, X), number(map, ontology, move.name, Y)
     old_heading = number(map, ontology, move.name, TURNED) or 0.0
-    turn = normalize_angle(move.turned - old_heading)
+    turn = _normalize_angle(move.turned - old_heading)
     rise = 0.0
     changes = [*_position_changes(move.name, move.x, move.y), *_heading_changes(map, ontology, move.name, old_heading, move.turned)]
     if move.target is not None and _is_thing(map, ontology, move.name):
-        facts = [*put_on_target(map, ontology, move.name, move.target)]
+        facts = [*_put_on_target(map, ontology, move.name, move.target)]
         changes += facts
         z, height = number(map, ontology, move.name, Z), top(map, ontology, move.target)
         has_new_support = any(isinstance(change, FactAdded) for change in facts)
@@ -48,7 +48,7 @@ def move_changes(map: Map, ontology: Ontology, move: Move) -> tuple[Change, ...]
     if x is None or y is None:
         return tuple(changes)
     cos, sin = math.cos(turn), math.sin(turn)
-    for rider in riders(map, ontology, move.name):
+    for rider in _riders(map, ontology, move.name):
         dx, dy = ((number(map, ontology, rider, X) or 0.0) - x, (number(map, ontology, rider, Y) or 0.0) - y)
         changes += _position_changes(rider, move.x + cos * dx - sin * dy, move.y + sin * dx + cos * dy)
         if turn:
@@ -59,7 +59,7 @@ def move_changes(map: Map, ontology: Ontology, move: Move) -> tuple[Change, ...]
     return tuple(changes)
 
 
-def riders(map: Map, ontology: Ontology, name: str) -> list[str]:
+def _riders(map: Map, ontology: Ontology, name: str) -> list[str]:
     """The objects that move with an object and have a position."""
     rider_names: dict[str, None] = {}
     waiting = [name]
@@ -73,7 +73,7 @@ def riders(map: Map, ontology: Ontology, name: str) -> list[str]:
     return [rider for rider in rider_names if number(map, ontology, rider, X) is not None]
 
 
-def put_on_target(map: Map, ontology: Ontology, name: str, target: str) -> Iterator[Change]:
+def _put_on_target(map: Map, ontology: Ontology, name: str, target: str) -> Iterator[Change]:
     """The changes of facts after which the object stands on the target only."""
     support_fact = Fact(ON_RELATION, (name, target))
     if map.has_fact(support_fact.relation, support_fact.arguments):
@@ -92,7 +92,7 @@ def top(map: Map, ontology: Ontology, name: str) -> float:
     return (number(map, ontology, name, Z) or 0.0) + (number(map, ontology, name, "Shape.Height") or 0.0)
 
 
-def normalize_angle(angle: float) -> float:
+def _normalize_angle(angle: float) -> float:
     """The angle between -pi and pi."""
     return math.remainder(angle, math.tau)
 
@@ -107,9 +107,9 @@ def _position_changes(name: str, x: float, y: float) -> list[Change]:
 
 
 def _heading_changes(map: Map, ontology: Ontology, name: str, old_heading: float, new_heading: float) -> list[Change]:
-    if abs(normalize_angle(new_heading - old_heading)) < 1e-6:
+    if abs(_normalize_angle(new_heading - old_heading)) < 1e-6:
         return []
-    return [ValueSet(name, TURNED, round(normalize_angle(new_heading), DIGITS + 2))]
+    return [ValueSet(name, TURNED, round(_normalize_angle(new_heading), DIGITS + 2))]
 
 
 def _is_thing(map: Map, ontology: Ontology, name: str) -> bool:
@@ -119,7 +119,7 @@ def _is_thing(map: Map, ontology: Ontology, name: str) -> bool:
 
 def _leave_places(map: Map, ontology: Ontology, move: Move) -> Iterator[Change]:
     """The changes that remove a device from the place that it is moved away from."""
-    for fact in [Fact(AT_RELATION, arguments) for arguments in map.facts_with(AT_RELATION, 0, move.name)]:
+    for fact in [Fact(_AT_RELATION, arguments) for arguments in map.facts_with(_AT_RELATION, 0, move.name)]:
         place = fact.arguments[1]
         x, y = number(map, ontology, place, X), number(map, ontology, place, Y)
         radius = number(map, ontology, place, "Shape.Radius") or 0.0

@@ -38,7 +38,7 @@ CHANGE_TIMEOUT = 5.0
 """Seconds to wait until this page's copy of the map contains its own change."""
 LINKED = ("isOn", "isIn", "isHeldBy", "isAt")
 """Relations listed first in the menu of links."""
-OBJECT, ADD, SEARCH, CHANGES = "Object", "Add", "Find", "Changes"
+_OBJECT, _ADD, _SEARCH, _CHANGES = "Object", "Add", "Find", "Changes"
 
 
 def register(api: LiveApi) -> None:
@@ -109,17 +109,17 @@ class MapPage:
 
     def _side(self) -> None:
         with ui.tabs().props("dense no-caps inline-label").classes("somrs-map-tabs") as self._tabs:
-            for name, icon in ((OBJECT, "category"), (ADD, "add"), (SEARCH, "search"), (CHANGES, "history")):
+            for name, icon in ((_OBJECT, "category"), (_ADD, "add"), (_SEARCH, "search"), (_CHANGES, "history")):
                 ui.tab(name, icon=icon)
-        with ui.tab_panels(self._tabs, value=SEARCH, animated=False, on_change=self._turned).classes("somrs-map-panels"):
-            with ui.tab_panel(OBJECT):
+        with ui.tab_panels(self._tabs, value=_SEARCH, animated=False, on_change=self._turned).classes("somrs-map-panels"):
+            with ui.tab_panel(_OBJECT):
                 self._object = ui.element("div").classes("somrs-map-object")
                 self._show_object()
-            with ui.tab_panel(ADD):
+            with ui.tab_panel(_ADD):
                 self._add_panel = AddPanel(self._api, self._plan, self.change, self._open_created)
-            with ui.tab_panel(SEARCH):
+            with ui.tab_panel(_SEARCH):
                 self._search_panel = SearchPanel(self._api, self._map_view, self.open_object)
-            with ui.tab_panel(CHANGES):
+            with ui.tab_panel(_CHANGES):
                 self._changes = ChangeList(self._api, self._version_slider.show_version, self._undo_version)
 
     def _listen(self) -> None:
@@ -144,7 +144,7 @@ class MapPage:
             if "storey" not in parameters:
                 self._plan.show_object(named)
             self._show_object()
-            self._tabs.value = OBJECT
+            self._tabs.value = _OBJECT
         self._map_view.begin(parameters.get("storey"))
         if parameters.get("view") == VIEWS[SCENE]:
             self._views.value = SCENE
@@ -160,7 +160,7 @@ class MapPage:
         """Handle a selection on the plan."""
         self._select(name)
         if name is not None:
-            self._tabs.value = OBJECT
+            self._tabs.value = _OBJECT
 
     def open_object(self, name: str | None) -> None:
         """Open an object and scroll it into view."""
@@ -213,9 +213,9 @@ class MapPage:
             ui.button(f"{name}: not saved yet", icon="edit", on_click=lambda name=name: self.open_object(name)).props("flat dense no-caps")
 
     def _turned(self, event: ValueChangeEventArguments[Any]) -> None:
-        if event.value == CHANGES:
+        if event.value == _CHANGES:
             ui.timer(0, guarded(self._changes.refresh), once=True)
-        if event.value != ADD:
+        if event.value != _ADD:
             self._add_panel.stop()
 
     # Changing the map
@@ -335,7 +335,7 @@ class MapPage:
         self._version_slider.refresh()
         self._show_count()
         await self._search_panel.refresh()
-        if self._tabs.value == CHANGES:
+        if self._tabs.value == _CHANGES:
             await guarded(self._changes.refresh)()
 
     def _show_count(self) -> None:

@@ -9,7 +9,7 @@ from somrs.api.remote import LiveApi
 from somrs.gui.shell import focus
 from somrs.ontology.types import ROOT
 
-MAX_OPTIONS = 30
+_MAX_OPTIONS = 30
 
 
 class ObjectPicker:
@@ -34,7 +34,7 @@ class ObjectPicker:
         await self._load_options(str(event.args or ""))
 
     async def _load_options(self, typed: str) -> None:
-        result = await self._api.formulas.things(typed=typed, type=ROOT, relation=self._relation, place=self._place, limit=MAX_OPTIONS)
+        result = await self._api.formulas.things(typed=typed, type=ROOT, relation=self._relation, place=self._place, limit=_MAX_OPTIONS)
         options = {thing.name: f"{thing.name} · {thing.type}" + (f" · {thing.label}" if thing.label else "") for thing in result.things}
         if self.value is not None:
             options.setdefault(self.value, self.value)

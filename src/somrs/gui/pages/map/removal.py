@@ -14,7 +14,7 @@ from somrs.ontology.types import PART_OF
 from somrs.protocol.messages.knowledge import UpdateMap
 
 ChangeMap = Callable[[tuple[Change, ...], str], Awaitable[int | None]]
-MAX_NAMES = 8
+_MAX_NAMES = 8
 
 
 async def remove(api: LiveApi, name: str, change: ChangeMap) -> bool:
@@ -45,7 +45,7 @@ async def remove(api: LiveApi, name: str, change: ChangeMap) -> bool:
         if considered.broken:
             ui.label("It cannot be removed, because the map would break these rules:").classes("somrs-map-wrong").props('role="alert"')
             with ui.element("ul").classes("somrs-map-consequences"):
-                for broken in considered.broken[:MAX_NAMES]:
+                for broken in considered.broken[:_MAX_NAMES]:
                     _line(f"{broken.subject}: {broken.message}")
         with ui.element("div").classes("somrs-map-buttons"):
             if not considered.broken:
@@ -78,7 +78,7 @@ def _line(text: str) -> None:
 
 
 def _join_names(names: list[str]) -> str:
-    return ", ".join(names[:MAX_NAMES]) + (f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else "")
+    return ", ".join(names[:_MAX_NAMES]) + (f" and {len(names) - _MAX_NAMES} more" if len(names) > _MAX_NAMES else "")
 
 
 def _count_text(number: int, noun: str) -> str:

@@ -13,8 +13,8 @@ from somrs.gui.pages.map.map_view import MapView
 from somrs.gui.shell import guarded
 from somrs.protocol.messages.knowledge import Rows
 
-LIMIT = 200
-NAMES = 60
+_LIMIT = 200
+_NAMES = 60
 
 
 class SearchPanel:
@@ -26,7 +26,7 @@ class SearchPanel:
         with ui.element("section").props('aria-label="Find by a formula"'):
             self._field = FormulaField("Query formula", placeholder="?Thing isOn Cupboard001", on_submit=self._submitted)
             with ui.element("div").classes("somrs-map-buttons"):
-                ui.button("Find", icon="search", on_click=guarded(self.run_query)).props("unelevated dense no-caps")
+                ui.button("Find", icon="search", on_click=guarded(self._run_query)).props("unelevated dense no-caps")
                 self._clear = ui.button("Clear", on_click=self.clear).props("flat dense no-caps")
             self._status_label = ui.label().classes("somrs-map-found-said").props('role="status"')
             self._problem = ui.label().classes("somrs-map-problem").props('role="alert"')
@@ -42,9 +42,9 @@ class SearchPanel:
         await self._list()
 
     async def _submitted(self, text: str) -> None:
-        await guarded(self.run_query)()
+        await guarded(self._run_query)()
 
-    async def run_query(self) -> None:
+    async def _run_query(self) -> None:
         """Run the query and show the result."""
         text = str(self._field.value or "").strip()
         if not text:
@@ -52,7 +52,7 @@ class SearchPanel:
             return
         self._problem.visible = False
         try:
-            rows = await self._api.map.query(text, LIMIT)
+            rows = await self._api.map.query(text, _LIMIT)
         except FormulaError as error:
             self._show_problem(str(error))
             return
@@ -80,7 +80,7 @@ class SearchPanel:
         """Repeat the query after a change of the map."""
         if self._query and self._query == str(self._field.value or "").strip():
             try:
-                self._show_rows(await self._api.map.query(self._query, LIMIT))
+                self._show_rows(await self._api.map.query(self._query, _LIMIT))
             except SomrsError as error:
                 self._show_problem(str(error))
 
@@ -120,7 +120,7 @@ class SearchPanel:
             ui.label(value)
 
     async def _list(self) -> None:
-        result = await self._api.formulas.things(typed=str(self._name.value or ""), limit=NAMES)
+        result = await self._api.formulas.things(typed=str(self._name.value or ""), limit=_NAMES)
         self._names.clear()
         with self._names:
             for thing in result.things:

@@ -16,7 +16,7 @@ from somrs.gui.shell import author, guarded, notify
 from somrs.ontology.objects import Change, objects_of
 from somrs.protocol.messages.knowledge import RenameObject
 
-HISTORY = 25
+_HISTORY = 25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,7 +99,7 @@ class Sheet:
         if self._history_version == self._api.context.version:
             return
         self._history_version = self._api.context.version
-        event_page = await self._api.map.history(self.name, limit=HISTORY)
+        event_page = await self._api.map.history(self.name, limit=_HISTORY)
         self._event_list.clear()
         with self._event_list:
             show_events(event_page.events, self._api.context.ontology, self._actions.show_version, self._actions.undo)

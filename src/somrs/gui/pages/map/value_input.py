@@ -15,7 +15,7 @@ UNIT_SYMBOLS = {"rad": "°", "percent": "%"}
 """Units that fields show instead of the stored ones."""
 ANGLE_DIGITS = 3
 """Rounding of degrees in fields."""
-UNIT_NAMES = {"°": "deg", "%": "percent", "€": "EUR"}
+_UNIT_NAMES = {"°": "deg", "%": "percent", "€": "EUR"}
 
 
 def unit(attribute: AttributeType) -> str:
@@ -53,7 +53,7 @@ def _number(text: str, attribute: AttributeType) -> float:
         if written_unit:
             raise InputError(f"{attribute.name} is a number without a unit; leave {written_unit!r} out")
         return number
-    source_unit = UNIT_NAMES.get(written_unit or shown_unit, written_unit or shown_unit)
+    source_unit = _UNIT_NAMES.get(written_unit or shown_unit, written_unit or shown_unit)
     value = convert_unit(number, source_unit, attribute.unit)
     if value is None:
         raise InputError(f"{attribute.name} is a number in {shown_unit}, and {text.strip()!r} cannot be expressed in it")

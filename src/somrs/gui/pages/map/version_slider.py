@@ -34,7 +34,7 @@ class VersionSlider:
             )
             self._slider.on("update:model-value", lambda event: self._on_slide(event.args), throttle=0.15)
             self._status_label = ui.label().classes("somrs-map-time-said").props('role="status"')
-            self._now_button = ui.button("Back to now", icon="update", on_click=self.show_present).props("unelevated dense no-caps")
+            self._now_button = ui.button("Back to now", icon="update", on_click=self._show_present).props("unelevated dense no-caps")
         self._timer = ui.timer(STEP_TIME, guarded(self._tick), active=False)
         self._now_button.visible = False
 
@@ -76,7 +76,7 @@ class VersionSlider:
     def _current_version(self) -> int:
         return self._shown_version if self._shown_version is not None else self._api.context.version
 
-    def show_present(self) -> None:
+    def _show_present(self) -> None:
         self._stop()
         self._shown_version = None
         self._now_button.visible = False
@@ -86,7 +86,7 @@ class VersionSlider:
     async def show_version(self, version: int) -> None:
         """Show the map at a version."""
         if version >= self._api.context.version:
-            self.show_present()
+            self._show_present()
             return
         self._shown_version = max(version, self._first_version)
         self._slider.value = self._shown_version

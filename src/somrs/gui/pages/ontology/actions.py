@@ -132,13 +132,13 @@ class Actions:
     async def undo_last(self) -> None:
         async with self._undoing:
             events = (await self._api.ontology.history(limit=100)).events
-        if (event := last_to_undo(events)) is None:
+        if (event := _last_to_undo(events)) is None:
             notify("There is nothing to undo")
         else:
             await self.undo(event)
 
 
-def last_to_undo(events: tuple[Event, ...]) -> Event | None:
+def _last_to_undo(events: tuple[Event, ...]) -> Event | None:
     """The newest change that is neither undone nor an undo, so that repeated undo goes further back."""
     undone = {event.undoes for event in events}
     return next((event for event in events if event.undoes is None and event.version not in undone), None)

@@ -13,7 +13,7 @@ from somrs.gui.pages.ontology.elements import TextTag, cell, note, row, table, t
 from somrs.gui.pages.task_text import task_key, task_path
 from somrs.ontology.naming import Renaming
 
-USERS = {WordUserKind.TASK: "running task", WordUserKind.ORDER: "standing order", WordUserKind.TEMPLATE: "template"}
+_USERS = {WordUserKind.TASK: "running task", WordUserKind.ORDER: "standing order", WordUserKind.TEMPLATE: "template"}
 
 LINE_LIMIT = 100
 """Limit of lines shown per list."""
@@ -96,7 +96,7 @@ def _show_affected(users: Sequence[WordUse]) -> None:
         with table("Kind", "Name", "Reason"):
             for affected in users[:LINE_LIMIT]:
                 with row():
-                    TextTag("td", USERS[affected.user_kind])
+                    TextTag("td", _USERS[affected.user_kind])
                     with cell():
                         _show_user(affected)
                     TextTag("td", str(affected))

@@ -22,7 +22,7 @@ READ, TABLE, COMPUTED = "attribute", "table", "computed"
 ROW_NAMES = {"attributes": "attribute", "parts": "type", "defaults": "path", "inputs": "name", "outputs": "name", "values": "key"}
 """The field that identifies the rows of each list."""
 
-BLANK: dict[str, Form] = {
+_BLANK: dict[str, Form] = {
     "types": {"name": "", "parent": "Object", "doc": "", "driver": "", "attributes": [], "parts": [], "defaults": [], "constraints": []},
     "attributes": {
         "name": "", "kind": "number", "unit": "", "tolerance": "", "minimum": "", "maximum": "", "values": "", "attributes": [], "doc": "",
@@ -67,7 +67,7 @@ class Draft(msgspec.Struct, kw_only=True):
 
 def start_draft(section: Section, definition: Definition | None, version: int, **initial_values: object) -> Draft:
     """A draft of an existing definition, or of a new one with initial values."""
-    base = form_of(definition) if definition is not None else {**_copy_form(BLANK[section.key]), **initial_values}
+    base = form_of(definition) if definition is not None else {**_copy_form(_BLANK[section.key]), **initial_values}
     original_data = msgspec.to_builtins(definition) if definition is not None else None
     name = definition.name if definition is not None else None
     return Draft(section_key=section.key, name=name, version=version, base=base, form=_copy_form(base), original_data=original_data)

@@ -94,14 +94,14 @@ def titled_dialog(title: str) -> ui.dialog:
     return ui.dialog().props(f'aria-label="{title}"')
 
 
-class OnPage(Protocol):
+class _OnPage(Protocol):
     """An object that belongs to a page in one browser."""
 
     @property
     def client(self) -> Client: ...
 
 
-S = TypeVar("S", bound=OnPage)
+S = TypeVar("S", bound=_OnPage)
 
 
 def in_page_context(action: Callable[Concatenate[S, P], Awaitable[R]]) -> Callable[Concatenate[S, P], Awaitable[R]]:

@@ -22,10 +22,10 @@ F = TypeVar("F", ui.input, ui.textarea, ui.select)
 
 CHOSEN = "value && typeof value === 'object' ? value.label : value"
 """JavaScript for the value chosen in a select."""
-ALL_CHOSEN = "(value ?? []).map((one) => typeof one === 'object' ? one.label : one)"
+_ALL_CHOSEN = "(value ?? []).map((one) => typeof one === 'object' ? one.label : one)"
 
 
-class ErrorField(Protocol):
+class _ErrorField(Protocol):
     """A field that can show an error."""
 
     error: str | None
@@ -70,7 +70,7 @@ class Fields:
 
     def __init__(self, draft: Draft, draft_storage: DraftStorage, on_change: Callable[[], None]) -> None:
         self.draft, self._draft_storage, self._on_change = draft, draft_storage, on_change
-        self._elements: dict[str, ErrorField] = {}
+        self._elements: dict[str, _ErrorField] = {}
         self._callbacks: dict[str, Callable[[], None]] = {}
 
     def value_at(self, path: str) -> Any:
@@ -174,7 +174,7 @@ class Fields:
         choices = [*dict.fromkeys([*options, *value])]
         field = ui.select(choices, label=label, value=value, multiple=True, with_input=True, on_change=self._change_handler(path))
         field.props("outlined dense options-dense use-chips")
-        return self._register_field(field, path, "", "full", "update:model-value", ALL_CHOSEN)
+        return self._register_field(field, path, "", "full", "update:model-value", _ALL_CHOSEN)
 
     def flag(self, path: str, label: str) -> ui.checkbox:
         field = ui.checkbox(label, value=self.value_at(path), on_change=self._change_handler(path)).props("dense")

@@ -91,7 +91,7 @@ class _FormParser:
             return None
         return int(value) if value is not None else None
 
-    def require_choice(self, value: str | None, path: str, noun: str) -> str:
+    def _require_choice(self, value: str | None, path: str, noun: str) -> str:
         if not value:
             self.mistakes[path] = f"choose {noun}, or remove the row"
         return value or ""
@@ -103,16 +103,16 @@ class _FormParser:
         attributes: list[str] = []
         required: list[str] = []
         for path, row in self.rows("attributes"):
-            (required if row["must"] else attributes).append(self.require_choice(row["attribute"], path, "an attribute"))
+            (required if row["must"] else attributes).append(self._require_choice(row["attribute"], path, "an attribute"))
         known_attributes = attributes_with(self.form, self.ontology)
         parts = []
         for path, row in self.rows("parts"):
             minimum = self.count(row["minimum"], f"{path}.minimum")
             maximum = self.count(row["maximum"], f"{path}.maximum")
-            parts.append({"type": self.require_choice(row["type"], f"{path}.type", "a type"), "minimum": minimum or 0, "maximum": maximum})
+            parts.append({"type": self._require_choice(row["type"], f"{path}.type", "a type"), "minimum": minimum or 0, "maximum": maximum})
         defaults: dict[str, Value] = {}
         for path, row in self.rows("defaults"):
-            name = self.require_choice(row["path"], f"{path}.path", "an attribute")
+            name = self._require_choice(row["path"], f"{path}.path", "an attribute")
             if name in defaults:
                 self.mistakes[f"{path}.path"] = f"{name} is there twice; remove one of the two"
             value = self.value(row["value"], known_attributes.get(name), f"{path}.value")
@@ -134,7 +134,7 @@ class _FormParser:
         unit = attribute.unit if attribute is not None else None
         values = [value for text in _split_list(row["values"]) if (value := self.value(text, attribute, f"{path}.values")) is not None]
         return {
-            "attribute": self.require_choice(row["attribute"], f"{path}.attribute", "an attribute"),
+            "attribute": self._require_choice(row["attribute"], f"{path}.attribute", "an attribute"),
             "minimum": self.number(row["minimum"], f"{path}.minimum", unit),
             "maximum": self.number(row["maximum"], f"{path}.maximum", unit),
             "values": values,
@@ -160,7 +160,7 @@ class _FormParser:
         return {**self.plain(*(["attributes"] if kind == Kind.COMPLEX.value else [])), **kind_fields, "kind": kind}
 
     def relation(self) -> Form:
-        joins = [self.require_choice(type, path, "a type") for path, type in self.rows("joins")]
+        joins = [self._require_choice(type, path, "a type") for path, type in self.rows("joins")]
         if not joins:
             self.mistakes["joins"] = "a relation joins at least one type"
         return {**self.plain("symmetric", "functional", "excludes"), "joins": joins}
@@ -175,7 +175,7 @@ class _FormParser:
                 table[" ".join(row["key"].split())] = value
         if source == READ and not self.form["attribute"]:
             self.mistakes["attribute"] = "choose the attribute that it reads"
-        parameters = [self.require_choice(type, path, "a type") for path, type in self.rows("parameters")]
+        parameters = [self._require_choice(type, path, "a type") for path, type in self.rows("parameters")]
         return {**self.plain("unit", *([READ] if source == READ else [])), "parameters": parameters, "values": table}
 
     def service(self) -> Form:
@@ -186,7 +186,7 @@ class _FormParser:
                 if not row["name"].strip():
                     self.mistakes[f"{path}.name"] = "give it a name"
                 name = row["name"].strip().removeprefix("?")
-                sides[side].append({"name": name, "type": self.require_choice(row["type"], f"{path}.type", "a type")})
+                sides[side].append({"name": name, "type": self._require_choice(row["type"], f"{path}.type", "a type")})
         if not self.form["effect"].strip():
             self.mistakes["effect"] = "enter the effect of the service"
         handlers = [

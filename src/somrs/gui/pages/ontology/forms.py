@@ -14,18 +14,18 @@ from somrs.gui.pages.ontology.type_form import MakeAttribute, TypeForm
 from somrs.ontology.services import PROVIDER, Occasion, ServiceKind
 from somrs.ontology.types import ROOT, Kind, Ontology
 
-NAME_HINT = "A letter, then letters, digits, _ or -"
-DEVICE = "Device"
-VALUE_TYPES = ("number", "text", "truth")
+_NAME_HINT = "A letter, then letters, digits, _ or -"
+_DEVICE = "Device"
+_VALUE_TYPES = ("number", "text", "truth")
 
-KINDS: dict[str | None, str] = {
+_KINDS: dict[str | None, str] = {
     Kind.NUMBER.value: "a number",
     Kind.TEXT.value: "a text",
     Kind.TRUTH.value: "yes or no",
     Kind.ENUMERATION.value: "one of a list",
     Kind.COMPLEX.value: "group of other attributes",
 }
-SOURCES: dict[str | None, str] = {READ: "reads an attribute", TABLE: "is a table", COMPUTED: "is computed by SO-MRS"}
+_SOURCES: dict[str | None, str] = {READ: "reads an attribute", TABLE: "is a table", COMPUTED: "is computed by SO-MRS"}
 
 
 def build_form(fields: Fields, view: OntologyView, make_attribute: MakeAttribute) -> None:
@@ -38,7 +38,7 @@ def build_form(fields: Fields, view: OntologyView, make_attribute: MakeAttribute
         SERVICES.key: _service,
     }
     with line():
-        name = fields.text("name", "Name", hint=NAME_HINT)
+        name = fields.text("name", "Name", hint=_NAME_HINT)
         if fields.draft.name is None:
             name.props("autofocus")
         if fields.draft.section_key in (TYPES.key, SERVICES.key):
@@ -81,7 +81,7 @@ def _attribute(fields: Fields, ontology: Ontology) -> None:
                     other_attributes = sorted(name for name in ontology.attributes if name != fields.draft.name)
                     fields.multiple_choice("attributes", "Made of", other_attributes)
 
-    fields.choice("kind", "Its values are", KINDS, callback=show_kind_fields)
+    fields.choice("kind", "Its values are", _KINDS, callback=show_kind_fields)
     body = ui.element("div")
     show_kind_fields()
 
@@ -132,7 +132,7 @@ def _function(fields: Fields, ontology: Ontology) -> None:
 
     _type_rows(fields, "parameters", "Parameters", ontology)
     with line():
-        fields.choice("source", "Its value", SOURCES, callback=show_source_fields)
+        fields.choice("source", "Its value", _SOURCES, callback=show_source_fields)
         fields.text("unit", "Unit", width="middle")
     body = ui.element("div")
     show_source_fields()
@@ -143,13 +143,13 @@ def _function(fields: Fields, ontology: Ontology) -> None:
 
 def _variable_types(fields: Fields, ontology: Ontology) -> dict[str, str]:
     """The types of the variables in a service's formulas."""
-    device = {PROVIDER: DEVICE} if DEVICE in ontology.types else {}
+    device = {PROVIDER: _DEVICE} if _DEVICE in ontology.types else {}
     rows = [*fields.value_at("inputs"), *fields.value_at("outputs")]
     return {**device, **{row["name"].strip().removeprefix("?"): row["type"] for row in rows if row["name"].strip() and row["type"]}}
 
 
 def _service(fields: Fields, ontology: Ontology) -> None:
-    types = [*VALUE_TYPES, *sorted(ontology.types)]
+    types = [*_VALUE_TYPES, *sorted(ontology.types)]
 
     def update_variables() -> None:
         for formula in (precondition_field, effect_field):

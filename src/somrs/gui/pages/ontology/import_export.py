@@ -14,7 +14,7 @@ from somrs.gui.pages.ontology.consequences import show_consequences
 from somrs.gui.pages.ontology.elements import TextTag, cell, note, row, table, titled_dialog
 from somrs.gui.shell import author, notify
 
-MOST_BYTES = 20_000_000
+_MOST_BYTES = 20_000_000
 
 KINDS = {".yaml": "yaml", ".yml": "yaml", ".ttl": "owl", ".owl": "owl", ".rdf": "owl", ".xml": "owl"}
 """Kind of a file by its extension."""
@@ -45,7 +45,7 @@ class Import:
             TextTag("h2", "Import definitions")
             note("A YAML file (ontology or map file) or an OWL file (Turtle, RDF/XML). You can review the changes before the import.")
             self._upload = ui.upload(
-                label="Choose or drop a file", auto_upload=True, max_file_size=MOST_BYTES, on_upload=self._receive_file
+                label="Choose or drop a file", auto_upload=True, max_file_size=_MOST_BYTES, on_upload=self._receive_file
             ).props('accept=".yaml,.yml,.ttl,.owl,.rdf,.xml" flat bordered hide-upload-btn')
             self._upload.classes("somrs-onto-upload")
             self._chosen = ui.label().classes("somrs-onto-doc")

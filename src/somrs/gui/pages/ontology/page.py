@@ -39,7 +39,7 @@ BACK_SCRIPT = '<script>window.addEventListener("popstate", () => emitEvent("somr
 """Reports the browser's back button, which goes through the definitions opened on the page."""
 CHANGE_TIMEOUT = 5.0
 """Seconds to wait until this page's ontology contains its own change."""
-NEW = "new"
+_NEW = "new"
 
 
 def register(api: LiveApi) -> None:
@@ -105,7 +105,7 @@ class OntologyPage:
             if named := query_values.get(section.word):
                 self._section, self._name = section, named[0]
                 return
-        if (fresh := query_values.get(NEW, [""])[0]) in SECTION:
+        if (fresh := query_values.get(_NEW, [""])[0]) in SECTION:
             self._section, self._name = SECTION[fresh], None
             self._drafts.setdefault(f"{fresh}:", start_draft(self._section, None, self._view.version))
         else:
@@ -124,7 +124,7 @@ class OntologyPage:
     def _address(self) -> str:
         if self._name is not None:
             return f"{PATH}?{self._section.word}={quote(self._name)}"
-        return f"{PATH}?{NEW}={self._section.key}" if self._key in self._drafts else PATH
+        return f"{PATH}?{_NEW}={self._section.key}" if self._key in self._drafts else PATH
 
     def _navigate_back(self, event: GenericEventArguments) -> None:
         self._apply_query(str(event.args).removeprefix("?"))

@@ -54,7 +54,7 @@ def number(value: float) -> str:
     return short if float(short) == value else repr(value)
 
 
-def limits(minimum: float | None, maximum: float | None, unit: str | None = None) -> str:
+def _limits(minimum: float | None, maximum: float | None, unit: str | None = None) -> str:
     """Format a range: `at least 0 kg`, `0 to 100 percent`; empty without limits."""
     unit_suffix = f" {unit}" if unit else ""
     if minimum is not None and maximum is not None:
@@ -79,7 +79,7 @@ def kind_text(attribute: AttributeType) -> str:
     """The kind of an attribute's values: `number in kg, at least 0`, `one of Red, Blue`."""
     match attribute.kind:
         case Kind.NUMBER:
-            phrases = [f"number in {attribute.unit}" if attribute.unit else "number", limits(attribute.minimum, attribute.maximum)]
+            phrases = [f"number in {attribute.unit}" if attribute.unit else "number", _limits(attribute.minimum, attribute.maximum)]
             return ", ".join(part for part in phrases if part)
         case Kind.ENUMERATION:
             return f"one of {', '.join(attribute.values)}"
@@ -102,6 +102,6 @@ def constraint_text(constraint: Constraint, unit: str | None = None) -> str:
     """The rule as a text: the limits of an attribute, or the formula."""
     if constraint.formula is not None:
         return constraint.formula
-    limit_text = limits(constraint.minimum, constraint.maximum, unit)
+    limit_text = _limits(constraint.minimum, constraint.maximum, unit)
     choice_text = f"one of {', '.join(value_text(value) for value in constraint.values)}" if constraint.values else ""
     return f"{constraint.attribute}: {', '.join(part for part in (limit_text, choice_text) if part)}"

@@ -28,7 +28,7 @@ from somrs.ontology.types import PART_OF, AttributeType, Definition, FunctionTyp
 MOST_OBJECTS = 60
 """Limit of objects listed; the map shows all."""
 
-ORDINALS = ("first", "second", "third", "fourth", "fifth")
+_ORDINALS = ("first", "second", "third", "fourth", "fifth")
 
 
 def show_definition(definition: Definition, view: OntologyView, open_definition: OpenDefinition) -> None:
@@ -151,7 +151,7 @@ def _relations(type: ObjectType, view: OntologyView, open_definition: OpenDefini
                     definition_link(open_definition, RELATIONS, relation.name)
                 with cell():
                     definition_links(open_definition, TYPES, list(relation.joins))
-                TextTag("td", "any of them" if len(places) == len(relation.joins) else " or ".join(ORDINALS[place] for place in places))
+                TextTag("td", "any of them" if len(places) == len(relation.joins) else " or ".join(_ORDINALS[place] for place in places))
 
 
 def _services(type: ObjectType, view: OntologyView, open_definition: OpenDefinition) -> None:

@@ -16,8 +16,8 @@ from somrs.ontology.types import AttributeType, Kind
 MakeAttribute = Callable[[Callable[[str], None]], None]
 """Lets the user create an attribute; the callback receives its name."""
 
-RULES: dict[str | None, str] = {LIMITS: "limits of an attribute", FORMULA: "a formula"}
-TRUTHS: dict[str | None, str] = {"true": "yes", "false": "no"}
+_RULES: dict[str | None, str] = {LIMITS: "limits of an attribute", FORMULA: "a formula"}
+_TRUTHS: dict[str | None, str] = {"true": "yes", "false": "no"}
 
 
 class TypeForm:
@@ -107,10 +107,10 @@ class TypeForm:
         """A field for a value of the attribute."""
         if attribute is None or not _listed(attribute):
             return self._fields.text(path, "Value", width="middle", suffix=_unit(attribute))
-        return self._fields.choice(path, "Value", TRUTHS if attribute.kind is Kind.TRUTH else attribute.values, width="middle")
+        return self._fields.choice(path, "Value", _TRUTHS if attribute.kind is Kind.TRUTH else attribute.values, width="middle")
 
     def _rule(self, path: str) -> None:
-        self._fields.choice(f"{path}.sort", "Rule", RULES, width="middle", callback=lambda: self._rebuild_rules())
+        self._fields.choice(f"{path}.sort", "Rule", _RULES, width="middle", callback=lambda: self._rebuild_rules())
         if self._fields.value_at(f"{path}.sort") == FORMULA:
             hint = "?Self is the object; other typed variables are parts of it"
             object_type = type_from_form(self._fields.draft.form, self._fields.draft.name or "type")
