@@ -258,17 +258,6 @@ class Scene:
                     fingers.add(self._geom_body[finger_geom].rsplit("/", 1)[1])
         return fingers
 
-    def finger_contacts(self, robot: str) -> set[str]:
-        """The names of the objects that a robot's fingers touch."""
-        fingers = (f"{robot}/left", f"{robot}/right")
-        pairs = [(int(first_geom), int(second_geom)) for first_geom, second_geom in self.data.contact.geom]
-        return {
-            self._owner[o]
-            for first_geom, second_geom in pairs
-            for m, o in ((first_geom, second_geom), (second_geom, first_geom))
-            if self._geom_body[m] in fingers and self._owner[o] != robot
-        }
-
     def robot_contacts(self) -> set[tuple[str, str]]:
         """The pairs of objects in contact of which at least one is a robot, without robots and the things that they hold."""
         contacts = set()
