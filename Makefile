@@ -61,7 +61,7 @@ browser: setup
 
 # Slow suites: each prints `N passed, N failed`.
 scenarios: setup
-	@$(BIN)/python scripts/scenarios.py --runs $(RUNS)
+	@$(BIN)/python -m verification.scenarios --runs $(RUNS)
 
 fault-runs: setup
 	@$(BIN)/python -m verification.fault_runs $(if $(SEED),--seed $(SEED),--runs $(or $(N),1000) --seed-base $(or $(SEED_BASE),0))

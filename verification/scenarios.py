@@ -1,6 +1,6 @@
 """Plays Scenario 1b many times, each time with other initial positions of robots and jar and another moment of failure.
 
-    python scripts/scenarios.py [--runs 20] [--first 1]
+    python -m verification.scenarios [--runs 20] [--first 1]
 
 The last line is `N passed, N failed`. out/scenarios/<seed>/ has the files of each run, with the reason of a failure.
 """
