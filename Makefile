@@ -12,7 +12,7 @@ JOBS ?= auto
 MORE_JOBS ?= $(shell echo $$((2 * $$(getconf _NPROCESSORS_ONLN))))
 AT_ONCE := --numprocesses $(MORE_JOBS) --dist loadscope --no-loadscope-reorder
 
-.PHONY: setup demo test tests lint javascript unit integration system properties browser scenarios fault-runs model-check benchmarks bench-codmap bench-coordination docs docs-site distribution clean kill-runs upgrade-runs mutants
+.PHONY: setup demo test tests lint javascript unit coverage integration system properties browser scenarios fault-runs model-check benchmarks bench-codmap bench-coordination docs docs-site distribution clean kill-runs upgrade-runs mutants
 
 setup: .venv/.ready
 
@@ -32,6 +32,10 @@ tests: setup
 
 unit: setup
 	@$(BIN)/pytest tests/unit --numprocesses $(JOBS) --dist worksteal
+
+# Unit and integration tests, and the share of the lines of src that they run.
+coverage: setup
+	@scripts/coverage tests/unit tests/integration $(AT_ONCE)
 
 integration: setup
 	@$(BIN)/pytest tests/integration $(AT_ONCE)
