@@ -20,21 +20,21 @@ from somrs.errors import SomrsError
 
 
 def main() -> int:
-    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    arguments.add_argument("--runs", type=int, default=20, help="number of runs")
-    arguments.add_argument("--first", type=int, default=1, help="the first seed; the others follow")
-    arguments.add_argument("--out", type=Path, default=Path("out/scenarios"))
-    wanted = arguments.parse_args()
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--runs", type=int, default=20, help="number of runs")
+    parser.add_argument("--first", type=int, default=1, help="the first seed; the others follow")
+    parser.add_argument("--out", type=Path, default=Path("out/scenarios"))
+    options = parser.parse_args()
     passed = failed = 0
     bar = Progress(TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with bar:
-        runs = bar.add_task("Scenario 1b", total=wanted.runs)
-        for seed in range(wanted.first, wanted.first + wanted.runs):
-            out = wanted.out / str(seed)
-            out.mkdir(parents=True, exist_ok=True)
-            log = wanted.out / f"{seed}.log"
+        runs = bar.add_task("Scenario 1b", total=options.runs)
+        for seed in range(options.first, options.first + options.runs):
+            folder = options.out / str(seed)
+            folder.mkdir(parents=True, exist_ok=True)
+            log = options.out / f"{seed}.log"
             with log.open("w", encoding="utf-8") as file:
-                good = _played(seed, out, Console(file=file, width=160, highlight=False))
+                good = _played(seed, folder, Console(file=file, width=160, highlight=False))
             passed, failed = passed + good, failed + (not good)
             bar.console.print(f"seed {seed}: {'passed' if good else f'FAILED, see {log}'}")
             bar.advance(runs)
@@ -42,9 +42,9 @@ def main() -> int:
     return 1 if failed else 0
 
 
-def _played(seed: int, out: Path, console: Console) -> bool:
+def _played(seed: int, folder: Path, console: Console) -> bool:
     try:
-        return asyncio.run(play("1b", out, seed, console)) == 0
+        return asyncio.run(play("1b", folder, seed, console)) == 0
     except SomrsError as error:
         console.print(f"{type(error).__name__}: {error}")
         return False
