@@ -33,6 +33,7 @@ from somrs.task_manager.manager import SCHEMA as TASK_MANAGER
 from somrs.task_manager.timers import AnswerDue, BidsDue, PlanWanted, SilenceDue
 from tests.support.bodies import KINDS, messages
 from tests.support.examples import examples
+from tests.support.hang import HANG_TIME
 from tests.support.killed_writer import run_until_killed
 from tests.support.ledger import SCHEMA, Ledger, LedgerState, amount_message, doubled
 
@@ -275,7 +276,7 @@ def test_what_comes_together_is_written_together(shelf: Shelf) -> None:
             time.sleep(0)
     assert rows() == row_count + 30
     release_event = threading.Event()
-    busy = disk.read(lambda db: release_event.wait(60))
+    busy = disk.read(lambda db: release_event.wait(HANG_TIME))
     for _ in range(300):
         shelf.feed(TimerFired("tick"))
     release_event.set()

@@ -63,7 +63,7 @@ class Brake:
         disk.write(lambda db: self._wait())
 
     def _wait(self) -> None:
-        assert self._release_event.wait(60)
+        assert self._release_event.wait(HANG_TIME)
 
     def release(self) -> None:
         self._release_event.set()

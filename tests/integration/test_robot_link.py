@@ -859,7 +859,7 @@ def test_the_program_serves_a_map_until_it_is_told_to_end(tmp_path: Path) -> Non
 
         run(test())
         program.send_signal(signal.SIGTERM)
-        assert program.wait(60) == 0
+        assert program.wait(HANG_TIME) == 0
 
 
 @pytest.mark.parametrize(

@@ -62,7 +62,7 @@ def test_it_runs_with_the_core_alone(tmp_path: Path) -> None:
                     assert (await api.tasks.submit(Submit(effect="Jar002 isOn ?Shelf: Cupboard"))).task
             finally:
                 process.terminate()
-                process.wait(10)
+                process.wait(HANG_TIME)
 
     asyncio.run(run())
 

@@ -178,7 +178,7 @@ def test_a_new_kind_of_device_joins_while_the_system_runs(tmp_path: Path) -> Non
                 assert (await operator.observe("Jar002")).support == "Platform001"
             finally:
                 washer.send_signal(signal.SIGTERM)
-                assert await asyncio.to_thread(washer.wait, 20) == 0
+                assert await asyncio.to_thread(washer.wait, HANG_TIME) == 0
             assert "Washer001.WashJar" not in {offer.service for offer in await client.services()}
             late_view = await accomplish(client, "Jar003 wasWashedBy Washer001")
             assert late_view.outcome is Outcome.FAILED
