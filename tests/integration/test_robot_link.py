@@ -60,6 +60,7 @@ from somrs.devices.simulator.link.lines import (
 )
 from somrs.devices.simulator.link.link import OperatorLink, RobotLink
 from somrs.devices.simulator.server.connections import MOST_STATES
+from somrs.devices.simulator.server.pictures import Pictures
 from somrs.devices.simulator.server.server import Server
 from somrs.errors import RemoteError, SimulationError, UsageError, WireError
 from somrs.ontology.objects import Object
@@ -782,6 +783,41 @@ def test_a_picture_is_a_png_or_there_is_a_clear_word() -> None:
             assert png.startswith(b"\x89PNG") or "OpenGL" in message
             with pytest.raises(UsageError, match="Jar9"):
                 await operator.picture("Jar9")
+
+    run(test())
+
+
+def test_pictures_of_a_robot_that_carries_are_taken_at_that_moment(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def test() -> None:
+        async with (
+            simulator() as server,
+            RobotLink(server.host, server.port, "Robot1") as robot,
+            OperatorLink(server.host, server.port) as operator,
+        ):
+
+            def describe_robot(pictures: Pictures, subject: str | None) -> bytes:
+                state = server.simulation.state("Robot1")
+                return json.dumps([subject, state.holding, state.x, state.y]).encode()
+
+            monkeypatch.setattr(Pictures, "take", describe_robot)
+            for planned, trouble in (
+                ({"robot": "Robot9", "carried": 1.0}, "there is no robot Robot9"),
+                ({"robot": "Robot1"}, "takes `robot`, and `carried`"),
+                ({"carried": 1.0}, "takes `robot`, and `carried`"),
+            ):
+                with pytest.raises(UsageError, match=trouble):
+                    await operator.picture("Jar1", **planned)
+            requests = [asyncio.create_task(operator.picture("Jar1", robot="Robot1", carried=metres)) for metres in (0.0, 1.0)]
+            await robot.approach("Jar1")
+            await robot.grip("Jar1")
+            await robot.approach("Platform1")
+            (_, _, *gripped), (subject, holding, *carried) = [json.loads(await request) for request in requests]
+            assert (subject, holding) == ("Jar1", "Jar1")
+            assert 0.7 < math.dist(gripped, carried) < 1.1
+            left = asyncio.create_task(operator.picture("Jar1", robot="Robot1", carried=90.0))
+            await robot.place("Platform1")
+            assert not left.done()
+            left.cancel()
 
     run(test())
 

@@ -82,9 +82,14 @@ class Clock(Struct, frozen=True, kw_only=True, tag="clock", tag_field="ask"):
 
 
 class Picture(Struct, frozen=True, kw_only=True, tag="picture", tag_field="ask"):
-    """Request a picture of the world, or of an object and its surroundings, as PNG."""
+    """Request a picture of the world, or of an object and its surroundings, as PNG.
+
+    With `robot` and `carried`, the answer comes as soon as the robot has carried an object for so many metres; 0: as soon as it holds one.
+    """
 
     subject: str | None = None
+    robot: str | None = None
+    carried: Annotated[float, Meta(ge=0)] | None = None
 
 
 class Ways(Struct, frozen=True, kw_only=True, tag="ways", tag_field="ask"):

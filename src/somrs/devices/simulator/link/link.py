@@ -216,9 +216,12 @@ class OperatorLink(Link):
         assert answer.time is not None, "the answer to `clock`"
         return Reading(time=answer.time, speed=answer.speed)
 
-    async def picture(self, subject: str | None = None) -> bytes:
-        """A PNG of the world, or of an object and its surroundings. Raises SimulationError when there is no OpenGL."""
-        return (await self._ask(Picture(subject=subject))).png or b""
+    async def picture(self, subject: str | None = None, *, robot: str | None = None, carried: float | None = None) -> bytes:
+        """A PNG of the world, or of an object and its surroundings. Raises SimulationError when there is no OpenGL.
+
+        With `robot` and `carried`, waits until the robot has carried an object for so many metres; 0: until it holds one.
+        """
+        return (await self._ask(Picture(subject=subject, robot=robot, carried=carried))).png or b""
 
     async def ways(self, robot: str, *stops: str | tuple[float, float]) -> tuple[float | None, ...]:
         """Driving distances in metres to the first stop, from there to the next, and so on; None where there is no path."""

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from somrs.devices.simulator.link.commands import Fault
 from somrs.devices.simulator.link.lines import Break
+from somrs.devices.simulator.server.carrying import CarriedDistance
 from somrs.devices.simulator.server.simulation import Simulation
 from somrs.errors import UsageError
 
@@ -17,9 +17,7 @@ class _PlannedFault:
     request: Break
     due_time: float
     """Earliest simulated time of the fault."""
-    holding: str | None = None
-    last_position: tuple[float, float] = (0.0, 0.0)
-    carried: float = 0.0
+    carried_distance: CarriedDistance = field(default_factory=CarriedDistance)
     released: bool = False
     """Whether the robot has held something since the request."""
     activity: str | None = None
@@ -58,13 +56,8 @@ class Schedule:
     def _carried_enough(self, planned_fault: _PlannedFault) -> bool:
         if planned_fault.request.carried is None:
             return True
-        state = self._simulation.state(planned_fault.request.robot)
-        if state.holding is None or state.holding != planned_fault.holding:
-            planned_fault.holding, planned_fault.carried = state.holding, 0.0
-        else:
-            planned_fault.carried += math.dist(planned_fault.last_position, (state.x, state.y))
-        planned_fault.last_position = (state.x, state.y)
-        return state.holding is not None and planned_fault.carried >= planned_fault.request.carried
+        metres = planned_fault.carried_distance.measure(self._simulation.state(planned_fault.request.robot))
+        return metres is not None and metres >= planned_fault.request.carried
 
     def _released(self, planned_fault: _PlannedFault) -> bool:
         """Whether the robot has released what it held, has ended that activity, and has drawn its arm in."""

@@ -10,6 +10,7 @@ import asyncio
 import contextlib
 import logging
 import time
+from collections.abc import Iterator
 
 from somrs.devices.simulator.link.commands import CommandDone, CommandGivenUp, Fault
 from somrs.devices.simulator.link.lines import (
@@ -42,8 +43,8 @@ from somrs.devices.simulator.link.lines import (
 from somrs.devices.simulator.server.connections import Connection, ConnectionClosing, Connections
 from somrs.devices.simulator.server.driving_distances import leg_lengths
 from somrs.devices.simulator.server.faults import Schedule
+from somrs.devices.simulator.server.pictures import Pictures
 from somrs.devices.simulator.server.simulation import Simulation
-from somrs.devices.simulator.world.camera import Camera, close_up
 from somrs.errors import SimulationError, UsageError, WireError
 from somrs.ports import bound
 
@@ -67,7 +68,7 @@ class Server:
         self._schedule = Schedule(simulation)
         self._connections = Connections(simulation)
         self._wake = asyncio.Event()
-        self._camera: Camera | None = None
+        self._pictures = Pictures(simulation)
 
     async def start(self) -> None:
         """Listen, start the simulated time, and set `port` to the actual port."""
@@ -85,8 +86,7 @@ class Server:
         self._running.cancel()
         for connection in self._connections:
             connection.writer.close()
-        if self._camera is not None:
-            self._camera.close()
+        self._pictures.close()
         await asyncio.wait({self._running})
         if not self._running.cancelled():
             self._running.result()
@@ -120,7 +120,7 @@ class Server:
         while True:
             lag = (time.monotonic() - start_time) * speed + origin - self.simulation.time
             if resting := lag > 0 and self.simulation.rest(self.simulation.time + lag):
-                self._break_due()
+                self._carry_out_due()
             elif lag > 0:
                 if lag > MAX_LAG * speed:
                     start_time, origin = time.monotonic(), self.simulation.time
@@ -146,15 +146,18 @@ class Server:
         end = time.monotonic() + seconds
         while self.simulation.time < until_time:
             self.simulation.step()
-            self._break_due()
+            self._carry_out_due()
             self._connections.tell_states()
             if time.monotonic() > end or (self._connections.any_waits_for_rest and not self.simulation.busy):
                 break
 
-    def _break_due(self) -> None:
-        """Inject the scheduled faults that are due."""
+    def _carry_out_due(self) -> None:
+        """Inject the scheduled faults and take the planned pictures that are due."""
         for robot, fault in self._schedule.due():
             self._fault(robot, fault)
+        for connection, id, subject in self._pictures.due():
+            with _refusing(connection, id):
+                connection.send_line(Answer(id=id, png=self._pictures.take(subject)))
 
     # Connections
 
@@ -194,20 +197,16 @@ class Server:
         connection.send_line(Welcome(robot=hello.robot, time=self.simulation.time))
 
     def _hear(self, connection: Connection, line: bytes) -> None:
-        id: int | None = None
-        try:
+        with _refusing(connection):
             message = read_by_server(line)
-            match message:
-                case Order(id=id):
-                    self._command(connection, message)
-                case Ask(id=id, question=question):
-                    self._ask(connection, id, question)
-                case Hello():
-                    raise WireError("not-allowed", "hello was sent already; a connection is for one robot")
-        except WireError as error:
-            connection.send_line(Refused(id=id, reason=error.code, description=error.text))
-        except UsageError as error:
-            connection.send_line(Refused(id=id, reason="not-possible", description=str(error)))
+            with _refusing(connection, None if isinstance(message, Hello) else message.id):
+                match message:
+                    case Order():
+                        self._command(connection, message)
+                    case Ask(id=id, question=question):
+                        self._ask(connection, id, question)
+                    case Hello():
+                        raise WireError("not-allowed", "hello was sent already; a connection is for one robot")
         self._wake.set()
 
     def _command(self, connection: Connection, order: Order) -> None:
@@ -253,8 +252,11 @@ class Server:
                 answer = Answer(id=id, robots={name: self.simulation.state(name) for name in self.simulation.robots})
             case Clock():
                 answer = Answer(id=id, time=self.simulation.time, speed=self.speed)
-            case Picture(subject=subject):
-                answer = Answer(id=id, png=self._picture(subject))
+            case Picture(subject=subject, robot=None, carried=None):
+                answer = Answer(id=id, png=self._pictures.take(subject))
+            case Picture():
+                self._pictures.plan(connection, id, question)
+                return
             case Ways(robot=robot, stops=stops):
                 answer = Answer(id=id, lengths=leg_lengths(self.simulation, robot, stops))
             case Move(object=name, x=x, y=y, z=z, yaw=yaw):
@@ -266,20 +268,21 @@ class Server:
                 return
         connection.send_line(answer)
 
-    def _picture(self, subject: str | None) -> bytes:
-        scene = self.simulation.scene
-        if subject is not None and subject not in scene.world.solids:
-            raise UsageError(f"{subject} is not in the simulated world")
-        try:
-            self._camera = self._camera or Camera(scene)
-            return self._camera.picture(close_up(scene, subject) if subject is not None else None)
-        except SimulationError as error:
-            raise WireError("no-graphics", str(error)) from None
-
     def _fault(self, robot: str, fault: Fault) -> None:
         self.simulation.fault(robot, fault)
         if fault is Fault.LINK:
             self._connections.cut_link(robot)
+
+
+@contextlib.contextmanager
+def _refusing(connection: Connection, id: int | None = None) -> Iterator[None]:
+    """Send the error of a request as a refusal of the order or question with this id; None: of no particular one."""
+    try:
+        yield
+    except WireError as error:
+        connection.send_line(Refused(id=id, reason=error.code, description=error.text))
+    except UsageError as error:
+        connection.send_line(Refused(id=id, reason="not-possible", description=str(error)))
 
 
 async def _next_line(reader: asyncio.StreamReader) -> bytes:

@@ -1,0 +1,68 @@
+"""Pictures of the simulated world: now, or as soon as a robot has carried an object for some distance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from somrs.devices.simulator.link.lines import Picture
+from somrs.devices.simulator.server.carrying import CarriedDistance
+from somrs.devices.simulator.server.connections import Connection
+from somrs.devices.simulator.server.simulation import Simulation
+from somrs.devices.simulator.world.camera import Camera, close_up
+from somrs.errors import SimulationError, UsageError, WireError
+
+
+@dataclass(slots=True)
+class _PlannedPicture:
+    connection: Connection
+    id: int
+    subject: str | None
+    robot: str
+    carried: float
+    carried_distance: CarriedDistance = field(default_factory=CarriedDistance)
+
+
+class Pictures:
+    """Takes pictures of a simulation. The camera is created with the first picture, because it needs OpenGL."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        self._simulation = simulation
+        self._camera: Camera | None = None
+        self._planned: list[_PlannedPicture] = []
+
+    def take(self, subject: str | None) -> bytes:
+        """A PNG of the world, or of an object and its surroundings. Raises UsageError for an unknown object, WireError without OpenGL."""
+        scene = self._simulation.scene
+        if subject is not None and subject not in scene.world.solids:
+            raise UsageError(f"{subject} is not in the simulated world")
+        try:
+            self._camera = self._camera or Camera(scene)
+            return self._camera.picture(close_up(scene, subject) if subject is not None else None)
+        except SimulationError as error:
+            raise WireError("no-graphics", str(error)) from None
+
+    def plan(self, connection: Connection, id: int, request: Picture) -> None:
+        """Plan a picture whose time a robot's carrying decides. Raises UsageError for an unknown robot, or without one."""
+        robot, carried = request.robot, request.carried
+        if robot is None or carried is None:
+            raise UsageError("a picture at a later time takes `robot`, and `carried`: the metres for which the robot has carried an object")
+        if robot not in self._simulation.linked:
+            raise UsageError(f"there is no robot {robot}; there are {', '.join(self._simulation.linked) or 'none'}")
+        self._planned.append(_PlannedPicture(connection, id, request.subject, robot, carried))
+
+    def due(self) -> Iterator[tuple[Connection, int, str | None]]:
+        """Remove and yield the planned pictures that are due. Call it once per control period."""
+        for picture in list(self._planned):
+            if picture.connection.writer.transport.is_closing() or picture.robot not in self._simulation.linked:
+                self._planned.remove(picture)
+                continue
+            metres = picture.carried_distance.measure(self._simulation.state(picture.robot))
+            if metres is not None and metres >= picture.carried:
+                self._planned.remove(picture)
+                yield picture.connection, picture.id, picture.subject
+
+    def close(self) -> None:
+        """Free the camera."""
+        if self._camera is not None:
+            self._camera.close()
