@@ -102,7 +102,7 @@ def test_a_task_is_watched_as_its_robot_fails_and_another_takes_over(system: Run
     page.get_by_role("link", name="Jar002 isOn Platform001").first.focus()
     page.keyboard.press("Enter")
     expect(page.get_by_role("heading", name="Jar002 isOn Platform001")).to_be_visible()
-    expect(panel(page, "Plan").get_by_role("button", name="step1: TransferObject, Jar002, Platform001")).to_be_visible()
+    expect(panel(page, "Plan").get_by_role("button", name="TransferObject, step1, Jar002, Platform001")).to_be_visible()
     take_screenshot(page, "task-under-way-1280-light")
 
     story = panel(page, "Story")
@@ -115,7 +115,7 @@ def test_a_task_is_watched_as_its_robot_fails_and_another_takes_over(system: Run
     expect(message(page, "Arrange")).to_have_count(3)
     expect(page.locator("header").filter(has_text="Jar002 isOn Platform001")).to_contain_text("Accomplished")
     expect(panel(page, "Timeline")).to_contain_text("Robot2")
-    expect(panel(page, "Plan").get_by_role("button", name="step1: TransferObject, Jar002, Platform001: done")).to_be_visible()
+    expect(panel(page, "Plan").get_by_role("button", name="TransferObject, step1, Jar002, Platform001, done")).to_be_visible()
 
     terms = panel(page, "Terms")
     for words in ("10 EUR", "25 EUR", "Chosen, failed", "Chosen, done", "another service was chosen by price"):

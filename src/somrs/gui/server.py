@@ -60,6 +60,7 @@ def _application(api: LiveApi, data: Path) -> FastAPI:
     pages = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
     pages.mount("/api", Proxy(api.client))
     app.add_static_file(local_file=str(resources.files("somrs.gui").joinpath("look.css")), url_path="/look/look.css")
+    app.config.quasar_config["loadingBar"]["skipHijack"] = True  # no bar for requests: it has no name, and no page waits for one
     for page_module in (start, map, ontology, define, tasks, fleet, history):
         page_module.register(api)
     ui.run_with(

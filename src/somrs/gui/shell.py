@@ -55,7 +55,9 @@ for popup in (ui.select, ui.menu, ui.dialog):
 
 @contextmanager
 def page(title: str, path: str, api: LiveApi) -> Iterator[None]:
-    """Add the frame of a page; the elements made inside are its content. `path`: the navigation entry to highlight."""
+    """Add the frame of a page; the elements made inside are its content. `path`: the navigation entry to highlight.
+
+    The main landmark takes the focus when the page has loaded, so that the keyboard and screen readers begin at the content."""
     ui.page_title(f"{title} · SO-MRS")
     ui.add_head_html(f'<link rel="stylesheet" href="{_STYLESHEET}">')
     dark = ui.dark_mode(value=app.storage.user.get("dark"))
@@ -73,10 +75,12 @@ def page(title: str, path: str, api: LiveApi) -> Iterator[None]:
         button = ui.button().props("flat round dense").classes("somrs-turn")
         button.props(f"icon={_icon(dark.value)} aria-label='Colour theme'").tooltip("Colour theme: light, dark, or as in the system")
         button.on_click(lambda: _switch_theme(dark, button))
-    with ui.element("main").classes("somrs-main") as content:
+    with ui.element("div").classes("somrs-main"):
         yield
     ApiUnavailableBanner(api.context.hub)
-    ui.skip_link("Skip to the content", target=content)
+    [main] = ui.context.client.page_container.default_slot.children  # Quasar's page, a `main` element
+    main.props(f'tabindex="-1" autofocus aria-label="{title}"')
+    ui.skip_link("Skip to the content", target=main)
 
 
 def _page_link(place: PageLink, *, is_current: bool) -> None:

@@ -42,7 +42,7 @@ class TaskHeader:
                 if view.precondition:
                     _fact("Precondition").set_text(view.precondition)
                 _fact("Id").set_text(task_key(view.task)[:8])
-            self._reason_list = ui.element("ul").classes("somrs-task-why").props('role="status"')
+            self._reason_status = ui.element("div").props('role="status"')
         self._shown_reasons: tuple[str, ...] | None = None
         self._clock = ui.timer(1.0, self._tick)
         self.render(view)
@@ -77,12 +77,12 @@ class TaskHeader:
         current_reasons = reasons(view)
         if current_reasons != self._shown_reasons:
             self._shown_reasons = current_reasons
-            self._reason_list.clear()
-            with self._reason_list:
+            self._reason_status.clear()
+            with self._reason_status, ui.element("ul").classes("somrs-task-why"):
                 for reason in current_reasons:
                     with ui.element("li"):
                         ui.label(reason_text(reason)).tooltip(reason)
-        self._reason_list.visible = bool(current_reasons)
+        self._reason_status.visible = bool(current_reasons)
         if is_ended:
             self._clock.deactivate()
         self._tick()

@@ -23,7 +23,7 @@ export default {
         <label><input type="checkbox" v-model="beats" /> All heartbeats</label>
         <span class="somrs-soft" role="status">{{ counted }}</span>
       </div>
-      <div ref="view" class="somrs-chart-view" tabindex="0" role="listbox" aria-label="Messages" :aria-activedescendant="active"
+      <div ref="view" class="somrs-chart-view" tabindex="0" :role="count ? 'listbox' : 'group'" aria-label="Messages" :aria-activedescendant="active"
         @scroll.passive="onScroll" @keydown="onKey" @click="onClick">
         <svg ref="heads" class="somrs-chart-heads" height="50" aria-hidden="true"></svg>
         <div ref="rows"></div>
@@ -185,14 +185,14 @@ export default {
       const x = this.place(message.service);
       const [from, to] = message.asked ? [FIRST, x - 1] : [x, FIRST + 1];
       const middle = x - this.column / 2;
-      const note = said(message);
+      const note = fitting(said(message), this.column - 22, 5.9);
       const kind = BAD.has(message.type) ? "somrs-msg-bad" : GOOD.has(message.type) ? "somrs-msg-good" : "";
       const start = this.messages[0].at;
-      return `<g class="somrs-msg ${kind}" id="${this.name(number)}" data-n="${number}" role="option" aria-selected="false" aria-label="${escaped(saidOf(message, start))}">
+      return `<g class="somrs-msg ${kind}" id="${this.name(number)}" data-n="${number}" role="option" aria-selected="false" aria-label="${escaped(saidOf(message, start, note))}">
         <rect class="somrs-msg-row" x="0" y="${y - 20}" width="${this.width()}" height="${ROW}"/><text class="somrs-msg-time" x="${GUTTER - 8}" y="${y + 4}">${since(message.at - start)}</text>
         <path d="M${from} ${y}H${to}"/><path class="somrs-tip" d="M${to} ${y}l${message.asked ? -9 : 9} -4.5v9z"/>
         <text class="somrs-msg-type" x="${middle}" y="${y - 6}">${escaped(message.type)}</text>
-        ${note ? `<text class="somrs-msg-note" x="${middle}" y="${y + 12}">${escaped(fitting(note, this.column - 22, 5.9))}</text>` : ""}</g>`;
+        ${note ? `<text class="somrs-msg-note" x="${middle}" y="${y + 12}">${escaped(note)}</text>` : ""}</g>`;
     },
     name(number) {
       return `somrs-msg-${this.own}-${number}`;

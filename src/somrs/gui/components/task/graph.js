@@ -111,11 +111,11 @@ export default {
       if (box.dataset.told === told) return;
       box.dataset.told = told;
       box.setAttribute("class", `somrs-node ${look(state)}${this.chosen === step.step ? " somrs-node-chosen" : ""}`);
-      box.setAttribute("aria-label", `${step.step}: ${step.service_type}, ${inputs(step)}: ${said}${tries ? `, ${failures(tries)}` : ""}`);
       box.querySelector(".somrs-node-part").setAttribute("width", state === "Executing" ? Math.max(4, step.fraction * WIDE) : 0);
       box.querySelector(".somrs-node-sign").innerHTML = this.task ? sign(state) : "";
       box.querySelector(".somrs-node-says").textContent = this.task ? fitting(said, tries ? WIDE - 90 : WIDE - 22, 6.3) : "";
-      box.querySelector(".somrs-node-tries").textContent = tries ? `✘ ${tries} failed` : "";
+      box.querySelector(".somrs-node-tries").textContent = tries ? `${tries} failed` : "";
+      box.setAttribute("aria-label", named(box, [step.service_type, step.step, inputs(step), said, ...(tries ? [`${tries} failed`] : [])].join(", ")));
     },
     box(step) {
       return this.$refs.drawing?.querySelector(`[data-step="${CSS.escape(step)}"]`);
@@ -215,7 +215,12 @@ export default {
 const key = (step) => JSON.stringify([step.step, step.service_type, step.inputs]);
 const inputs = (step) => Object.values(step.inputs).join(", ");
 const device = (service) => service.split(".")[0];
-const failures = (count) => (count === 1 ? "1 try failed" : `${count} tries failed`);
+
+// The accessible name of a step. It begins with the text that is seen, as speech input needs it; this may be cut.
+function named(box, full) {
+  const seen = [...box.querySelectorAll("text")].map((part) => part.textContent).filter(Boolean).join(", ");
+  return full.startsWith(seen) ? full : `${seen}; ${full}`;
+}
 
 function words(step, state) {
   const going = state === "Executing" ? ` ${Math.round(step.fraction * 100)} %` : "";

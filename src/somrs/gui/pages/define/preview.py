@@ -181,7 +181,8 @@ def _quotes(preview: Previewed) -> None:
     by_step: dict[str, list[Quotation]] = {}
     for quotation in preview.quotations:
         by_step.setdefault(quotation.step, []).append(quotation)
-    with ui.element("div").classes("somrs-terms-view"), ui.element("table").classes("somrs-terms"):
+    view = ui.element("div").classes("somrs-terms-view").props('tabindex="0" role="group" aria-label="Terms by step"')
+    with view, ui.element("table").classes("somrs-terms"):
         with ui.element("thead"), ui.element("tr"):
             for name in ("Service", "Price", "From – until", "Result"):
                 with ui.element("th").props('scope="col"'):

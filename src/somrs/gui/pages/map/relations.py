@@ -94,9 +94,9 @@ class Relations:
             for fact in facts[:MAX_FACTS]:
                 self._row(fact)
             if len(facts) > MAX_FACTS:
-                ui.label(f"and {len(facts) - MAX_FACTS} more").classes("somrs-soft")
+                _note(f"and {len(facts) - MAX_FACTS} more")
             if not facts:
-                ui.label("No relations.").classes("somrs-soft")
+                _note("No relations.")
 
     def _row(self, fact: Fact) -> None:
         with ui.element("li").classes("somrs-map-fact"):
@@ -168,3 +168,8 @@ class Relations:
         self._form.clear()
         with self._form:
             ui.button("Add a relation", icon="add_link", on_click=self._open).props("flat dense no-caps")
+
+
+def _note(text: str) -> None:
+    with ui.element("li").classes("somrs-soft"):
+        ui.label(text)

@@ -67,7 +67,7 @@ test("the chart has a row for each message, but not for every sign of life", asy
   const element = await shown(chart);
   assert.equal(text(element.querySelector('[role="status"]')), "4 of 5 messages");
   assert.deepEqual(rows(element).map((row) => text(row.querySelector(".somrs-msg-type"))), ["Arrange", "Terms", "Execute", "Progress"]);
-  assert.match(rows(element)[1].getAttribute("aria-label"), /Robot1.Move to Task Manager: Terms, 4 EUR, 20 s/);
+  assert.match(rows(element)[1].getAttribute("aria-label"), /s, Terms, 4 EUR, 20 s, Robot1.Move to Task Manager/);
   element.querySelector("input").click();
   await settled();
   assert.equal(rows(element).length, 5);
@@ -119,13 +119,22 @@ test("an empty chart says so", async () => {
 test("the graph tells how each step goes", async () => {
   const element = await shown(graph, { label: "The plan" });
   const boxes = [...element.querySelectorAll(".somrs-node")];
-  assert.equal(boxes[0].getAttribute("aria-label"), "step1: Move, Jar001: at work 50 % · Robot1");
-  assert.equal(boxes[1].getAttribute("aria-label"), "step2: Grip, Jar001: not arranged yet");
+  assert.equal(boxes[0].getAttribute("aria-label"), "Move, step1, Jar001, at work 50 % · Robot1");
+  assert.equal(boxes[1].getAttribute("aria-label"), "Grip, step2, Jar001, not arranged yet");
   assert.equal(element.querySelectorAll(".somrs-edge").length, 1);
   task.view.steps[0] = step("step1", [], { state: "Completed", service: "Robot1.Move" });
   await news();
   assert.equal(element.querySelector(".somrs-node"), boxes[0], "what stays is not drawn anew");
   assert.match(boxes[0].getAttribute("class"), /somrs-is-good/);
+});
+
+test("the name of a step begins with the text that is seen, also where this is cut", async () => {
+  task.view.steps = [step("step1", [], { inputs: { thing: "TheJarWithTheVeryVeryLongName001" } })];
+  const element = await shown(graph);
+  const box = element.querySelector(".somrs-node");
+  const seen = [...box.querySelectorAll("text")].map((part) => part.textContent).filter(Boolean);
+  assert.ok(seen.some((part) => part.endsWith("…")), "it is cut");
+  assert.equal(box.getAttribute("aria-label"), `${seen.join(", ")}; Move, step1, TheJarWithTheVeryVeryLongName001, not arranged yet`);
 });
 
 test("the graph counts what failed, and shows work beside the plan", async () => {

@@ -15,8 +15,10 @@ test("what a message says, in few words", () => {
 
 test("a message as a sentence says who told whom", () => {
   const message = { service: "Robot1.Move", at: 103.5, type: "Execute", body: {} };
-  assert.equal(saidOf({ ...message, asked: true }, 100), "3.50 s, Task Manager to Robot1.Move: Execute");
-  assert.equal(saidOf({ ...message, type: "Status", body: { state: "Executing" } }, 100), "3.50 s, Robot1.Move to Task Manager: Status, Executing");
+  assert.equal(saidOf({ ...message, asked: true }, 100), "3.50 s, Execute, Task Manager to Robot1.Move");
+  assert.equal(saidOf({ ...message, type: "Status", body: { state: "Executing" } }, 100), "3.50 s, Status, Executing, Robot1.Move to Task Manager");
+  const cut = { ...message, asked: true, body: { precondition: "Jar001 isOn Table001" } };
+  assert.equal(saidOf(cut, 100, "Jar001…"), "3.50 s, Execute, Jar001…, Jar001 isOn Table001, Task Manager to Robot1.Move");
 });
 
 test("spans of time have as many digits as they need", () => {

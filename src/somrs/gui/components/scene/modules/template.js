@@ -34,7 +34,7 @@ export const template = `
     <div><strong>{{ card.title }}</strong> <span class="somrs-soft">{{ card.type }}</span></div>
     <div>{{ card.words }}</div>
     <div><button v-if="following !== card.name" type="button" @click="setFollowed(card.name)">Follow</button>
-      <button type="button" @click="select(null)" :aria-label="'Deselect ' + card.name">Close</button></div>
+      <button type="button" @click="select(null)" :aria-label="'Close ' + card.name">Close</button></div>
   </div>
   <section v-if="listOpen || none" class="somrs-scene-list" :class="{ 'somrs-scene-list-alone': none }" aria-label="Object list">
     <input v-model="wanted" type="search" placeholder="Find by name or type" aria-label="Find by name or type" @input="tell">

@@ -32,11 +32,11 @@ export function said({ type, body }) {
   }
 }
 
-// A message as a sentence, for screen readers.
-export function saidOf(message, start) {
+// The accessible name of a message. It begins with the text that is seen, as speech input needs it; of this, the note may be cut.
+export function saidOf(message, start, seen = said(message)) {
   const parties = message.asked ? `Task Manager to ${message.service}` : `${message.service} to Task Manager`;
   const note = said(message);
-  return `${since(message.at - start)}, ${parties}: ${message.type}${note ? `, ${note}` : ""}`;
+  return [since(message.at - start), message.type, seen, seen === note ? "" : note, parties].filter(Boolean).join(", ");
 }
 
 export const number = (value) => String(Math.round(value * 100) / 100);
