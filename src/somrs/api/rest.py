@@ -31,10 +31,13 @@ log = logging.getLogger(__name__)
 PAGE_LIBRARY = "fastapi_swagger"
 """The package that contains the files of the documentation page; it is not imported."""
 
+_PAGE_FILES: list[str | tuple[str, str]] = [("somrs.api", "page"), (PAGE_LIBRARY, "resources")]
+"""The folders with the files of the page, by package."""
+
 _PAGE = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>SO-MRS: the API</title>
 <meta name="viewport" content="width=device-width, initial-scale=1"><link rel="stylesheet" href="{root}/page/swagger-ui.css">
-</head><body><div id="api"></div><script src="{root}/page/swagger-ui-bundle.js"></script>
-<script>SwaggerUIBundle({{url: "{root}/openapi.json", dom_id: "#api", validatorUrl: null}})</script></body></html>"""
+<link rel="stylesheet" href="{root}/page/page.css"></head><body><div id="api" data-root="{root}"></div>
+<script src="{root}/page/swagger-ui-bundle.js"></script><script src="{root}/page/page.js"></script></body></html>"""
 
 
 def _has_page() -> bool:
@@ -62,11 +65,7 @@ def application(operations: Sequence[Operation], hub: Hub, extra_routes: Sequenc
         await _serve_news(socket, hub)
 
     routes: list[Any] = [
-        *(
-            [Route("/", page), Mount("/page", StaticFiles(packages=[(PAGE_LIBRARY, "resources")]))]
-            if _has_page()
-            else [Route("/", openapi)]
-        ),
+        *([Route("/", page), Mount("/page", StaticFiles(packages=_PAGE_FILES))] if _has_page() else [Route("/", openapi)]),
         Route("/openapi.json", openapi),
         WebSocketRoute("/live", live),
         *extra_routes,

@@ -79,7 +79,8 @@ def page(title: str, path: str, api: LiveApi) -> Iterator[None]:
         yield
     ApiUnavailableBanner(api.context.hub)
     [main] = ui.context.client.page_container.default_slot.children  # Quasar's page, a `main` element
-    main.props(f'tabindex="-1" autofocus aria-label="{title}"')
+    main.props(f'tabindex="-1" aria-label="{title}"')
+    ui.run_javascript(f"if (document.activeElement === document.body) getHtmlElement({main.id}).focus({{preventScroll: true}})")
     ui.skip_link("Skip to the content", target=main)
 
 
