@@ -61,6 +61,7 @@ javascript: setup
 
 # The windows in a real browser; pictures of the pages come to out/screenshots.
 browser: setup
+	@scripts/javascript setup
 	@$(BIN)/pytest tests/browser --numprocesses $(JOBS) --dist loadscope --no-loadscope-reorder
 
 # Slow suites: each prints `N passed, N failed`.

@@ -22,6 +22,7 @@ FOLDERS = ("browser", "system", "integration", "unit")
 """The order of the folders. Tests of whole systems mostly wait, so they begin first, and other tests fill the gaps."""
 
 WORKER_GROUPS = {
+    "browser/test_accessibility": "quiet pages",
     "browser/test_api": "quiet pages",
     "browser/test_history": "quiet pages",
     "browser/test_owl": "quiet pages",

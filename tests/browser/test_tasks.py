@@ -152,7 +152,7 @@ def _export(page: Page, folder: Path) -> None:
     for way, begins, content in (("SVG", "<svg", "Robot2.TransferObject"), ("JSON", "{", '"explanation"')):
         page.get_by_role("button", name="Export").click()
         with page.expect_download() as download:
-            page.get_by_role("link", name=way).click()
+            page.get_by_role("menuitem", name=way).click()
         download.value.save_as(folder / way)
         text = (folder / way).read_text()
         assert text.startswith(begins)

@@ -155,7 +155,7 @@ class DeviceCard:
             for service in self.device.services:
                 _service(service)
             if not self.device.services:
-                ui.label("No services.").classes("somrs-soft")
+                ui.label("No services.").classes("somrs-soft").props('role="listitem"')
 
 
 def _service(service: ServiceView) -> None:

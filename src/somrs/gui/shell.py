@@ -45,12 +45,15 @@ PAGE_LINKS = (
     PageLink("/history", "History", "history", "Task Manager"),
 )
 
-_STYLESHEET = "/look/look.css"
+LOOK = "/look"
+"""Path of the files that all pages load."""
 
 for popup in (ui.select, ui.menu, ui.dialog):
     # Lists, menus and dialogs appear without animation: during one, Quasar delays setting the focus, and may take it from the field in
     # which the user types by then.
     popup.default_props("transition-duration=0")
+
+ui.menu_item.default_props("role=menuitem")  # Quasar's is a list item, which no menu may have
 
 
 @contextmanager
@@ -59,7 +62,7 @@ def page(title: str, path: str, api: LiveApi) -> Iterator[None]:
 
     The main landmark takes the focus when the page has loaded, so that the keyboard and screen readers begin at the content."""
     ui.page_title(f"{title} · SO-MRS")
-    ui.add_head_html(f'<link rel="stylesheet" href="{_STYLESHEET}">')
+    ui.add_head_html(f'<link rel="stylesheet" href="{LOOK}/look.css"><script type="module" src="{LOOK}/portals.js"></script>')
     dark = ui.dark_mode(value=app.storage.user.get("dark"))
     with ui.header(elevated=False).classes("somrs-header"), ui.element("nav").classes("somrs-nav").props('aria-label="Pages"'):
         ui.link("SO-MRS", "/").classes("somrs-home")

@@ -85,7 +85,7 @@ class _History:
                 ui.label("History").classes("somrs-title").props('role="heading" aria-level="1"')
                 ui.label("Tasks that have ended").classes("somrs-soft")
                 ui.space()
-                with ui.dropdown_button("Export", icon="download", auto_close=True).props("flat no-caps dense"), ui.element("q-list"):
+                with ui.button("Export", icon="download").props("flat no-caps dense"), ui.menu().props("auto-close"):
                     for name, description, parameters in _EXPORTS:
                         self._export_item(name, description, parameters)
             with ui.element("search").classes("somrs-history-filters").props('aria-label="Filters"'):
@@ -217,7 +217,7 @@ class _History:
         await self._changed()
 
     def _export_item(self, name: str, description: str, parameters: dict[str, str]) -> None:
-        with ui.item(on_click=self._exports(parameters)), ui.item_section():
+        with ui.menu_item(on_click=self._exports(parameters)), ui.item_section():
             ui.item_label(name)
             ui.item_label(description).props("caption")
 

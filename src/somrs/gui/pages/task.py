@@ -78,7 +78,7 @@ class _TaskLoader:
         self._place.clear()
         with self._place, ui.element("div").classes("somrs-sheet somrs-task-none").props('role="status"'):
             ui.icon(icon).props('aria-hidden="true"')
-            ui.label(text)
+            ui.label(text).props('role="heading" aria-level="1"')
             ui.link("All tasks", "/tasks")
 
 

@@ -51,7 +51,7 @@ class CancelDialog:
     def __init__(self, api: LiveApi, view: TaskView) -> None:
         self._api, self._view = api, view
         self._shown_sentences: list[str] = []
-        with ui.dialog() as self._dialog, ui.card().classes("somrs-dialog"):
+        with ui.dialog().props('aria-label="Cancel this task?"') as self._dialog, ui.card().classes("somrs-dialog"):
             ui.label("Cancel this task?").classes("somrs-title").props('role="heading" aria-level="2"')
             self._goal = ui.label(view.effect).classes("somrs-formula")
             self._consequence_list = ui.element("ul").classes("somrs-consequences").props('aria-live="polite"')

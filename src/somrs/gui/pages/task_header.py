@@ -117,7 +117,7 @@ def _fact(name: str) -> ui.label:
 
 def _file(target: str, name: str, icon: str, text: str) -> ui.element:
     """A menu item that downloads a file under this name."""
-    with ui.element("a").props(f'href="{target}" download="{name}"').classes("somrs-file") as link:
+    with ui.element("a").props(f'role="menuitem" href="{target}" download="{name}"').classes("somrs-file") as link:
         ui.icon(icon).props('aria-hidden="true"')
         ui.label(text)
     return link

@@ -19,9 +19,11 @@ export default {
           @mouseover="onOver" @mouseleave="point(null)" @click="onClick"></div>
         <p v-if="!drawn" class="somrs-soft">{{ empty }}</p>
       </div>
-      <dl v-if="chosen" class="somrs-graph-told" role="status">
-        <div v-for="line in told" :key="line[0]"><dt>{{ line[0] }}</dt><dd>{{ line[1] }}</dd></div>
-      </dl>
+      <div role="status">
+        <dl v-if="chosen" class="somrs-graph-told">
+          <div v-for="line in told" :key="line[0]"><dt>{{ line[0] }}</dt><dd>{{ line[1] }}</dd></div>
+        </dl>
+      </div>
       <ol v-if="beside.length" class="somrs-beside" aria-label="Work outside the plan">
         <li v-for="work in beside" :key="work.step + work.began" :class="work.look" :title="work.title">
           <svg width="16" height="16" aria-hidden="true" v-html="work.sign"></svg><b>{{ work.what }}</b> {{ work.by }}<span>{{ work.word }}</span>

@@ -106,7 +106,7 @@ class _Row:
             )
             self._rest = ui.element("div").classes("somrs-define-rest")
             with ui.element("div").classes("somrs-define-line-ways"):
-                self._not_button = ui.button("not", on_click=self._deny).props('flat dense no-caps size=sm')
+                self._not_button = ui.button("not", on_click=self._deny).props("flat dense no-caps size=sm")
                 self._not_button.classes("somrs-define-not").tooltip("This must not hold")
                 remove_button = ui.button(icon="close", on_click=lambda: remove(self)).props("flat dense round size=sm")
                 remove_button.props('aria-label="Remove this line"')

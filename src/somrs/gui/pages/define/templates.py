@@ -21,10 +21,15 @@ class TemplateMenu:
         self._form = form
         self._templates: tuple[Template, ...] = ()
         self._dialog = ui.dialog()
-        with ui.button("Templates", icon="bookmarks").props("flat dense no-caps"), ui.menu().classes("somrs-define-menu") as self._menu:
-            self._list = ui.element("div").classes("somrs-define-templates").props('role="group" aria-label="Templates"')
+        with (
+            ui.button("Templates", icon="bookmarks").props("flat dense no-caps"),
+            ui.menu().props('role="group" aria-label="Templates"').classes("somrs-define-menu") as self._menu,
+        ):
+            self._list = ui.element("div").classes("somrs-define-templates")
             ui.separator()
-            ui.menu_item("Save this task as a template", on_click=guarded(self._save_as_template)).classes("somrs-define-keep")
+            ui.menu_item("Save this task as a template", on_click=guarded(self._save_as_template)).props("role=button").classes(
+                "somrs-define-keep"
+            )
         follow(form.api.context.hub, "templates", self._read, lambda _: self._read())
 
     async def _read(self) -> None:
@@ -41,7 +46,8 @@ class TemplateMenu:
 
     def _row(self, template: Template) -> None:
         with ui.element("div").classes("somrs-define-template"):
-            use = ui.menu_item(on_click=partial(guarded(self._use), template)).classes("somrs-define-template-use")
+            use = ui.menu_item(on_click=partial(guarded(self._use), template)).props("role=button")
+            use.classes("somrs-define-template-use")
             with use, ui.element("div"):
                 ui.label(template.name).classes("somrs-define-template-name")
                 ui.label(template.note or " ".join(template.task.effect.split())).classes("somrs-soft")
@@ -57,6 +63,7 @@ class TemplateMenu:
             return
         values = {blank.name: blank.default for blank in template.blanks}
         self._dialog.clear()
+        self._dialog.props["aria-label"] = template.name
         with self._dialog, ui.card().classes("somrs-dialog"):
             ui.label(template.name).classes("somrs-title")
             if template.note:
@@ -92,6 +99,7 @@ class TemplateMenu:
         blank_choices = dict.fromkeys(thing_names, False)
         types = {thing: context.map.objects[thing].type for thing in thing_names}
         self._dialog.clear()
+        self._dialog.props["aria-label"] = "Save as a template"
         with self._dialog, ui.card().classes("somrs-dialog"):
             ui.label("Save as a template").classes("somrs-title")
             name_field = _line("Name", self._form.draft.template, "Name of the template")

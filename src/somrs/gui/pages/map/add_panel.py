@@ -104,7 +104,7 @@ class _NewObjectDialog:
         self._values: dict[str, Raw] = {}
         self._fields: dict[str, Field] = {}
         title = f"New {type_name}"
-        with ui.dialog() as self._dialog, ui.card().classes("somrs-map-dialog").props(f'role="dialog" aria-label="{title}"'):
+        with ui.dialog().props(f'aria-label="{title}"') as self._dialog, ui.card().classes("somrs-map-dialog"):
             ui.label(title).classes("somrs-title")
             if spot is not None:
                 location = f", on {spot.target}" if spot.target is not None and ontology.is_subtype(type_name, "Graspable") else ""

@@ -7,7 +7,7 @@ from collections.abc import Awaitable, Callable
 from nicegui import ui
 
 from somrs.api.remote import LiveApi
-from somrs.gui.pages.map.entries import show_events
+from somrs.gui.pages.map.entries import list_note, show_events
 from somrs.gui.shell import guarded
 
 _PAGE = 30
@@ -38,7 +38,7 @@ class ChangeList:
         with self._list:
             show_events(event_page.events, self._api.context.ontology, self._show_version, self._undo)
             if not event_page.events and self._oldest is None:
-                ui.label("No changes since the map was loaded.").classes("somrs-soft")
+                list_note("No changes since the map was loaded.")
         if event_page.events:
             self._oldest = event_page.events[-1].version
         self._older_button.visible = event_page.more

@@ -40,6 +40,12 @@ def show_events(
                 ui.label(line).classes("somrs-map-what")
 
 
+def list_note(text: str) -> None:
+    """Add a text to a list, such as that it is empty."""
+    with ui.element("li"):
+        ui.label(text).classes("somrs-soft")
+
+
 def _button(icon: str, label: str, action: Callable[..., object]) -> None:
     button = ui.button(icon=icon, on_click=action).props(f'flat round dense size=sm aria-label="{label}"')
     button.tooltip(label)

@@ -103,7 +103,7 @@ class MapPage:
 
         with ui.button("Links", icon="polyline").props("flat dense no-caps") as button:
             ui.tooltip("Relations to draw on the plan")
-            with ui.menu().props('aria-label="Relations to draw"'), ui.element("div").classes("somrs-map-links"):
+            with ui.menu().props('role="group" aria-label="Relations to draw"'), ui.element("div").classes("somrs-map-links"):
                 for name in relations:
                     drawn[name] = ui.checkbox(name, on_change=draw).props("dense")
 

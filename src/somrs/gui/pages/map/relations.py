@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from nicegui import ui
 
 from somrs.api.remote import LiveApi
+from somrs.gui.pages.map.entries import list_note
 from somrs.gui.pages.map.picker import ObjectPicker
 from somrs.gui.shell import guarded, notify
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map
@@ -94,9 +95,9 @@ class Relations:
             for fact in facts[:MAX_FACTS]:
                 self._row(fact)
             if len(facts) > MAX_FACTS:
-                _note(f"and {len(facts) - MAX_FACTS} more")
+                list_note(f"and {len(facts) - MAX_FACTS} more")
             if not facts:
-                _note("No relations.")
+                list_note("No relations.")
 
     def _row(self, fact: Fact) -> None:
         with ui.element("li").classes("somrs-map-fact"):
@@ -168,8 +169,3 @@ class Relations:
         self._form.clear()
         with self._form:
             ui.button("Add a relation", icon="add_link", on_click=self._open).props("flat dense no-caps")
-
-
-def _note(text: str) -> None:
-    with ui.element("li").classes("somrs-soft"):
-        ui.label(text)

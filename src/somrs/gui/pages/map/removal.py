@@ -32,7 +32,7 @@ async def remove(api: LiveApi, name: str, change: ChangeMap) -> bool:
         fact for fact in map.facts_about(name) if fact.relation not in (PART_OF, ON_RELATION, IN_RELATION) or fact.arguments[0] == name
     ]
     title = f"Remove {name}?"
-    with ui.dialog() as dialog, ui.card().classes("somrs-map-dialog").props(f'role="alertdialog" aria-label="{title}"'):
+    with ui.dialog().props(f'role="alertdialog" aria-label="{title}"') as dialog, ui.card().classes("somrs-map-dialog"):
         ui.label(title).classes("somrs-title")
         with ui.element("ul").classes("somrs-map-consequences"):
             _line(f"a {map.objects[name].type} of the map")

@@ -9,6 +9,7 @@ from nicegui import ui
 from somrs.api.remote import LiveApi
 from somrs.errors import FormulaError, SomrsError
 from somrs.gui.components.formula import FormulaField
+from somrs.gui.pages.map.entries import list_note
 from somrs.gui.pages.map.map_view import MapView
 from somrs.gui.shell import guarded
 from somrs.protocol.messages.knowledge import Rows
@@ -132,9 +133,9 @@ class SearchPanel:
                     details = thing.type + (f", {thing.label}" if thing.label else "") + (f", {thing.location}" if thing.location else "")
                     ui.label(details).classes("somrs-soft")
             if result.is_truncated:
-                ui.label("There are more: type more of the name.").classes("somrs-soft")
+                list_note("There are more: type more of the name.")
             if not result.things:
-                ui.label("No matches.").classes("somrs-soft")
+                list_note("No matches.")
 
 
 def _status_text(result: Rows, variables: bool) -> str:

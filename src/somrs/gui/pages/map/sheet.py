@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from nicegui import ui
 
 from somrs.api.remote import LiveApi
-from somrs.gui.pages.map.entries import show_events
+from somrs.gui.pages.map.entries import list_note, show_events
 from somrs.gui.pages.map.form import ObjectForm
 from somrs.gui.pages.map.object_drafts import ObjectDrafts
 from somrs.gui.pages.map.relations import Relations
@@ -104,13 +104,13 @@ class Sheet:
         with self._event_list:
             show_events(event_page.events, self._api.context.ontology, self._actions.show_version, self._actions.undo)
             if not event_page.events:
-                ui.label("No changes since the map was loaded.").classes("somrs-soft")
+                list_note("No changes since the map was loaded.")
 
     # Renaming
 
     async def _rename(self) -> None:
         title = f"Rename {self.name}"
-        with ui.dialog() as dialog, ui.card().classes("somrs-map-dialog").props(f'role="dialog" aria-label="{title}"'):
+        with ui.dialog().props(f'aria-label="{title}"') as dialog, ui.card().classes("somrs-map-dialog"):
             ui.label(title).classes("somrs-title")
             with ui.element("form").props("novalidate").classes("somrs-map-form") as form:
                 field = ui.input("New name", value=self.name).props("outlined dense autofocus autocomplete=off hide-bottom-space")
