@@ -169,7 +169,13 @@ def test_new_task_with_a_preview(system: RunningSystem, window: OpenPage, check:
     check(page)
     page.get_by_role("button", name="Templates").click()
     page.get_by_text("Save this task as a template").click()
-    expect(page.get_by_role("dialog")).to_be_visible()
+    dialog = page.get_by_role("dialog", name="Save as a template")
+    dialog.get_by_role("textbox", name="Name").fill("Bring the jar")
+    check(page)
+    dialog.get_by_role("button", name="Save").click()
+    expect(dialog).to_be_hidden()
+    page.get_by_role("button", name="Templates").click()
+    expect(page.get_by_role("button", name="Remove the template Bring the jar")).to_be_visible()
     check(page)
 
 

@@ -19,6 +19,10 @@ _MOST_BYTES = 20_000_000
 KINDS = {".yaml": "yaml", ".yml": "yaml", ".ttl": "owl", ".owl": "owl", ".rdf": "owl", ".xml": "owl"}
 """Kind of a file by its extension."""
 
+UPLOAD_HEADER = """<q-btn flat no-caps icon="upload_file" label="Choose or drop a file" class="full-width" @click="props.pickFiles" />
+<span hidden><q-uploader-add-trigger /></span>"""
+"""A button with a name; Quasar's own has none, and contains the field for the file."""
+
 
 def export_menu() -> None:
     """Add a button with a menu of the export formats."""
@@ -44,10 +48,10 @@ class Import:
         with titled_dialog("Import definitions") as self._dialog, ui.card().classes("somrs-onto-dialog"):
             TextTag("h2", "Import definitions")
             note("A YAML file (ontology or map file) or an OWL file (Turtle, RDF/XML). You can review the changes before the import.")
-            self._upload = ui.upload(
-                label="Choose or drop a file", auto_upload=True, max_file_size=_MOST_BYTES, on_upload=self._receive_file
-            ).props('accept=".yaml,.yml,.ttl,.owl,.rdf,.xml" flat bordered hide-upload-btn')
-            self._upload.classes("somrs-onto-upload")
+            self._upload = ui.upload(auto_upload=True, max_file_size=_MOST_BYTES, on_upload=self._receive_file).props(
+                'accept=".yaml,.yml,.ttl,.owl,.rdf,.xml" flat bordered hide-upload-btn'
+            )
+            self._upload.classes("somrs-onto-upload").add_slot("header", UPLOAD_HEADER)
             self._chosen = ui.label().classes("somrs-onto-doc")
             self._body = ui.element("div").classes("somrs-onto-dialog-body").props('aria-live="polite"')
             self._map = ui.checkbox("", on_change=self._consider)
