@@ -15,6 +15,7 @@ import sys
 import sysconfig
 import time
 import venv
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -85,6 +86,11 @@ def running(environment: Path, tmp_path: Path) -> Iterator[Path]:
     finally:
         program.send_signal(signal.SIGINT)
         assert program.wait(HANG_TIME) in (0, 130), output.read_text()
+
+
+def test_the_wheel_has_every_file_of_the_package(wheel: Path) -> None:
+    files = [path for path in (ROOT / "src" / "somrs").rglob("*") if path.is_file() and "__pycache__" not in path.parts]
+    assert {str(path.relative_to(ROOT / "src")) for path in files} - {*zipfile.ZipFile(wheel).namelist()} == set()
 
 
 def test_the_package_is_the_installed_one(environment: Path, tmp_path: Path) -> None:

@@ -37,7 +37,7 @@ _PAGE_FILES: list[str | tuple[str, str]] = [("somrs.api", "page"), (PAGE_LIBRARY
 _PAGE = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>SO-MRS: the API</title>
 <meta name="viewport" content="width=device-width, initial-scale=1"><link rel="stylesheet" href="{root}/page/swagger-ui.css">
 <link rel="stylesheet" href="{root}/page/page.css"></head><body><div id="api" data-root="{root}"></div>
-<script src="{root}/page/swagger-ui-bundle.js"></script><script src="{root}/page/page.js"></script></body></html>"""
+<script src="{root}/page/swagger-ui-bundle.js"></script><script type="module" src="{root}/page/page.js"></script></body></html>"""
 
 
 def _has_page() -> bool:
