@@ -16,13 +16,14 @@ import uvicorn
 from starlette.applications import Starlette
 from starlette.routing import Mount
 from websockets.asyncio.client import connect
-from websockets.exceptions import ConnectionClosed
+from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from somrs.api.formulas import CheckFormula
 from somrs.api.map_news import MapNews
 from somrs.api.program import served
-from somrs.api.remote import TOPICS, Api, LiveApi, live_api
+from somrs.api.remote import Api, LiveApi, live_api
 from somrs.api.service import open_api_service
+from somrs.api.topics import TOPICS
 from somrs.client.api_client import ApiClient
 from somrs.client.client import Client
 from somrs.client.hub import News
@@ -255,5 +256,55 @@ def test_what_is_said_at_the_live_socket_must_be_understood(tmp_path: Path) -> N
             await live.send('{"follow": 3}')
             with pytest.raises(ConnectionClosed, match="send the topics to follow"):
                 await live.recv()
+
+    run_scenario(tmp_path / "data", scenario)
+
+
+def test_a_topic_that_does_not_exist_is_answered_with_those_that_do_and_the_others_are_followed(tmp_path: Path) -> None:
+    async def scenario(system: SmallSystem, program: Program, api: LiveApi) -> None:
+        async with connect(f"ws{api.client.url.removeprefix('http')}/live") as live:
+            await live.send('{"follow": ["maps", "map", "task", "map 2"], "confirm": 1}')
+            refused = msgspec.json.decode(await live.recv())
+            assert refused["error"] == "NotFound"
+            assert refused["problem"] == (
+                "there is no topic map 2 or maps or task; the topics are map, ontology, services, fleet, tasks, task ID, templates, "
+                "orders, questions, system. The other topics of the message are followed"
+            )
+            assert await live.recv() == '{"confirmed":1}'
+            await api.map.change(UpdateMap(changes=(ValueSet("Jar001", "Weight", 0.7),)))
+            assert msgspec.json.decode(await live.recv())["topic"] == "map"
+            await live.send('{"follow": ["templates", "orders", "task urn:uuid:1"], "confirm": 2}')
+            assert await live.recv() == '{"confirmed":2}'
+
+    run_scenario(tmp_path / "data", scenario)
+
+
+@pytest.mark.parametrize("at", ["the API", "the windows"])
+def test_an_unknown_path_and_a_wrong_method_are_answered_with_a_problem(tmp_path: Path, at: str) -> None:
+    async def scenario(system: SmallSystem, program: Program, api: LiveApi) -> None:
+        async with proxy(api.client.url) as place, httpx.AsyncClient() as client:
+            base = api.client.url if at == "the API" else f"http://{place}"
+            for method, path, status, problem in (
+                ("GET", "/nope", 404, "there is no /api/nope; /api/openapi.json describes what there is"),
+                ("GET", "/task", 404, "there is no /api/task; did you mean /api/tasks"),
+                ("PUT", "/map/nope/nope", 404, "there is no /api/map/nope/nope"),
+                ("GET", "/page/nope", 404, "there is no /api/page/nope"),
+                ("GET", "/live", 404, "/api/live is a WebSocket"),
+                ("PUT", "/tasks", 405, "/api/tasks has no PUT; it has GET and POST"),
+                ("PATCH", "/templates/Bring", 405, "/api/templates/Bring has no PATCH; it has DELETE and GET and PUT"),
+                ("DELETE", "/", 405, "/api/ has no DELETE; it has GET"),
+                ("OPTIONS", "/map", 405, "/api/map has no OPTIONS; it has GET"),
+            ):
+                answer = await client.request(method, f"{base}{path}")
+                assert answer.status_code == status, (method, path)
+                assert answer.headers["content-type"] == "application/json"
+                assert answer.json()["problem"].startswith(problem)
+                assert answer.json()["error"] == {404: "NotFound", 405: "WrongMethod"}[status]
+                if status == 405:
+                    assert answer.headers["allow"].split(", ") == problem.partition("; it has ")[2].split(" and ")
+            with pytest.raises(InvalidStatus) as denied:
+                await connect(f"ws{base.removeprefix('http')}/nope")
+            assert denied.value.response.status_code == 404
+            assert "/api/live and /api/poses" in msgspec.json.decode(denied.value.response.body or b"")["problem"]
 
     run_scenario(tmp_path / "data", scenario)

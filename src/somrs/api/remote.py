@@ -6,41 +6,27 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from typing import Any, get_type_hints
+from typing import get_type_hints
 
-from somrs.api.fleet import Devices, FleetService
+from somrs.api.fleet import FleetService
 from somrs.api.formulas import FormulaService
 from somrs.api.map import MapService
 from somrs.api.map_news import MapNews
 from somrs.api.orders import OrderService
 from somrs.api.owl import OwlService
-from somrs.api.questions import OpenQuestions, QuestionService
+from somrs.api.questions import QuestionService
 from somrs.api.records import RecordService
 from somrs.api.scene import SceneService
-from somrs.api.system import SystemService, SystemView
-from somrs.api.task_feed import TaskChanged, TasksChanged
+from somrs.api.system import SystemService
 from somrs.api.tasks import TaskService
+from somrs.api.topics import TOPICS
 from somrs.client.api_client import ApiClient, address_of
 from somrs.client.client import Addresses
 from somrs.client.hub import News
 from somrs.client.live_news import LiveHub
-from somrs.client.refusals import ErrorReport
 from somrs.errors import RemoteError
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
-from somrs.protocol.messages.directory import ServicesJoined, ServicesLeft
-
-TOPICS: dict[str, tuple[Any, ...]] = {
-    "map": (MapNews,),
-    "ontology": (int,),
-    "services": (ServicesJoined | ServicesLeft,),
-    "fleet": (Devices, ErrorReport),
-    "tasks": (TasksChanged,),
-    "task": (TaskChanged,),
-    "questions": (OpenQuestions,),
-    "system": (SystemView,),
-}
-"""The types of the values of a topic's news, by the first part of the topic; for all other topics the value is None."""
 
 STARTUP_TIMEOUT = 60.0
 """Seconds to wait for the API at the start."""

@@ -12,17 +12,19 @@ from typing import Any
 
 import msgspec
 from starlette.applications import Starlette
-from starlette.requests import Request
+from starlette.exceptions import HTTPException
+from starlette.requests import HTTPConnection, Request
 from starlette.responses import HTMLResponse, Response
-from starlette.routing import Mount, Route, WebSocketRoute
+from starlette.routing import BaseRoute, Match, Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from somrs.api.openapi import document
+from somrs.api.topics import is_topic, unknown_topics_text
 from somrs.client.hub import Hub, NewsSubscription
 from somrs.client.live_news import Confirmed, Follow
 from somrs.client.operations import Document, Operation, Parameter
-from somrs.client.refusals import error_report, status
+from somrs.client.refusals import NotFound, WrongMethod, error_report, status
 from somrs.entish.parse import nearest
 from somrs.errors import InputError, SomrsError
 
@@ -64,7 +66,7 @@ def application(operations: Sequence[Operation], hub: Hub, extra_routes: Sequenc
     async def live(socket: WebSocket) -> None:
         await _serve_news(socket, hub)
 
-    routes: list[Any] = [
+    routes: list[BaseRoute] = [
         *([Route("/", page), Mount("/page", StaticFiles(packages=_PAGE_FILES))] if _has_page() else [Route("/", openapi)]),
         Route("/openapi.json", openapi),
         WebSocketRoute("/live", live),
@@ -75,7 +77,41 @@ def application(operations: Sequence[Operation], hub: Hub, extra_routes: Sequenc
             for operation in sorted(operations, key=lambda operation: operation.path.count("{"))
         ),
     ]
-    return Starlette(routes=routes)
+    routes.append(WebSocketRoute("/{path:path}", _deny_socket))
+    # Starlette itself would answer in plain text.
+    return Starlette(routes=routes, exception_handlers={HTTPException: _refuse_unserved})
+
+
+async def _refuse_unserved(request: Request, error: Exception) -> Response:
+    """Answer a request for which there is no route: the path does not exist, or does not have the method."""
+    assert isinstance(error, HTTPException)
+    path, root = request.url.path, request.scope.get("root_path", "")
+    routes = [route for route in request.app.routes if isinstance(route, Route)]
+    if error.status_code == 405:
+        at_path = [route for route in routes if route.matches(request.scope)[0] is not Match.NONE]
+        methods = sorted({method for route in at_path for method in route.methods or ()} - {"HEAD"}) or ["GET"]
+        problem = f"{path} has no {request.method}; it has {' and '.join(methods)}"
+        return _refusal(WrongMethod(problem), {"Allow": ", ".join(methods)})
+    if path in _sockets(request):
+        return _refusal(NotFound(f"{path} is a WebSocket; connect to it with ws:// in place of http://"))
+    hint = nearest(path.removeprefix(root), {route.path for route in routes}).replace(" /", f" {root}/")
+    return _refusal(NotFound(f"there is no {path}; {hint or f'{root}/openapi.json describes what there is'}"))
+
+
+async def _deny_socket(socket: WebSocket) -> None:
+    problem = f"there is no WebSocket at {socket.url.path}; there are {' and '.join(_sockets(socket))}"
+    await socket.send_denial_response(_refusal(NotFound(problem)))
+
+
+def _sockets(connection: HTTPConnection) -> list[str]:
+    """The paths of the WebSockets."""
+    root = connection.scope.get("root_path", "")
+    sockets = [route for route in connection.app.routes if isinstance(route, WebSocketRoute)]
+    return [f"{root}{route.path}" for route in sockets if route.endpoint is not _deny_socket]
+
+
+def _refusal(error: SomrsError, headers: dict[str, str] | None = None) -> Response:
+    return Response(msgspec.json.encode(error_report(error)), status(error), headers, media_type="application/json")
 
 
 def _endpoint(operation: Operation) -> Any:
@@ -85,7 +121,7 @@ def _endpoint(operation: Operation) -> Any:
             arguments = {parameter.name: value for parameter in operation.parameters for value in await _read_argument(parameter, request)}
             result = await operation.function(**arguments)
         except SomrsError as error:
-            return Response(msgspec.json.encode(error_report(error)), status_code=status(error), media_type="application/json")
+            return _refusal(error)
         if isinstance(result, Document):
             headers = {"Content-Disposition": f'attachment; filename="{result.name}"'}
             return Response(result.content, media_type=result.media_type, headers=headers)
@@ -123,14 +159,17 @@ async def _read_argument(parameter: Parameter, request: Request) -> list[Any]:
 
 
 async def _serve_news(socket: WebSocket, hub: Hub) -> None:
-    """Send the news of the topics in the latest `Follow` message, until the connection ends."""
+    """Send the news of the topics in the latest `Follow` message that exist, until the connection ends."""
     await socket.accept()
     with hub.subscribe() as subscription:
         sender = asyncio.create_task(_send_news(socket, subscription))
         try:
             while True:
                 request = msgspec.json.decode(await socket.receive_text(), type=Follow)
-                subscription.follow(request.follow)
+                subscription.follow(filter(is_topic, request.follow))
+                if problem := unknown_topics_text(request.follow):
+                    report = error_report(NotFound(f"{problem}. The other topics of the message are followed"))
+                    await socket.send_text(msgspec.json.encode(report).decode())
                 if request.confirm is not None:
                     await socket.send_text(msgspec.json.encode(Confirmed(confirmed=request.confirm)).decode())
         except msgspec.MsgspecError as error:

@@ -11,8 +11,9 @@ from collections.abc import AsyncIterator, Iterable
 from pathlib import Path
 from types import TracebackType
 
-from somrs.api.remote import TOPICS, Api
+from somrs.api.remote import Api
 from somrs.api.task_feed import TaskChanged
+from somrs.api.topics import TOPICS, unknown_topics_text
 from somrs.client.api_client import ApiClient, address_of
 from somrs.client.client import Addresses
 from somrs.client.hub import News
@@ -111,7 +112,7 @@ class Client:
                 yield view
 
     async def follow(self, *topics: str) -> AsyncIterator[News]:
-        """Yield the news of these topics from now on: `map`, `ontology`, `services`, `fleet`, `tasks`, `questions`, `system`, `task ID`.
+        """Yield the news of these topics from now on. The topics are those of the API's WebSocket: `map`, `tasks`, `task ID`, `fleet`, ...
 
         If `news.missed` is true, news of the topic were lost, because the connection was interrupted or the iteration was too slow: read
         the subject of the topic again.
@@ -119,8 +120,8 @@ class Client:
         Raises:
             UsageError: there is no such topic.
         """
-        if unknown := sorted(topic for topic in topics if topic.partition(" ")[0] not in TOPICS):
-            raise UsageError(f"there is no topic {unknown[0]}; the topics are {', '.join(TOPICS)}, and `task ID` for one task")
+        if problem := unknown_topics_text(topics):
+            raise UsageError(problem)
         with (hub := self._live_hub()).subscribe(*topics) as subscription:
             await hub.wait_until_followed(frozenset(topics))
             async for news in subscription:

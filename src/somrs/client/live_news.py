@@ -31,7 +31,8 @@ MOST_BYTES = 64 * 2**20
 
 class Follow(msgspec.Struct, frozen=True, kw_only=True):
     """The client's message at `live`: follow these topics from now on, and no others. If `confirm` is a number, the server replies with
-    `Confirmed` and this number when the topics are followed."""
+    `Confirmed` and this number when the topics are followed. To topics that do not exist, it first replies with an `ErrorReport`, and
+    follows the others."""
 
     follow: tuple[str, ...]
     confirm: int | None = None
@@ -44,12 +45,13 @@ class Confirmed(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ServerMessage(msgspec.Struct, frozen=True, kw_only=True):
-    """A message of the server at `live`: news, or a confirmation."""
+    """A message of the server at `live`: news, a confirmation, or a problem."""
 
     topic: str = ""
     value: msgspec.Raw = msgspec.Raw(b"null")
     missed: bool = False
     confirmed: int | None = None
+    problem: str = ""
 
 
 class Copy(Protocol):
@@ -126,7 +128,9 @@ class LiveHub(Hub):
                     break
                 server_message = msgspec.json.decode(message.data, type=ServerMessage)
                 number, topics = self._last_request
-                if server_message.confirmed is None:
+                if server_message.problem:
+                    log.warning("%s: %s", self._api.url, server_message.problem)
+                elif server_message.confirmed is None:
                     await self._apply_message(server_message)
                 elif server_message.confirmed == number and self.connected:
                     self._turn(topics)

@@ -9,11 +9,15 @@ from somrs.errors import FormulaError, InputError, ModelError, Problem, RemoteEr
 from somrs.protocol.messages.knowledge import BrokenRule, Rejected
 from somrs.runtime.wire import Unanswered
 
-__all__ = ["REFUSALS", "Changed", "ErrorReport", "NotFound", "Refused", "error_report", "refusal", "refusal_of", "status"]
+__all__ = ["REFUSALS", "Changed", "ErrorReport", "NotFound", "Refused", "WrongMethod", "error_report", "refusal", "refusal_of", "status"]
 
 
 class NotFound(InputError):
     """The object of the request does not exist."""
+
+
+class WrongMethod(InputError):
+    """The path exists, and does not have the method of the request."""
 
 
 class Changed(SomrsError):
@@ -64,6 +68,8 @@ def status(error: SomrsError) -> int:
             return 503
         case NotFound():
             return 404
+        case WrongMethod():
+            return 405
         case InputError():
             return 400
         case _:
@@ -95,7 +101,7 @@ def refusal(code: int, report: ErrorReport) -> SomrsError:
             return Refused(Rejected(problems=report.problems, broken=report.broken))
         case ErrorReport(error="Changed"):
             return Changed(report.problem)
-    return {400: UsageError, 404: NotFound, 503: Unanswered}.get(code, RemoteError)(report.problem)
+    return {400: UsageError, 404: NotFound, 405: WrongMethod, 503: Unanswered}.get(code, RemoteError)(report.problem)
 
 
 def refusal_of(report: ErrorReport) -> SomrsError:

@@ -16,6 +16,7 @@ from yarl import URL
 
 from somrs.client.api_client import ApiClient
 from somrs.client.refusals import error_report, status
+from somrs.errors import RemoteError, SomrsError
 from somrs.runtime.wire import Unanswered
 
 HOP_HEADERS = frozenset(
@@ -66,7 +67,7 @@ class Proxy:
             )
         except (aiohttp.ClientError, TimeoutError) as error:
             silent = Unanswered(self._api.no_answer_text(error))
-            return Response(msgspec.json.encode(error_report(silent)), status(silent), media_type="application/json")
+            return _problem(silent, status(silent))
         response_headers = {name: value for name, value in answer.headers.items() if name.lower() not in HOP_HEADERS}
 
         async def chunks() -> AsyncIterator[bytes]:
@@ -79,6 +80,10 @@ class Proxy:
     async def _join_websockets(self, browser: WebSocket) -> None:
         try:
             api = await self._api.session.ws_connect(self._url(browser.scope), max_msg_size=0)
+        except aiohttp.WSServerHandshakeError as error:
+            refusal = RemoteError(f"the API refused the WebSocket {browser.url.path}; it has /api/live and /api/poses")
+            await browser.send_denial_response(_problem(refusal, error.status))
+            return
         except (aiohttp.ClientError, TimeoutError):
             await browser.close(UNAVAILABLE_CODE)
             return
@@ -89,6 +94,10 @@ class Proxy:
                 await _forward_to_api(browser, api)
             finally:
                 return_task.cancel()
+
+
+def _problem(error: SomrsError, code: int) -> Response:
+    return Response(msgspec.json.encode(error_report(error)), code, media_type="application/json")
 
 
 async def _forward_to_api(browser: WebSocket, api: aiohttp.ClientWebSocketResponse) -> None:
