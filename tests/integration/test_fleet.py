@@ -4,22 +4,30 @@ from __future__ import annotations
 
 import asyncio
 import sqlite3
+from contextlib import AsyncExitStack
+from pathlib import Path
+from typing import cast
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from somrs.api.fleet import Presence
 from somrs.api.reliability_stats import WINDOW, ReliabilityStats, Tally
-from somrs.api.service_presence import UNSEEN, ServicePresence
+from somrs.api.service import open_api_service
+from somrs.api.service_presence import STALE, ServicePresence
+from somrs.client.client import Client
 from somrs.client.task_history import TaskHistory
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Value
 from somrs.protocol.messages.clients import WorkView
-from somrs.protocol.messages.directory import Offer, ServicesJoined, ServicesLeft
+from somrs.protocol.messages.directory import Offer, PresenceChange, Publish, Published, Retract, Retracted, ServicesJoined, ServicesLeft
 from somrs.protocol.messages.envelope import message_id
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.records import ReadRecords, Records, TaskRecord
 from somrs.storage import archive
+from tests.support.hang import HANG_TIME
+from tests.support.small_system import SmallSystem
 
 
 def offer(service: str, price: float = 1.0) -> Offer:
@@ -29,34 +37,82 @@ def offer(service: str, price: float = 1.0) -> Offer:
     return Offer(service=service, provider=device, provider_type="Robot", address="http://r", service_type=kind, attributes=attributes)
 
 
-def log(presence: ServicePresence) -> list[tuple[float, str, bool, str]]:
-    return [(entry.at, entry.device, entry.joined, entry.reason) for entry in presence.log]
+def test_arrivals_and_departures_are_known_to_an_api_that_was_not_there(tmp_path: Path) -> None:
+    async def scenario(system: SmallSystem) -> None:
+        async with Client(system.addresses) as client:
+            registry = system.addresses.registry
+            published = Publish(provider="Visitor", offers=(offer("Visitor.Go"),), lease=60.0)
+            async with open_api_service(system.addresses, system.data) as service:
+                await client.ask(registry, published, Published)
+                await client.ask(registry, Retract(provider="Visitor"), Retracted)
+            async with open_api_service(system.addresses, system.data) as service:
+                fleet = await service.fleet.devices()
+                assert [(change.device, change.joined, change.reason) for change in fleet.log[:2]] == [
+                    ("Visitor", False, "retracted"),
+                    ("Visitor", True, ""),
+                ]
+                (visitor,) = (device for device in fleet.devices if device.name == "Visitor")
+                assert (visitor.presence, visitor.departed_at, visitor.reason) == (Presence.DEPARTED, fleet.log[0].at, "retracted")
+                with service.context.hub.subscribe("services") as news:
+                    await client.ask(registry, published, Published)
+                    while not isinstance((await news.next_news()).value, ServicesJoined):
+                        pass
+                fleet = await service.fleet.devices()
+                assert (fleet.log[0].device, fleet.log[0].joined) == ("Visitor", True), "it is read again after news"
+                (visitor,) = (device for device in fleet.devices if device.name == "Visitor")
+                assert (visitor.presence, visitor.since) == (Presence.OFFERS, fleet.log[0].at)
+
+    async def run() -> None:
+        system = SmallSystem(tmp_path / "data", [])
+        async with asyncio.timeout(HANG_TIME), AsyncExitStack() as stack:
+            stack.push_async_callback(system.stop)
+            await system.start()
+            await scenario(system)
+
+    asyncio.run(run())
 
 
-def test_comings_and_goings_are_told_once_each() -> None:
-    presence = ServicePresence()
-    presence.read([offer("A.Go")], 0.0)
-    assert log(presence) == [], "what was there before anybody listened did not come then"
-    presence.handle_news(ServicesJoined(offers=(offer("B.Go"), offer("B.Look"))), 1.0)
-    presence.handle_news(ServicesJoined(offers=(offer("B.Go", price=2.0),)), 2.0)
-    presence.read([offer("A.Go"), offer("B.Go", price=2.0), offer("B.Look")], 3.0)
-    assert log(presence) == [(1.0, "B", True, "")], "another price is no coming"
-    assert presence.offers["B.Go"].attributes == {"Price": 2.0}
-    departure_news = ServicesLeft(services=("B.Go", "B.Look"), provider="B", reason="expired")
-    presence.handle_news(departure_news, 4.0)
-    presence.handle_news(departure_news, 5.0)
-    assert log(presence)[1:] == [(4.0, "B", False, "expired")]
-    assert (departure := presence.last_departure("B")) is not None
-    assert departure.services == ("B.Go", "B.Look")
+class SlowRegistry:
+    """Answers with its offers, and has another one join at the first request."""
+
+    def __init__(self, presence: ServicePresence) -> None:
+        self._presence = presence
+        self.requests: list[str] = []
+
+    async def services(self) -> tuple[Offer, ...]:
+        self.requests.append("services")
+        if len(self.requests) == 1:
+            self._presence.handle_news(ServicesJoined(offers=(offer("B.Go"),)))
+            return (offer("A.Go"),)
+        return (offer("A.Go"), offer("B.Go", price=2.0))
+
+    async def presence(self) -> tuple[PresenceChange, ...]:
+        self.requests.append("presence")
+        return (PresenceChange(at=float(len(self.requests)), device="B", services=("B.Go",), joined=True),)
 
 
-def test_what_news_missed_is_seen_when_all_is_read() -> None:
-    presence = ServicePresence()
-    presence.handle_news(ServicesJoined(offers=(offer("B.Go"),)), 0.5)
-    presence.read([offer("A.Go"), offer("B.Go")], 1.0)
-    presence.read([offer("C.Go"), offer("B.Go")], 11.0)
-    assert log(presence) == [(0.5, "B", True, ""), (11.0, "A", False, UNSEEN), (11.0, "C", True, "")]
-    assert set(presence.offers) == {"B.Go", "C.Go"}
+def test_what_is_on_offer_follows_the_news_and_is_read_from_time_to_time() -> None:
+    async def run() -> None:
+        presence = ServicePresence()
+        registry = SlowRegistry(presence)
+        client = cast("Client", registry)
+        await presence.read(client, 0.0)
+        await presence.read(client, 0.1)
+        assert set(presence.offers) == {"A.Go", "B.Go"}, "news that came while it read are not lost"
+        assert registry.requests == ["services", "presence", "services", "presence"]
+        await presence.read(client, STALE / 2)
+        assert len(registry.requests) == 4, "nothing changed"
+        presence.handle_news(ServicesLeft(services=("A.Go", "X.Go"), provider="A", reason="expired"))
+        assert set(presence.offers) == {"B.Go"}
+        await presence.read(client, STALE / 2)
+        assert registry.requests[4:] == ["presence"], "the log is read after news"
+        assert (change := presence.last_arrival("B")) is not None
+        assert change.at == 5.0
+        assert presence.last_departure("B") is None
+        await presence.read(client, 2 * STALE)
+        assert set(presence.offers) == {"A.Go", "B.Go"}, "as news may be lost"
+
+    asyncio.run(run())
 
 
 # What was done

@@ -15,6 +15,8 @@ from somrs.kernel.durability import JournaledComponent
 from somrs.protocol.messages.clients import Phase
 from somrs.protocol.messages.events import GoalKind
 from somrs.protocol.messages.frp import Outcome, State
+from somrs.registry.component import Registry
+from somrs.registry.state import LeasesDue
 from somrs.repository.component import Repository
 from somrs.scheduling.book import Book
 from somrs.scheduling.component import Scheduler
@@ -136,6 +138,20 @@ def test_the_book_of_orders_is_as_it_was(release: Path, packed: Path, tmp_path: 
     journals = journals_of(data)
     assert data / "orders.sqlite" in [journal.disk.path for journal in journals]
     for journal in journals:
+        journal.close()
+
+
+@pytest.mark.parametrize(("release", "packed"), KILLED_AND_LONG_RUN)
+def test_services_on_offer_still_are_and_who_leaves_is_remembered(release: Path, packed: Path, tmp_path: Path) -> None:
+    for journal in journals_of(unpack(packed, tmp_path)):
+        if journal.disk.path.name == "registry.sqlite":
+            journaled = resume_journal(journal)
+            assert isinstance(journaled.component, Registry)
+            providers = {*journaled.component.state.providers}
+            assert providers
+            journaled.handle(journaled.make_entry(TimerFired(LeasesDue()), journaled.time + 3600))
+            log = journaled.component.state.presence_log
+            assert {change.device for change in log if not change.joined and change.at < journaled.time} >= providers
         journal.close()
 
 

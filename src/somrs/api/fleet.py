@@ -13,7 +13,6 @@ import msgspec
 from somrs.api.context import Context
 from somrs.api.device_state import DeviceState, is_working, state_of
 from somrs.api.reliability_stats import WINDOW, ReliabilityStats, Tally, device_of
-from somrs.api.service_presence import PresenceChange
 from somrs.api.simulator_gateway import SimulatedRobot, break_or_mend, robots
 from somrs.client.operations import operation
 from somrs.client.refusals import ErrorReport, error_report
@@ -24,7 +23,7 @@ from somrs.ontology.services import ServiceKind
 from somrs.ontology.types import WORKING, Value
 from somrs.ontology.values import value_of
 from somrs.protocol.messages.clients import StepView, TaskView, WorkView
-from somrs.protocol.messages.directory import Discover, Offer
+from somrs.protocol.messages.directory import Discover, Offer, PresenceChange
 from somrs.protocol.messages.frp import State
 
 DEVICE = "Device"
@@ -32,9 +31,6 @@ DEVICE = "Device"
 
 _STOREY = "Storey"
 _HELD_BY = "isHeldBy"
-
-STALE = 10.0
-"""Seconds after which all offers are read again, since news of them may have been lost."""
 
 DEPARTED_TIME = 600.0
 """Seconds for which a device that left is still listed."""
@@ -90,7 +86,7 @@ class Assignment(msgspec.Struct, frozen=True, kw_only=True):
 
 class DeviceView(msgspec.Struct, frozen=True, kw_only=True):
     """A device. `lineage`: its type and that type's ancestors. `load`: the share of the last `Devices.window` seconds in which it was busy.
-    `since`: when it joined, if that was observed; `departed_at` (JSON: `left`) and `reason`: when and why it left; `assignments` (JSON:
+    `since`: when it joined, if the log has that; `departed_at` (JSON: `left`) and `reason`: when and why it left; `assignments` (JSON:
     `doing`): its steps in tasks; `simulated`: its state in the simulator."""
 
     name: str
@@ -147,7 +143,7 @@ class FleetService:
         tasks, states, *_ = await asyncio.gather(
             self._context.client.tasks(running=True),
             robots(self._context.addresses.simulator),
-            self._read_offers(now),
+            self._presence.read(self._context.client, now),
             self._reliability.learn(self._task_history),
         )
         assignments = _by_device(tasks)
@@ -155,16 +151,12 @@ class FleetService:
         names = {*self._on_map(), *(offer.provider for offer in self._presence.offers.values())}
         names.update(change.device for change in self._presence.log if not change.joined and change.at > now - DEPARTED_TIME)
         devices = (self._device(name, assignments.get(name, ()), loads.get(name, 0.0), states.get(name)) for name in sorted(names))
-        return Devices(at=now, devices=tuple(devices), log=tuple(reversed(self._presence.log)))
+        return Devices(at=now, devices=tuple(devices), log=self._presence.log)
 
     @operation("POST", "/fleet/{robot}/faults/{fault}")
     async def fault(self, robot: str, fault: Fault, repair: bool = False) -> None:
         """Inject a fault into a simulated robot, or with `repair` remove it."""
         await break_or_mend(self._context.addresses.simulator, robot, fault, repair=repair)
-
-    async def _read_offers(self, now: float) -> None:
-        if self._presence.read_at is None or now - self._presence.read_at > STALE:
-            self._presence.read(await self._context.client.services(), now)
 
     def _on_map(self) -> Iterator[str]:
         map, ontology = self._context.map, self._context.ontology

@@ -56,7 +56,7 @@ class Listener:
             case TimerFired(timer) if timer == RENEWAL:
                 return self._subscribe(now)
             case Received(Message(body=ServicesJoined() | ServicesLeft() as body)):
-                self.presence.handle_news(body, now)
+                self.presence.handle_news(body)
                 self._hub.publish("services", body)
             case Received(Message(body=ServicesSubscribed())):
                 self._hub.publish("services")

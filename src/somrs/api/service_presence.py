@@ -2,75 +2,49 @@
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Iterable, Iterator
+from somrs.client.client import Client
+from somrs.protocol.messages.directory import Offer, PresenceChange, ServicesJoined, ServicesLeft
 
-import msgspec
-
-from somrs.protocol.messages.directory import Offer, ServicesJoined, ServicesLeft
-
-MAX_CHANGES = 200
-"""Maximum number of arrivals and departures in the log."""
-
-UNSEEN = "its departure was not reported"
-"""The reason of a departure that was not reported."""
-
-
-class PresenceChange(msgspec.Struct, frozen=True, kw_only=True):
-    """The arrival (`joined`) or departure of services of a device. `at`: seconds since 1970; `reason`: of a departure."""
-
-    at: float
-    device: str
-    services: tuple[str, ...]
-    joined: bool
-    reason: str = ""
+STALE = 10.0
+"""Seconds after which everything is read again, since news may have been lost."""
 
 
 class ServicePresence:
-    """The services on offer according to the Registry's news. News may be lost: `read` corrects the state. `log`: the oldest first."""
+    """The services on offer, and the Registry's log of arrivals and departures, newest first.
+
+    The Registry's news keep the offers up to date; `read` reads the log after news, and everything from time to time.
+    """
 
     def __init__(self) -> None:
-        self.log: deque[PresenceChange] = deque(maxlen=MAX_CHANGES)
+        self.log: tuple[PresenceChange, ...] = ()
         self.offers: dict[str, Offer] = {}
-        self.read_at: float | None = None
-        """When all offers were last read; None if they have not been read yet."""
+        self._news_count = 0
+        self._logged_news: int | None = None
+        """The number of news when the log was last read; None if it has not been read yet."""
+        self._offers_read_at: float | None = None
 
-    def handle_news(self, news: ServicesJoined | ServicesLeft, now: float) -> None:
+    def handle_news(self, news: ServicesJoined | ServicesLeft) -> None:
+        self._news_count += 1
         if isinstance(news, ServicesJoined):
-            self._record_arrivals(news.offers, now)
+            self.offers.update({offer.service: offer for offer in news.offers})
         else:
-            self._record_departures([name for name in news.services if name in self.offers], news.reason, now)
+            for service in news.services:
+                self.offers.pop(service, None)
 
-    def read(self, offers: Iterable[Offer], now: float) -> None:
-        """Take over the complete list of offers."""
-        current_offers = {offer.service: offer for offer in offers}
-        if self.read_at is None:
-            self.offers = {**current_offers, **self.offers}  # they joined before this process did
-        else:
-            self._record_departures([name for name in self.offers if name not in current_offers], UNSEEN, now)
-            self._record_arrivals(current_offers.values(), now)
-        self.read_at = now
+    async def read(self, client: Client, now: float) -> None:
+        news_count = self._news_count
+        is_stale = self._offers_read_at is None or now - self._offers_read_at > STALE
+        if is_stale:
+            self.offers = {offer.service: offer for offer in await client.services()}
+            # News that came meanwhile may be newer than the answer.
+            self._offers_read_at = now if self._news_count == news_count else None
+        if is_stale or self._logged_news != news_count:
+            self.log = await client.presence()
+            self._logged_news = news_count
 
     def last_departure(self, device: str) -> PresenceChange | None:
-        """The latest departure of the device; None if none was observed."""
-        return next((change for change in reversed(self.log) if change.device == device and not change.joined), None)
+        """The latest departure of the device; None if the log has none."""
+        return next((change for change in self.log if change.device == device and not change.joined), None)
 
     def last_arrival(self, device: str) -> PresenceChange | None:
-        return next((change for change in reversed(self.log) if change.device == device and change.joined), None)
-
-    def _record_arrivals(self, offers: Iterable[Offer], now: float) -> None:
-        new = [offer for offer in offers if self.offers.get(offer.service) != offer]
-        for device, services in _by_device((offer.provider, offer.service) for offer in new if offer.service not in self.offers):
-            self.log.append(PresenceChange(at=now, device=device, services=services, joined=True))
-        self.offers.update({offer.service: offer for offer in new})
-
-    def _record_departures(self, services: Iterable[str], reason: str, now: float) -> None:
-        for device, names in _by_device((self.offers.pop(name).provider, name) for name in services):
-            self.log.append(PresenceChange(at=now, device=device, services=names, joined=False, reason=reason))
-
-
-def _by_device(services: Iterable[tuple[str, str]]) -> Iterator[tuple[str, tuple[str, ...]]]:
-    names_by_device: dict[str, list[str]] = {}
-    for device, service in services:
-        names_by_device.setdefault(device, []).append(service)
-    yield from ((device, tuple(names)) for device, names in names_by_device.items())
+        return next((change for change in self.log if change.device == device and change.joined), None)

@@ -212,6 +212,10 @@ class Client:
                 return tuple(offers)
             question = msgspec.structs.replace(question, after=offers[-1].service)
 
+    async def presence(self) -> tuple[directory.PresenceChange, ...]:
+        """The latest arrivals and departures of devices, newest first."""
+        return (await self.ask(self.addresses.registry, directory.ReadPresence(), directory.PresenceLog)).changes
+
     # The Task Manager
 
     async def submit(self, task: clients.Submit, patience: float = 0.0, id: str | None = None, author: str | None = None) -> str:

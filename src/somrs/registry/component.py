@@ -1,8 +1,8 @@
 """The Service Registry: which services are available, and which subscribers receive changes.
 
 Paper, "Service Registry": information about the services currently available. A service is listed as long as its provider renews its
-lease, so that silent providers drop out. The list survives a restart. The Registry answers the renewal of an unknown provider with a
-Fault; the provider then publishes its services again.
+lease, so that silent providers drop out. The list survives a restart, and so do the latest arrivals and departures. The Registry answers
+the renewal of an unknown provider with a Fault; the provider then publishes its services again.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import msgspec
 from somrs.entish.formula import Formula
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError, InputError, UsageError
-from somrs.kernel.codec import Schema
+from somrs.kernel.codec import Migration, Schema
 from somrs.kernel.component import DeliveryFailed, Effect, Effects, Input, Received, Send, SetTimer, Started
 from somrs.kernel.replica import Replica
 from somrs.ontology.matching import can_achieve
@@ -28,8 +28,11 @@ from somrs.protocol.messages.directory import (
     Discover,
     Discovered,
     Offer,
+    PresenceChange,
+    PresenceLog,
     Publish,
     Published,
+    ReadPresence,
     Renew,
     Retract,
     Retracted,
@@ -41,12 +44,14 @@ from somrs.protocol.messages.directory import (
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id, normalised_id, reply
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.leases import grant_lease
-from somrs.protocol.messages.paging import PAGE_BYTES
+from somrs.protocol.messages.paging import PAGE_BYTES, fit_page
 from somrs.registry.state import LeasesDue, Provider, RegistryState, Timer
 
 REMEMBERED = 10_000
 """How many publications, renewals and retractions are remembered: a repeated request that arrives late must not undo a newer one."""
 
+LOG_LENGTH = 200
+"""How many arrivals and departures are remembered."""
 
 Answer = Published | Retracted | Fault
 
@@ -119,6 +124,8 @@ class Registry:
                 yield from self._answer_once(message, lambda: self._retract(retract, now))
             case Discover() as discover:
                 yield self._answer(message, self._discover(discover, now))
+            case ReadPresence():
+                yield self._answer(message, PresenceLog(changes=tuple(fit_page(reversed(self.state.presence_log)))))
             case SubscribeServices(lease=lease):
                 if message.header.sender == ANONYMOUS:
                     raise UsageError("a subscription needs a sender address: set the sender to an address that can be reached")
@@ -159,9 +166,10 @@ class Registry:
             providers.pop(publish.provider, None)
         removed_services = [service for service in old if service not in offers]
         new = [offer for service, offer in offers.items() if old.get(service) != offer]
+        added_services = [service for service in offers if service not in old]
         return _publish_reply(now, lease), [
             *self._announce_left(publish.provider, removed_services, "retracted", now),
-            *self._announce_joined(new, now),
+            *self._announce_joined(publish.provider, added_services, new, now),
         ]
 
     def _check_offers(self, publish: Publish) -> dict[str, Offer]:
@@ -210,9 +218,11 @@ class Registry:
 
     def _expire(self, now: float) -> list[Effect]:
         self.state.subscribers = {address: expires_at for address, expires_at in self.state.subscribers.items() if expires_at > now}
-        silent = [name for name, provider in self.state.providers.items() if provider.expires_at <= now]
+        silent = sorted((provider.expires_at, name) for name, provider in self.state.providers.items() if provider.expires_at <= now)
         return [
-            effect for name in silent for effect in self._announce_left(name, list(self.state.providers.pop(name).offers), "expired", now)
+            effect
+            for expires_at, name in silent
+            for effect in self._announce_left(name, list(self.state.providers.pop(name).offers), "expired", now, expires_at)
         ]
 
     # Clients
@@ -246,11 +256,21 @@ class Registry:
 
     # Notifications
 
-    def _announce_joined(self, offers: list[Offer], now: float) -> list[Effect]:
+    def _announce_joined(self, provider: str, added_services: list[str], offers: list[Offer], now: float) -> list[Effect]:
+        """Announce offers that are new or have changed; the services of the new ones are `added_services`."""
+        self._log(PresenceChange(at=now, device=provider, services=tuple(added_services), joined=True))
         return [effect for page in _paginate(offers) for effect in self._notify_subscribers(ServicesJoined(offers=tuple(page)), now)]
 
-    def _announce_left(self, provider: str, services: list[str], reason: str, now: float) -> list[Effect]:
+    def _announce_left(self, provider: str, services: list[str], reason: str, now: float, left_at: float | None = None) -> list[Effect]:
+        """Announce services that left now or, if the Registry was not running then, at an earlier time."""
+        at = left_at if left_at is not None else now
+        self._log(PresenceChange(at=at, device=provider, services=tuple(services), joined=False, reason=reason))
         return self._notify_subscribers(ServicesLeft(services=tuple(services), provider=provider, reason=reason), now) if services else []
+
+    def _log(self, change: PresenceChange) -> None:
+        if change.services:
+            self.state.presence_log.append(change)
+            del self.state.presence_log[:-LOG_LENGTH]
 
     def _notify_subscribers(self, news: ServicesJoined | ServicesLeft, now: float) -> list[Effect]:
         self.state.news_count += 1
@@ -297,12 +317,14 @@ def only_reads(event: Input) -> bool:
 
     Such a query may be lost with the process, because its connection is. A reply to an address has to be sent after a restart, too.
     """
-    return isinstance(event, Received) and isinstance(event.message.body, Discover) and event.message.header.reply_to == ANONYMOUS
+    if not isinstance(event, Received):
+        return False
+    return isinstance(event.message.body, Discover | ReadPresence) and event.message.header.reply_to == ANONYMOUS
 
 
 SCHEMA = Schema(
     component="registry",
-    version=1,
+    version=2,
     state=RegistryState,
     timers=Timer,
     questions=None,
@@ -310,5 +332,6 @@ SCHEMA = Schema(
     answers=None,
     restore=Registry.restored,
     is_read_only=only_reads,
+    migrations={1: Migration()},  # version 2 adds the log of arrivals and departures
 )
 """The types in the journal of a Registry."""

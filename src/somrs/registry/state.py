@@ -6,7 +6,7 @@ from msgspec import Struct, field
 
 from somrs.kernel.replica import Replica, ReplicaDue
 from somrs.ontology.types import Ontology
-from somrs.protocol.messages.directory import Offer, Published, Retracted
+from somrs.protocol.messages.directory import Offer, PresenceChange, Published, Retracted
 from somrs.protocol.messages.frp import Fault
 
 
@@ -29,6 +29,7 @@ class RegistryState(Struct, kw_only=True):
 
     `initial_ontology` is used until the Repository's ontology has been read, if the Registry follows a Repository. `subscribers`: the time
     at which each subscription expires, by address. `answers`: by message id, oldest first. `news_count`: notifications so far.
+    `presence_log`: the latest arrivals and departures, oldest first.
     """
 
     address: str
@@ -38,3 +39,4 @@ class RegistryState(Struct, kw_only=True):
     subscribers: dict[str, float] = field(default_factory=dict)
     answers: dict[str, Published | Retracted | Fault] = field(default_factory=dict, name="answered")
     news_count: int = field(default=0, name="told")
+    presence_log: list[PresenceChange] = field(default_factory=list)

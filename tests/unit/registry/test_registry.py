@@ -14,8 +14,11 @@ from somrs.protocol.messages.directory import (
     Discover,
     Discovered,
     Offer,
+    PresenceChange,
+    PresenceLog,
     Publish,
     Published,
+    ReadPresence,
     Renew,
     Retract,
     Retracted,
@@ -27,7 +30,8 @@ from somrs.protocol.messages.directory import (
 from somrs.protocol.messages.envelope import ANONYMOUS
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import Define, Definitions, QueryMap
-from somrs.registry.component import SCHEMA, Registry, only_reads
+from somrs.protocol.messages.paging import PAGE_BYTES, size
+from somrs.registry.component import LOG_LENGTH, SCHEMA, Registry, only_reads
 from somrs.registry.state import LeasesDue
 from somrs.repository.component import Repository
 from somrs.runtime.virtual_time import World
@@ -109,6 +113,57 @@ def test_the_timer_is_set_for_the_next_lease_that_ends(registry: Registry) -> No
     assert registry.handle(TimerFired(LeasesDue()), 30.0)[-1] == SetTimer(LeasesDue(), None)
 
 
+# Arrivals and departures
+
+
+def log(registry: Registry, now: float) -> list[tuple[float, str, bool, str]]:
+    changes = ask(registry, ReadPresence(), PresenceLog, now=now).changes
+    return [(change.at, change.device, change.joined, change.reason) for change in changes]
+
+
+def test_arrivals_and_departures_are_remembered_once_each_newest_first(registry: Registry) -> None:
+    assert log(registry, 0.0) == []
+    ask(registry, publish("Robot1", offer("Robot1"), offer("Robot1", OPEN)), Published, now=1.0)
+    ask(registry, publish("Robot1", offer("Robot1", Price=2.0), offer("Robot1", OPEN)), Published, now=2.0)
+    ask(registry, Renew(provider="Robot1", lease=30.0), Published, now=3.0)
+    assert log(registry, 3.0) == [(1.0, "Robot1", True, "")], "another price is no arrival"
+    ask(registry, publish("Robot1", offer("Robot1")), Published, now=4.0)
+    assert ask(registry, ReadPresence(), PresenceLog, now=4.0).changes[0] == PresenceChange(
+        at=4.0, device="Robot1", services=("Robot1.OpenDoor",), joined=False, reason="retracted"
+    )
+    ask(registry, Retract(provider="Robot1"), Retracted, now=5.0)
+    ask(registry, Retract(provider="Robot1"), Retracted, now=6.0)
+    assert log(registry, 6.0) == [
+        (5.0, "Robot1", False, "retracted"),
+        (4.0, "Robot1", False, "retracted"),
+        (1.0, "Robot1", True, ""),
+    ]
+
+
+def test_a_device_whose_lease_ended_left_when_it_ended_even_if_the_registry_did_not_run_then(registry: Registry) -> None:
+    ask(registry, publish("Robot1", lease=30.0), Published, now=0.0)
+    ask(registry, publish("Robot2", lease=10.0), Published, now=0.0)
+    registry.handle(TimerFired(LeasesDue()), 1000.0)
+    assert log(registry, 1000.0)[:2] == [(30.0, "Robot1", False, "expired"), (10.0, "Robot2", False, "expired")]
+
+
+def test_the_log_is_bounded_and_its_answer_fits_into_a_message(registry: Registry) -> None:
+    for number in range(LOG_LENGTH):
+        ask(registry, publish("Robot1"), Published, now=float(number))
+        ask(registry, Retract(provider="Robot1"), Retracted, now=number + 0.5)
+    assert len(registry.state.presence_log) == len(log(registry, 1000.0)) == LOG_LENGTH
+    assert log(registry, 1000.0)[0][0] == LOG_LENGTH - 0.5, "the latest are kept"
+    offers = [
+        Offer(service=f"Robot2.{number:0200}", provider="Robot2", provider_type="R", address="a", service_type=OPEN) for number in range(50)
+    ]
+    for number in range(10):
+        ask(registry, publish("Robot2", *offers), Published, now=2000.0 + number)
+        ask(registry, Retract(provider="Robot2"), Retracted, now=2000.5 + number)
+    answer = ask(registry, ReadPresence(), PresenceLog, now=2020.0)
+    assert size(answer.changes) < PAGE_BYTES + 1000
+    assert answer.changes[0].at == 2009.5
+
+
 # Discovering
 
 
@@ -120,6 +175,7 @@ def test_who_asks_on_a_connection_leaves_the_registry_as_it_was(registry: Regist
     for now in (4.0, 6.0):
         assert len(registry.handle(received, now)) == 1
     assert only_reads(received)
+    assert only_reads(Received(request(ReadPresence(), ANONYMOUS)))
     assert encode(registry.state) == state_before
     assert not only_reads(Received(request(Discover(effect=effect)))), "somebody who has an address waits for it"
     assert not only_reads(Received(request(publish("Robot1"), ANONYMOUS)))
@@ -286,5 +342,7 @@ def test_what_was_listed_is_listed_after_a_restart_until_its_lease_is_over(snaps
     registry = world.components[REGISTRY]
     assert isinstance(registry, Registry)
     assert names(ask(registry, Discover(), Discovered, now=world.now)) == ["Robot1.TransferObject"]
+    known = [(device, joined) for _, device, joined, _ in log(registry, world.now)]
+    assert known == [("Robot2", False), ("Robot2", True), ("Robot1", True)], "nor is it forgotten who came and went"
     world.run(70.0)
     assert registry.state.providers == {}, "its timer rings in the new life"

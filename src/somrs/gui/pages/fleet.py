@@ -7,7 +7,6 @@ from nicegui import ui
 from somrs.api.device_state import FAULT_LABELS, LABELS, DeviceState
 from somrs.api.fleet import BUSY, Devices, DeviceView, Presence
 from somrs.api.remote import LiveApi
-from somrs.api.service_presence import PresenceChange
 from somrs.client.hub import News
 from somrs.client.refusals import ErrorReport, error_report
 from somrs.devices.simulator.link.commands import Fault
@@ -17,6 +16,7 @@ from somrs.gui.icons import format_time, join_names
 from somrs.gui.news import follow
 from somrs.gui.question_panel import QuestionPanel
 from somrs.gui.shell import guarded, notify, page
+from somrs.protocol.messages.directory import PresenceChange
 
 MAX_LOG_ENTRIES = 30
 """Number of arrivals and departures in the list."""
@@ -97,7 +97,7 @@ class _Fleet:
                 for entry in devices.log[:MAX_LOG_ENTRIES]:
                     _log_row(entry)
                 if not devices.log:
-                    ui.label("No arrivals or departures since the windows' server was started.").classes("somrs-soft")
+                    ui.label("No arrivals or departures yet.").classes("somrs-soft")
 
     async def _break(self, robot: str, fault: Fault, repair: bool) -> None:
         await self._api.fleet.fault(robot, fault, repair)

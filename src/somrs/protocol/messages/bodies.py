@@ -15,7 +15,7 @@ FrpBody = (
 DirectoryBody = (
     directory.Publish | directory.Published | directory.Renew | directory.Retract | directory.Retracted
     | directory.Discover | directory.Discovered | directory.SubscribeServices | directory.ServicesSubscribed
-    | directory.ServicesJoined | directory.ServicesLeft
+    | directory.ServicesJoined | directory.ServicesLeft | directory.ReadPresence | directory.PresenceLog
 )  # fmt: skip
 KnowledgeBody = (
     knowledge.ReadOntology | knowledge.OntologyPage | knowledge.Define | knowledge.Defined | knowledge.ReadMap
@@ -47,6 +47,7 @@ REQUESTS: dict[type[Body], tuple[type[Body], ...]] = {
     directory.Retract: (directory.Retracted,),
     directory.Discover: (directory.Discovered,),
     directory.SubscribeServices: (directory.ServicesSubscribed,),
+    directory.ReadPresence: (directory.PresenceLog,),
     knowledge.ReadOntology: (knowledge.OntologyPage,),
     knowledge.Define: (knowledge.Defined, knowledge.Rejected),
     knowledge.ReadMap: (knowledge.MapPage,),

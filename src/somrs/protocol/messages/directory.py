@@ -101,3 +101,23 @@ class ServicesLeft(MessageBody, frozen=True, kw_only=True, tag=True):
     services: tuple[str, ...]
     provider: str
     reason: str
+
+
+class PresenceChange(Struct, frozen=True, kw_only=True):
+    """The arrival (`joined`) or departure of services of a device. `at`: seconds since 1970; `reason`: as in ServicesLeft."""
+
+    at: float
+    device: str
+    services: tuple[str, ...]
+    joined: bool
+    reason: str = ""
+
+
+class ReadPresence(MessageBody, frozen=True, kw_only=True, tag=True):
+    """Read which devices joined and left recently."""
+
+
+class PresenceLog(MessageBody, frozen=True, kw_only=True, tag=True):
+    """The latest arrivals and departures, newest first: as many as the Registry keeps, and as fit into one message."""
+
+    changes: tuple[PresenceChange, ...]
