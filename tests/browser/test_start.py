@@ -8,7 +8,7 @@ import urllib.request
 from collections.abc import Callable
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Browser, Page, expect
 
 from .conftest import WIDTHS, RunningSystem, every_look, fits, resize, take_screenshot
 
@@ -39,6 +39,67 @@ def test_the_api_describes_itself(system: RunningSystem, window: Callable[..., P
         described = json.load(answer)
     assert described["openapi"].startswith("3.1")
     assert all(operation["summary"] for path in described["paths"].values() for operation in path.values())
+
+
+@pytest.mark.parametrize(
+    ("address", "problems"),
+    [
+        ("/map?object=Robt1", ["There is no object Robt1 on the map; did you mean Robot1 or Robot2?"]),
+        ("/map?object=Nope", ["There is no object Nope on the map", "find one by its name"]),
+        ("/map?storey=Attic&object=Jar002", ["There is no storey Attic; the storeys are Storey001."]),
+        ("/map?view=5d", ["There is no view 5d; the views are plan and 3d."]),
+        ("/map?version=999999", ["The map has no version 999999; it has the versions 0 to "]),
+        ("/map?objekt=Jar002", ["This page has no parameter “objekt”; it takes object, storey, view, version."]),
+        ("/ontology?new=thing", ["There is no kind of definition thing; the kinds are types, "]),
+        ("/ontology?typ=Jar", ["This page has no parameter “typ”"]),
+        ("/history?outcome=won", ["There is no outcome won; the outcomes are accomplished, failed, cancelled."]),
+        ("/history?since=yesterday", ["'yesterday' is not a time"]),
+        ("/history?rows=many", ["rows=many: give a number of tasks from 1 to 50."]),
+        ("/define?goal=Jar002%20isOn%20Table001", ["This page has no parameter “goal”; it takes effect."]),
+        ("/fleet?robot=Robot1", ["This page has no parameter “robot”; it takes none."]),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_what_is_wrong_in_the_address_of_a_page_is_said(
+    system: RunningSystem, window: Callable[..., Page], address: str, problems: list[str]
+) -> None:
+    page = window(f"{system.url}{address}")
+    banner = page.get_by_role("alert").filter(has_text="The address of this page has a mistake")
+    for problem in problems:
+        expect(banner).to_contain_text(problem)
+    assert fits(page)
+    banner.get_by_role("link", name="Open the page without parameters").click()
+    page.wait_for_url(f"{system.url}{address.partition('?')[0]}")
+    expect(page.get_by_role("heading", level=1)).to_be_visible()
+    expect(banner).to_be_hidden()
+
+
+def test_an_address_without_a_page_says_so_and_what_was_meant(system: RunningSystem, browser: Browser) -> None:
+    """Not in a `window`, in which the status 404 would be an error."""
+    with browser.new_context() as profile:
+        page = profile.new_page()
+        answer = page.goto(f"{system.url}/flet")
+        assert answer is not None
+        assert answer.status == 404
+        expect(page.get_by_role("heading", level=1)).to_have_text("There is no page /flet")
+        expect(page.get_by_role("status").filter(has_text="Did you mean /fleet?")).to_be_visible()
+        page.get_by_role("navigation").get_by_role("link", name="Fleet").click()
+        page.wait_for_url("**/fleet")
+        assert page.request.get(f"{system.url}/look/none.css").text() == "Not Found"
+
+
+def test_the_address_of_the_map_has_the_version_that_is_shown(system: RunningSystem, window: Callable[..., Page]) -> None:
+    update = {"situation": 'Table002.Label = "Here"', "author": "test"}
+    request = urllib.request.Request(f"{system.url}/api/map/changes", data=json.dumps(update).encode(), method="POST")
+    with urllib.request.urlopen(request):
+        pass
+    page = window(f"{system.url}/map?version=0&object=Jar002")
+    expect(page.get_by_role("status").filter(has_text="Version 0: the initial map")).to_be_visible()
+    expect(page.get_by_text("As it was at version 0")).to_be_visible()
+    page.get_by_role("button", name="Back to now").click()
+    page.wait_for_url("**/map?object=Jar002")
+    page.get_by_role("button", name="One version back").click()
+    page.wait_for_url(re.compile(r"/map\?version=\d+&object=Jar002$"))
 
 
 WATCH_PLACES = """

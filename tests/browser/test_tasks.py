@@ -201,7 +201,18 @@ def test_what_cannot_be_done_says_why_not(system: RunningSystem, window: OpenPag
     expect(panel(page, "Terms")).to_contain_text("No service was asked")
     take_screenshot(page, "task-impossible-1280-dark")
     page.goto(f"{system.url}/tasks/12345678")
-    expect(page.get_by_role("status")).to_contain_text("there is no task 12345678")
+    expect(page.get_by_role("status")).to_contain_text("There is no task 12345678")
+
+
+def test_an_address_that_several_tasks_fit_says_so(system: RunningSystem, window: OpenPage) -> None:
+    first_characters: set[str] = set()
+    while (key := submit_task(system, "Shelf001 isOn Platform001").rpartition(":")[2])[0] not in first_characters:
+        first_characters.add(key[0])
+    page = window(f"{system.url}/tasks/{key[0]}")
+    expect(page.get_by_role("status")).to_contain_text(f"tasks or more begin with {key[0]}; give more of the id")
+    expect(page.get_by_role("status")).not_to_contain_text("retrying")
+    page.get_by_role("link", name="All tasks").click()
+    page.wait_for_url("**/tasks")
 
 
 def test_the_list_is_found_in_and_folded_panels_stay_so(system: RunningSystem, window: OpenPage) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Awaitable, Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import wraps
@@ -13,6 +13,7 @@ from nicegui import app, ui
 from somrs.api.remote import LiveApi
 from somrs.client.client import client_name
 from somrs.errors import SomrsError
+from somrs.gui.address import AddressBanner
 from somrs.gui.unavailable_banner import ApiUnavailableBanner
 
 P = ParamSpec("P")
@@ -57,8 +58,9 @@ ui.menu_item.default_props("role=menuitem")  # Quasar's is a list item, which no
 
 
 @contextmanager
-def page(title: str, path: str, api: LiveApi) -> Iterator[None]:
-    """Add the frame of a page; the elements made inside are its content. `path`: the navigation entry to highlight.
+def page(title: str, path: str, api: LiveApi, parameters: Collection[str] = ()) -> Iterator[AddressBanner]:
+    """Add the frame of a page; the elements made inside are its content. `path`: the navigation entry to highlight; `parameters`: those
+    that the page takes in its address. Yields the banner for problems with the address.
 
     The main landmark takes the focus when the page has loaded, so that the keyboard and screen readers begin at the content."""
     ui.page_title(f"{title} · SO-MRS")
@@ -79,7 +81,7 @@ def page(title: str, path: str, api: LiveApi) -> Iterator[None]:
         button.props(f"icon={_icon(dark.value)} aria-label='Colour theme'").tooltip("Colour theme: light, dark, or as in the system")
         button.on_click(lambda: _switch_theme(dark, button))
     with ui.element("div").classes("somrs-main"):
-        yield
+        yield AddressBanner(path, parameters)
     ApiUnavailableBanner(api.context.hub)
     [main] = ui.context.client.page_container.default_slot.children  # Quasar's page, a `main` element
     main.props(f'tabindex="-1" aria-label="{title}"')

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import Callable
 from typing import Any
 from urllib.parse import urlencode
@@ -12,8 +13,10 @@ from nicegui import ui
 from somrs.api.reliability_stats import device_of
 from somrs.api.remote import LiveApi
 from somrs.api.task_feed import TasksChanged
+from somrs.client.export import moment
 from somrs.client.hub import News
 from somrs.client.task_report import reasons
+from somrs.errors import SomrsError
 from somrs.gui.icons import OUTCOMES, format_duration, format_time
 from somrs.gui.news import follow
 from somrs.gui.shell import guarded, page
@@ -57,9 +60,20 @@ _GOAL_CELL = """<q-td :props="props">
 
 def register(api: LiveApi) -> None:
     @ui.page("/history")
-    async def show_page(text: str = "", outcome: str = "", since: str = "", service: str = "", rows: int = PAGE) -> None:
-        with page("History", "/history", api):
-            history = _History(api, min(max(rows, 1), PAGE))
+    async def show_page(text: str = "", outcome: str = "", since: str = "", service: str = "", rows: str = str(PAGE)) -> None:
+        with page("History", "/history", api, ("text", "outcome", "since", "service", "rows")) as address:
+            if outcome not in ENDS:
+                address.report(f"There is no outcome {outcome}; the outcomes are {', '.join(filter(None, ENDS))}.")
+                outcome = ANY_VALUE
+            try:
+                moment(since or "1h", time.time())
+            except SomrsError as error:
+                address.report(f"since={since}: {error}.")
+                since = ANY_VALUE
+            if not (rows.isdecimal() and int(rows)):
+                address.report(f"rows={rows}: give a number of tasks from 1 to {PAGE}.")
+                rows = str(PAGE)
+            history = _History(api, min(int(rows), PAGE))
             history.set_filters(text, outcome, since, service)
             await guarded(history.begin)()
             await guarded(history.choices)()
@@ -115,7 +129,7 @@ class _History:
     def set_filters(self, text: str, outcome: str, period: str, service: str) -> None:
         """Set the filters from the page's address."""
         self._text.value = text
-        self._outcome.value = outcome if outcome in _ENDS else _ANY_VALUE
+        self._outcome.value = outcome
         if period not in _TIMES:
             self._period.set_options({**_TIMES, period: period})
         self._period.value = period

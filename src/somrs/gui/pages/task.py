@@ -11,7 +11,7 @@ from somrs.api.remote import LiveApi
 from somrs.api.tasks import TaskChanged, TaskDetails
 from somrs.client.hub import News
 from somrs.client.refusals import NotFound
-from somrs.errors import SomrsError
+from somrs.errors import SomrsError, UsageError
 from somrs.gui.components.task.chart import MessageChart
 from somrs.gui.components.task.graph import PlanGraph
 from somrs.gui.components.task.timeline import DeviceTimeline
@@ -60,8 +60,10 @@ class _TaskLoader:
     async def _read(self) -> None:
         try:
             snapshot = await self._api.tasks.read(self._id)
-        except NotFound as error:
-            self._show_message("search_off", str(error))
+        except NotFound:
+            self._show_message("search_off", f"There is no task {self._id}. “All tasks” has the current ones, “History” the ended ones.")
+        except UsageError as error:  # several ids begin with this one
+            self._show_message("search_off", f"{error}.")
         except SomrsError as error:
             self._wait(f"{error}; retrying")
         else:
@@ -80,6 +82,7 @@ class _TaskLoader:
             ui.icon(icon).props('aria-hidden="true"')
             ui.label(text).props('role="heading" aria-level="1"')
             ui.link("All tasks", "/tasks")
+            ui.link("History", "/history")
 
 
 class _TaskPage:

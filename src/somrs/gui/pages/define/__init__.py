@@ -28,7 +28,7 @@ SETTLED = 0.4
 def register(api: LiveApi) -> None:
     @ui.page("/define")
     async def show_page(effect: str = "") -> None:
-        with page("New task", "/define", api):
+        with page("New task", "/define", api, ("effect",)):
             define_page = _DefinePage(api, effect)
         background_tasks.create(define_page.begin(), context=ui.context.client)
 

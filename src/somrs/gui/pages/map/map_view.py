@@ -83,14 +83,16 @@ class MapView:
 
     def _on_scene_storey(self, event: dict[str, Any]) -> None:
         self._shows_all_storeys = event["name"] is None
-        map, ontology = self._api.context.map, self._api.context.ontology
-        storeys = (map_object.name for map_object in map.objects.values() if ontology.is_subtype(map_object.type, "Storey"))
-        storey = next((storey_name for storey_name in storeys if self._storey_label(storey_name) == event["name"]), None)
+        storey = next((name for name in self.storeys() if self._storey_label(name) == event["name"]), None)
         if storey is not None:
             self._storey = storey
             self.plan.set_storey(storey)
         self._show_storey()
         self._on_view_change()
+
+    def storeys(self) -> list[str]:
+        map, ontology = self._api.context.map, self._api.context.ontology
+        return [map_object.name for map_object in map.objects.values() if ontology.is_subtype(map_object.type, "Storey")]
 
     def _storey_label(self, storey: str) -> str:
         """The storey's label in the scene."""

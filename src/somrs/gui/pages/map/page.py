@@ -13,13 +13,15 @@ from somrs.api.map_news import MapNews
 from somrs.api.remote import LiveApi
 from somrs.client.hub import News
 from somrs.client.refusals import Refused
+from somrs.entish.parse import nearest
 from somrs.errors import SomrsError
+from somrs.gui.address import AddressBanner
 from somrs.gui.components.floorplan import FloorPlan
 from somrs.gui.news import follow
 from somrs.gui.pages.map.add_panel import AddPanel
 from somrs.gui.pages.map.changes import ChangeList
 from somrs.gui.pages.map.form import VERSION_CONFLICT
-from somrs.gui.pages.map.map_view import PLAN, SCENE, VIEWS, MapView
+from somrs.gui.pages.map.map_view import ALL_STOREYS, PLAN, SCENE, VIEWS, MapView
 from somrs.gui.pages.map.moves import Move, move_changes
 from somrs.gui.pages.map.object_drafts import ObjectDrafts
 from somrs.gui.pages.map.past_sheet import PastSheet
@@ -32,6 +34,7 @@ from somrs.ontology.objects import Change
 from somrs.protocol.messages.knowledge import UpdateMap
 
 PATH = "/map"
+PARAMETERS = ("object", "storey", "view", "version")
 SNAP = 0.05
 """Grid size for dragged objects, m."""
 CHANGE_TIMEOUT = 5.0
@@ -44,19 +47,21 @@ _OBJECT, _ADD, _SEARCH, _CHANGES = "Object", "Add", "Find", "Changes"
 def register(api: LiveApi) -> None:
     @ui.page(PATH)
     async def show_page() -> None:
-        with page("Map", PATH, api):
-            MapPage(api).begin(ui.context.client.request.url.query)
+        with page("Map", PATH, api, PARAMETERS) as address:
+            MapPage(api, address).begin(ui.context.client.request.url.query)
 
 
 class MapPage:
     """The page in one browser."""
 
-    def __init__(self, api: LiveApi) -> None:
-        self._api = api
+    def __init__(self, api: LiveApi, address: AddressBanner) -> None:
+        self._api, self._address = api, address
         self._selected: str | None = None
         self._drafts = ObjectDrafts(self._on_drafts_restored)
         self._mine: list[int] = []
         """Versions made on this page, newest last, for undo."""
+        self._version_in_address: str | None = None
+        """The version to show first; None for the current one, and once it has been shown."""
         self._undoing = asyncio.Lock()
         """Held during an undo: only then is the next version to undo known."""
         self._sheet: Sheet | None = None
@@ -136,22 +141,36 @@ class MapPage:
         plan.on_unanswered(lambda event: notify(f"{', '.join(event['names'])} moved back: no reply. Try again.", bad=True))
 
     def begin(self, query: str) -> None:
-        """Open what the page's address specifies."""
+        """Open what the page's address specifies, and report what does not exist."""
         parameters = {key: values[0] for key, values in parse_qs(query).items()}
-        if named := parameters.get("object"):
+        map, storeys = self._api.context.map, self._map_view.storeys()
+        storey, named, self._version_in_address = (parameters.get(name) for name in ("storey", "object", "version"))
+        if named is not None and named not in map.objects and self._version_in_address is None:
+            hint = nearest(named, map.objects) or "select an object on the plan, or find one by its name."
+            self._address.report(f"There is no object {named} on the map; {hint}")
+            named = None
+        if storey is not None and storey not in (ALL_STOREYS, *storeys):
+            self._address.report(f"There is no storey {storey}; the storeys are {', '.join(storeys)}.")
+            storey = None
+        if named is not None:
             self._selected = named
             self._map_view.choose(named)
-            if "storey" not in parameters:
+            if storey is None:
                 self._plan.show_object(named)
             self._show_object()
             self._tabs.value = _OBJECT
-        self._map_view.begin(parameters.get("storey"))
+        self._map_view.begin(storey)
         if parameters.get("view") == VIEWS[SCENE]:
             self._views.value = SCENE
+        elif (view := parameters.get("view")) not in (None, VIEWS[PLAN]):
+            self._address.report(f"There is no view {view}; the views are {' and '.join(VIEWS.values())}.")
 
     def _update_address(self) -> None:
         """Put the current view into the page's address, so that a reload restores it."""
-        parameters = self._map_view.address_parameters() | ({"object": self._selected} if self._selected is not None else {})
+        version = self._version_slider.shown_version
+        parameters = self._map_view.address_parameters()
+        parameters |= {"version": str(version)} if version is not None else {}
+        parameters |= {"object": self._selected} if self._selected is not None else {}
         ui.navigate.history.replace(f"{PATH}?{urlencode(parameters, quote_via=quote)}" if parameters else PATH)
 
     # Selection
@@ -200,6 +219,7 @@ class MapPage:
     def _turn_to(self, version: int | None) -> None:
         """Show a version of the map; None: the current one."""
         self._map_view.show_version(version)
+        self._update_address()
         self._show_object()
 
     def _on_drafts_restored(self, names: list[str]) -> None:
@@ -315,8 +335,19 @@ class MapPage:
 
     async def _read(self) -> None:
         await self._version_slider.begin()
+        await self._show_version_in_address()
         await self._search_panel.begin()
         self._show_count()
+
+    async def _show_version_in_address(self) -> None:
+        version, self._version_in_address = self._version_in_address, None
+        if version is None:
+            return
+        first, latest = self._version_slider.first_version, self._api.context.version
+        if version.isdecimal() and first <= int(version) <= latest:
+            await self._version_slider.show_version(int(version))
+        else:
+            self._address.report(f"The map has no version {version}; it has the versions {first} to {latest}. This is the current one.")
 
     async def _learned(self) -> None:
         self._add_panel.refresh()

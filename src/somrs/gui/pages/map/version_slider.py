@@ -45,6 +45,11 @@ class VersionSlider:
         return button
 
     @property
+    def first_version(self) -> int:
+        """The first version that the Repository has."""
+        return self._first_version
+
+    @property
     def shown_version(self) -> int | None:
         """The version shown; None for the current one."""
         return self._shown_version

@@ -85,7 +85,7 @@ def show_missing(section: Section, name: str, history: Callable[[], object]) -> 
     with ui.element("div").classes("somrs-onto-head"):
         ui.icon("search_off")
         TextTag("h2", name)
-    note(f"There is no {section.singular} of this name. It may have been removed or renamed.")
+    note(f"There is no {section.singular} of this name. It may have been removed or renamed. Select another one in the list.")
     with ui.element("div").classes("somrs-onto-buttons"):
         ui.button("See its history", icon="history", on_click=history).props("flat dense no-caps")
 
