@@ -10,7 +10,7 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from .conftest import WIDTHS, RunningSystem, every_look, fits, resize, take_screenshot
+from .conftest import WIDTHS, RunningSystem, fits, resize
 
 PLACES = ["Map", "Ontology", "New task", "Tasks", "Fleet", "History"]
 
@@ -19,10 +19,7 @@ def test_every_page_is_one_click_away_and_fits_every_window(system: RunningSyste
     page = window(system.url)
     with urllib.request.urlopen(f"{system.url}/api/map") as answer:
         version = json.load(answer)["version"]
-    for text in (f"version {version}", "No task is running.", "Robot2", "simulator"):
-        expect(page.get_by_text(text).first).to_be_visible()
-    for look in every_look(page):
-        take_screenshot(page, f"start-{look}")
+    expect(page.get_by_text(f"version {version}").first).to_be_visible()
     for place in PLACES:
         page.get_by_role("navigation").get_by_role("link", name=place).click()
         page.wait_for_url("**/" + {"New task": "define"}.get(place, place.lower()))

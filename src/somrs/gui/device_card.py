@@ -146,7 +146,7 @@ class DeviceCard:
                 with ui.element("div"):
                     ui.label("now" if activity.state in BUSY else "next").classes("somrs-soft somrs-device-when")
                     with ui.link(target=f"/tasks/{activity.task}").classes("somrs-device-task"):
-                        ui.label(_activity_text(activity))
+                        ui.label(activity_text(activity))
                         ui.label(f"for {activity.effect}").classes("somrs-formula somrs-soft")
 
     def _fill_services(self) -> None:
@@ -170,7 +170,8 @@ def _service(service: ServiceView) -> None:
             ui.label(tally).classes("somrs-soft somrs-device-tally")
 
 
-def _activity_text(activity: Assignment) -> str:
+def activity_text(activity: Assignment) -> str:
+    """The service and its objects: `TransferObject: Jar002 and Table001`."""
     return f"{activity.service_type}: {join_names([*activity.inputs.values()])}" if activity.inputs else activity.service_type
 
 
