@@ -95,7 +95,7 @@ def test_a_device_that_breaks_and_a_question_are_shown_until_somebody_has_seen_t
     expect(broken).to_have_count(0)
     question.get_by_role("button", name="I don't know").click()
     deadline = time.monotonic() + PATIENCE
-    while (asked := questions.read(number)) is None or asked.answer is None:
+    while (open_question := questions.read(number)) is None or open_question.answer is None:
         assert time.monotonic() < deadline, "no answer came"
         page.wait_for_timeout(50)
     questions.end(number, "taken")

@@ -137,6 +137,11 @@ def test_who_joins_is_shown_at_once_and_who_leaves_is_not_dropped_in_silence(sys
     expect(log).to_contain_text("Visitor withdrew its services")
     expect(page.get_by_role("status").first).to_contain_text("1 left recently")
     take_screenshot(page, "fleet-gone")
+    system.kill_and_await("api")
+    page.reload()
+    expect(log).to_contain_text("Visitor joined")
+    expect(log).to_contain_text("Visitor withdrew its services")
+    expect(device(page, "Visitor").get_by_text("Gone")).to_be_visible()
 
 
 def test_a_question_is_answered_where_it_is_shown(system: RunningSystem, window: OpenPage) -> None:

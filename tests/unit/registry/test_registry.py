@@ -342,7 +342,7 @@ def test_what_was_listed_is_listed_after_a_restart_until_its_lease_is_over(snaps
     registry = world.components[REGISTRY]
     assert isinstance(registry, Registry)
     assert names(ask(registry, Discover(), Discovered, now=world.now)) == ["Robot1.TransferObject"]
-    known = [(device, joined) for _, device, joined, _ in log(registry, world.now)]
-    assert known == [("Robot2", False), ("Robot2", True), ("Robot1", True)], "nor is it forgotten who came and went"
+    logged_changes = [(device, joined) for _, device, joined, _ in log(registry, world.now)]
+    assert logged_changes == [("Robot2", False), ("Robot2", True), ("Robot1", True)], "nor is it forgotten who came and went"
     world.run(70.0)
     assert registry.state.providers == {}, "its timer rings in the new life"

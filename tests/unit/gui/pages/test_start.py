@@ -84,9 +84,9 @@ def test_a_failed_task_needs_attention_until_its_goal_is_accomplished_or_a_day_i
     (latest, first) = texts(failed_rows([failed, other, old, task("d", "G isOn H", Outcome.CANCELLED, NOW)], NOW))
     assert (latest[1], first[:2], first[3]) == ("C isOn D", ("Failed", "A isOn B"), "/tasks/a")
     assert first[2].endswith(" · No service is left")
-    before, since = (task("e", "A isOn B", Outcome.ACCOMPLISHED, ended_at) for ended_at in (NOW - 60, NOW - 40))
-    assert len(failed_rows([failed, before], NOW)) == 1
-    assert failed_rows([failed, since], NOW) == []
+    earlier_success, later_success = (task("e", "A isOn B", Outcome.ACCOMPLISHED, ended_at) for ended_at in (NOW - 60, NOW - 40))
+    assert len(failed_rows([failed, earlier_success], NOW)) == 1
+    assert failed_rows([failed, later_success], NOW) == []
 
 
 def test_devices_are_listed_by_state_and_those_at_work_with_what_they_do() -> None:
@@ -124,7 +124,7 @@ def test_devices_that_are_not_ready_say_why() -> None:
 
 
 @pytest.mark.parametrize(
-    ("last", "enabled", "shown"),
+    ("last_run", "enabled", "expected"),
     [
         (None, True, None),
         (Run(due=NOW, state=RunState.SUBMITTED, at=NOW, task="urn:uuid:a", outcome=Outcome.FAILED), True, ("Failed", "/tasks/a")),
@@ -134,11 +134,11 @@ def test_devices_that_are_not_ready_say_why() -> None:
         (Run(due=NOW, state=RunState.SKIPPED, at=NOW), True, None),
     ],
 )
-def test_standing_orders_whose_last_run_failed(last: Run | None, enabled: bool, shown: tuple[str, str] | None) -> None:
-    order = StandingOrder(id="1", name="Tidy", when=Every(minutes=5), task=Submit(effect="A isOn B"), enabled=enabled, last=last)
+def test_standing_orders_whose_last_run_failed(last_run: Run | None, enabled: bool, expected: tuple[str, str] | None) -> None:
+    order = StandingOrder(id="1", name="Tidy", when=Every(minutes=5), task=Submit(effect="A isOn B"), enabled=enabled, last=last_run)
     rows = texts(order_rows([order]))
-    assert [(sign, target) for sign, _, _, target in rows] == ([shown] if shown else [])
-    if last is not None and last.note and shown:
+    assert [(sign, target) for sign, _, _, target in rows] == ([expected] if expected else [])
+    if last_run is not None and last_run.note and expected:
         assert rows[0][2].endswith(": there is no Jar9")
 
 
@@ -162,10 +162,10 @@ def test_the_example_is_a_thing_of_the_map_at_another_place_that_a_service_can_b
     assert place in ("Cupboard001", "Table002")
     assert can_achieve(ontology.services["TransferObject"], parse(goal), ontology, map)
     assert not is_achieved(goal, map)
-    (current_place,) = (where for what, where in (fact.arguments for fact in map.facts("isOn")) if what == thing)
-    done = map.changed([FactRemoved(Fact("isOn", (thing, current_place))), FactAdded(Fact("isOn", (thing, place)))])
-    assert is_achieved(goal, done)
-    assert example_goal({"TransferObject"}, ontology, done) not in (goal, None), "then another one"
+    (current_place,) = (fact.arguments[1] for fact in map.facts("isOn") if fact.arguments[0] == thing)
+    achieved_map = map.changed([FactRemoved(Fact("isOn", (thing, current_place))), FactAdded(Fact("isOn", (thing, place)))])
+    assert is_achieved(goal, achieved_map)
+    assert example_goal({"TransferObject"}, ontology, achieved_map) not in (goal, None), "then another one"
     assert is_achieved(goal, map.changed([FactRemoved(Fact("isOn", (thing, current_place))), ObjectRemoved(thing)]))
 
 
