@@ -55,7 +55,7 @@ def test_the_api_describes_itself(system: RunningSystem, window: Callable[..., P
         ("/define?goal=Jar002%20isOn%20Table001", ["This page has no parameter “goal”; it takes effect."]),
         ("/fleet?robot=Robot1", ["This page has no parameter “robot”; it takes none."]),
     ],
-    ids=lambda value: value if isinstance(value, str) else "",
+    ids=lambda value: re.sub(r"\W+", " ", value).strip() if isinstance(value, str) else "",  # part of the names of files
 )
 def test_what_is_wrong_in_the_address_of_a_page_is_said(
     system: RunningSystem, window: Callable[..., Page], address: str, problems: list[str]
