@@ -62,14 +62,14 @@ def register(api: LiveApi) -> None:
     @ui.page("/history")
     async def show_page(text: str = "", outcome: str = "", since: str = "", service: str = "", rows: str = str(PAGE)) -> None:
         with page("History", "/history", api, ("text", "outcome", "since", "service", "rows")) as address:
-            if outcome not in ENDS:
-                address.report(f"There is no outcome {outcome}; the outcomes are {', '.join(filter(None, ENDS))}.")
-                outcome = ANY_VALUE
+            if outcome not in _ENDS:
+                address.report(f"There is no outcome {outcome}; the outcomes are {', '.join(filter(None, _ENDS))}.")
+                outcome = _ANY_VALUE
             try:
                 moment(since or "1h", time.time())
             except SomrsError as error:
                 address.report(f"since={since}: {error}.")
-                since = ANY_VALUE
+                since = _ANY_VALUE
             if not (rows.isdecimal() and int(rows)):
                 address.report(f"rows={rows}: give a number of tasks from 1 to {PAGE}.")
                 rows = str(PAGE)

@@ -46,10 +46,10 @@ def register(api: LiveApi) -> None:
     @ui.page(PATH)
     async def show_page() -> None:
         ui.add_head_html(BACK_SCRIPT)
-        with page("Ontology", PATH, api, [*(section.word for section in SECTIONS), NEW]) as address:
+        with page("Ontology", PATH, api, [*(section.word for section in SECTIONS), _NEW]) as address:
             opened = OntologyPage(api)
             query = ui.context.client.request.url.query
-            if (fresh := parse_qs(query).get(NEW, [""])[0]) not in ("", *SECTION):
+            if (fresh := parse_qs(query).get(_NEW, [""])[0]) not in ("", *SECTION):
                 address.report(f"There is no kind of definition {fresh}; the kinds are {', '.join(SECTION)}.")
             await opened.begin(query)
 
