@@ -98,10 +98,12 @@ def test_a_task_is_watched_as_its_robot_fails_and_another_takes_over(system: Run
     task = submit_task(system, "Jar002 isOn Platform001", deadline=600, priority=3)
     row = listed.get_by_role("row").filter(has=listed.locator(f'a[href$="{task.rpartition(":")[2]}"]'))
     expect(row).to_contain_text("of 1 step")
+    expect(row).to_contain_text("Urgent (3)")
     page = window(f"{system.url}/tasks")
     page.get_by_role("link", name="Jar002 isOn Platform001").first.focus()
     page.keyboard.press("Enter")
     expect(page.get_by_role("heading", name="Jar002 isOn Platform001")).to_be_visible()
+    expect(page.locator("header").filter(has_text="Jar002 isOn Platform001")).to_contain_text("Urgent (3)")
     expect(panel(page, "Plan").get_by_role("button", name="step1: TransferObject, Jar002, Platform001")).to_be_visible()
     take_screenshot(page, "task-under-way-1280-light")
 

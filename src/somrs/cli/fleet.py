@@ -71,7 +71,7 @@ def render_fleet(fleet_state: Devices) -> Group:
 def _state(device: DeviceView) -> Text:
     sign, colour = SIGNS.get(device.state, ("", ""))
     state = Text(f"{sign} {LABELS[device.state].lower()}".strip(), style=colour)
-    state.append(f"\nload {100 * device.load:.0f} %", style="dim")
+    state.append(f"\nutilisation {100 * device.utilisation:.0f} %", style="dim")
     if device.charge is not None:
         state.append(f"\nbattery {device.charge:.0f} %", style="dim")
     for fault in device.simulated.faults if device.simulated is not None else ():

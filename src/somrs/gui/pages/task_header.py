@@ -7,6 +7,7 @@ import time
 from nicegui import ui
 
 from somrs.api.remote import LiveApi
+from somrs.client.state_labels import priority_text
 from somrs.client.task_report import reasons
 from somrs.gui.icons import Badge, format_duration, format_time
 from somrs.gui.pages.task_cancel_dialog import CancelDialog
@@ -37,7 +38,7 @@ class TaskHeader:
                 self._elapsed = _fact("Time")
                 _fact("Submitted").set_text(f"{format_time(view.submitted_at)} by {person_name(view.client)}")
                 self._due = _fact("Deadline")
-                _fact("Priority").set_text(str(view.priority))
+                _fact("Priority").set_text(priority_text(view.priority))
                 _fact("Policy").set_text(POLICIES[view.policy])
                 if view.precondition:
                     _fact("Precondition").set_text(view.precondition)

@@ -14,7 +14,7 @@ from somrs.api.questions import OpenQuestions
 from somrs.api.remote import LiveApi
 from somrs.api.tasks import TasksChanged
 from somrs.client.hub import News
-from somrs.client.state_labels import OUTCOMES
+from somrs.client.state_labels import OUTCOMES, priority_text
 from somrs.client.task_report import reasons
 from somrs.errors import SomrsError
 from somrs.gui.components.task.list import TaskList
@@ -156,7 +156,7 @@ def _table_row(row: TaskRow, asked_people: frozenset[str], now: float) -> dict[s
         "who": person_name(row.client),
         "took": format_duration(max(0.0, seconds)) + ("" if row.outcome is not None else " so far"),
         "due": due_text(row.submitted_at, row.deadline, row.outcome is not None, now) if row.deadline is not None else "–",
-        "priority": row.priority,
+        "priority": priority_text(row.priority),
     }
 
 
