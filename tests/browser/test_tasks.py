@@ -18,7 +18,7 @@ from somrs.devices.simulator.link.commands import Fault
 from somrs.devices.simulator.link.link import OperatorLink
 from tests.support.paths import SCENARIO_1
 
-from .conftest import WIDTHS, WORK_TIME, RunningSystem, every_look, fits, take_screenshot
+from .conftest import WIDTHS, WORK_TIME, RunningSystem, every_look, fits, resize, take_screenshot
 
 OpenPage = Callable[..., Page]
 
@@ -194,6 +194,40 @@ def test_a_task_is_cancelled_and_undone(system: RunningSystem, window: OpenPage)
     expect(panel(page, "Plan").get_by_role("button", name="undone").first).to_be_visible()
     expect(page.get_by_role("button", name="Cancel this task")).to_be_hidden()
     assert formula_holds(system, "Jar003 isOn Cupboard001 AND Carton001 isOn Table002")
+
+
+@pytest.mark.usefixtures("jar_at_home")
+def test_a_task_that_waits_names_the_other_task_and_links_to_it(system: RunningSystem, window: OpenPage) -> None:
+    first = submit_task(system, "Jar002 isOn Table001")
+    wait_for_task(system, first, carries)
+    with system.paused("simulator"):
+        second = submit_task(system, "Jar002 isOn Platform001")
+        wait_for_task(system, second, lambda task_state: task_state["view"]["phase"] == "waiting")
+        page = window(f"{system.url}/tasks/{second}")
+        head = page.locator("header").filter(has_text="Jar002 isOn Platform001")
+        story = panel(page, "Story")
+        for place in (head, story):
+            expect(place).to_contain_text("Waits for Jar002 isOn Table001, which has reserved Jar002")
+            expect(place).not_to_contain_text("urn:uuid")
+        take_screenshot(page, "task-waiting-1280-light")
+        resize(page, "390")
+        assert fits(page)
+        take_screenshot(page, "task-waiting-390-light")
+        page.goto(f"{system.url}/tasks")
+        row = page.get_by_role("row").filter(has=page.locator(f'a[href$="{second.rpartition(":")[2]}"]').first).first
+        expect(row).to_contain_text("which has reserved Jar002")
+        take_screenshot(page, "tasks-waiting-390-light")
+        resize(page, "1280")
+        take_screenshot(page, "tasks-waiting-1280-light")
+        row.get_by_role("link", name="Jar002 isOn Table001").click()
+        page.wait_for_url(f"**/tasks/{first.rpartition(':')[2]}")
+        page.goto(f"{system.url}/define?effect=Jar002 isOn Cupboard001")
+        page.get_by_role("button", name="Preview").click()
+        expect(page.get_by_text("The task would wait for")).to_be_visible()
+        expect(page.get_by_role("link", name="Jar002 isOn Table001")).to_have_attribute("href", f"/tasks/{first.rpartition(':')[2]}")
+    for task in (second, first):
+        call(system, f"/tasks/{task}/cancel", post=True)
+        wait_for_task(system, task, is_ended)
 
 
 def test_what_cannot_be_done_says_why_not(system: RunningSystem, window: OpenPage) -> None:

@@ -154,9 +154,7 @@ class FleetService:
         utilisations = self._reliability.utilisations(_works(tasks), now)
         names = {*self._on_map(), *(offer.provider for offer in self._presence.offers.values())}
         names.update(change.device for change in self._presence.log if not change.joined and change.at > now - DEPARTED_TIME)
-        devices = (
-            self._device(name, assignments.get(name, ()), utilisations.get(name, 0.0), states.get(name)) for name in sorted(names)
-        )
+        devices = (self._device(name, assignments.get(name, ()), utilisations.get(name, 0.0), states.get(name)) for name in sorted(names))
         return Devices(at=now, devices=tuple(devices), log=tuple(reversed(self._presence.log)))
 
     @operation("POST", "/fleet/{robot}/faults/{fault}")

@@ -14,6 +14,7 @@ from somrs.api.service import open_api_service
 from somrs.client import terminal
 from somrs.client.client import Addresses
 from somrs.client.refusals import ErrorReport
+from somrs.protocol.messages.event_text import short_id
 
 MAX_LOG_LINES = 5
 """Maximum number of arrivals and departures shown."""
@@ -89,7 +90,7 @@ def _describe_activity(device: DeviceView) -> str:
         )
         lines.append(
             f"{assignment.service_type} ({', '.join(assignment.inputs.values())}), {progress}\n"
-            f"for {assignment.effect} ({terminal.short(assignment.task)})"
+            f"for {assignment.effect} ({short_id(assignment.task)})"
         )
     held = device.simulated.holding if device.simulated is not None else None
     for name in dict.fromkeys([*((held,) if held else ()), *device.holding]):

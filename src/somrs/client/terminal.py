@@ -21,6 +21,7 @@ from somrs.client.trace import Line
 from somrs.ontology.objects import Change, FactAdded, FactRemoved, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.protocol.messages.clients import StepView, TaskEvent, TaskView, WorkView
 from somrs.protocol.messages.directory import Offer
+from somrs.protocol.messages.event_text import short_id
 from somrs.protocol.messages.events import EventKind, TaskEnded
 from somrs.protocol.messages.frp import Outcome, State
 
@@ -158,13 +159,8 @@ def ending(view: TaskView) -> Group:
 
 
 def tasks(views: Sequence[TaskView]) -> Table:
-    rows = ((short(view.task), view.effect, moment(view.submitted_at), outcome(view)) for view in views)
+    rows = ((short_id(view.task), view.effect, moment(view.submitted_at), outcome(view)) for view in views)
     return table("Tasks", ("task", "goal", "submitted", "state"), rows, whole=("task", "submitted"))
-
-
-def short(task: str) -> str:
-    """A short form of a task's id, for users."""
-    return task.rpartition(":")[2][:8]
 
 
 def services(offers: Sequence[Offer]) -> Table:

@@ -11,8 +11,10 @@ from somrs.client.state_labels import priority_text
 from somrs.client.task_report import reasons
 from somrs.gui.icons import Badge, format_duration, format_time
 from somrs.gui.pages.task_cancel_dialog import CancelDialog
-from somrs.gui.pages.task_text import PHASES, count_text, due_text, gist, task_key, task_sign
+from somrs.gui.pages.task_text import PHASES, count_text, due_text, gist, task_sign
+from somrs.gui.pages.task_waits import show_waits
 from somrs.protocol.messages.clients import Phase, Policy, TaskView
+from somrs.protocol.messages.event_text import short_id
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.people import person_name
 
@@ -42,14 +44,14 @@ class TaskHeader:
                 _fact("Policy").set_text(POLICIES[view.policy])
                 if view.precondition:
                     _fact("Precondition").set_text(view.precondition)
-                _fact("Id").set_text(task_key(view.task)[:8])
+                _fact("Id").set_text(short_id(view.task))
             self._reason_list = ui.element("ul").classes("somrs-task-why").props('role="status"')
         self._shown_reasons: tuple[str, ...] | None = None
         self._clock = ui.timer(1.0, self._tick)
         self.render(view)
 
     def _build_menu(self, view: TaskView) -> None:
-        name = f"task-{task_key(view.task)[:8]}"
+        name = f"task-{short_id(view.task)}"
         with ui.element("div").classes("somrs-task-ways"):
             with ui.button("Export", icon="download").props("flat dense no-caps"), ui.menu():
                 _file(f"/api/tasks/{view.task}/chart", f"{name}.svg", "schema", "Messages as a picture (SVG)")
@@ -80,7 +82,10 @@ class TaskHeader:
             self._shown_reasons = current_reasons
             self._reason_list.clear()
             with self._reason_list:
-                for reason in current_reasons:
+                if view.waiting_for is not None:
+                    with ui.element("li"):
+                        show_waits(view.waiting_for, "Waits for")
+                for reason in current_reasons if view.waiting_for is None else ():
                     with ui.element("li"):
                         ui.label(reason_text(reason)).tooltip(reason)
         self._reason_list.visible = bool(current_reasons)

@@ -49,6 +49,7 @@ def view(task: TaskState) -> TaskView:
         deadline=task.task.deadline,
         handlers=task.task.handlers,
         priority=task.task.priority,
+        waiting_for=task.goal.waiting_for,
     )
 
 
@@ -90,6 +91,7 @@ def row(task: TaskState) -> TaskRow:
         fraction=min(1.0, (done_count + under_way) / count) if count else float(task.outcome is Outcome.ACCOMPLISHED),
         setbacks=task.setbacks,
         services=tuple(member.offer.service for member in working),
+        waiting_for=task.goal.waiting_for,
     )
 
 

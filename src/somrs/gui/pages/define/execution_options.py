@@ -53,7 +53,7 @@ class ExecutionOptions:
             with _fold("Precondition", "The task starts only if this formula holds. Leave it empty to start it in any situation."):
                 self._precondition = FormulaField(
                     "Precondition",
-                    placeholder="Jar002 isOn Cupboard001",
+                    placeholder=form.examples.condition,
                     on_change=lambda event: self._set_value("precondition", event.value),
                 )
             with _fold("Handlers", "Formulas to make true first when a step fails or is to be undone."):
