@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
+import re
+import subprocess
+import sys
 import time
 import urllib.request
 from collections.abc import Callable, Iterator
@@ -50,6 +54,12 @@ def is_ended(task_state: dict[str, Any]) -> bool:
 def carries(task_state: dict[str, Any]) -> bool:
     notes = (event["event"]["note"] for event in task_state["events"] if event["event"]["type"] == "ProgressNoted")
     return any("carries" in note for note in notes)
+
+
+def run_command(system: RunningSystem, *arguments: str) -> str:
+    """The output of `somrs`."""
+    line = [sys.executable, "-m", "somrs.cli.main", *arguments, "--data", str(system.data)]
+    return subprocess.run(line, capture_output=True, text=True, check=True, env={**os.environ, "COLUMNS": "120"}).stdout
 
 
 def formula_holds(system: RunningSystem, formula: str) -> bool:
@@ -107,6 +117,13 @@ def test_a_task_is_watched_as_its_robot_fails_and_another_takes_over(system: Run
     expect(panel(page, "Plan").get_by_role("button", name="step1: TransferObject, Jar002, Platform001")).to_be_visible()
     take_screenshot(page, "task-under-way-1280-light")
 
+    head = page.locator("header").filter(has_text="Jar002 isOn Platform001")
+    expect(head).to_contain_text(re.compile(r"Remaining time\s*about \d"))
+    expect(head).to_contain_text(re.compile(r"Cost\s*nothing so far, 10 EUR contracted"))
+    printed = run_command(system, "tasks")
+    assert re.search(r"remaining (about \d|not known yet)", printed)
+    assert "cost nothing so far" in printed
+
     story = panel(page, "Story")
     expect(story).to_contain_text("Failure 1: Robot1.TransferObject", timeout=WORK_TIME)
     expect(story).to_contain_text("the drive of Robot1 is dead")
@@ -116,6 +133,8 @@ def test_a_task_is_watched_as_its_robot_fails_and_another_takes_over(system: Run
     expect(message(page, "Failed")).to_have_count(1)
     expect(message(page, "Arrange")).to_have_count(3)
     expect(page.locator("header").filter(has_text="Jar002 isOn Platform001")).to_contain_text("Accomplished")
+    expect(head).to_contain_text(re.compile(r"Cost\s*25 EUR"))  # the robot that failed is not paid
+    assert re.search(r"cost\s+25 EUR", run_command(system, "task", task))
     expect(panel(page, "Timeline")).to_contain_text("Robot2")
     expect(panel(page, "Plan").get_by_role("button", name="step1: TransferObject, Jar002, Platform001: done")).to_be_visible()
 
@@ -210,6 +229,9 @@ def test_a_task_that_waits_names_the_other_task_and_links_to_it(system: RunningS
             expect(place).to_contain_text("Waits for Jar002 isOn Table001, which has reserved Jar002")
             expect(place).not_to_contain_text("urn:uuid")
         take_screenshot(page, "task-waiting-1280-light")
+        assert f"waiting for task {first.rpartition(':')[2][:8]} (Jar002 isOn Table001)" in " ".join(
+            run_command(system, "task", second).split()
+        )
         resize(page, "390")
         assert fits(page)
         take_screenshot(page, "task-waiting-390-light")

@@ -41,6 +41,7 @@ def _facts(report: TaskReport) -> Table:
         ("submitted", terminal.moment(view.submitted_at)),
         *([("ended", terminal.moment(record.ended_at))] if record is not None else []),
         ("by", person_name(view.client)),
+        *terminal.forecast(view),
         ("policy", view.policy.value),
         ("priority", priority_text(view.priority).lower()),
         *([("from", view.precondition)] if view.precondition else []),

@@ -299,7 +299,12 @@ class PreviewExecutor:
         return Previewed(
             steps=tuple(
                 step_view(
-                    run.step, plan, service=chosen_quotation.service, price=chosen_quotation.price, duration=chosen_quotation.duration
+                    run.step,
+                    plan,
+                    service=chosen_quotation.service,
+                    price=chosen_quotation.price,
+                    currency=chosen_quotation.currency,
+                    duration=chosen_quotation.duration,
                 )
                 if (chosen_quotation := chosen.get(run.label)) is not None
                 else step_view(run.step, plan)

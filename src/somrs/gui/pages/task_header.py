@@ -7,9 +7,11 @@ import time
 from nicegui import ui
 
 from somrs.api.remote import LiveApi
+from somrs.client.durations import format_duration
 from somrs.client.state_labels import priority_text
+from somrs.client.task_forecast import cost_text, remaining_text
 from somrs.client.task_report import reasons
-from somrs.gui.icons import Badge, format_duration, format_time
+from somrs.gui.icons import Badge, format_time
 from somrs.gui.pages.task_cancel_dialog import CancelDialog
 from somrs.gui.pages.task_text import PHASES, count_text, due_text, gist, task_sign
 from somrs.gui.pages.task_waits import show_waits
@@ -38,6 +40,8 @@ class TaskHeader:
             with ui.element("dl").classes("somrs-task-facts"):
                 self._steps = _fact("Steps")
                 self._elapsed = _fact("Time")
+                self._remaining = _fact("Remaining time")
+                self._cost = _fact("Cost")
                 _fact("Submitted").set_text(f"{format_time(view.submitted_at)} by {person_name(view.client)}")
                 self._due = _fact("Deadline")
                 _fact("Priority").set_text(priority_text(view.priority))
@@ -95,6 +99,8 @@ class TaskHeader:
 
     def _tick(self) -> None:
         view, now = self._view, time.time()
+        self._remaining.set_text(remaining_text(view, now) or "none")
+        self._cost.set_text(cost_text(view) or "not recorded")
         end_time = view.ended_at if view.ended_at is not None else now
         elapsed = format_duration(max(0.0, end_time - view.submitted_at))
         self._elapsed.set_text(f"{elapsed}, until {format_time(view.ended_at)}" if view.ended_at is not None else f"{elapsed} so far")

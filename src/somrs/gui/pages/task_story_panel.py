@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from somrs.client.durations import format_duration
 from somrs.gui.components.task.story import Part, RecoveryLine, StoryBook
-from somrs.gui.icons import format_duration, format_time
+from somrs.gui.icons import format_time
 from somrs.gui.pages.task_chapters import Chapter, summary
 from somrs.gui.pages.task_story import story
 from somrs.gui.pages.task_text import wait_texts

@@ -5,8 +5,9 @@ from __future__ import annotations
 import re
 
 from somrs.client import state_labels
+from somrs.client.durations import format_duration
 from somrs.gui.components.task.waits import WaitText
-from somrs.gui.icons import OUTCOMES, Sign, format_duration
+from somrs.gui.icons import OUTCOMES, Sign
 from somrs.protocol.messages.clients import Phase
 from somrs.protocol.messages.event_text import reserved_text, short_id
 from somrs.protocol.messages.events import WaitsForTasks

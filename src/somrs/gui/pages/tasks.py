@@ -13,12 +13,13 @@ from nicegui import ui
 from somrs.api.questions import OpenQuestions
 from somrs.api.remote import LiveApi
 from somrs.api.tasks import TasksChanged
+from somrs.client.durations import format_duration
 from somrs.client.hub import News
 from somrs.client.state_labels import OUTCOMES, priority_text
 from somrs.client.task_report import reasons
 from somrs.errors import SomrsError
 from somrs.gui.components.task.list import TaskList
-from somrs.gui.icons import format_duration, format_time, join_names
+from somrs.gui.icons import format_time, join_names
 from somrs.gui.news import follow
 from somrs.gui.pages import task
 from somrs.gui.pages.task_text import count_text, device_name, due_text, gist, task_key, task_sign, wait_texts

@@ -90,6 +90,7 @@ class StepView(Struct, frozen=True, kw_only=True):
     state: State = State.NEW
     service: str | None = None
     price: float | None = None
+    currency: str = "EUR"
     duration: float | None = None
     fraction: float = 0.0
 
@@ -99,7 +100,7 @@ class WorkView(Struct, frozen=True, kw_only=True):
 
     `state` is the final one: Completed, Failed, Stopped or Unreachable, or Compensated or Stranded after an attempt to undo it. `result` is
     the state in which the work itself ended, and `ended` the time. `situation` holds after the work; `before` is the situation that a
-    compensation restores.
+    compensation restores. `price` is that of the accepted terms; None in records of SO-MRS 0.2.
     """
 
     step: str
@@ -114,6 +115,8 @@ class WorkView(Struct, frozen=True, kw_only=True):
     result: State | None = None
     ended: float | None = None
     goal: GoalKind = GoalKind.TASK
+    price: float | None = None
+    currency: str = "EUR"
 
 
 class TaskView(Struct, frozen=True, kw_only=True):

@@ -103,6 +103,7 @@ def _run_view(task: TaskState, plan: Plan, run: StepRun) -> StepView:
         state=STEP_STATE[run.progress],
         service=member.offer.service if member else None,
         price=member.bid.terms.price if member and member.bid else None,
+        currency=member.bid.terms.currency if member and member.bid else "EUR",
         duration=member.bid.terms.duration if member and member.bid else None,
         fraction=member.fraction if member else 0.0,
     )
@@ -115,6 +116,7 @@ def step_view(
     state: State = State.NEW,
     service: str | None = None,
     price: float | None = None,
+    currency: str = "EUR",
     duration: float | None = None,
     fraction: float = 0.0,
 ) -> StepView:
@@ -130,6 +132,7 @@ def step_view(
         state=state,
         service=service,
         price=price,
+        currency=currency,
         duration=duration,
         fraction=fraction,
     )

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from nicegui import background_tasks, ui
 
 from somrs.api.formulas import CheckFormula
+from somrs.client.durations import format_duration
 from somrs.errors import SomrsError
 from somrs.gui.components.task.graph import PlanGraph
-from somrs.gui.icons import format_duration
 from somrs.gui.pages.define.draft import Draft
 from somrs.gui.pages.define.form import Form
 from somrs.gui.pages.task_waits import show_waits
