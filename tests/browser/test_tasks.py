@@ -217,9 +217,9 @@ def test_a_task_is_cancelled_and_undone(system: RunningSystem, window: OpenPage)
 
 @pytest.mark.usefixtures("jar_at_home")
 def test_a_task_that_waits_names_the_other_task_and_links_to_it(system: RunningSystem, window: OpenPage) -> None:
-    first = submit_task(system, "Jar002 isOn Table001")
-    wait_for_task(system, first, carries)
     with system.paused("simulator"):
+        first = submit_task(system, "Jar002 isOn Table001")
+        wait_for_task(system, first, lambda task_state: task_state["view"]["phase"] == "executing")
         second = submit_task(system, "Jar002 isOn Platform001")
         wait_for_task(system, second, lambda task_state: task_state["view"]["phase"] == "waiting")
         page = window(f"{system.url}/tasks/{second}")
