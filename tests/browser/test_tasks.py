@@ -217,36 +217,40 @@ def test_a_task_is_cancelled_and_undone(system: RunningSystem, window: OpenPage)
 
 @pytest.mark.usefixtures("jar_at_home")
 def test_a_task_that_waits_names_the_other_task_and_links_to_it(system: RunningSystem, window: OpenPage) -> None:
+    goal = "Jar003 isOn Shelf001 AND Carton001 isOn Shelf001"
+    first = submit_task(system, goal)  # by the cheaper robot: what it has brought first stays reserved until the task ends
+    key = first.rpartition(":")[2]
+
+    def completed_work(task_state: dict[str, Any]) -> list[dict[str, Any]]:
+        return [work for work in task_state["view"]["work"] if work["result"] == "Completed"]
+
+    thing = completed_work(wait_for_task(system, first, lambda task_state: bool(completed_work(task_state))))[0]["inputs"]["Object"]
     with system.paused("simulator"):
-        first = submit_task(system, "Jar002 isOn Table001")
-        wait_for_task(system, first, lambda task_state: task_state["view"]["phase"] == "executing")
-        second = submit_task(system, "Jar002 isOn Platform001")
+        second = submit_task(system, f"{thing} isOn Platform001")
         wait_for_task(system, second, lambda task_state: task_state["view"]["phase"] == "waiting")
         page = window(f"{system.url}/tasks/{second}")
-        head = page.locator("header").filter(has_text="Jar002 isOn Platform001")
-        story = panel(page, "Story")
-        for place in (head, story):
-            expect(place).to_contain_text("Waits for Jar002 isOn Table001, which has reserved Jar002")
+        for place in (page.locator("header").filter(has_text=f"{thing} isOn Platform001"), panel(page, "Story")):
+            expect(place).to_contain_text(f"Waits for {goal}, which has reserved {thing}")
             expect(place).not_to_contain_text("urn:uuid")
-        take_screenshot(page, "task-waiting-1280-light")
-        assert f"waiting for task {first.rpartition(':')[2][:8]} (Jar002 isOn Table001)" in " ".join(
-            run_command(system, "task", second).split()
-        )
-        resize(page, "390")
-        assert fits(page)
-        take_screenshot(page, "task-waiting-390-light")
+        printed = " ".join(run_command(system, "task", second).split())
+        assert f"waiting for task {key[:8]} ({goal}), which has reserved {thing}" in printed
+        for size in ("1280", "390"):
+            resize(page, size)
+            assert fits(page)
+            take_screenshot(page, f"task-waiting-{size}-light")
         page.goto(f"{system.url}/tasks")
-        row = page.get_by_role("row").filter(has=page.locator(f'a[href$="{second.rpartition(":")[2]}"]').first).first
-        expect(row).to_contain_text("which has reserved Jar002")
-        take_screenshot(page, "tasks-waiting-390-light")
-        resize(page, "1280")
-        take_screenshot(page, "tasks-waiting-1280-light")
-        row.get_by_role("link", name="Jar002 isOn Table001").click()
-        page.wait_for_url(f"**/tasks/{first.rpartition(':')[2]}")
-        page.goto(f"{system.url}/define?effect=Jar002 isOn Cupboard001")
+        row = page.get_by_role("row").filter(has=page.locator(f'a[href$="{second.rpartition(":")[2]}"]'))
+        expect(row).to_contain_text(f"which has reserved {thing}")
+        for size in ("390", "1280"):
+            resize(page, size)
+            take_screenshot(page, f"tasks-waiting-{size}-light")
+        row.get_by_role("link", name=goal).click()
+        page.wait_for_url(f"**/tasks/{key}")
+        page.goto(f"{system.url}/define?effect={thing} isOn Table001")
         page.get_by_role("button", name="Preview").click()
         expect(page.get_by_text("The task would wait for")).to_be_visible()
-        expect(page.get_by_role("link", name="Jar002 isOn Table001")).to_have_attribute("href", f"/tasks/{first.rpartition(':')[2]}")
+        expect(page.get_by_role("link", name=goal)).to_have_attribute("href", f"/tasks/{key}")
+        take_screenshot(page, "define-waiting-1280-light")
     for task in (second, first):
         call(system, f"/tasks/{task}/cancel", post=True)
         wait_for_task(system, task, is_ended)
