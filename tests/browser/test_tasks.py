@@ -248,7 +248,8 @@ def test_a_task_that_waits_names_the_other_task_and_links_to_it(system: RunningS
         page.wait_for_url(f"**/tasks/{key}")
         page.goto(f"{system.url}/define?effect={thing} isOn Table001")
         page.get_by_role("button", name="Preview").click()
-        expect(page.get_by_text("The task would wait for")).to_be_visible()
+        waits = page.locator(".somrs-waits").filter(has_text="The task would wait for")
+        expect(waits).to_contain_text([f"{goal}, which has reserved", f"{thing} isOn Platform001, which waits for {thing} too"])
         expect(page.get_by_role("link", name=goal)).to_have_attribute("href", f"/tasks/{key}")
         take_screenshot(page, "define-waiting-1280-light")
     for task in (second, first):

@@ -89,7 +89,8 @@ class Reservations(Struct, kw_only=True):
     def describe(self, conflicts: Mapping[str, frozenset[str]]) -> tuple[Holder, ...]:
         """The contested objects, by task, for clients."""
         return tuple(
-            Holder(task=task, goal=self.goals.get(task, ""), objects=tuple(sorted(objects))) for task, objects in conflicts.items()
+            Holder(task=task, goal=self.goals.get(task, ""), objects=tuple(sorted(objects)), waiting=task not in self.held)
+            for task, objects in conflicts.items()
         )
 
     def reserved_objects(self, task: str) -> frozenset[str]:

@@ -41,8 +41,13 @@ def test_reservations_are_put_together() -> None:
 def test_the_objects_that_others_have_are_named_once_in_order() -> None:
     tasks = Reservations()
     tasks.add_task("one", "goal of one")
+    tasks.hold("one", make_reservation("bc"))
+    tasks.wait("two", make_reservation("ab"))
     holders = tasks.describe({"one": frozenset("cb"), "two": frozenset("ab")})
-    assert holders == (Holder(task="one", goal="goal of one", objects=("b", "c")), Holder(task="two", goal="", objects=("a", "b")))
+    assert holders == (
+        Holder(task="one", goal="goal of one", objects=("b", "c")),
+        Holder(task="two", goal="", objects=("a", "b"), waiting=True),
+    )
     assert WaitsForTasks.on(holders) == WaitsForTasks(tasks={"one": "goal of one", "two": ""}, objects=("a", "b", "c"), holders=holders)
 
 

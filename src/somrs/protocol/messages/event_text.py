@@ -30,7 +30,8 @@ def holders_text(holders: Iterable[Holder]) -> str:
 
 def reserved_text(holder: Holder) -> str:
     """Return what a task has reserved, for a context that already names the task."""
-    return f"has reserved {', '.join(holder.objects)}"
+    objects = ", ".join(holder.objects)
+    return f"waits for {objects} too and comes first" if holder.waiting else f"has reserved {objects}"
 
 
 def _task_text(holder: Holder) -> str:

@@ -63,11 +63,12 @@ class Planned(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
 
 
 class Holder(Struct, frozen=True, kw_only=True):
-    """A task that has reserved objects which another task needs."""
+    """A task that has reserved objects which another task needs. `waiting`: it waits for them itself, and comes first."""
 
     task: str
     goal: str
     objects: tuple[str, ...]
+    waiting: bool = False
 
 
 class WaitsForTasks(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):

@@ -40,10 +40,10 @@ SENTENCES: list[tuple[Event, str]] = [
         events.WaitsForTasks.on(
             (
                 events.Holder(task="urn:uuid:1a2b3c4d-1111-5222-8333-444455556666", goal="A isOn B", objects=("A",)),
-                events.Holder(task="t2", goal="C isOn D", objects=("C", "D")),
+                events.Holder(task="t2", goal="C isOn D", objects=("C", "D"), waiting=True),
             )
         ),
-        "waiting for task 1a2b3c4d (A isOn B), which has reserved A, and for task t2 (C isOn D), which has reserved C, D",
+        "waiting for task 1a2b3c4d (A isOn B), which has reserved A, and for task t2 (C isOn D), which waits for C, D too and comes first",
     ),
     (events.GoesOn(), "continuing: the objects it waited for are free"),
     (events.Replanned(reasons=TWO), "replanning: no; never"),
