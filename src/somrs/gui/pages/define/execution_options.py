@@ -80,8 +80,8 @@ class ExecutionOptions:
 
     def _refresh(self) -> None:
         draft = self._form.draft
-        # A template may have a priority without a name of its own.
-        self._priority.set_options({**PRIORITIES, draft.priority: priority_text(draft.priority)})
+        if draft.priority not in self._priority.options:  # templates may have priorities without a name of their own
+            self._priority.set_options({**PRIORITIES, draft.priority: priority_text(draft.priority)})
         for field, value in ((self._policy, draft.policy), (self._priority, draft.priority)):
             if field.value != value:
                 field.value = value
