@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import json
 import urllib.request
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from .conftest import RunningSystem, every_look, fits, take_screenshot, wait_until_still
+from tests.support.paths import SCENARIO_1
+
+from .conftest import RunningSystem, every_look, fits, resize, take_screenshot, wait_until_still
 
 
 def call_api(system: RunningSystem, method: str, path: str, body: object | None = None) -> Any:
@@ -150,7 +153,14 @@ def test_lines_and_the_formula_stay_in_step(open_page: Callable[..., Page]) -> N
     page.keyboard.press("Escape")
     expect(page.get_by_role("combobox", name="Thing")).to_have_count(1)
     expect(page.get_by_role("combobox", name="Related object")).to_have_value("Robot2")
-    expect(page.get_by_role("button", name="not", exact=True)).to_have_attribute("aria-pressed", "true")
+    negation = page.get_by_role("checkbox", name="Must not hold")
+    expect(negation).to_be_checked()
+    negation.click()
+    expect(field(page)).to_have_value("Jar002 isHeldBy Robot2")
+    negation.click()
+    expect(field(page)).to_have_value("NOT Jar002 isHeldBy Robot2")
+    negation.hover()
+    expect(page.get_by_role("tooltip")).to_contain_text("Negation: the goal is that this condition is false")
     field(page).fill("Jar002 isOn Table001 OR Jar002 isOn Table002")
     expect(page.get_by_text("cannot be shown as lines")).to_be_visible()
     field(page).fill("Jar002 isOn Table001")
@@ -182,6 +192,85 @@ def test_pointing_at_a_thing_and_then_at_a_place_says_the_same(open_page: Callab
     expect(page.get_by_role("combobox", name="Thing")).to_have_value("Carton001")
     page.mouse.click(*middle(page, "Shelf001"))
     expect(field(page)).to_have_value("Carton001 isOn Shelf001")
+
+
+def drag(page: Page, thing: str, target: str) -> None:
+    start, end = middle(page, thing), middle(page, target)
+    page.mouse.move(*start)
+    page.mouse.down()
+    page.mouse.move(*end, steps=8)
+    page.mouse.up()
+
+
+def test_what_is_dragged_is_not_added_to_an_earlier_draft_in_silence(open_page: Callable[..., Page]) -> None:
+    page = open_page()
+    write(page, "Carton001 isOn Shelf001")
+    earlier = page.get_by_role("status").filter(has_text="earlier draft")
+    expect(earlier).to_be_hidden()
+    page.reload()
+    expect(earlier).to_be_visible()
+    for look in ("1280", "390"):
+        resize(page, look)
+        take_screenshot(page, f"define-earlier-draft-{look}")
+        assert fits(page)
+    resize(page, "1280")
+    page.locator("[data-name=Jar003]").first.wait_for(state="attached")
+    drag(page, "Jar003", "Platform001")
+    dialog = page.get_by_role("dialog")
+    expect(dialog).to_contain_text("Carton001 isOn Shelf001")
+    take_screenshot(page, "define-replace-or-add-1280")
+    dialog.get_by_role("button", name="Cancel").click()
+    expect(dialog).to_be_hidden()
+    expect(field(page)).to_have_value("Carton001 isOn Shelf001")
+    drag(page, "Jar003", "Platform001")
+    dialog.get_by_role("button", name="Replace the goal").click()
+    expect(field(page)).to_have_value("Jar003 isOn Platform001")
+    expect(earlier).to_be_hidden()
+    drag(page, "Carton001", "Shelf001")  # the second part of the user's own goal: nothing to decide
+    expect(field(page)).to_have_value("Jar003 isOn Platform001\nAND Carton001 isOn Shelf001")
+    page.reload()
+    page.locator("[data-name=Jar002]").first.wait_for(state="attached")
+    expect(earlier).to_be_visible()
+    drag(page, "Jar002", "Table002")
+    dialog.get_by_role("button", name="Add to the goal").click()
+    expect(field(page)).to_have_value("Jar003 isOn Platform001\nAND Carton001 isOn Shelf001\nAND Jar002 isOn Table002")
+    page.reload()
+    earlier.get_by_role("button", name="Start a new draft").click()
+    expect(field(page)).to_have_value("")
+    expect(earlier).to_be_hidden()
+
+
+NAMES = {"Jar002": "Mug9", "Jar003": "Mug10", "Cupboard001": "Locker9", "Platform001": "Deck9", "Table001": "Desk9", "Table002": "Desk10"}
+
+
+@pytest.fixture
+def other_site(tmp_path: Path) -> Iterator[RunningSystem]:
+    """The scenario with other names."""
+    text = SCENARIO_1.read_text(encoding="utf-8")
+    for name, other_name in NAMES.items():
+        text = text.replace(name, other_name)
+    site = tmp_path / "site.yaml"
+    site.write_text(text, encoding="utf-8")
+    running = RunningSystem(tmp_path / "data", site)
+    yield running
+    running.stop()
+
+
+def test_examples_name_objects_of_the_site(other_site: RunningSystem, window: Callable[..., Page]) -> None:
+    page = window(f"{other_site.url}/define")
+    expect(field(page)).to_have_attribute("placeholder", "Carton001 isOn Deck9")
+    page.get_by_text("Precondition").first.click()
+    expect(page.get_by_role("textbox", name="Precondition")).to_have_attribute("placeholder", "Carton001 isOn Desk10")
+    page.get_by_text("Handlers").first.click()
+    page.get_by_role("button", name="Add a handler").click()
+    effect = page.get_by_role("textbox", name="Make true")
+    expect(effect).to_have_attribute("placeholder", "Carton001 isOn Deck9")
+    choose(page, "Step type", "TransferObject")
+    expect(effect).to_have_attribute("placeholder", "?Object isOn Deck9")
+    expect(page.get_by_role("textbox", name="Only if")).to_have_attribute("placeholder", "?Object isOn Desk10")
+    page.goto(f"{other_site.url}/map")
+    page.get_by_role("tab", name="Find").click()
+    expect(page.get_by_role("textbox", name="Query formula")).to_have_attribute("placeholder", "?Thing isOn Desk10")
 
 
 # Beforehand

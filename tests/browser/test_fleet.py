@@ -69,7 +69,7 @@ def test_every_device_is_there_with_what_it_offers(system: RunningSystem, window
 def test_the_command_line_shows_the_same(system: RunningSystem) -> None:
     line = [sys.executable, "-m", "somrs.cli.main", "fleet", "--data", str(system.data)]
     output = subprocess.run(line, capture_output=True, text=True, check=True, env={**os.environ, "COLUMNS": "120"}).stdout
-    for words in ("Robot1", "Robot2", "ready", "battery 100 %", "TransferObject, 25 EUR"):
+    for words in ("Robot1", "Robot2", "ready", "utilisation", "battery 100 %", "TransferObject, 25 EUR"):
         assert words in output
     listing = json.loads(subprocess.run([*line, "--json"], capture_output=True, text=True, check=True).stdout)
     assert [entry["name"] for entry in listing["devices"]] == sorted(fleet(system))
@@ -92,6 +92,7 @@ def test_a_robot_at_work_shows_its_step_and_then_what_it_has_done(system: Runnin
     if completed_count < 5:
         expect(device(page, name).get_by_role("listitem")).not_to_contain_text("%")
     expect(device(page, name).get_by_text("Busy", exact=True)).to_have_count(0)
+    expect(device(page, name).get_by_text("Utilisation", exact=True)).to_be_visible()
     assert fleet(system)[name]["load"] > 0
 
 

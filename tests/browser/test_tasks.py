@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
+import re
+import subprocess
+import sys
 import time
 import urllib.request
 from collections.abc import Callable, Iterator
@@ -18,7 +22,7 @@ from somrs.devices.simulator.link.commands import Fault
 from somrs.devices.simulator.link.link import OperatorLink
 from tests.support.paths import SCENARIO_1
 
-from .conftest import WIDTHS, WORK_TIME, RunningSystem, every_look, fits, take_screenshot
+from .conftest import WIDTHS, WORK_TIME, RunningSystem, every_look, fits, resize, take_screenshot
 
 OpenPage = Callable[..., Page]
 
@@ -50,6 +54,12 @@ def is_ended(task_state: dict[str, Any]) -> bool:
 def carries(task_state: dict[str, Any]) -> bool:
     notes = (event["event"]["note"] for event in task_state["events"] if event["event"]["type"] == "ProgressNoted")
     return any("carries" in note for note in notes)
+
+
+def run_command(system: RunningSystem, *arguments: str) -> str:
+    """The output of `somrs`."""
+    line = [sys.executable, "-m", "somrs.cli.main", *arguments, "--data", str(system.data)]
+    return subprocess.run(line, capture_output=True, text=True, check=True, env={**os.environ, "COLUMNS": "120"}).stdout
 
 
 def formula_holds(system: RunningSystem, formula: str) -> bool:
@@ -98,12 +108,21 @@ def test_a_task_is_watched_as_its_robot_fails_and_another_takes_over(system: Run
     task = submit_task(system, "Jar002 isOn Platform001", deadline=600, priority=3)
     row = listed.get_by_role("row").filter(has=listed.locator(f'a[href$="{task.rpartition(":")[2]}"]'))
     expect(row).to_contain_text("of 1 step")
+    expect(row).to_contain_text("Urgent (3)")
     page = window(f"{system.url}/tasks")
     page.get_by_role("link", name="Jar002 isOn Platform001").first.focus()
     page.keyboard.press("Enter")
     expect(page.get_by_role("heading", name="Jar002 isOn Platform001")).to_be_visible()
+    expect(page.locator("header").filter(has_text="Jar002 isOn Platform001")).to_contain_text("Urgent (3)")
     expect(panel(page, "Plan").get_by_role("button", name="TransferObject, step1, Jar002, Platform001")).to_be_visible()
     take_screenshot(page, "task-under-way-1280-light")
+
+    head = page.locator("header").filter(has_text="Jar002 isOn Platform001")
+    expect(head).to_contain_text(re.compile(r"Remaining time\s*about \d"))
+    expect(head).to_contain_text(re.compile(r"Cost\s*nothing so far, 10 EUR contracted"))
+    printed = run_command(system, "tasks")
+    assert re.search(r"remaining (about \d|not known yet)", printed)
+    assert "cost nothing so far" in printed
 
     story = panel(page, "Story")
     expect(story).to_contain_text("Failure 1: Robot1.TransferObject", timeout=WORK_TIME)
@@ -114,6 +133,8 @@ def test_a_task_is_watched_as_its_robot_fails_and_another_takes_over(system: Run
     expect(message(page, "Failed")).to_have_count(1)
     expect(message(page, "Arrange")).to_have_count(3)
     expect(page.locator("header").filter(has_text="Jar002 isOn Platform001")).to_contain_text("Accomplished")
+    expect(head).to_contain_text(re.compile(r"Cost\s*25 EUR"))  # the robot that failed is not paid
+    assert re.search(r"cost\s+25 EUR", run_command(system, "task", task))
     expect(panel(page, "Timeline")).to_contain_text("Robot2")
     expect(panel(page, "Plan").get_by_role("button", name="TransferObject, step1, Jar002, Platform001, done")).to_be_visible()
 
@@ -192,6 +213,51 @@ def test_a_task_is_cancelled_and_undone(system: RunningSystem, window: OpenPage)
     expect(panel(page, "Plan").get_by_role("button", name="undone").first).to_be_visible()
     expect(page.get_by_role("button", name="Cancel this task")).to_be_hidden()
     assert formula_holds(system, "Jar003 isOn Cupboard001 AND Carton001 isOn Table002")
+
+
+@pytest.mark.usefixtures("jar_at_home")
+def test_a_task_that_waits_names_the_other_task_and_links_to_it(system: RunningSystem, window: OpenPage) -> None:
+    goal = "Jar003 isOn Shelf001 AND Carton001 isOn Shelf001"
+    first = submit_task(system, goal)  # by the cheaper robot: what it has brought first stays reserved until the task ends
+    key = first.rpartition(":")[2]
+
+    def completed_work(task_state: dict[str, Any]) -> list[dict[str, Any]]:
+        return [work for work in task_state["view"]["work"] if work["result"] == "Completed"]
+
+    thing = completed_work(wait_for_task(system, first, lambda task_state: bool(completed_work(task_state))))[0]["inputs"]["Object"]
+    with system.paused("simulator"):
+        second = submit_task(system, f"{thing} isOn Platform001")
+        wait_for_task(system, second, lambda task_state: task_state["view"]["phase"] == "waiting")
+        page = window(f"{system.url}/tasks/{second}")
+        for place in (page.locator("header").filter(has_text=f"{thing} isOn Platform001"), panel(page, "Story")):
+            expect(place).to_contain_text(f"Waits for {goal}, which has reserved {thing}")
+            expect(place).not_to_contain_text("urn:uuid")
+        printed = " ".join(run_command(system, "task", second).split())
+        assert f"waiting for task {key[:8]} ({goal}), which has reserved {thing}" in printed
+        for size in ("1280", "390"):
+            resize(page, size)
+            assert fits(page)
+            take_screenshot(page, f"task-waiting-{size}-light")
+        page.goto(f"{system.url}/tasks")
+        row = page.get_by_role("row").filter(has=page.locator(f'a[href$="{second.rpartition(":")[2]}"]'))
+        expect(row).to_contain_text(f"which has reserved {thing}")
+        for size in ("390", "1280"):
+            resize(page, size)
+            take_screenshot(page, f"tasks-waiting-{size}-light")
+        row.locator(".somrs-task-wish").click(position={"x": 5, "y": 5})  # the rest of the cell leads to the task itself
+        page.wait_for_url(f"**/tasks/{second.rpartition(':')[2]}")
+        page.go_back()
+        row.get_by_role("link", name=goal).click()
+        page.wait_for_url(f"**/tasks/{key}")
+        page.goto(f"{system.url}/define?effect={thing} isOn Table001")
+        page.get_by_role("button", name="Preview").click()
+        waits = page.locator(".somrs-waits").filter(has_text="The task would wait for")
+        expect(waits).to_contain_text([f"{goal}, which has reserved", f"{thing} isOn Platform001, which waits for {thing} too"])
+        expect(page.get_by_role("link", name=goal)).to_have_attribute("href", f"/tasks/{key}")
+        take_screenshot(page, "define-waiting-1280-light")
+    for task in (second, first):
+        call(system, f"/tasks/{task}/cancel", post=True)
+        wait_for_task(system, task, is_ended)
 
 
 def test_what_cannot_be_done_says_why_not(system: RunningSystem, window: OpenPage) -> None:

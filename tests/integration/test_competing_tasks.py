@@ -10,6 +10,7 @@ import pytest
 from somrs.ontology.objects import Fact, FactRemoved
 from somrs.protocol.messages.clients import CancelTask, Phase, Policy
 from somrs.protocol.messages.envelope import Header, Message, message_id
+from somrs.protocol.messages.event_text import short_id
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.runtime.virtual_time import Work
@@ -80,9 +81,9 @@ def test_the_later_of_two_tasks_that_want_one_thing_waits_and_says_so() -> None:
     system.world.run(5)
     view = system.view(second)
     assert view.phase is Phase.WAITING
-    assert first in view.explanation
+    assert short_id(first) in view.explanation
     assert FIRST in view.explanation
-    assert "has Jar002" in view.explanation
+    assert "which has reserved Jar002" in view.explanation
     assert view.explanation in texts(system.manager.state.tasks[second])
     views = system.finish(first, second)
     assert [view.outcome for view in views] == [Outcome.ACCOMPLISHED] * 2

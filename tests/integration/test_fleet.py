@@ -183,16 +183,16 @@ def test_nothing_is_learned_twice_even_when_tasks_end_at_the_same_moment() -> No
 
 
 @given(st.lists(st.tuples(st.integers(0, 700), st.integers(0, 200)), max_size=8))
-def test_load_is_the_share_of_seconds_in_which_anything_was_done(spans: list[tuple[int, int]]) -> None:
+def test_utilisation_is_the_share_of_seconds_in_which_anything_was_done(spans: list[tuple[int, int]]) -> None:
     now = 900
     works = [work("A.Go", float(start), float(start + lasts), State.COMPLETED) for start, lasts in spans]
     task_archive, stats = CountingArchive(), ReliabilityStats()
     task_archive.add_records(record(1, 900.0, *works))
     task_archive.teach(stats)
     busy = {second for start, lasts in spans for second in range(start, start + lasts) if now - WINDOW <= second < now}
-    assert stats.loads((), float(now)).get("A", 0.0) == pytest.approx(len(busy) / WINDOW)
+    assert stats.utilisations((), float(now)).get("A", 0.0) == pytest.approx(len(busy) / WINDOW)
 
 
 def test_what_is_under_way_counts_until_now() -> None:
-    loads = ReliabilityStats().loads([work("A.Go", 880.0, None, State.EXECUTING), work("B.Look", 100.0, 250.0, State.COMPLETED)], 1000.0)
-    assert loads == {"A": pytest.approx(120 / WINDOW)}
+    works = [work("A.Go", 880.0, None, State.EXECUTING), work("B.Look", 100.0, 250.0, State.COMPLETED)]
+    assert ReliabilityStats().utilisations(works, 1000.0) == {"A": pytest.approx(120 / WINDOW)}

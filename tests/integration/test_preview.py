@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.clients import Policy, Preview, Previewed
 from somrs.protocol.messages.envelope import Header
+from somrs.protocol.messages.event_text import short_id
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.records import TaskRecord
 from tests.integration.test_task_manager import GOAL
@@ -181,8 +182,9 @@ def test_a_task_that_would_wait_says_for_whom() -> None:
     task = system.submit(GOAL)
     system.world.run(10)
     result = preview(system, "Jar002 isOn Cupboard002")
-    assert task in result.waits
-    assert "has Jar002" in result.waits
+    assert result.waiting_for is not None
+    assert [*result.waiting_for.tasks] == [task]
+    assert result.waits == f"waiting for task {short_id(task)} ({GOAL}), which has reserved Jar002"
     assert len(result.steps) == 1
     (view,) = system.finish(task)
     assert view.outcome is Outcome.ACCOMPLISHED

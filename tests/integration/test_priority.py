@@ -57,7 +57,7 @@ def test_what_is_under_way_is_not_interrupted() -> None:
     high = system.submit("Jar001 isOn Cupboard001", priority=1000)
     system.world.run(30)
     assert system.view(low).phase is Phase.EXECUTING
-    assert "has Jar001" in system.view(high).explanation
+    assert "has reserved Jar001" in system.view(high).explanation
     views = system.finish(low, high)
     assert [view.outcome for view in views] == [Outcome.ACCOMPLISHED] * 2
     assert tasks_by_end(system) == [low, high]

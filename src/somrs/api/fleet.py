@@ -85,9 +85,9 @@ class Assignment(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class DeviceView(msgspec.Struct, frozen=True, kw_only=True):
-    """A device. `lineage`: its type and that type's ancestors. `load`: the share of the last `Devices.window` seconds in which it was busy.
-    `since`: when it joined, if the log has that; `departed_at` (JSON: `left`) and `reason`: when and why it left; `assignments` (JSON:
-    `doing`): its steps in tasks; `simulated`: its state in the simulator."""
+    """A device. `lineage`: its type and that type's ancestors. `utilisation` (JSON: `load`): the share of the last `Devices.window` seconds
+    in which it was at work, from 0 to 1. `since`: when it joined, if the log has that; `departed_at` (JSON: `left`) and `reason`: when and
+    why it left; `assignments` (JSON: `doing`): its steps in tasks; `simulated`: its state in the simulator."""
 
     name: str
     type: str
@@ -104,7 +104,7 @@ class DeviceView(msgspec.Struct, frozen=True, kw_only=True):
     charge: float | None = None
     services: tuple[ServiceView, ...] = ()
     assignments: tuple[Assignment, ...] = msgspec.field(default=(), name="doing")
-    load: float = 0.0
+    utilisation: float = msgspec.field(default=0.0, name="load")
     since: float | None = None
     departed_at: float | None = msgspec.field(default=None, name="left")
     reason: str = ""
@@ -147,10 +147,10 @@ class FleetService:
             self._reliability.learn(self._task_history),
         )
         assignments = _by_device(tasks)
-        loads = self._reliability.loads(_works(tasks), now)
+        utilisations = self._reliability.utilisations(_works(tasks), now)
         names = {*self._on_map(), *(offer.provider for offer in self._presence.offers.values())}
         names.update(change.device for change in self._presence.log if not change.joined and change.at > now - DEPARTED_TIME)
-        devices = (self._device(name, assignments.get(name, ()), loads.get(name, 0.0), states.get(name)) for name in sorted(names))
+        devices = (self._device(name, assignments.get(name, ()), utilisations.get(name, 0.0), states.get(name)) for name in sorted(names))
         return Devices(at=now, devices=tuple(devices), log=self._presence.log)
 
     @operation("POST", "/fleet/{robot}/faults/{fault}")
@@ -163,7 +163,7 @@ class FleetService:
         for type_name in ontology.subtypes(DEVICE):
             yield from map.of_type(type_name)
 
-    def _device(self, name: str, assignments: tuple[Assignment, ...], load: float, state: SimulatedRobot | None) -> DeviceView:
+    def _device(self, name: str, assignments: tuple[Assignment, ...], utilisation: float, state: SimulatedRobot | None) -> DeviceView:
         map, ontology = self._context.map, self._context.ontology
         object = map.objects.get(name)
         offers = [offer for offer in self._presence.offers.values() if offer.provider == name]
@@ -193,7 +193,7 @@ class FleetService:
             charge=_number(value_of(name, "Charge", map, ontology)),
             services=tuple(sorted(offered, key=lambda service: service.service)),
             assignments=assignments,
-            load=round(load, 3),
+            utilisation=round(utilisation, 3),
             since=arrival.at if arrival is not None and offers else None,
             departed_at=departure.at if departure is not None and not offers else None,
             reason=departure.reason if departure is not None and not offers else "",

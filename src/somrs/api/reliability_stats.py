@@ -1,4 +1,4 @@
-"""Reliability of services and load of devices: how often a service completed its work, and how busy a device was."""
+"""Reliability of services and utilisation of devices: how often a service completed its work, and how much of the time a device worked."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MOST_TASKS = 1000
 """Maximum number of tasks read at the first request, the latest ones; older ones say little about the present."""
 
 WINDOW = 600.0
-"""Seconds over which the load of a device is computed."""
+"""Seconds over which the utilisation of a device is computed."""
 
 MIN_SAMPLE_SIZE = 5
 """Number of attempts below which no percentage is given."""
@@ -84,8 +84,8 @@ class ReliabilityStats:
         completed = counts[State.COMPLETED] + counts[State.COMPENSATED]
         return Tally(started=counts.total(), completed=completed, failed=failed, stopped=counts[State.STOPPED])
 
-    def loads(self, under_way: Iterable[WorkView], now: float) -> dict[str, float]:
-        """The load of each device: the share of the window that ends now in which it was busy with steps of tasks."""
+    def utilisations(self, under_way: Iterable[WorkView], now: float) -> dict[str, float]:
+        """The utilisation of each device: the share of the window that ends now in which it was busy with steps of tasks."""
         self._spans = [span for span in self._spans if span[2] > now - WINDOW]
         spans: dict[str, list[tuple[float, float]]] = {}
         for device, started_at, ended_at in [*self._spans, *(_span(work, now) for work in under_way)]:

@@ -28,6 +28,7 @@ from somrs.protocol.messages.clients import (
     TaskView,
 )
 from somrs.protocol.messages.envelope import message_id
+from somrs.protocol.messages.event_text import short_id
 from somrs.protocol.messages.records import ReadRecords
 from somrs.runtime.wire import Unanswered
 
@@ -102,7 +103,7 @@ class TaskService:
         messages = await self._client.all_messages(task)
         details = await self.read(task)
         svg = chart(without_heartbeats(lines_from(messages, task)), details.view.effect)
-        return Document(content=svg.encode(), media_type="image/svg+xml", name=f"messages-{task.rpartition(':')[2][:8]}.svg")
+        return Document(content=svg.encode(), media_type="image/svg+xml", name=f"messages-{short_id(task)}.svg")
 
     @operation("POST", "/tasks/{id}/cancel")
     async def cancel(self, id: str, reason: str = "cancelled by the client") -> None:

@@ -18,6 +18,7 @@ from somrs.ontology.naming import DefinitionKey, Renaming, Section, key_of
 from somrs.ontology.renaming import speaks_of
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.clients import Submit, TaskView
+from somrs.protocol.messages.event_text import short_id
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.knowledge import Revision
 from somrs.protocol.messages.orders import StandingOrder, Template, blanks_to_variables
@@ -50,7 +51,7 @@ class WordUse(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def display_name(self) -> str:
         """The name for users; for a task, the beginning of its id and its goal."""
-        return f"{self.id.rpartition(':')[2][:8]} ({self.name})" if self.user_kind is WordUserKind.TASK else self.name
+        return f"{short_id(self.id)} ({self.name})" if self.user_kind is WordUserKind.TASK else self.name
 
     def __str__(self) -> str:
         return f"it uses {self.word}, which would be {f'called {self.new_name}' if self.new_name else 'removed'}"

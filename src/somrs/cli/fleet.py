@@ -14,6 +14,7 @@ from somrs.api.service import open_api_service
 from somrs.client import terminal
 from somrs.client.client import Addresses
 from somrs.client.refusals import ErrorReport
+from somrs.protocol.messages.event_text import short_id
 
 MAX_LOG_LINES = 5
 """Maximum number of arrivals and departures shown."""
@@ -71,7 +72,7 @@ def _render_fleet(fleet_state: Devices) -> Group:
 def _state(device: DeviceView) -> Text:
     sign, colour = SIGNS.get(device.state, ("", ""))
     state = Text(f"{sign} {LABELS[device.state].lower()}".strip(), style=colour)
-    state.append(f"\nload {100 * device.load:.0f} %", style="dim")
+    state.append(f"\nutilisation {100 * device.utilisation:.0f} %", style="dim")
     if device.charge is not None:
         state.append(f"\nbattery {device.charge:.0f} %", style="dim")
     for fault in device.simulated.faults if device.simulated is not None else ():
@@ -89,7 +90,7 @@ def _describe_activity(device: DeviceView) -> str:
         )
         lines.append(
             f"{assignment.service_type} ({', '.join(assignment.inputs.values())}), {progress}\n"
-            f"for {assignment.effect} ({terminal.short(assignment.task)})"
+            f"for {assignment.effect} ({short_id(assignment.task)})"
         )
     held = device.simulated.holding if device.simulated is not None else None
     for name in dict.fromkeys([*((held,) if held else ()), *device.holding]):

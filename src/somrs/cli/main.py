@@ -117,7 +117,7 @@ def fleet(
     data: Data = DEFAULT_FOLDER,
     json: Json = False,
 ) -> None:
-    """List the devices. Shows the work, load, battery and faults of each device, and the reliability of its services."""
+    """List the devices. Shows the work, utilisation, battery and faults of each device, and the reliability of its services."""
     from somrs.cli.fleet import fleet as run
 
     if follow and json:

@@ -18,6 +18,27 @@ Json = Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")]
 HostOption = Annotated[str, typer.Option("--host", help="The address to listen on.")]
 PortOption = Annotated[int, typer.Option("--port", help="The port to listen on; 0 selects a free port.")]
 Formula = Annotated[str, typer.Argument(help="An Entish formula, such as 'Jar002 isOn Platform001'.")]
+
+
+def _parse_priority(text: object) -> int:
+    from somrs.client.state_labels import parse_priority
+
+    try:
+        return parse_priority(str(text))
+    except InputError as error:
+        raise typer.BadParameter(str(error)) from None
+
+
+Priority = Annotated[
+    int,
+    typer.Option(
+        parser=_parse_priority,
+        metavar="PRIORITY",
+        show_default="normal",
+        help="low, normal, high, urgent, or a whole number. Among tasks that wait for the same objects or devices, the one with the higher "
+        "priority goes first.",
+    ),
+]
 DEFAULT_FOLDER = Path(".somrs")
 LOOPBACK = "127.0.0.1"
 

@@ -12,6 +12,7 @@ from somrs.cli.task_commands import run_task
 from somrs.client import terminal
 from somrs.client.client import Addresses, client_name
 from somrs.errors import UsageError
+from somrs.protocol.messages.event_text import short_id
 from somrs.protocol.messages.orders import (
     Blank,
     Daily,
@@ -190,7 +191,7 @@ async def show_runs(name: str, limit: int, data: Path, *, json: bool) -> None:
     if json:
         terminal.print_json(runs)
         return
-    rows = ((_describe_run(run), terminal.short(run.task) if run.task is not None else "-") for run in runs)
+    rows = ((_describe_run(run), short_id(run.task) if run.task is not None else "-") for run in runs)
     print(f"{order.name}: {_goal_text(order)}; {in_words(order.when)}; next: {_describe_next(order)}")
     terminal.console().print(terminal.table("", ("due", "task"), rows) if runs else "the order was not due yet")
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from somrs.cli.options import DEFAULT_FOLDER, Data, Json, awaited, guarded
+from somrs.cli.options import DEFAULT_FOLDER, Data, Json, Priority, awaited, guarded
 from somrs.cli.tasks import PolicyOption
 from somrs.protocol.messages.orders import OrderSaved, TemplateSaved
 
@@ -32,9 +32,6 @@ Precondition = Annotated[str | None, typer.Option(help="A formula that has to ho
 PolicyWanted = Annotated[PolicyOption, typer.Option(help="How services are chosen.")]
 TimeValue = Annotated[float, typer.Option(help="With --policy weighted: what a second is worth, in EUR.")]
 Deadline = Annotated[float | None, typer.Option(help="Seconds within which the task has to be accomplished.")]
-Priority = Annotated[
-    int, typer.Option(help="Among tasks that wait for the same objects or devices, the one with the higher number goes first.")
-]
 
 
 @templates_app.callback()

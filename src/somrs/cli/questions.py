@@ -21,7 +21,7 @@ def questions(data: Path, *, json: bool) -> None:
             (question.number, question.person, question.text, f"{max(0.0, question.until - time.time()):.0f} s") for question in questions
         )
         terminal.console().print(terminal.table("Open questions", ("number", "to", "question", "time left"), rows))
-        print("Answer with: somrs answer NUMBER FORMULA, such as `Jar002 isOn Table001`")
+        print("Answer with: somrs answer NUMBER FORMULA. The formula states what holds now. --cannot-tell: you do not know.")
 
 
 def answer(number: int, formula: str | None, data: Path) -> None:

@@ -10,6 +10,7 @@ from rich.text import Text
 
 from somrs.client import terminal
 from somrs.client.message_chart import SETBACKS, describe_message
+from somrs.client.state_labels import priority_text
 from somrs.client.task_report import TaskReport
 from somrs.client.trace import TASK_MANAGER, Line, without_heartbeats
 from somrs.protocol.messages.clients import ContractView, WorkView
@@ -40,8 +41,9 @@ def _facts(report: TaskReport) -> Table:
         ("submitted", terminal.moment(view.submitted_at)),
         *([("ended", terminal.moment(record.ended_at))] if record is not None else []),
         ("by", person_name(view.client)),
+        *terminal.forecast(view),
         ("policy", view.policy.value),
-        *([("priority", f"{view.priority}")] if view.priority else []),
+        ("priority", priority_text(view.priority).lower()),
         *([("from", view.precondition)] if view.precondition else []),
         *([("deadline", f"{view.deadline:g} s")] if view.deadline is not None else []),
     ]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from somrs.cli.options import DEFAULT_FOLDER, Data, Formula, Json, awaited, fail, guarded
+from somrs.cli.options import DEFAULT_FOLDER, Data, Formula, Json, Priority, awaited, fail, guarded
 
 if TYPE_CHECKING:
     from somrs.protocol.messages.records import ReadRecords
@@ -68,9 +68,7 @@ def do(
     policy: Annotated[PolicyOption, typer.Option(help="How services are chosen.")] = PolicyOption.price,
     time_value: Annotated[float, typer.Option(help="With --policy weighted: what a second is worth, in EUR.")] = 0.01,
     deadline: Annotated[float | None, typer.Option(help="Seconds within which the task has to be accomplished.")] = None,
-    priority: Annotated[
-        int, typer.Option(help="Among tasks that wait for the same objects or devices, the one with the higher number goes first.")
-    ] = 0,
+    priority: Priority = 0,
     on_failure: Annotated[
         list[str], typer.Option(help=f"A goal to achieve when a step fails, before the recovery of the step: {_PROCEDURE}")
     ] = [],  # noqa: B006  # typer requires a list as the default

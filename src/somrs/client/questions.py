@@ -33,7 +33,7 @@ def put_answer(number: int, formula: str | None, data: Path) -> None:
         RemoteError: the Service Manager did not process the answer within `ANSWER_PATIENCE`.
     """
     if formula is not None and not formula.strip():
-        raise UsageError("an answer is a formula that holds, such as `Jar002 isOn Table001`; otherwise answer that you cannot tell")
+        raise UsageError("an answer is a formula that holds now; otherwise answer that you cannot tell")
     if not (data / FILE).exists():
         Addresses.read(data)
     store = Questions(data)

@@ -1,9 +1,10 @@
-"""Texts for users: the states of a task, in the windows and in the terminal."""
+"""Texts for users: the states and priorities of tasks, in the windows and in the terminal."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
+from somrs.errors import UsageError
 from somrs.protocol.messages.clients import Phase
 from somrs.protocol.messages.frp import Outcome
 
@@ -23,7 +24,24 @@ OUTCOMES: Mapping[Outcome, str] = {
     Outcome.CANCELLED: "Cancelled",
 }
 
+PRIORITIES: Mapping[int, str] = {-1: "Low", 0: "Normal", 1: "High", 2: "Urgent"}
+"""The priorities with a name. Other priorities have the name of the nearest one, with their number."""
+
 
 def task_state(phase: Phase, outcome: Outcome | None) -> str:
     """The text for the phase of a task or, after its end, for its outcome."""
     return OUTCOMES[outcome] if outcome is not None else PHASES[phase]
+
+
+def priority_text(priority: int) -> str:
+    """The name of a priority: `High`; `Urgent (7)` for a priority between or beyond the named ones."""
+    return PRIORITIES.get(priority) or f"{PRIORITIES[min(max(priority, min(PRIORITIES)), max(PRIORITIES))]} ({priority})"
+
+
+def parse_priority(text: str) -> int:
+    """The priority of a name, such as `high`, or of a whole number. Raises UsageError for other texts."""
+    named_priorities = {name.lower(): priority for priority, name in PRIORITIES.items()}
+    try:
+        return named_priorities[text.strip().lower()] if text.strip().lower() in named_priorities else int(text)
+    except ValueError:
+        raise UsageError(f"{text!r} is not a priority; write {', '.join(named_priorities)}, or a whole number") from None

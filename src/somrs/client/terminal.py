@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from datetime import datetime
 
@@ -16,11 +17,13 @@ from rich.text import Text
 
 from somrs.client.message_chart import SETBACKS, describe_message
 from somrs.client.state_labels import OUTCOMES, task_state
+from somrs.client.task_forecast import cost_text, remaining_text
 from somrs.client.task_report import reasons
 from somrs.client.trace import Line
 from somrs.ontology.objects import Change, FactAdded, FactRemoved, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.protocol.messages.clients import StepView, TaskEvent, TaskView, WorkView
 from somrs.protocol.messages.directory import Offer
+from somrs.protocol.messages.event_text import short_id
 from somrs.protocol.messages.events import EventKind, TaskEnded
 from somrs.protocol.messages.frp import Outcome, State
 
@@ -87,7 +90,7 @@ def steps(title: str, step_views: Sequence[StepView], other_work: Sequence[WorkV
             step.step,
             lines(step.service_type, inputs(step)),
             *((", ".join(step.after) or "-",) if is_ordered else ()),
-            lines(step.service or "-", terms(step.price, "EUR", step.duration)),
+            lines(step.service or "-", terms(step.price, step.currency, step.duration)),
             _step_progress(step),
         )
         for step in step_views
@@ -158,13 +161,22 @@ def ending(view: TaskView) -> Group:
 
 
 def tasks(views: Sequence[TaskView]) -> Table:
-    rows = ((short(view.task), view.effect, moment(view.submitted_at), outcome(view)) for view in views)
+    rows = (
+        (
+            short_id(view.task),
+            view.effect,
+            moment(view.submitted_at),
+            outcome(view).append("".join(f"\n{name} {text}" for name, text in forecast(view)), style="not bold dim"),
+        )
+        for view in views
+    )
     return table("Tasks", ("task", "goal", "submitted", "state"), rows, whole=("task", "submitted"))
 
 
-def short(task: str) -> str:
-    """A short form of a task's id, for users."""
-    return task.rpartition(":")[2][:8]
+def forecast(view: TaskView) -> list[tuple[str, str]]:
+    """The remaining time and the cost of a task, each with its name, as far as they are known or expected."""
+    texts = (("remaining", remaining_text(view, time.time())), ("cost", cost_text(view)))
+    return [(name, text) for name, text in texts if text]
 
 
 def services(offers: Sequence[Offer]) -> Table:

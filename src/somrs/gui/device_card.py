@@ -79,7 +79,7 @@ class DeviceCard:
             self._activities = ui.element("div").classes("somrs-device-doing")
             with ui.element("div").classes("somrs-device-gauges"):
                 self._work = Gauge("Step", "Progress of the step")
-                self._load = Gauge("Load", "Share of the last 10 minutes in which it was busy")
+                self._utilisation = Gauge("Utilisation", "Share of the last 10 minutes in which the device was at work")
                 self._charge = Gauge("Battery", "Remaining charge")
             self._services = ui.element("div").classes("somrs-device-services").props('role="list" aria-label="Services"')
         self.show_device(device)
@@ -105,8 +105,8 @@ class DeviceCard:
         fraction = next((activity.fraction for activity in device.assignments if activity.state in BUSY), None)
         self._work.element.visible = fraction is not None
         self._work.show_share(fraction or 0.0, f"{100 * (fraction or 0):.0f} %", "busy")
-        self._load.element.visible = device.presence is not Presence.DEPARTED
-        self._load.show_share(device.load, f"{100 * device.load:.0f} %")
+        self._utilisation.element.visible = device.presence is not Presence.DEPARTED
+        self._utilisation.show_share(device.utilisation, f"{100 * device.utilisation:.0f} %")
         self._charge.element.visible = device.charge is not None
         charge = device.charge or 0.0
         self._charge.show_share(charge / 100, f"{charge:.0f} %", "bad" if charge < 15 else "good")

@@ -10,6 +10,7 @@ from somrs.api.questions import Answer, OpenQuestions
 from somrs.api.remote import LiveApi
 from somrs.client.hub import News
 from somrs.devices.person.questions import Question
+from somrs.gui.examples import examples
 from somrs.gui.news import follow
 from somrs.gui.shell import guarded, notify
 
@@ -75,7 +76,8 @@ class _QuestionCard:
                 ui.label(f"{question.person} is asked")
                 self._time_left = ui.label().classes("somrs-soft")
             ui.label(question.text)
-            self._formula = ui.input("Situation (formula)", placeholder=f"e.g. {question.about} isOn Table001").props("outlined dense")
+            example = examples(api.context.map, api.context.ontology, question.about).goal
+            self._formula = ui.input("Situation (formula)", placeholder=f"e.g. {example}").props("outlined dense")
             self._formula.classes("somrs-formula").on("keydown.enter", guarded(self._answer))
             with ui.element("div").classes("somrs-question-ways"):
                 ui.button("Answer", on_click=guarded(self._answer)).props("unelevated dense no-caps color=primary")

@@ -129,9 +129,9 @@ class _Reasons:
             hint = nearest(name, self.problem.map.objects)
             self.texts[f"{literal}: there is no object {name} on the map" + (f"; {hint}" if hint else "")] = None
         excluded_names = [name for name in names(literal) if name in self.problem.excluded]
-        for name in excluded_names:
-            self.obstacles.add(Obstacle.PROMISED)
-            self.texts[f"{literal}: {not_usable(name)}"] = None
+        if excluded_names:
+            self.obstacles.update(exclusion_obstacles(excluded_names, self.problem))
+            self.texts[f"{literal}: {exclusion_text(excluded_names, self.problem)}"] = None
         return bool(unknown or excluded_names)
 
     def _objects(self, literal: Literal) -> Iterator[str]:
@@ -157,9 +157,8 @@ class _Reasons:
         unoffered_names = [name for name, services in lost.items() if not services]
         self.unoffered.update(dict.fromkeys(unoffered_names))
         for name, providers in busy.items():
-            self.obstacles.add(Obstacle.PROMISED)
-            cause = f"{' and '.join(providers)} are reserved by other tasks, or their state is unknown"
-            cause = not_usable(providers[0]) if len(providers) == 1 else cause
+            self.obstacles.update(exclusion_obstacles(providers, self.problem))
+            cause = exclusion_text(providers, self.problem)
             self.texts[f"{_format_literal(literal)} could be brought about by {name}, but {cause}"] = None
         for name, services in lost.items():
             if services:
@@ -258,6 +257,18 @@ def _format_literal(literal: Literal) -> str:
     return str(substitute(literal, blank))
 
 
-def not_usable(name: str) -> str:
-    """Text for why no step may involve an excluded object."""
-    return f"{name} is reserved by another task, or its state is unknown"
+def exclusion_text(excluded_names: Sequence[str], problem: Problem) -> str:
+    """Text for why no step may involve these excluded objects."""
+    unknown = [name for name in excluded_names if name in problem.unknown]
+    reserved = [name for name in excluded_names if name not in problem.unknown]
+    parts: list[str] = []
+    if reserved:
+        parts.append(f"{' and '.join(reserved)} {'is reserved by another task' if len(reserved) == 1 else 'are reserved by other tasks'}")
+    if unknown:
+        parts.append(f"the place and state of {' and '.join(unknown)} are unknown")
+    return ", and ".join(parts)
+
+
+def exclusion_obstacles(excluded_names: Sequence[str], problem: Problem) -> tuple[Obstacle, ...]:
+    """The kinds of reasons why no step may involve these excluded objects."""
+    return tuple(dict.fromkeys(Obstacle.UNKNOWN if name in problem.unknown else Obstacle.PROMISED for name in excluded_names))

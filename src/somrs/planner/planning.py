@@ -9,13 +9,13 @@ from somrs.entish.formula import names
 from somrs.errors import RemoteError, SomrsError
 from somrs.ontology.truth import formula_holds
 from somrs.planner.encodings.sas import decode_moves, encode_sas
-from somrs.planner.explanation import explain_failure, not_usable, unmet_precondition
+from somrs.planner.explanation import exclusion_obstacles, exclusion_text, explain_failure, unmet_precondition
 from somrs.planner.grounding.grounding import Grounding, TooLarge
 from somrs.planner.grounding.merging import merge_task
 from somrs.planner.grounding.relevance import demands
 from somrs.planner.grounding.task import Move, Task
 from somrs.planner.model.operators import Inexpressible, Operator, goal_operators
-from somrs.planner.model.plan import NoPlan, Obstacle, Plan
+from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import Problem
 from somrs.planner.model.provider_choice import generalize_providers
 from somrs.planner.model.quality import best
@@ -112,7 +112,8 @@ def _check_map(problem: Problem) -> Plan | NoPlan | None:
         return None
     doubtful = [name for name in names(problem.goal) if name in problem.excluded]
     if doubtful:
-        return NoPlan(explanation=f"{problem.goal}: {not_usable(doubtful[0])}", obstacles=(Obstacle.PROMISED,))
+        explanation = f"{problem.goal}: {exclusion_text(doubtful, problem)}"
+        return NoPlan(explanation=explanation, obstacles=exclusion_obstacles(doubtful, problem))
     return Plan()
 
 

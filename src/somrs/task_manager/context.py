@@ -101,12 +101,14 @@ def planning_problem(
         if isinstance(price, float | int):
             prices.setdefault(offer.service_type.name, {})[offer.provider] = price
     types = {offer.service_type.name: offer.service_type for offer in offers}
+    unknown = frozenset(replica.map.with_value(UNKNOWN, True))
     return Problem(
         ontology=replica.ontology,
         map=replica.map,
         goal=check(task.effect, replica.ontology, replica.map),
         precondition=check(task.precondition, replica.ontology, replica.map) if task.precondition else None,
-        excluded=avoided.union(replica.map.with_value(UNKNOWN, True)),
+        excluded=avoided | unknown,
+        unknown=unknown,
         services=tuple(
             AvailableService(
                 service_type=types[name], providers=tuple(sorted(provider_names)), prices=tuple(sorted(prices.get(name, {}).items()))

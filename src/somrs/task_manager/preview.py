@@ -59,11 +59,15 @@ class PreviewState(Struct, kw_only=True):
     members: Members = field(default_factory=Members)
     workflow: Workflow = field(default_factory=lambda: Workflow.from_plan(Plan()))
     bidding_start: float = field(default=0.0, name="asked_at")
-    waits: str = ""
+    waiting_for: WaitsForTasks | None = None
     quotations: dict[str, list[Quotation]] = {}
     """By step."""
     unserved: dict[str, str] = {}
     ended: bool = field(default=False, name="over")
+
+    @property
+    def waits(self) -> str:
+        return waiting_text(self.waiting_for) if self.waiting_for is not None else ""
 
 
 def new_preview(id: str, query: Preview, request: Message) -> PreviewState:
@@ -116,10 +120,9 @@ class PreviewExecutor:
             return None
         reservations.remove_task(state.id)
         if isinstance(result, BlockedPlan):
-            tasks = {task: reservations.goal(task) for task in result.holders}
-            state.waits, result = waiting_text(WaitsForTasks(tasks=tasks, objects=result.objects)), result.plan
+            state.waiting_for, result = WaitsForTasks.on(result.holders), result.plan
         if not isinstance(result, Plan) or not state.query.quotes or not result.steps:
-            return (yield from self._end(structs.replace(preview_reply(result), waits=state.waits)))
+            return (yield from self._end(structs.replace(preview_reply(result), waits=state.waits, waiting_for=state.waiting_for)))
         state.bidding_start, state.workflow = now, Workflow.from_plan(result)
         yield SetTimer(PreviewDue(state.id), now + MOST_TIME)
         return (yield from self._ask(now))
@@ -296,13 +299,19 @@ class PreviewExecutor:
         return Previewed(
             steps=tuple(
                 step_view(
-                    run.step, plan, service=chosen_quotation.service, price=chosen_quotation.price, duration=chosen_quotation.duration
+                    run.step,
+                    plan,
+                    service=chosen_quotation.service,
+                    price=chosen_quotation.price,
+                    currency=chosen_quotation.currency,
+                    duration=chosen_quotation.duration,
                 )
                 if (chosen_quotation := chosen.get(run.label)) is not None
                 else step_view(run.step, plan)
                 for run in runs
             ),
             waits=state.waits,
+            waiting_for=state.waiting_for,
             quotations=quotations,
             price=sum(quotation.price or 0.0 for quotation in chosen.values()) if whole and len(currencies) == 1 else None,
             currency=next(iter(sorted(currencies)), "EUR"),

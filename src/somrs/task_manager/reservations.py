@@ -8,7 +8,7 @@ comes first, then the one that was submitted first. A task that holds a reservat
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 
 from msgspec import Struct, field
 
@@ -16,6 +16,7 @@ from somrs.entish import Attribute, Call, Comparison, Formula, Name, Not, Relati
 from somrs.entish.formula import alternatives, literals, terms
 from somrs.ontology.types import Ontology
 from somrs.planner.model.plan import Plan, Step
+from somrs.protocol.messages.events import Holder
 
 
 class Reservation(Struct, frozen=True, kw_only=True):
@@ -33,15 +34,11 @@ class Reservation(Struct, frozen=True, kw_only=True):
 
 
 class BlockedPlan(Struct, frozen=True, kw_only=True):
-    """A plan that needs objects of other tasks. `holders`: the contested objects, by task."""
+    """A plan that needs objects of other tasks: the `holders`, with the contested objects."""
 
     reservation: Reservation
-    holders: dict[str, frozenset[str]]
+    holders: tuple[Holder, ...]
     plan: Plan
-
-    @property
-    def objects(self) -> tuple[str, ...]:
-        return tuple(sorted(frozenset[str]().union(*self.holders.values())))
 
 
 class _Waiting(Struct):
@@ -76,9 +73,6 @@ class Reservations(Struct, kw_only=True):
         self.waiting.pop(task, None)
         self.freed = True
 
-    def goal(self, task: str) -> str:
-        return self.goals.get(task, "")
-
     def conflicts(self, task: str, reservation: Reservation) -> dict[str, frozenset[str]]:
         """The contested objects, by other task that holds them or waits for them with precedence; empty if there is no conflict."""
         return {
@@ -87,13 +81,17 @@ class Reservations(Struct, kw_only=True):
             if (contested_objects := reservation.overlap(other_reservation))
         }
 
-    def holders(self, task: str, reservation: Reservation) -> list[str]:
+    def holders(self, task: str, reservation: Reservation) -> tuple[Holder, ...]:
         """The other tasks whose held reservations conflict with this one; waiting tasks do not count."""
-        return [
-            other_task
-            for other_task, other_reservation in self.held.items()
-            if other_task != task and reservation.overlap(other_reservation)
-        ]
+        conflicts = {other_task: reservation.overlap(held) for other_task, held in self.held.items() if other_task != task}
+        return self.describe({other_task: objects for other_task, objects in conflicts.items() if objects})
+
+    def describe(self, conflicts: Mapping[str, frozenset[str]]) -> tuple[Holder, ...]:
+        """The contested objects, by task, for clients."""
+        return tuple(
+            Holder(task=task, goal=self.goals.get(task, ""), objects=tuple(sorted(objects)), waiting=task not in self.held)
+            for task, objects in conflicts.items()
+        )
 
     def reserved_objects(self, task: str) -> frozenset[str]:
         """The objects that other tasks change, or wait to change with precedence."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from msgspec import structs
 
 from somrs.entish.parse import parse
 from somrs.ontology.files.loading import upper
@@ -177,12 +178,17 @@ def missed(goal: str, *losses: tuple[ServiceType, str, str], services: tuple[Ser
         ),
         (
             make_problem(GOAL, TRANSFER, excluded=frozenset({"Platform001"})),
-            [f"{GOAL}: Platform001 is reserved by another task, or its state is unknown"],
+            [f"{GOAL}: Platform001 is reserved by another task"],
             {"obstacles": (Obstacle.PROMISED,)},
         ),
         (
+            structs.replace(make_problem(GOAL, TRANSFER, excluded=frozenset({"Platform001"})), unknown=frozenset({"Platform001"})),
+            [f"{GOAL}: the place and state of Platform001 are unknown"],
+            {"obstacles": (Obstacle.UNKNOWN,)},
+        ),
+        (
             make_problem(GOAL, TRANSFER, excluded=frozenset({"Robot1"})),
-            [f"{GOAL} could be brought about by TransferObject, but Robot1 is reserved by another task, or its state is unknown"],
+            [f"{GOAL} could be brought about by TransferObject, but Robot1 is reserved by another task"],
             {"obstacles": (Obstacle.PROMISED,)},
         ),
         (

@@ -69,9 +69,13 @@ def test_what_holds_already_is_done() -> None:
 
 
 def test_of_what_nobody_knows_it_is_not_said_that_it_is_done() -> None:
-    explanation = "Jar001 isOn Shelf1 AND Jar002 isOn Shelf1: Jar002 is reserved by another task, or its state is unknown"
-    problem = make_problem("Jar001 isOn Shelf1 AND Jar002 isOn Shelf1", TRANSFER, excluded=frozenset({"Jar002", "Shelf2"}))
-    assert plan_quickly(problem) == NoPlan(explanation=explanation, obstacles=(Obstacle.PROMISED,))
+    goal = "Jar001 isOn Shelf1 AND Jar002 isOn Shelf1"
+    problem = make_problem(goal, TRANSFER, excluded=frozenset({"Jar001", "Jar002", "Shelf2"}))
+    reserved = f"{goal}: Jar001 and Jar002 are reserved by other tasks"
+    assert plan_quickly(problem) == NoPlan(explanation=reserved, obstacles=(Obstacle.PROMISED,))
+    partly_unknown = f"{goal}: Jar001 is reserved by another task, and the place and state of Jar002 are unknown"
+    expected = NoPlan(explanation=partly_unknown, obstacles=(Obstacle.PROMISED, Obstacle.UNKNOWN))
+    assert plan_quickly(structs.replace(problem, unknown=frozenset({"Jar002"}))) == expected
 
 
 @pytest.mark.parametrize(("count", "steps"), [(1, 1), (9, 9), (10, None)])

@@ -12,6 +12,8 @@ from somrs.protocol.messages import clients, frp
 from somrs.protocol.messages.bodies import FrpBody
 from somrs.protocol.messages.clients import Policy, Preview, Previewed, Quotation, StepView, Submit
 from somrs.protocol.messages.envelope import Header, Message
+from somrs.protocol.messages.event_text import short_id
+from somrs.protocol.messages.events import Holder, WaitsForTasks
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.preview import MOST_TIME, PREVIEW_ONLY, PreviewState
 from somrs.task_manager.timers import BidsDue, PlanWanted, PreviewDue, Timer
@@ -208,7 +210,8 @@ def test_who_has_what_it_needs_is_told_of(quotes: bool) -> None:
     harness = TaskManagerHarness()
     preview = PreviewHarness(harness, under_way=True, effect="Jar002 isOn Cupboard002", quotes=quotes)
     answer = client_reply(preview.offers(11.0) if quotes else preview.effects)
-    assert answer.waits == f"waiting for task {harness.task.id} ({GOAL}) to end, which has Jar002"
+    assert answer.waits == f"waiting for task {short_id(harness.task.id)} ({GOAL}), which has reserved Jar002"
+    assert answer.waiting_for == WaitsForTasks.on((Holder(task=harness.task.id, goal=GOAL, objects=("Jar002",)),))
     assert (len(answer.steps), answer.price) == (1, 10.0 if quotes else None)
 
 

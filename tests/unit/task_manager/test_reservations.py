@@ -6,8 +6,9 @@ import pytest
 
 from somrs.entish.parse import parse
 from somrs.ontology.types import RelationType
-from somrs.planner.model.plan import Plan, Step
-from somrs.task_manager.reservations import BlockedPlan, Reservation, Reservations, plan_reservation
+from somrs.planner.model.plan import Step
+from somrs.protocol.messages.events import Holder, WaitsForTasks
+from somrs.task_manager.reservations import Reservation, Reservations, plan_reservation
 from tests.support.laboratory import laboratory
 
 ONTOLOGY = laboratory().extended([RelationType(name="isNextTo", joins=("Object", "Object"), symmetric=True)])
@@ -38,8 +39,16 @@ def test_reservations_are_put_together() -> None:
 
 
 def test_the_objects_that_others_have_are_named_once_in_order() -> None:
-    held = BlockedPlan(reservation=make_reservation(), holders={"one": frozenset("cb"), "two": frozenset("ab")}, plan=Plan())
-    assert held.objects == ("a", "b", "c")
+    tasks = Reservations()
+    tasks.add_task("one", "goal of one")
+    tasks.hold("one", make_reservation("bc"))
+    tasks.wait("two", make_reservation("ab"))
+    holders = tasks.describe({"one": frozenset("cb"), "two": frozenset("ab")})
+    assert holders == (
+        Holder(task="one", goal="goal of one", objects=("b", "c")),
+        Holder(task="two", goal="", objects=("a", "b"), waiting=True),
+    )
+    assert WaitsForTasks.on(holders) == WaitsForTasks(tasks={"one": "goal of one", "two": ""}, objects=("a", "b", "c"), holders=holders)
 
 
 def test_a_more_urgent_task_comes_before_others_and_behind_its_equals() -> None:
@@ -47,7 +56,6 @@ def test_a_more_urgent_task_comes_before_others_and_behind_its_equals() -> None:
     for name, priority in (("a", 0), ("b", 1), ("c", 0), ("d", 1), ("e", -1), ("f", 0)):
         tasks.add_task(name, f"goal of {name}", priority)
     assert [*tasks.goals] == ["b", "d", "a", "c", "f", "e"]
-    assert [tasks.goal("c"), tasks.goal("nobody")] == ["goal of c", ""]
     tasks.add_task("g", "")
     assert [*tasks.goals] == ["b", "d", "a", "c", "f", "g", "e"]
 
@@ -71,7 +79,7 @@ def test_a_task_is_met_by_those_that_have_something_and_those_that_wait_before_i
         tasks.holders("b", make_reservation("x")),
         tasks.holders("a", make_reservation("x")),
         tasks.holders("c", make_reservation("z")),
-    ) == (["a"], [], [])
+    ) == ((Holder(task="a", goal="", objects=("x",)),), (), ())
 
 
 def test_what_a_task_holds_grows_and_is_given_up_when_it_waits() -> None:

@@ -104,7 +104,7 @@ async def _check_answer(task: Task, object: str, answer: str) -> str:
         if atom == Comparison(Attribute(Name(object), UNKNOWN), "=", Truth(True)):
             raise reading.error(atom, None, f"this says that {object} is unknown", "if you cannot tell, answer with --cannot-tell")
     if not any(object in names(part) for part in conjuncts(reading.formula)):
-        raise FormulaError(answer, 0, f"this does not mention {object}", f"state where it is, such as `{object} isOn Table001`")
+        raise FormulaError(answer, 0, f"this does not mention {object}", f"state where it is: `{object} isOn` and the name of an object")
     await task.map.query(reading.formula, limit=1)  # the Repository knows all objects, types and units
     known_atom = Comparison(Attribute(Name(object), UNKNOWN), "=", Truth(False))
     return str(reading.formula) if known_atom in conjuncts(reading.formula) else f"{reading.formula} AND {known_atom}"

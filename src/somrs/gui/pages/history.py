@@ -13,11 +13,12 @@ from nicegui import ui
 from somrs.api.reliability_stats import device_of
 from somrs.api.remote import LiveApi
 from somrs.api.task_feed import TasksChanged
+from somrs.client.durations import format_duration
 from somrs.client.export import moment
 from somrs.client.hub import News
 from somrs.client.task_report import reasons
 from somrs.errors import SomrsError
-from somrs.gui.icons import OUTCOMES, format_duration, format_time
+from somrs.gui.icons import OUTCOMES, format_time
 from somrs.gui.news import follow
 from somrs.gui.shell import guarded, page
 from somrs.protocol.messages.clients import Phase

@@ -20,13 +20,13 @@ from somrs.gui.pages.task_bids import BidPanel
 from somrs.gui.pages.task_header import TaskHeader
 from somrs.gui.pages.task_scene import TaskScene
 from somrs.gui.pages.task_story_panel import StoryPanel
-from somrs.gui.pages.task_text import task_key
 from somrs.gui.panel import panel
 from somrs.gui.question_panel import QuestionPanel
 from somrs.gui.shell import page
 from somrs.gui.throttle import Throttle
 from somrs.gui.unavailable_banner import UnavailableBanner
 from somrs.protocol.messages.clients import ContractView, TaskEvent, TaskView
+from somrs.protocol.messages.event_text import short_id
 from somrs.protocol.messages.frp import State
 
 FIRST_READ_TIME = 2.0
@@ -101,7 +101,7 @@ class _TaskPage:
         with ui.element("div").classes("somrs-task-panels"):
             with ui.element("div").classes("somrs-task-column somrs-task-first"):
                 with panel("Plan", "schema", "task plan", "somrs-task-plan"):
-                    PlanGraph(task=self._id, label=f"The plan of task {task_key(self._id)[:8]}", empty="There is no plan.")
+                    PlanGraph(task=self._id, label=f"The plan of task {short_id(self._id)}", empty="There is no plan.")
                 with panel("Terms", "handshake", "task terms", "somrs-task-terms") as terms:
                     self._bids = BidPanel(terms)
                 with panel("Timeline", "view_timeline", "task times", "somrs-task-times"):

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
+from somrs.client.durations import format_duration
 from somrs.gui.components.task.terms import Bid, TermsTable
-from somrs.gui.icons import Sign, format_duration, format_time
+from somrs.gui.icons import Sign, format_time
 from somrs.gui.panel import Panel
 from somrs.protocol.messages.clients import ContractView
 from somrs.protocol.messages.frp import State

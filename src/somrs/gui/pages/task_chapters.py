@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 from somrs.gui.pages.task_text import count_text
-from somrs.protocol.messages.events import EventKind
+from somrs.protocol.messages.events import EventKind, WaitsForTasks
 
 ANSWERS = {
     EventKind.HANDLER: "handler",
@@ -47,7 +47,8 @@ class Line:
 class Chapter:
     """A part of the story. `tone`: good, bad, busy or plain. For a failure: `number` counts from 1; `service` is the one that failed;
     `silent` is True while the service has only stopped responding; `situation` is the situation that it left; `lines` are the recovery
-    actions, and `result` their result. `unblocking`: work is undone so that a plan becomes possible."""
+    actions, and `result` their result. `waiting_for`: the tasks that the task began to wait for. `unblocking`: work is undone so that a
+    plan becomes possible."""
 
     at: float
     icon: str
@@ -60,6 +61,7 @@ class Chapter:
     silent: bool = False
     unblocking: bool = False
     situation: str = ""
+    waiting_for: WaitsForTasks | None = None
     lines: list[Line] = field(default_factory=list)
     result: str = ""
     result_tone: str = "busy"

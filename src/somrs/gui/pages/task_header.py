@@ -7,11 +7,16 @@ import time
 from nicegui import ui
 
 from somrs.api.remote import LiveApi
+from somrs.client.durations import format_duration
+from somrs.client.state_labels import priority_text
+from somrs.client.task_forecast import cost_text, remaining_text
 from somrs.client.task_report import reasons
-from somrs.gui.icons import Badge, format_duration, format_time
+from somrs.gui.icons import Badge, format_time
 from somrs.gui.pages.task_cancel_dialog import CancelDialog
-from somrs.gui.pages.task_text import PHASES, count_text, due_text, gist, task_key, task_sign
+from somrs.gui.pages.task_text import PHASES, count_text, due_text, gist, task_sign
+from somrs.gui.pages.task_waits import show_waits
 from somrs.protocol.messages.clients import Phase, Policy, TaskView
+from somrs.protocol.messages.event_text import short_id
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.people import person_name
 
@@ -35,20 +40,22 @@ class TaskHeader:
             with ui.element("dl").classes("somrs-task-facts"):
                 self._steps = _fact("Steps")
                 self._elapsed = _fact("Time")
+                self._remaining = _fact("Remaining time")
+                self._cost = _fact("Cost")
                 _fact("Submitted").set_text(f"{format_time(view.submitted_at)} by {person_name(view.client)}")
                 self._due = _fact("Deadline")
-                _fact("Priority").set_text(str(view.priority))
+                _fact("Priority").set_text(priority_text(view.priority))
                 _fact("Policy").set_text(_POLICIES[view.policy])
                 if view.precondition:
                     _fact("Precondition").set_text(view.precondition)
-                _fact("Id").set_text(task_key(view.task)[:8])
+                _fact("Id").set_text(short_id(view.task))
             self._reason_status = ui.element("div").props('role="status"')
         self._shown_reasons: tuple[str, ...] | None = None
         self._clock = ui.timer(1.0, self._tick)
         self.render(view)
 
     def _build_menu(self, view: TaskView) -> None:
-        name = f"task-{task_key(view.task)[:8]}"
+        name = f"task-{short_id(view.task)}"
         with ui.element("div").classes("somrs-task-ways"):
             with ui.button("Export", icon="download").props("flat dense no-caps"), ui.menu():
                 _file(f"/api/tasks/{view.task}/chart", f"{name}.svg", "schema", "Messages as a picture (SVG)")
@@ -79,7 +86,10 @@ class TaskHeader:
             self._shown_reasons = current_reasons
             self._reason_status.clear()
             with self._reason_status, ui.element("ul").classes("somrs-task-why"):
-                for reason in current_reasons:
+                if view.waiting_for is not None:
+                    with ui.element("li"):
+                        show_waits(view.waiting_for, "Waits for")
+                for reason in current_reasons if view.waiting_for is None else ():
                     with ui.element("li"):
                         ui.label(reason_text(reason)).tooltip(reason)
         self._reason_status.visible = bool(current_reasons)
@@ -89,6 +99,8 @@ class TaskHeader:
 
     def _tick(self) -> None:
         view, now = self._view, time.time()
+        self._remaining.set_text(remaining_text(view, now) or "none")
+        self._cost.set_text(cost_text(view) or "not recorded")
         end_time = view.ended_at if view.ended_at is not None else now
         elapsed = format_duration(max(0.0, end_time - view.submitted_at))
         self._elapsed.set_text(f"{elapsed}, until {format_time(view.ended_at)}" if view.ended_at is not None else f"{elapsed} so far")

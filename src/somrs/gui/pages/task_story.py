@@ -47,7 +47,7 @@ class _StoryBuilder:
             case events.WaitsForDevice():
                 pass  # ordinary: devices are often busy
             case events.WaitsForTasks():
-                self._add_chapter(entry, "hourglass_empty", "Waiting", "busy", entry.text)
+                self._add_chapter(entry, "hourglass_empty", "Waiting", "busy").waiting_for = event
             case events.GoesOn():
                 self._add_chapter(entry, "hourglass_empty", "Continuing", "busy", entry.text)
             case events.TaskEnded(outcome=outcome, reasons=end_reasons):

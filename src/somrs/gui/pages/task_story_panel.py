@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from somrs.client.durations import format_duration
 from somrs.gui.components.task.story import Part, RecoveryLine, StoryBook
-from somrs.gui.icons import format_duration, format_time
+from somrs.gui.icons import format_time
 from somrs.gui.pages.task_chapters import Chapter, summary
 from somrs.gui.pages.task_story import story
+from somrs.gui.pages.task_text import wait_texts
 from somrs.gui.panel import Panel
 from somrs.protocol.messages.clients import TaskEvent, TaskView
 
@@ -34,6 +36,7 @@ def _part(chapter: Chapter, start: float) -> Part:
         title=chapter.title,
         tone=chapter.tone,
         text=f"{chapter.step}: {chapter.text}" if failure and chapter.step else chapter.text,
+        waits=wait_texts(chapter.waiting_for),
         left=chapter.situation,
         moment=f"+{format_duration(chapter.at - start)}",
         clock=format_time(chapter.at),

@@ -5,8 +5,12 @@ from __future__ import annotations
 import re
 
 from somrs.client import state_labels
-from somrs.gui.icons import OUTCOMES, Sign, format_duration
+from somrs.client.durations import format_duration
+from somrs.gui.components.task.waits import WaitText
+from somrs.gui.icons import OUTCOMES, Sign
 from somrs.protocol.messages.clients import Phase
+from somrs.protocol.messages.event_text import reserved_text, short_id
+from somrs.protocol.messages.events import WaitsForTasks
 from somrs.protocol.messages.frp import Outcome
 
 PHASES = {
@@ -37,6 +41,15 @@ def task_key(task: str) -> str:
 
 def task_path(task: str) -> str:
     return f"/tasks/{task_key(task)}"
+
+
+def wait_texts(waiting_for: WaitsForTasks | None) -> list[WaitText]:
+    """The tasks that a task waits for."""
+    holders = waiting_for.known_holders if waiting_for is not None else ()
+    return [
+        WaitText(goal=holder.goal or f"task {short_id(holder.task)}", href=task_path(holder.task), reserved=reserved_text(holder))
+        for holder in holders
+    ]
 
 
 def device_name(service: str) -> str:

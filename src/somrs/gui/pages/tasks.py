@@ -13,15 +13,16 @@ from nicegui import ui
 from somrs.api.questions import OpenQuestions
 from somrs.api.remote import LiveApi
 from somrs.api.tasks import TasksChanged
+from somrs.client.durations import format_duration
 from somrs.client.hub import News
-from somrs.client.state_labels import OUTCOMES
+from somrs.client.state_labels import OUTCOMES, priority_text
 from somrs.client.task_report import reasons
 from somrs.errors import SomrsError
 from somrs.gui.components.task.list import TaskList
-from somrs.gui.icons import format_duration, format_time, join_names
+from somrs.gui.icons import format_time, join_names
 from somrs.gui.news import follow
 from somrs.gui.pages import task
-from somrs.gui.pages.task_text import count_text, device_name, due_text, gist, task_key, task_sign
+from somrs.gui.pages.task_text import count_text, device_name, due_text, gist, task_key, task_sign, wait_texts
 from somrs.gui.shell import page
 from somrs.gui.throttle import Throttle
 from somrs.gui.unavailable_banner import UnavailableBanner
@@ -149,6 +150,7 @@ def _table_row(row: TaskRow, asked_people: frozenset[str], now: float) -> dict[s
         "steps": f"{row.done} of {count_text(row.steps, 'step')}" if row.steps else "",
         "effect": row.effect,
         "note": " · ".join(_notes(row, asked_people)),
+        "waits": wait_texts(row.waiting_for),
         "asks": join_names(sorted({device_name(service) for service in row.services} & asked_people)),
         "setbacks": f"{count_text(row.setbacks, 'setback')}" if row.setbacks else "",
         "at": row.submitted_at,
@@ -156,7 +158,7 @@ def _table_row(row: TaskRow, asked_people: frozenset[str], now: float) -> dict[s
         "who": person_name(row.client),
         "took": format_duration(max(0.0, seconds)) + ("" if row.outcome is not None else " so far"),
         "due": due_text(row.submitted_at, row.deadline, row.outcome is not None, now) if row.deadline is not None else "–",
-        "priority": row.priority,
+        "priority": priority_text(row.priority),
     }
 
 
@@ -164,5 +166,5 @@ def _notes(row: TaskRow, asked_people: frozenset[str]) -> Iterator[str]:
     working = [name for name in dict.fromkeys(device_name(service) for service in row.services) if name not in asked_people]
     if row.outcome is None and working:
         yield f"{join_names(working)} working"
-    for reason in reasons(row)[:1]:
+    for reason in reasons(row)[:1] if row.waiting_for is None else ():
         yield gist(reason[:1].upper() + reason[1:])

@@ -44,6 +44,8 @@ class Problem(Struct, frozen=True, kw_only=True, tag=True):
     services: tuple[AvailableService, ...] = ()
     precondition: Formula | None = None
     excluded: frozenset[str] = frozenset()
+    unknown: frozenset[str] = frozenset()
+    """The excluded objects whose state is unknown; other tasks have reserved the others."""
     rest: tuple[Step, ...] = ()
     promised: frozenset[str] = frozenset()
     hurry: bool = False

@@ -8,7 +8,7 @@ from msgspec import Struct
 
 from somrs.ontology.services import Handler
 from somrs.protocol.messages.body import MessageBody
-from somrs.protocol.messages.events import Event, EventKind, GoalKind
+from somrs.protocol.messages.events import Event, EventKind, GoalKind, WaitsForTasks
 from somrs.protocol.messages.frp import Outcome, State
 
 
@@ -90,6 +90,7 @@ class StepView(Struct, frozen=True, kw_only=True):
     state: State = State.NEW
     service: str | None = None
     price: float | None = None
+    currency: str = "EUR"
     duration: float | None = None
     fraction: float = 0.0
 
@@ -99,7 +100,7 @@ class WorkView(Struct, frozen=True, kw_only=True):
 
     `state` is the final one: Completed, Failed, Stopped or Unreachable, or Compensated or Stranded after an attempt to undo it. `result` is
     the state in which the work itself ended, and `ended` the time. `situation` holds after the work; `before` is the situation that a
-    compensation restores.
+    compensation restores. `price` is that of the accepted terms; None in records of SO-MRS 0.2.
     """
 
     step: str
@@ -114,6 +115,8 @@ class WorkView(Struct, frozen=True, kw_only=True):
     result: State | None = None
     ended: float | None = None
     goal: GoalKind = GoalKind.TASK
+    price: float | None = None
+    currency: str = "EUR"
 
 
 class TaskView(Struct, frozen=True, kw_only=True):
@@ -138,6 +141,8 @@ class TaskView(Struct, frozen=True, kw_only=True):
     deadline: float | None = None
     handlers: tuple[Handler, ...] = ()
     priority: int = 0
+    waiting_for: WaitsForTasks | None = None
+    """The tasks that it waits for now; also in the reasons, as text."""
 
 
 class TaskRow(Struct, frozen=True, kw_only=True):
@@ -165,6 +170,8 @@ class TaskRow(Struct, frozen=True, kw_only=True):
     setbacks: int = 0
     services: tuple[str, ...] = ()
     """The services that are working now."""
+    waiting_for: WaitsForTasks | None = None
+    """The tasks that it waits for now; also in the reasons, as text."""
 
 
 class ReadTasks(MessageBody, frozen=True, kw_only=True, tag=True):
@@ -327,7 +334,9 @@ class Obstacle(StrEnum):
     NOT_OFFERED = "not-offered"
     """The Registry has no offer of a service that would bring about the goal."""
     PROMISED = "promised"
-    """The services or objects that a plan needs are reserved by other tasks, or their state is unknown."""
+    """The services or objects that a plan needs are reserved by other tasks."""
+    UNKNOWN = "unknown"
+    """The place and state of devices or objects that a plan needs are unknown since a failure."""
     PRECONDITION = "precondition"
     """The map contradicts the precondition of the client."""
     NO_OBJECT = "no-object"
@@ -339,9 +348,9 @@ class Obstacle(StrEnum):
 class Previewed(MessageBody, frozen=True, kw_only=True, tag=True):
     """The steps of the plan, or the `reasons` why there is none. No steps and no reasons: the goal already holds.
 
-    `waits`: the other tasks for which this one would wait. With quotes: the answers of the services in the order of the steps, the total
-    `price`, and the `seconds` until the last step would be done; None if no service offers a step (`unserved`: which, and why), or for
-    several currencies.
+    `waiting_for`: the other tasks for which this one would wait; `waits`: the same as text. With quotes: the answers of the services in the
+    order of the steps, the total `price`, and the `seconds` until the last step would be done; None if no service offers a step
+    (`unserved`: which, and why), or for several currencies.
     """
 
     steps: tuple[StepView, ...]
@@ -351,6 +360,7 @@ class Previewed(MessageBody, frozen=True, kw_only=True, tag=True):
     obstacles: tuple[Obstacle, ...] = ()
     """The kinds of the reasons, for programs, as far as they are of a known kind."""
     waits: str = ""
+    waiting_for: WaitsForTasks | None = None
     quotations: tuple[Quotation, ...] = ()
     price: float | None = None
     currency: str = "EUR"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from somrs.protocol.messages import events
-from somrs.protocol.messages.events import Event
+from somrs.protocol.messages.events import Event, Holder
 
 
 def join_reasons(reasons: Iterable[str]) -> str:
@@ -13,10 +13,29 @@ def join_reasons(reasons: Iterable[str]) -> str:
     return "; ".join(reasons)
 
 
+def short_id(task: str) -> str:
+    """Return a short form of a task's id, which people can enter instead of the id."""
+    return task.rpartition(":")[2][:8]
+
+
 def waiting_text(event: events.WaitsForTasks) -> str:
-    """Return for which tasks a task waits, and for which objects."""
-    holders = " and ".join(f"task {task} ({goal})" for task, goal in event.tasks.items())
-    return f"waiting for {holders} to end, which {'has' if len(event.tasks) == 1 else 'have'} {', '.join(event.objects)}"
+    """Return for which tasks a task waits, and which objects they have reserved."""
+    return f"waiting for {', and for '.join(f'{_task_text(holder)}, which {reserved_text(holder)}' for holder in event.known_holders)}"
+
+
+def holders_text(holders: Iterable[Holder]) -> str:
+    """Return which tasks have reserved which objects."""
+    return " and ".join(f"{_task_text(holder)} {reserved_text(holder)}" for holder in holders)
+
+
+def reserved_text(holder: Holder) -> str:
+    """Return what a task has reserved, for a context that already names the task."""
+    objects = ", ".join(holder.objects)
+    return f"waits for {objects} too and comes first" if holder.waiting else f"has reserved {objects}"
+
+
+def _task_text(holder: Holder) -> str:
+    return f"task {short_id(holder.task)}" + (f" ({holder.goal})" if holder.goal else "")
 
 
 def sentence(event: Event) -> str:
@@ -144,8 +163,8 @@ def _of_recovery(event: Event) -> str:
             return f"{service} compensated: {situation}"
         case events.WorkUndone():
             return "is undone"
-        case events.WorkStranded(taken=True):
-            return "is not undone: another task has reserved the objects"
+        case events.WorkStranded(taken=True, holders=holders):
+            return f"is not undone: {holders_text(holders) or 'another task has reserved the objects'}"
         case events.WorkStranded(reason=reason):
             return f"could not be undone: {reason or 'no service restores it'}"
     raise AssertionError(f"there is no sentence for {type(event).__name__}")

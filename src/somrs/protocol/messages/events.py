@@ -62,11 +62,34 @@ class Planned(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
     steps: int
 
 
+class Holder(Struct, frozen=True, kw_only=True):
+    """A task that has reserved objects which another task needs. `waiting`: it waits for them itself, and comes first."""
+
+    task: str
+    goal: str
+    objects: tuple[str, ...]
+    waiting: bool = False
+
+
 class WaitsForTasks(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
-    """Other tasks have reserved objects that the plan needs. `tasks`: the goals of these tasks, by their ids."""
+    """Other tasks have reserved objects that the plan needs.
+
+    `tasks`: the goals of these tasks, by their ids. `holders`: the same tasks, with what each has reserved; events of SO-MRS 0.2 have none.
+    """
 
     tasks: dict[str, str]
     objects: tuple[str, ...]
+    holders: tuple[Holder, ...] = ()
+
+    @classmethod
+    def on(cls, holders: tuple[Holder, ...]) -> WaitsForTasks:
+        objects = {name for holder in holders for name in holder.objects}
+        return cls(tasks={holder.task: holder.goal for holder in holders}, objects=tuple(sorted(objects)), holders=holders)
+
+    @property
+    def known_holders(self) -> tuple[Holder, ...]:
+        """The tasks with what each has reserved, as far as the event tells them apart."""
+        return self.holders or tuple(Holder(task=task, goal=goal, objects=self.objects) for task, goal in self.tasks.items())
 
 
 class GoesOn(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
@@ -305,10 +328,14 @@ class WorkUndone(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True
 
 
 class WorkStranded(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
-    """The work is not undone. `taken`: another task has reserved what it left; otherwise `reason` says why, if it is known."""
+    """The work is not undone. `taken`: other tasks, the `holders`, have reserved what it left; otherwise `reason` says why, if it is known.
+
+    Events of SO-MRS 0.2 have no holders.
+    """
 
     taken: bool = False
     reason: str = ""
+    holders: tuple[Holder, ...] = ()
 
 
 # The end

@@ -117,7 +117,7 @@ class PlanRequester:
             return plan
         contested_objects = frozenset[str]().union(*conflicts.values())
         if request.ignores_reservations or contested_objects <= request.avoided:
-            return BlockedPlan(reservation=reservation, holders=conflicts, plan=plan)
+            return BlockedPlan(reservation=reservation, holders=reservations.describe(conflicts), plan=plan)
         request.avoided |= contested_objects  # other tasks rely on these objects, or have reserved them meanwhile
         return (yield from self._ask())
 

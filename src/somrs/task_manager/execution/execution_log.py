@@ -53,6 +53,8 @@ class Work(Struct, kw_only=True, eq=False):
     ended: float | None = None
     situation: str | None = None
     note: str = ""
+    price: float | None = None
+    currency: str = "EUR"
     goal: GoalKind = GoalKind.TASK
     """The kind of goal that the work serves. Work that compensates is not compensated itself."""
     superseded: bool = field(default=False, name="taken_over")
@@ -99,6 +101,8 @@ class Work(Struct, kw_only=True, eq=False):
             before=str(self.prior_situation) if self.prior_situation is not None else None,
             note=self.note,
             goal=self.goal,
+            price=self.price,
+            currency=self.currency,
         )
 
     def in_words(self) -> str:
@@ -140,6 +144,8 @@ class ExecutionLog(Struct, kw_only=True):
             started_at=now,
             goal=run.goal,
         )
+        if member.bid is not None:
+            work.price, work.currency = member.bid.terms.price, member.bid.terms.currency
         if service_type.kind is ServiceKind.PHYSICAL:
             work.prior_situation, work.concerned = situation_to_restore(run.step, map, ontology), concerned_objects(run.step, map, ontology)
             self._supersede_interrupted(work)

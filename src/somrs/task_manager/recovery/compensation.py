@@ -16,7 +16,7 @@ from somrs.kernel.component import EffectsReturning
 from somrs.ontology.services import Occasion
 from somrs.protocol.messages import events
 from somrs.protocol.messages.clients import Submit
-from somrs.protocol.messages.events import Event
+from somrs.protocol.messages.events import Event, Holder
 from somrs.protocol.messages.frp import State
 from somrs.task_manager.context import TaskManagerContext, known_to_hold
 from somrs.task_manager.execution.execution_log import ExecutionLog, Work
@@ -96,8 +96,8 @@ class Compensation:
                 return False
             if work.state is State.COMPENSATED or work.changed_nothing or self._is_restored(work):
                 self._mark_restored(work, now)
-            elif self._is_reserved_elsewhere(work):
-                self._strand(work, events.WorkStranded(taken=True), now)
+            elif holders := self._other_holders(work):
+                self._strand(work, events.WorkStranded(taken=True, holders=holders), now)
             elif (goal := (yield from self._attempt(state.attempts.pop(0), work, now))) is not None:
                 state.pursued = True
                 return RestorationGoal(goal, work)
@@ -133,9 +133,9 @@ class Compensation:
                 self._state.work = None
         return None
 
-    def _is_reserved_elsewhere(self, work: Work) -> bool:
-        """Whether another task has reserved the objects of the work. This is possible after the task has had to wait."""
-        return bool(self._context.reservations.holders(self._owner, Reservation(changes=frozenset(work.concerned))))
+    def _other_holders(self, work: Work) -> tuple[Holder, ...]:
+        """The other tasks that have reserved the objects of the work. There can be some after the task has had to wait."""
+        return self._context.reservations.holders(self._owner, Reservation(changes=frozenset(work.concerned)))
 
     def _is_restored(self, work: Work) -> bool:
         return work.prior_situation is not None and known_to_hold(work.prior_situation, self._context.replica)

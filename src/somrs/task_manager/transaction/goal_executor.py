@@ -16,6 +16,7 @@ from somrs.planner.model.plan import NoPlan, Plan
 from somrs.protocol.messages import events, frp
 from somrs.protocol.messages.clients import Phase
 from somrs.protocol.messages.directory import Offer
+from somrs.protocol.messages.event_text import holders_text
 from somrs.protocol.messages.events import GoalKind
 from somrs.protocol.messages.frp import State
 from somrs.task_manager.arrangement.available_services import service_names
@@ -94,7 +95,7 @@ class GoalExecutor:
                 yield from self._wait(result, now)
                 return None
             case BlockedPlan():
-                return (yield from self._fail((f"other tasks have reserved {', '.join(result.objects)}",), now))
+                return (yield from self._fail((holders_text(result.holders),), now))
             case NoPlan():
                 broken = self._services.broken
                 lost = (f"{service}: {reason}" for service, reason in broken.items() if service not in result.lost)
@@ -120,8 +121,7 @@ class GoalExecutor:
                 yield from self._participants.dismiss(member, "the task has to wait for others", now)
                 self._workflow.release(run)
         execution.phase = Phase.WAITING
-        tasks = {task: reservations.goal(task) for task in blocked_plan.holders}
-        execution.waiting_for = events.WaitsForTasks(tasks=tasks, objects=blocked_plan.objects)
+        execution.waiting_for = events.WaitsForTasks.on(blocked_plan.holders)
         self._log_event(execution.waiting_for, now)
         reservations.wait(self._scope.state.id, blocked_plan.reservation)
 

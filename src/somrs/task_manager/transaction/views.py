@@ -49,6 +49,7 @@ def view(task: TaskState) -> TaskView:
         deadline=task.task.deadline,
         handlers=task.task.handlers,
         priority=task.task.priority,
+        waiting_for=task.goal.waiting_for,
     )
 
 
@@ -90,6 +91,7 @@ def row(task: TaskState) -> TaskRow:
         fraction=min(1.0, (done_count + under_way) / count) if count else float(task.outcome is Outcome.ACCOMPLISHED),
         setbacks=task.setbacks,
         services=tuple(member.offer.service for member in working),
+        waiting_for=task.goal.waiting_for,
     )
 
 
@@ -101,6 +103,7 @@ def _run_view(task: TaskState, plan: Plan, run: StepRun) -> StepView:
         state=STEP_STATE[run.progress],
         service=member.offer.service if member else None,
         price=member.bid.terms.price if member and member.bid else None,
+        currency=member.bid.terms.currency if member and member.bid else "EUR",
         duration=member.bid.terms.duration if member and member.bid else None,
         fraction=member.fraction if member else 0.0,
     )
@@ -113,6 +116,7 @@ def step_view(
     state: State = State.NEW,
     service: str | None = None,
     price: float | None = None,
+    currency: str = "EUR",
     duration: float | None = None,
     fraction: float = 0.0,
 ) -> StepView:
@@ -128,6 +132,7 @@ def step_view(
         state=state,
         service=service,
         price=price,
+        currency=currency,
         duration=duration,
         fraction=fraction,
     )

@@ -35,10 +35,15 @@ SENTENCES: list[tuple[Event, str]] = [
     (events.Planned(steps=0), "nothing to do: it is so already"),
     (events.Planned(steps=1), "planned: 1 step"),
     (events.Planned(steps=2), "planned: 2 steps"),
-    (events.WaitsForTasks(tasks={"t1": "A isOn B"}, objects=("A", "B")), "waiting for task t1 (A isOn B) to end, which has A, B"),
+    (events.WaitsForTasks(tasks={"t1": "A isOn B"}, objects=("A", "B")), "waiting for task t1 (A isOn B), which has reserved A, B"),
     (
-        events.WaitsForTasks(tasks={"t1": "A isOn B", "t2": "C isOn D"}, objects=("A",)),
-        "waiting for task t1 (A isOn B) and task t2 (C isOn D) to end, which have A",
+        events.WaitsForTasks.on(
+            (
+                events.Holder(task="urn:uuid:1a2b3c4d-1111-5222-8333-444455556666", goal="A isOn B", objects=("A",)),
+                events.Holder(task="t2", goal="C isOn D", objects=("C", "D"), waiting=True),
+            )
+        ),
+        "waiting for task 1a2b3c4d (A isOn B), which has reserved A, and for task t2 (C isOn D), which waits for C, D too and comes first",
     ),
     (events.GoesOn(), "continuing: the objects it waited for are free"),
     (events.Replanned(reasons=TWO), "replanning: no; never"),
@@ -76,6 +81,10 @@ SENTENCES: list[tuple[Event, str]] = [
     (events.Compensated(service=S, situation="A isOn B"), "Robot1.Carry compensated: A isOn B"),
     (events.WorkUndone(), "is undone"),
     (events.WorkStranded(taken=True, reason="no"), "is not undone: another task has reserved the objects"),
+    (
+        events.WorkStranded(taken=True, holders=(events.Holder(task="t1", goal="A isOn B", objects=("A",)),)),
+        "is not undone: task t1 (A isOn B) has reserved A",
+    ),
     (events.WorkStranded(reason="no"), "could not be undone: no"),
     (events.WorkStranded(), "could not be undone: no service restores it"),
 ]
@@ -99,7 +108,7 @@ def test_what_went_wrong_is_said_where_the_service_is_named_already() -> None:
 
 def test_reasons_are_on_one_line_and_who_is_waited_for_is_named() -> None:
     assert (join_reasons(()), join_reasons(("a",)), join_reasons(iter(("a", "b")))) == ("", "a", "a; b")
-    assert waiting_text(events.WaitsForTasks(tasks={"t": "g"}, objects=("A",))) == "waiting for task t (g) to end, which has A"
+    assert waiting_text(events.WaitsForTasks(tasks={"t": "g"}, objects=("A",))) == "waiting for task t (g), which has reserved A"
 
 
 def test_what_is_no_event_has_no_sentence() -> None:

@@ -46,6 +46,8 @@ def test_what_is_left_out_of_a_message_is_false_or_empty_but_for_these() -> None
     assert defaults == {
         "CancelTask.reason": "cancelled by the client",
         "ContractView.currency": "EUR",
+        "StepView.currency": "EUR",
+        "WorkView.currency": "EUR",
         "Quotation.currency": "EUR",
         "Previewed.currency": "EUR",
         "Terms.currency": "EUR",

@@ -12,6 +12,7 @@ from somrs.planner.model.plan import NoPlan, Plan, Step
 from somrs.planner.model.problem import LostService, Problem
 from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.directory import Discover, Offer
+from somrs.protocol.messages.events import Holder
 from somrs.task_manager.arrangement.available_services import AvailableServices, KnownServices
 from somrs.task_manager.arrangement.plan_request import PlanRequest, PlanRequester
 from somrs.task_manager.context import Quotes, TaskManagerContext
@@ -34,6 +35,7 @@ def step(id: str = "step1", jar: str = "Jar001") -> Step:
 
 PLAN = Plan((step(),))
 RESERVATION = Reservation(changes=frozenset({"Jar001"}))
+HOLDERS = (Holder(task="other", goal="", objects=("Jar001",)),)
 
 
 def context() -> TaskManagerContext:
@@ -143,7 +145,7 @@ def test_whether_there_would_be_a_plan_without_others_is_found_out() -> None:
     effects, result = harness.answered(NO_PLAN)
     problem = harness.asked_problem(effects)
     assert (result, problem.excluded, harness.request.attempt, harness.request.ignores_reservations) == (None, frozenset(), 2, True)
-    assert harness.answered(PLAN) == ([], BlockedPlan(reservation=RESERVATION, holders={"other": frozenset({"Jar001"})}, plan=PLAN))
+    assert harness.answered(PLAN) == ([], BlockedPlan(reservation=RESERVATION, holders=HOLDERS, plan=PLAN))
     assert "task1" not in harness.reservations.held
     assert harness.answered(NO_PLAN) == ([], NO_PLAN), "it is not asked a third time"
 
@@ -161,7 +163,7 @@ def test_when_others_have_taken_it_meanwhile_another_plan_is_looked_for_first() 
     effects, result = harness.answered(PLAN)
     assert (result, harness.asked_problem(effects).excluded) == (None, frozenset({"Jar001", "Jar002"}))
     assert (harness.request.attempt, harness.request.ignores_reservations) == (2, False)
-    assert harness.answered(PLAN) == ([], BlockedPlan(reservation=RESERVATION, holders={"other": frozenset({"Jar001"})}, plan=PLAN))
+    assert harness.answered(PLAN) == ([], BlockedPlan(reservation=RESERVATION, holders=HOLDERS, plan=PLAN))
 
 
 def test_what_is_had_regardless_of_others_is_waited_for_though_they_were_not_avoided() -> None:

@@ -113,7 +113,8 @@ def test_what_another_task_has_is_left_to_it(objects: tuple[str, ...]) -> None:
     harness.context.reservations.hold("task1", Reservation(changes=frozenset({"Jar001"})))
     assert harness.proceeds() == ([], True)
     mine = "Jar001" in objects
-    assert harness.logged_events == ([(events.WorkStranded(taken=True), 9.0, harness.works[0])] if mine else [])
+    stranded = events.WorkStranded(taken=True, holders=(events.Holder(task="other", goal="", objects=("Jar001",)),))
+    assert harness.logged_events == ([(stranded, 9.0, harness.works[0])] if mine else [])
     assert (harness.works[0].state, harness.state.restored) == (State.STRANDED if mine else State.COMPLETED, 0)
 
 

@@ -385,7 +385,7 @@ def test_who_has_to_wait_lets_go_of_who_is_committed() -> None:
     event_count = len(harness.task.events)
     effects = harness.service_says(frp.Failed(description="stuck", situation=HELD), 5.0, sender=member(harness, "a"))
     assert (bodies(effects), goodbyes(effects)) == (["UpdateMap", "Discover", "Cancel"], ["the task has to wait for others"])
-    waits = events.WaitsForTasks(tasks={"other": "another wish"}, objects=("Jar001",))
+    waits = events.WaitsForTasks.on((events.Holder(task="other", goal="another wish", objects=("Jar001",)),))
     assert logged_events(harness, event_count)[1:] == [events.Replanned(reasons=("failed: stuck",)), waits]
     assert (harness.task.phase, harness.task.goal.waiting_for, [run.provider for run in harness.task.goal]) == (
         Phase.WAITING,
@@ -417,7 +417,8 @@ def test_what_is_to_be_undone_is_kept_from_others_unless_they_have_it_by_now(res
     effects = harness.client_says(clients.CancelTask(task=id), 6.0)
     assert reservations.held.get(id) == (Reservation(changes=frozenset({"Jar001"})) if is_reserved else None)
     assert ("Compensate" in bodies(effects)) is is_reserved
-    assert ((events.WorkStranded(taken=True), *STEP_A) in harness.news(event_count)) is not is_reserved
+    stranded = events.WorkStranded(taken=True, holders=(events.Holder(task="other", goal="", objects=("Jar001",)),))
+    assert ((stranded, *STEP_A) in harness.news(event_count)) is not is_reserved
 
 
 def test_a_timer_that_rings_early_is_set_again() -> None:

@@ -11,6 +11,7 @@ from somrs.protocol.messages import clients, events, frp
 from somrs.protocol.messages.clients import Phase, Submit
 from somrs.protocol.messages.directory import Discovered, Offer
 from somrs.protocol.messages.envelope import reply
+from somrs.protocol.messages.event_text import short_id
 from somrs.protocol.messages.events import GoalKind
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.knowledge import UpdateMap
@@ -210,7 +211,7 @@ def test_a_procedure_needs_nothing_that_others_have() -> None:
     event_count = len(task.events)
     harness.service_says(frp.Failed(description="stuck", situation=INITIAL_SITUATION), 5.0)
     assert (
-        events.GoalFailed(goal=GoalKind.HANDLER, step="step1", reasons=("other tasks have reserved Jar001",)),
+        events.GoalFailed(goal=GoalKind.HANDLER, step="step1", reasons=("task other has reserved Jar001",)),
         None,
         None,
     ) in harness.news(event_count)
@@ -236,7 +237,8 @@ def waits() -> tuple[TaskManagerHarness, TaskState, TaskState]:
     effects = harness.client_says(Submit(effect="Jar002 isOn Cupboard002", deadline=90.0), 3.0)
     (second,) = [task for task in harness.manager.state.tasks.values() if task is not first]
     assert bodies(effects) == ["Discover", "Submitted"]
-    event = events.WaitsForTasks(tasks={first.id: GOAL}, objects=("Jar002",))
+    holders = (events.Holder(task=first.id, goal=GOAL, objects=("Jar002",)),)
+    event = events.WaitsForTasks(tasks={first.id: GOAL}, objects=("Jar002",), holders=holders)
     assert [entry.event for entry in second.events[1:]] == [event]
     assert (second.phase, second.goal.waiting_for) == (Phase.WAITING, event)
     return harness, first, second
@@ -244,7 +246,8 @@ def waits() -> tuple[TaskManagerHarness, TaskState, TaskState]:
 
 def test_who_waits_for_another_goes_on_when_that_one_has_ended() -> None:
     harness, first, second = waits()
-    reason = f"waiting for task {first.id} ({GOAL}) to end, which has Jar002"
+    reason = f"waiting for task {short_id(first.id)} ({GOAL}), which has reserved Jar002"
+    assert view(second).waiting_for == row(second).waiting_for == second.goal.waiting_for
     assert (view(second).reasons, view(second).explanation, row(second).reasons, row(second).explanation) == (
         (reason,),
         reason,
@@ -255,12 +258,13 @@ def test_who_waits_for_another_goes_on_when_that_one_has_ended() -> None:
     assert bodies(effects) == ["Cancel", "Cancel", "Cancelling", "Discover", "Arrange", "Arrange"]
     assert [type(entry.event).__name__ for entry in second.events[2:]] == ["GoesOn", "Planned", "ServicesAsked"]
     assert (second.phase, second.goal.waiting_for, second.goal.resumed, view(second).reasons) == (Phase.ARRANGING, None, False, ())
+    assert view(second).waiting_for is None
 
 
 def test_who_never_got_what_it_waited_for_says_so() -> None:
     harness, first, second = waits()
     effects = harness.rings(DeadlineDue(second.id), 93.0)
-    waited = f"it was waiting for task {first.id} ({GOAL}) to end, which has Jar002"
+    waited = f"it was waiting for task {short_id(first.id)} ({GOAL}), which has reserved Jar002"
     assert (second.outcome, second.reasons) == (Outcome.FAILED, ("the deadline of 90 s is over", waited))
     assert [effect.entry.reasons for effect in effects if isinstance(effect, Record) and isinstance(effect.entry, TaskRecord)] == [
         second.reasons

@@ -89,6 +89,14 @@ class FormulaField(ValueElement[str], DisableableElement, component="formula.js"
     def variables(self, variables: dict[str, str]) -> None:
         self._props["variables"] = variables
 
+    @property
+    def placeholder(self) -> str:
+        return str(self._props["placeholder"])
+
+    @placeholder.setter
+    def placeholder(self, placeholder: str) -> None:
+        self._props["placeholder"] = placeholder
+
     def insert(self, text: str) -> None:
         self.run_method("insert", text)
 

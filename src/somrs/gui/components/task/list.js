@@ -20,6 +20,8 @@ export default {
             <div v-if="props.row.setbacks" class="somrs-task-note somrs-bad-text">
               <i class="q-icon material-icons" aria-hidden="true">error</i>{{ props.row.setbacks }}</div>
             <div v-if="props.row.note" class="somrs-soft somrs-task-note">{{ props.row.note }}</div>
+            <div v-for="wait in props.row.waits" :key="wait.href" class="somrs-soft somrs-waits">Waits for
+              <a class="somrs-formula" :href="wait.href">{{ wait.goal }}</a>, which {{ wait.reserved }}.</div>
           </q-td>
           <q-td class="somrs-task-stated">{{ props.row.stated }}<div class="somrs-soft">{{ props.row.who }}</div></q-td>
           <q-td class="somrs-task-took">{{ props.row.took }}</q-td>

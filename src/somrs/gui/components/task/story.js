@@ -18,6 +18,8 @@ export default {
             <i class="material-icons somrs-chapter-icon" aria-hidden="true">{{ one.icon }}</i>
             <div class="somrs-chapter-head"><span class="somrs-chapter-title">{{ one.title }}</span><span class="somrs-moment" :title="one.clock">{{ one.moment }}</span></div>
             <div v-if="one.text" class="somrs-chapter-text">{{ one.text }}</div>
+            <div v-for="wait in one.waits" :key="wait.href" class="somrs-chapter-text somrs-waits">Waits for
+              <a class="somrs-formula" :href="wait.href">{{ wait.goal }}</a>, which {{ wait.reserved }}.</div>
             <div v-if="one.left" class="somrs-chapter-text"><span class="somrs-soft">Resulting situation: </span><span class="somrs-formula">{{ one.left }}</span></div>
             <ul v-if="one.lines.length" class="somrs-answers">
               <li v-for="(line, place) in one.lines" :key="place"><span v-if="line.rung" class="somrs-rung">{{ line.rung }}</span><span>{{ line.text }}</span>

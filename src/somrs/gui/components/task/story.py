@@ -9,6 +9,7 @@ from nicegui.element import Element
 
 from somrs.gui.components import LIVE
 from somrs.gui.components.task import MODULES
+from somrs.gui.components.task.waits import WaitText
 
 
 class RecoveryLine(TypedDict):
@@ -27,6 +28,7 @@ class Part(TypedDict):
     title: str
     tone: str
     text: str
+    waits: list[WaitText]
     left: str
     moment: str
     clock: str

@@ -51,6 +51,11 @@ class _DefinePage:
                 "unelevated dense no-caps color=primary"
             )
             self._start_button.classes("somrs-define-act")
+        with ui.element("div").classes("somrs-define-other somrs-define-earlier").props('role="status"') as self._earlier:
+            ui.icon("history").props('aria-hidden="true"')
+            ui.label("This is your earlier draft. Its task has not been started.")
+            ui.button("Keep the draft", on_click=form.keep_earlier_goal).props("flat dense no-caps")
+            ui.button("Start a new draft", on_click=self._clear).props("flat dense no-caps")
         with ui.element("div").classes("somrs-define"):
             with ui.element("div").classes("somrs-define-column"):
                 self._goal_panel = GoalPanel(form, self._previewed)
@@ -59,6 +64,7 @@ class _DefinePage:
                 ExecutionOptions(form)
                 Orders(form)
         form.on_change(self._refresh)
+        self._refresh()
 
     async def begin(self) -> None:
         await self._client.connected()
@@ -66,6 +72,7 @@ class _DefinePage:
         self._form.begin()
 
     def _refresh(self) -> None:
+        self._earlier.visible = self._form.has_earlier_goal
         repeat = self._form.draft.repeat
         self._start_button.set_text("Start" if repeat.recurrence == NOW else "Update the order" if repeat.order else "Create the order")
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 from msgspec import structs
 from nicegui import background_tasks, ui
+from nicegui.events import ValueChangeEventArguments
 
 from somrs.api.choices import Sayable, SayableAttribute
 from somrs.errors import SomrsError
@@ -33,6 +34,8 @@ class Builder:
             ui.icon("info").props('aria-hidden="true"')
             ui.label("This formula cannot be shown as lines, e.g. because of OR or variables. Edit it above; dragged things are added.")
         self._list = ui.element("div").classes("somrs-define-lines").props('role="group" aria-label="Lines of the goal"')
+        self._negation_note = ui.label("All lines together are the goal. A line that “must not hold” is a condition to make false.")
+        self._negation_note.classes("somrs-soft somrs-define-negation")
         self._add_button = ui.button("Add a line", icon="add", on_click=self._add).props("flat dense no-caps").classes("somrs-define-more")
         self._refresh()
         form.on_change(self._refresh)
@@ -47,7 +50,7 @@ class Builder:
         # While the user types a formula, it is invalid at times; the lines then stay unchanged.
         is_editable = goal_lines is not None or not self._rows
         self._complex_note.visible = goal_lines is None and not _may_become_lines(text)
-        self._list.visible = self._add_button.visible = not self._complex_note.visible
+        self._list.visible = self._add_button.visible = self._negation_note.visible = not self._complex_note.visible
         if is_editable and not is_same_formula(text_of(self.lines), text.strip()):
             self._rebuild(goal_lines or [])
         if not self._rows and not self._complex_note.visible:
@@ -106,11 +109,10 @@ class _Row:
             )
             self._rest = ui.element("div").classes("somrs-define-rest")
             with ui.element("div").classes("somrs-define-line-ways"):
-                self._not_button = ui.button("not", on_click=self._deny).props("flat dense no-caps size=sm")
-                self._not_button.classes("somrs-define-not").tooltip("This must not hold")
+                self._negation = ui.checkbox("Must not hold", value=line.denied, on_change=self._deny).props("dense size=sm")
+                self._negation.classes("somrs-define-not").tooltip("Negation: the goal is that this condition is false (NOT in a formula)")
                 remove_button = ui.button(icon="close", on_click=lambda: remove(self)).props("flat dense round size=sm")
                 remove_button.props('aria-label="Remove this line"')
-        self._show_denied()
         self._fill()
         if line.thing:
             background_tasks.create(self._learn(), context=self.element)
@@ -242,14 +244,9 @@ class _Row:
         self.line = structs.replace(self.line, unit=unit)
         self._changed()
 
-    def _deny(self) -> None:
-        self.line = structs.replace(self.line, denied=not self.line.denied)
-        self._show_denied()
+    def _deny(self, event: ValueChangeEventArguments[bool | None]) -> None:
+        self.line = structs.replace(self.line, denied=bool(event.value))
         self._changed()
-
-    def _show_denied(self) -> None:
-        self._not_button.props(f'aria-pressed="{str(self.line.denied).lower()}"')
-        self._not_button.classes(**({"add": "somrs-define-denied"} if self.line.denied else {"remove": "somrs-define-denied"}))
 
 
 def _predicate_of(line: Line) -> str:

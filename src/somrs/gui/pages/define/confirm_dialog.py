@@ -1,4 +1,4 @@
-"""Confirmation of actions that affect other users."""
+"""Dialogs for decisions: confirmation of actions that affect other users, and choices."""
 
 from __future__ import annotations
 
@@ -8,11 +8,17 @@ from nicegui import ui
 async def confirm(text: str, label: str) -> bool:
     """Ask the user to confirm. `text` describes the consequences; `label` names the confirming button. Returns whether the user
     confirmed."""
-    with ui.dialog().props(f'role="alertdialog" aria-label="{label}"') as dialog, ui.card().classes("somrs-dialog"):
+    return await choose(text, label, color="negative") == label
+
+
+async def choose(text: str, *labels: str, color: str = "primary") -> str | None:
+    """Ask the user to choose one of the actions, each a button with its label. Returns the label; None if the user cancelled."""
+    with ui.dialog().props(f'role="alertdialog" aria-label="{" or ".join(labels)}"') as dialog, ui.card().classes("somrs-dialog"):
         ui.label(text)
         with ui.element("div").classes("somrs-dialog-ways"):
-            ui.button("Cancel", on_click=lambda: dialog.submit(False)).props("flat no-caps")
-            ui.button(label, on_click=lambda: dialog.submit(True)).props("unelevated no-caps color=negative")
-    agreed = await dialog
+            ui.button("Cancel", on_click=lambda: dialog.submit(None)).props("flat no-caps")
+            for label in labels:
+                ui.button(label, on_click=lambda label=label: dialog.submit(label)).props(f"unelevated no-caps color={color}")
+    choice = await dialog
     dialog.delete()
-    return bool(agreed)
+    return str(choice) if choice is not None else None

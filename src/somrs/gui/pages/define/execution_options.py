@@ -9,6 +9,7 @@ from typing import Any
 from nicegui import ui
 from nicegui.events import ValueChangeEventArguments
 
+from somrs.client.state_labels import PRIORITIES, priority_text
 from somrs.gui.components.fields.picker import Choice, Picker
 from somrs.gui.components.formula import FormulaField
 from somrs.gui.pages.define.draft import DAILY, INTERVAL, NOW, ONE_TIME, UNITS, Draft, Repeat
@@ -22,7 +23,6 @@ _POLICIES = {
     Policy.TIME: ("Soonest", "The earliest completion; at equal times, the lowest price."),
     Policy.WEIGHTED: ("Weighted", "The lowest sum of the price and a cost for each second until completion:"),
 }
-_PRIORITIES = {-1: "Low", 0: "Normal", 1: "High", 2: "Urgent"}
 _REPEATS = {NOW: "Now", ONE_TIME: "Once, later", INTERVAL: "At intervals", DAILY: "On days of the week"}
 _DAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
 
@@ -38,7 +38,7 @@ class ExecutionOptions:
                 self._time_value = _input("Cost per second", "0.01").classes("somrs-define-short")
                 ui.label("EUR per second").classes("somrs-soft")
             with _field("Priority"):
-                self._priority = _toggle(_PRIORITIES, "Priority")
+                self._priority = _toggle(dict(PRIORITIES), "Priority")
             ui.label("Among tasks waiting for the same thing or device, the highest priority goes first. No step is interrupted.").classes(
                 "somrs-soft"
             )
@@ -53,7 +53,7 @@ class ExecutionOptions:
             with _fold("Precondition", "The task starts only if this formula holds. Leave it empty to start it in any situation."):
                 self._precondition = FormulaField(
                     "Precondition",
-                    placeholder="Jar002 isOn Cupboard001",
+                    placeholder=form.examples.condition,
                     on_change=lambda event: self._set_value("precondition", event.value),
                 )
             with _fold("Handlers", "Formulas to make true first when a step fails or is to be undone."):
@@ -80,6 +80,8 @@ class ExecutionOptions:
 
     def _refresh(self) -> None:
         draft = self._form.draft
+        if draft.priority not in self._priority.options:  # templates may have priorities without a name of their own
+            self._priority.set_options({**PRIORITIES, draft.priority: priority_text(draft.priority)})
         for field, value in ((self._policy, draft.policy), (self._priority, draft.priority)):
             if field.value != value:
                 field.value = value
@@ -180,7 +182,7 @@ class _Repeating:
 def _summary(draft: Draft) -> str:
     """The options in a few words, shown while the panel is collapsed."""
     parts = [_POLICIES[draft.policy][0].lower()]
-    parts += [f"{_PRIORITIES.get(draft.priority, draft.priority)} priority".lower()] if draft.priority else []
+    parts += [f"{priority_text(draft.priority)} priority".lower()] if draft.priority else []
     parts += [f"within {draft.deadline} {draft.deadline_unit}"] if draft.deadline.strip() else []
     parts += [_REPEATS[draft.repeat.recurrence].lower()] if draft.repeat.recurrence != NOW else []
     return ", ".join(parts)

@@ -10,6 +10,7 @@ from nicegui.element import Element
 
 from somrs.api.remote import LiveApi
 from somrs.gui.components.draft_storage import DraftStorage
+from somrs.gui.examples import Examples, examples
 from somrs.gui.pages.define.draft import Draft
 
 _STORAGE_KEY = "somrs-define"
@@ -24,7 +25,14 @@ class Form:
         self._listeners: list[Callable[[], None]] = []
         self._is_submitted = False
         self._restored = False
+        self._restored_goal = ""
+        """The goal of a draft that the browser kept, until the user decides about it."""
         self._storage = DraftStorage(_STORAGE_KEY, self._restore)
+
+    @property
+    def examples(self) -> Examples:
+        """Examples of formulas about objects on the map."""
+        return examples(self.api.context.map, self.api.context.ontology)
 
     def on_change(self, refresh: Callable[[], None]) -> None:
         """Call `refresh` whenever the draft changes."""
@@ -36,6 +44,15 @@ class Form:
             self._storage.save(_KEY, {"form": msgspec.to_builtins(self.draft)})
         for refresh in self._listeners:
             refresh()
+
+    @property
+    def has_earlier_goal(self) -> bool:
+        """Whether the goal is of an earlier visit, and the user has neither changed it nor decided to keep it."""
+        return bool(self._restored_goal) and self.draft.effect == self._restored_goal
+
+    def keep_earlier_goal(self) -> None:
+        self._restored_goal = ""
+        self.changed()
 
     def mirror(self, element: Element, path: str) -> None:
         """Store the element's input in the browser as it is typed, also while the server is away."""
@@ -62,5 +79,6 @@ class Form:
             return  # stored by another version of this page
         if not self.draft.link or draft.link == self.draft.link:
             self._restored = True
+            self._restored_goal = draft.effect if draft.effect != self.draft.effect else ""
             self.draft = draft
             self.changed()

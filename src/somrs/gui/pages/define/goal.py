@@ -24,7 +24,7 @@ class GoalPanel:
             self.field = FormulaField(
                 "Formula",
                 value=form.draft.effect,
-                placeholder="Jar002 isOn Platform001",
+                placeholder=form.examples.goal,
                 rows=2,
                 good="The formula is valid.",
                 on_change=self._typed,

@@ -6,9 +6,12 @@ from typing import Any
 
 from somrs.gui.components.floorplan import FloorPlan
 from somrs.gui.pages.define.builder import Builder
+from somrs.gui.pages.define.confirm_dialog import choose
 from somrs.gui.pages.define.form import Form
 from somrs.gui.pages.define.goal_lines import add_placement, lines_of, text_of
 from somrs.gui.shell import guarded, notify
+
+REPLACE, ADD = "Replace the goal", "Add to the goal"
 
 
 class GoalFloorPlan:
@@ -44,7 +47,15 @@ class GoalFloorPlan:
         if not placements.formulas:
             notify(f"{thing} cannot be at {target}: the ontology has no relation between the two.", bad=True)
             return
-        self._add_to_goal(placements.formulas[0])
+        formula = placements.formulas[0]
+        if self._form.has_earlier_goal:
+            text = f"The goal of your earlier draft is: {self._form.draft.effect}. Replace it by {formula}, or add {formula} to it?"
+            match await choose(text, REPLACE, ADD):
+                case None:
+                    return
+                case choice if choice == REPLACE:
+                    self._form.draft.effect = ""
+        self._add_to_goal(formula)
 
     def _add_to_goal(self, formula: str) -> None:
         """Add a formula to the goal; it replaces the parts that contradict it."""

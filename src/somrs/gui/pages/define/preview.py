@@ -9,11 +9,12 @@ from collections.abc import Sequence
 from nicegui import background_tasks, ui
 
 from somrs.api.formulas import CheckFormula
+from somrs.client.durations import format_duration
 from somrs.errors import SomrsError
 from somrs.gui.components.task.graph import PlanGraph
-from somrs.gui.icons import format_duration
 from somrs.gui.pages.define.draft import Draft
 from somrs.gui.pages.define.form import Form
+from somrs.gui.pages.task_waits import show_waits
 from somrs.gui.panel import panel
 from somrs.protocol.messages.clients import Obstacle, Previewed, Quotation, StepView
 from somrs.protocol.messages.clients import Preview as PreviewRequest
@@ -22,6 +23,7 @@ ADVICE = {
     Obstacle.NO_SERVICE_TYPE: "No service type has such an effect. Choose a goal that a service can achieve:",
     Obstacle.NOT_OFFERED: "Start a device that offers the service, or wait for one; the Fleet page shows the available devices.",
     Obstacle.PROMISED: "Wait until the other tasks are done, or give this one a higher priority.",
+    Obstacle.UNKNOWN: "Find the object or device, and enter its place on the Map page, or let a service observe it.",
     Obstacle.PRECONDITION: "Change or remove the precondition under Execution options, Precondition.",
     Obstacle.NO_OBJECT: "Use the name of an object on the map; the Map page shows all objects.",
     Obstacle.TWO_PLACES: "Split the goal: parts that cannot hold at the same time need several tasks, one after the other.",
@@ -108,8 +110,11 @@ class Preview:
                 _show_notice("check_circle", "good", "The goal already holds: nothing needs to be done.")
                 self._panel.note.set_text("nothing to do")
                 return
-            if preview.waits:
-                _show_notice("hourglass_empty", "busy", preview.waits)
+            if preview.waiting_for is not None:
+                with ui.element("div").classes("somrs-define-said somrs-tone-busy"):
+                    ui.icon("hourglass_empty").props('aria-hidden="true"')
+                    with ui.element("div"):
+                        show_waits(preview.waiting_for, "The task would wait for")
             if preview.quotations or preview.unserved:
                 self._totals(preview)
             PlanGraph(steps=preview.steps, label="Plan preview").classes("somrs-define-graph")

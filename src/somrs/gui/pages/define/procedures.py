@@ -8,6 +8,7 @@ from nicegui import ui
 
 from somrs.gui.components.fields.picker import Choice, Picker
 from somrs.gui.components.formula import FormulaField
+from somrs.gui.examples import with_variables
 from somrs.gui.pages.define.draft import Procedure
 from somrs.gui.pages.define.form import Form
 from somrs.ontology.services import PROVIDER, Occasion
@@ -61,15 +62,10 @@ class Procedures:
                 remove_button = ui.button(icon="close", on_click=lambda: self._remove(procedure)).props("flat dense round size=sm")
                 remove_button.props('aria-label="Remove this handler"')
             fields = [
-                FormulaField(
-                    label, value=getattr(procedure, name), placeholder=example, variables=self._variables(procedure), on_change=on_change
-                )
-                for label, name, example in (
-                    ("Make true", "effect", "?Object isOn Table001"),
-                    ("Only if (optional)", "when", "?Object isOn Floor001"),
-                )
-                for on_change in (partial(self._typed, procedure, name),)
+                FormulaField(label, value=getattr(procedure, name), on_change=partial(self._typed, procedure, name))
+                for label, name in (("Make true", "effect"), ("Only if (optional)", "when"))
             ]
+            self._show_step_type(procedure, fields)
             for field, name in zip(fields, ("effect", "when"), strict=True):
                 self._form.mirror(field, f"procedures.{number}.{name}")
 
@@ -84,9 +80,16 @@ class Procedures:
 
     def _set_service_type(self, procedure: Procedure, service_type: str, fields: list[FormulaField]) -> None:
         procedure.service_type = service_type
-        for field in fields:
-            field.variables = self._variables(procedure)
+        self._show_step_type(procedure, fields)
         self._form.changed()
+
+    def _show_step_type(self, procedure: Procedure, fields: list[FormulaField]) -> None:
+        """Show the variables that the formulas can use, and examples with them."""
+        variables, shown = self._variables(procedure), self._form.examples
+        context = self._form.api.context
+        for field, example in zip(fields, (shown.goal, shown.condition), strict=True):
+            field.variables = variables
+            field.placeholder = with_variables(example, variables, context.map, context.ontology)
 
     def _typed(self, procedure: Procedure, name: str, event: object) -> None:
         setattr(procedure, name, getattr(event, "value", "") or "")

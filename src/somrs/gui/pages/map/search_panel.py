@@ -9,6 +9,7 @@ from nicegui import ui
 from somrs.api.remote import LiveApi
 from somrs.errors import FormulaError, SomrsError
 from somrs.gui.components.formula import FormulaField
+from somrs.gui.examples import examples
 from somrs.gui.pages.map.entries import list_note
 from somrs.gui.pages.map.map_view import MapView
 from somrs.gui.shell import guarded
@@ -24,8 +25,9 @@ class SearchPanel:
     def __init__(self, api: LiveApi, map_view: MapView, open_object: Callable[[str], None]) -> None:
         self._api, self._map_view, self._open_object = api, map_view, open_object
         self._query = ""
+        example = examples(api.context.map, api.context.ontology).query
         with ui.element("section").props('aria-label="Find by a formula"'):
-            self._field = FormulaField("Query formula", placeholder="?Thing isOn Cupboard001", on_submit=self._submitted)
+            self._field = FormulaField("Query formula", placeholder=example, on_submit=self._submitted)
             with ui.element("div").classes("somrs-map-buttons"):
                 ui.button("Find", icon="search", on_click=guarded(self._run_query)).props("unelevated dense no-caps")
                 self._clear = ui.button("Clear", on_click=self.clear).props("flat dense no-caps")

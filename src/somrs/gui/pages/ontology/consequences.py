@@ -10,8 +10,9 @@ from somrs.api.ontology import Consequences
 from somrs.api.word_uses import WordUse, WordUserKind
 from somrs.gui.pages.ontology.changes import DefinitionChange, definition_changes, map_change_lines
 from somrs.gui.pages.ontology.elements import TextTag, cell, note, row, table, titled_dialog
-from somrs.gui.pages.task_text import task_key, task_path
+from somrs.gui.pages.task_text import task_path
 from somrs.ontology.naming import Renaming
+from somrs.protocol.messages.event_text import short_id
 
 _USERS = {WordUserKind.TASK: "running task", WordUserKind.ORDER: "standing order", WordUserKind.TEMPLATE: "template"}
 
@@ -113,7 +114,7 @@ def _show_user(affected: WordUse) -> None:
     if affected.user_kind is WordUserKind.TASK:
         with ui.link(target=task_path(affected.id), new_tab=True).classes("somrs-onto-way"):
             TextTag("code", affected.name)
-        TextTag("div", f"task {task_key(affected.id)[:8]}", "somrs-soft")
+        TextTag("div", f"task {short_id(affected.id)}", "somrs-soft")
     else:
         ui.label(affected.name)
 

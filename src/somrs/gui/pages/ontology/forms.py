@@ -12,7 +12,7 @@ from somrs.gui.pages.ontology.ontology_view import OntologyView
 from somrs.gui.pages.ontology.sections import ATTRIBUTES, FUNCTIONS, RELATIONS, SERVICES, TYPES
 from somrs.gui.pages.ontology.type_form import MakeAttribute, TypeForm
 from somrs.ontology.services import PROVIDER, Occasion, ServiceKind
-from somrs.ontology.types import ROOT, Kind, Ontology
+from somrs.ontology.types import ROOT, FunctionType, Kind, Ontology
 
 _NAME_HINT = "A letter, then letters, digits, _ or -"
 _DEVICE = "Device"
@@ -148,6 +148,10 @@ def _variable_types(fields: Fields, ontology: Ontology) -> dict[str, str]:
     return {**device, **{row["name"].strip().removeprefix("?"): row["type"] for row in rows if row["name"].strip() and row["type"]}}
 
 
+def _call_text(function: FunctionType) -> str:
+    return f"{function.name}({', '.join(f'?{type_name}' for type_name in function.parameters)})"
+
+
 def _service(fields: Fields, ontology: Ontology) -> None:
     types = [*_VALUE_TYPES, *sorted(ontology.types)]
 
@@ -175,7 +179,8 @@ def _service(fields: Fields, ontology: Ontology) -> None:
         hint="Must hold before the service begins; ?Provider is the device",
     )
     effect_field = fields.formula("effect", "Effect", _variable_types(fields, ontology))
-    fields.text("cost", "Cost", hint="A number, or a term over the inputs and ?Provider: km(?From, ?To)", width="full")
+    example = next((f", such as {_call_text(function)}" for function in ontology.functions.values() if function.parameters), "")
+    fields.text("cost", "Cost", hint=f"A number, or a term over the inputs and ?Provider{example}", width="full")
     fields.rows(
         "handlers", "Handlers", "handler", handler, lambda: {"on": Occasion.FAILURE.value, "when": "", "effect": ""},
         "Formulas to make true when a step of the type fails or is to be undone.",

@@ -200,6 +200,14 @@ test("the story tells its chapters, and all events when asked", async () => {
   assert.equal(document.activeElement, second);
 });
 
+test("a chapter of waiting links to the task that has reserved the objects", async () => {
+  const waits = [{ goal: "Jar002 isOn Table001", href: "/tasks/1a2b", reserved: "has reserved Jar002" }];
+  const chapter = { tone: "busy", icon: "hourglass_empty", failure: false, title: "Waiting", text: "", waits, left: "", moment: "+4 s", clock: "", lines: [] };
+  const element = await shown(story, { chapters: [chapter] });
+  assert.match(text(element.querySelector(".somrs-waits")), /^Waits for\s+Jar002 isOn Table001, which has reserved Jar002\.$/);
+  assert.equal(element.querySelector(".somrs-waits a").getAttribute("href"), "/tasks/1a2b");
+});
+
 test("of very many events, the latest are shown at first", async () => {
   task.events = Array.from({ length: 305 }, (_, index) => ({ number: index + 1, at: BASE + index, kind: "news", step: "", text: `event ${index + 1}` }));
   const element = await shown(story, { chapters: [] });
