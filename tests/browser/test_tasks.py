@@ -89,6 +89,7 @@ def message(page: Page, type: str) -> Locator:
 def show_floor_plan(page: Page) -> None:
     """Show the floor plan, which is drawn in a moment, instead of the scene; that is remembered."""
     page.get_by_role("button", name="Floor plan").click()
+    expect(page.locator(".somrs-task-floor")).to_be_visible()  # so the server has heard of it
 
 
 @pytest.fixture
