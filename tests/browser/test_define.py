@@ -216,7 +216,7 @@ def test_what_is_dragged_is_not_added_to_an_earlier_draft_in_silence(open_page: 
     resize(page, "1280")
     page.locator("[data-name=Jar003]").first.wait_for(state="attached")
     drag(page, "Jar003", "Platform001")
-    dialog = page.get_by_role("dialog")
+    dialog = page.get_by_role("alertdialog")
     expect(dialog).to_contain_text("Carton001 isOn Shelf001")
     take_screenshot(page, "define-replace-or-add-1280")
     dialog.get_by_role("button", name="Cancel").click()

@@ -321,7 +321,7 @@ def test_what_nobody_knows_is_no_reason_to_be_content() -> None:
     update(system, ValueSet("Jar002", "Color", "Red"), ValueSet("Jar002", "Unknown", True))
     (view,) = system.finish(system.submit("Jar002.Color = Red"))
     assert view.outcome is Outcome.FAILED
-    assert "its state is unknown" in view.explanation
+    assert "the place and state of Jar002 are unknown" in view.explanation
 
 
 def test_when_the_one_who_looks_falls_silent_too_another_looks() -> None:
