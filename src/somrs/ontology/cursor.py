@@ -250,12 +250,12 @@ class _CursorPlacer:
 
     def _attribute(self, tokens: Tokens) -> Cursor:
         """The cursor after a dot: the owner, and the attribute path so far."""
-        end = len(tokens) - 1
+        *term, _ = tokens
         path: list[str] = []
-        while end >= 2 and tokens[end - 1][0] == "NAME" and tokens[end - 2][0] == "DOT":
-            path.insert(0, tokens[end - 1][1])
-            end -= 2
-        owner = tokens[max(end - 3, 0) : end] if end >= 2 and tokens[end - 2][0] == "COLON" else tokens[max(end - 1, 0) : end]
+        while term[-2:-1] == [("DOT", ".")]:
+            path.insert(0, term[-1][1])
+            del term[-2:]
+        owner = term[-3:] if term[-2:-1] == [("COLON", ":")] else term[-1:]
         named = owner[0][1] if len(owner) == 1 and owner[0][1] in self.map.objects else None
         return Cursor(spot=Spot.ATTRIBUTE, owner=self._type(owner) or ROOT, object=named, path=".".join(path))
 

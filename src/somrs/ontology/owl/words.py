@@ -107,7 +107,7 @@ def literal(value: Value) -> Literal:
         case bool():
             return Literal(value)
         case int() | float() if isfinite(value):
-            return Literal(f"{Decimal(repr(float(value))):f}", datatype=XSD.decimal, normalize=False)
+            return Literal(Decimal(repr(float(value))))
         case int() | float():
             return Literal(str(value), datatype=XSD.double)
         case _:

@@ -111,7 +111,7 @@ def _drop_implied_preconditions(
     for fact, variable in task.negated.items():
         alternative[variable, 1] = task.place[fact]
     for variable, values in enumerate(task.values):
-        if len(values) == 2 and values[1] is not None and values[1][0] != "NOT":
+        if len(values) == 2:
             alternative[variable, 0] = variable, 1
 
     def implied(precondition: Assignment, other_preconditions: Sequence[Assignment]) -> bool:

@@ -303,21 +303,22 @@ class _Compiler:
         """The comparison with hidden variables in place of changing attributes, and the patterns of the facts that bind them."""
         hidden: dict[str, float] = {}
         patterns: list[Pattern] = []
+        left, right = (self._hide(term, hidden, patterns) for term in (comparison.left, comparison.right))
+        return (Test(Comparison(left, comparison.operator, right), hidden) if hidden else None), patterns
 
-        def hide(term: Term) -> Term:
-            if isinstance(term, Arithmetic):
-                return Arithmetic(hide(term.left), term.operator, hide(term.right))
-            attribute = self.vocabulary.changing(term)
-            if attribute is None:
-                return term
-            variable = Variable(str(attribute))  # no other variable has a dot in its name
-            attribute_type = attribute_at(attribute.path, self.vocabulary.ontology)
-            hidden[variable.name] = attribute_type.tolerance if attribute_type else 0.0
-            patterns.append(("." + attribute.path, (strip_type(attribute.owner), variable)))
-            return variable
-
-        changed = Comparison(hide(comparison.left), comparison.operator, hide(comparison.right))
-        return (Test(changed, hidden) if hidden else None), patterns
+    def _hide(self, term: Term, hidden: dict[str, float], patterns: list[Pattern]) -> Term:
+        """The term with hidden variables in place of changing attributes. Adds their tolerances to `hidden`, and the patterns of the facts
+        that bind them to `patterns`."""
+        if isinstance(term, Arithmetic):
+            return Arithmetic(self._hide(term.left, hidden, patterns), term.operator, self._hide(term.right, hidden, patterns))
+        attribute = self.vocabulary.changing(term)
+        if attribute is None:
+            return term
+        variable = Variable(str(attribute))  # no other variable has a dot in its name
+        attribute_type = attribute_at(attribute.path, self.vocabulary.ontology)
+        hidden[variable.name] = attribute_type.tolerance if attribute_type else 0.0
+        patterns.append(("." + attribute.path, (strip_type(attribute.owner), variable)))
+        return variable
 
     def _existential_pattern(self, atom: Relation) -> Pattern | None:
         """`isOn *` in place of `?Object isOn ?Source`, if ?Source occurs nowhere else; else None."""
@@ -347,11 +348,10 @@ class _Compiler:
             case Comparison(source, "=", Attribute(_, path) as target) if path in self.vocabulary.counters:
                 self.numeric_effects.append((target, source))
             case Comparison(Attribute() as target, "=", source) | Comparison(source, "=", Attribute() as target):
-                test, patterns = self._with_hidden(Comparison(source, "=", source))
-                if test is not None:
-                    self.preconditions.update(dict.fromkeys(patterns))
-                    source = test.comparison.left
-                self.add_effects.append(("." + target.path, (strip_type(target.owner), source)))
+                patterns: list[Pattern] = []
+                new_value = self._hide(source, {}, patterns)
+                self.preconditions.update(dict.fromkeys(patterns))
+                self.add_effects.append(("." + target.path, (strip_type(target.owner), new_value)))
             case Or():
                 raise Inexpressible(part, "an effect with OR does not say what becomes true")
             case _:

@@ -189,8 +189,6 @@ class GoalExecutor:
         elif workflow.arranged:
             execution.phase = Phase.EXECUTING
             for run in workflow.ready:
-                if execution.phase is not Phase.EXECUTING:
-                    break  # the step before it has shown that the plan is invalid
                 if reasons := (yield from StepExecutor(execution, self._scope).begin(run, now)):
                     return (yield from self._replan(now, reasons))
         return None
