@@ -225,6 +225,26 @@ def test_one_can_be_played_alone(project: Path) -> None:
     ]
 
 
+ALL_MODULES = """
+import importlib, pkgutil
+
+import somrs
+
+def test_fields():
+    for module in [importlib.import_module(info.name) for info in pkgutil.walk_packages(somrs.__path__, "somrs.")]:
+        assert vars(module).get("FIELDS", ["at"]) == ["at"]
+"""
+
+
+def test_a_test_that_imports_all_modules_runs_for_code_at_import(project: Path) -> None:
+    (project / "src" / "somrs" / "entish" / "fields.py").write_text('FIELDS = ["at"]\n', encoding="utf-8")
+    (project / "tests" / "unit" / "test_fields.py").write_text(ALL_MODULES, encoding="utf-8")
+    importing = "from somrs.entish.fields import FIELDS\n\ndef test_importing():\n    assert FIELDS\n"
+    (project / "tests" / "unit" / "test_importing.py").write_text(importing, encoding="utf-8")
+    caught_by = mutants_of(project, "--only", "entish/fields.py:1:1")[2]
+    assert caught_by == {'- FIELDS = ["at"]\n+ FIELDS = ["changed"]': "tests/unit/test_fields.py::test_fields"}
+
+
 def test_a_copy_is_what_it_was_when_the_change_is_over(tmp_path: Path) -> None:
     tree = Tree(tmp_path / "copy")
     place = tree.root / "src" / "somrs" / "errors.py"

@@ -147,13 +147,19 @@ def _python(folder: Path) -> list[Path]:
 
 
 def _importers(root: Path) -> dict[str, set[str]]:
-    """Return, for the file of each module, the files of the modules and tests that import it, also through its package."""
+    """Return, for the file of each module, the files of the modules and tests that import it, also through its package.
+
+    A file that uses `pkgutil` imports all modules.
+    """
     files = {file.relative_to(root).as_posix() for file in _python(root / "src" / "somrs")}
     tests = {file.relative_to(root).as_posix() for folder in TESTED_BY for file in _python(root / folder)}
     importers_of: dict[str, set[str]] = {}
     for file in files | tests:
         for node in ast.walk(ast.parse((root / file).read_bytes())):
-            if isinstance(node, ast.ImportFrom) and node.module:
+            if isinstance(node, ast.Import) and "pkgutil" in [alias.name for alias in node.names]:
+                for name in files:
+                    importers_of.setdefault(name, set()).add(file)
+            elif isinstance(node, ast.ImportFrom) and node.module:
                 base = "src/" + node.module.replace(".", "/")
                 for name in (f"{base}.py", f"{base}/__init__.py", *(f"{base}/{alias.name}.py" for alias in node.names)):
                     if name in files:
