@@ -257,6 +257,7 @@ def test_what_fits_best_comes_first() -> None:
         [
             Object(name="Bottles", type="Table"),
             Object(name="subtle", type="Jar"),
+            Object(name="Constable", type="Jar"),
             Object(name="Old-table", type="Jar"),
             Object(name="myTable", type="Table"),
             Object(name="Desk", type="Table"),
@@ -269,6 +270,7 @@ def test_what_fits_best_comes_first() -> None:
         "Tablet",
         "Old-table",
         "myTable",
+        "Constable",
         "Cup",
         "Bottles",
         "Desk",

@@ -49,6 +49,14 @@ def test_other_facts_are_planned_for_anew(changes: list[Change]) -> None:
     assert memory.recall(changed_problem(goal, *changes)) is None
 
 
+@pytest.mark.parametrize("path", ["PositionX", "PositionY", "PositionZ"])
+def test_a_distance_depends_on_all_coordinates(path: str) -> None:
+    memory, goal = PlanCache(), "distance(Jar001, Robot1) < 3"
+    memory.store(changed_problem(goal), Plan())
+    assert memory.recall(changed_problem(goal)) == Plan()
+    assert memory.recall(changed_problem(goal, ValueSet("Jar001", path, 7.0))) is None
+
+
 def test_another_task_or_other_services_are_another_question() -> None:
     memory, goal = PlanCache(), "Jar001 isOn Platform001"
     memory.store(changed_problem(goal), plan(changed_problem(goal)))

@@ -234,6 +234,22 @@ def test_functions_and_services(text: str, expected: Definition) -> None:
     assert not owl_import.map.objects
 
 
+def test_subclasses_are_of_the_kind_of_their_superclass() -> None:
+    """A service type, a relation and a group of attributes, each two levels below the class of the vocabulary."""
+    owl_import = turtle(f"""\
+:Move a owl:Class ; rdfs:subClassOf somrs:Service ; somrs:effect "p()" .
+:Carry a owl:Class ; rdfs:subClassOf :Move ; somrs:effect "q()" .
+:touches a owl:Class ; rdfs:subClassOf somrs:Fact , {ARGUMENTS[0]} .
+:hits a owl:Class ; rdfs:subClassOf :touches , {ARGUMENTS[0]} .
+:Size a owl:Class ; rdfs:subClassOf somrs:Value .
+:Volume a owl:Class ; rdfs:subClassOf :Size .
+""")
+    ontology = owl_import.ontology
+    assert {name: service.parent for name, service in ontology.services.items()} == {"Move": None, "Carry": "Move"}
+    assert [*ontology.relations] == ["hits", "touches"]
+    assert not ontology.types
+
+
 def part(rule: str, property_iri: str = "somrs:hasPart") -> str:
     return restricted(property_iri, rule)
 

@@ -56,6 +56,7 @@ def helping(goal: str, *services: ServiceType, narrow: bool = False, depth: int 
         ),
         ("?x:Jar isOn ?s:Shelf AND ?y:Jar isOn Shelf2", (TRANSFER_JAR,), ["TransferJar Destination:Shelf"]),
         ("?x:Jar isOn ?s:Shelf AND ?y:Jar isOn ?o:Object", (TRANSFER_JAR,), ["TransferJar"]),
+        ("?x:Jar isOn ?g:Graspable AND ?y:Jar isOn ?j:Jar", (TRANSFER_JAR,), ["TransferJar Destination:Graspable"]),
         ("Robot1 isInside RoomB", (DRIVE, OPEN), ["DriveTo Provider=Robot1", "OpenDoor Door:Passage"]),
         ("?r:Device isInside RoomB AND Robot1 isInside RoomB", (DRIVE, OPEN), ["DriveTo", "OpenDoor Door:Passage"]),
         ("DoorAB.Open = TRUE", (DRIVE, OPEN), ["OpenDoor Door=DoorAB"]),

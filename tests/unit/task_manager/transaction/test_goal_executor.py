@@ -5,18 +5,20 @@ from __future__ import annotations
 import pytest
 
 from somrs.entish.parse import parse
-from somrs.kernel.component import Answered, Ask, Effect, ErrorAnswer, Send, SetTimer, Withdraw
+from somrs.kernel.component import Answered, Ask, Effect, ErrorAnswer, Received, Send, SetTimer, Withdraw
 from somrs.ontology.effects import changes
 from somrs.ontology.services import Handler, Occasion
 from somrs.planner.model.plan import Link, NoPlan, Plan
 from somrs.protocol.messages import clients, events, frp
 from somrs.protocol.messages.clients import Phase
+from somrs.protocol.messages.directory import Discover, Discovered
+from somrs.protocol.messages.envelope import Message, reply
 from somrs.protocol.messages.events import GoalKind
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.workflow import Progress
 from somrs.task_manager.reservations import Reservation
-from somrs.task_manager.timers import BidsDue, PlanWanted
+from somrs.task_manager.timers import AnswerDue, BidsDue, PlanWanted
 from tests.unit.task_manager.test_preview import APART, CHAIN, move
 from tests.unit.task_manager.transaction.test_participant_events import (
     FIRST_SERVICE,
@@ -314,14 +316,19 @@ def test_when_a_plan_is_given_up_nobody_goes_on_with_it() -> None:
 # Beside the goal of the task
 
 
-def handling(effect: str, *, held: bool = False) -> TaskManagerHarness:
+def pending_discoveries(harness: TaskManagerHarness) -> list[Message]:
+    """The requests for the services on offer that the Registry has not answered yet."""
+    return [request.message for request in harness.manager.state.requests.pending.values() if isinstance(request.message.body, Discover)]
+
+
+def handling(effect: str, *, held: bool = False, registry_held: bool = False) -> TaskManagerHarness:
     """The first of two steps that are under way has failed, and a procedure was laid down for that."""
     harness = TaskManagerHarness(
         "Robot1", "Robot2", plan_results=[APART], effect=BOTH_JARS, handlers=(Handler(on=Occasion.FAILURE, effect=effect),)
     )
     terms(harness, "a", 1.0, 10.0, 20.0)
     terms(harness, "b", 2.0, 20.0, 10.0)
-    harness.held = held
+    harness.held, harness.is_registry_held = held, registry_held
     harness.service_says(frp.Failed(description="stuck", situation="Jar001 isOn Cupboard001"), 5.0, sender=member(harness, "a"))
     assert (harness.task.phase, [side_goal.kind for side_goal in harness.task.side_goals]) == (Phase.RECOVERING, [GoalKind.HANDLER])
     return harness
@@ -337,6 +344,17 @@ def test_what_is_reported_while_a_plan_is_made_has_it_made_again() -> None:
         events.StepCompleted(service=SECOND_SERVICE, situation="Tin001 isOn Platform001"),
         events.Replanned(reasons=(f"{SECOND_SERVICE} reported during planning",)),
     ]
+
+
+def test_an_outdated_answer_of_the_registry_is_ignored() -> None:
+    harness = handling("Jar002 isOn Platform001", registry_held=True)
+    (early,) = pending_discoveries(harness)
+    harness.service_says(frp.Completed(situation="Tin001 isOn Platform001"), 6.0, sender=member(harness, "b", SECOND_SERVICE))
+    (late,) = [message for message in pending_discoveries(harness) if message != early]
+    offers = Discovered(offers=harness.offers)
+    assert harness.feed(Received(reply(early, offers, "registry")), 7.0) == [SetTimer(AnswerDue(early.header.message_id), None)]
+    effects = harness.feed(Received(reply(late, offers, "registry")), 8.0)
+    assert [effect.question for effect in effects if isinstance(effect, Ask)] == [PlanWanted(harness.task.id, 2, 1, 1)]
 
 
 def test_a_procedure_is_done_when_what_it_demands_is_so() -> None:

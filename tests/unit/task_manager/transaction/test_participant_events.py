@@ -50,6 +50,8 @@ class TaskManagerHarness:
         self.rejects = rejects
         self.registry: Body | None = None
         """What the Registry answers instead of what is on offer."""
+        self.is_registry_held = False
+        """Whether the Registry's answers wait until the test gives them."""
         self.held = held
         """Whether the planner's answers wait until the test gives them."""
         self.plan_results = [*plan_results]
@@ -70,7 +72,7 @@ class TaskManagerHarness:
             match effect:
                 case Ask(question, Problem() as problem) if not self.held:
                     effects += self.feed(Answered(question, self.plan_results.pop(0) if self.plan_results else plan(problem)), now)
-                case Send(Message(body=Discover()) as message):
+                case Send(Message(body=Discover()) as message) if not self.is_registry_held:
                     body = self.registry or Discovered(offers=self.offers)
                     effects += self.feed(Received(reply(message, body, "registry")), now)
                 case Send(Message(body=UpdateMap() as update) as message):
@@ -300,6 +302,18 @@ def test_one_that_falls_silent_is_lost_and_nothing_is_known_of_what_it_left() ->
     assert work.note == harness.task.services.broken[FIRST_SERVICE] == "fell silent while it worked"
     assert harness.task.services.failures == {}
     assert harness.reports[0].expected_version == 4
+
+
+def test_a_participant_that_was_given_up_and_returns_reports_once() -> None:
+    harness = TaskManagerHarness("Robot1", "Robot2")
+    harness.executing()
+    harness.is_registry_held = True
+    for now in (41.0, 81.0):
+        harness.rings(SilenceDue(harness.task.id, harness.member().id), now)
+    assert harness.member().state is State.UNREACHABLE
+    for now in (90.0, 91.0):
+        harness.service_says(frp.Completed(situation=INITIAL_SITUATION), now)
+    assert [report.situation for report in harness.reports] == [INITIAL_SITUATION]
 
 
 @pytest.mark.parametrize(
