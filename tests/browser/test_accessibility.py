@@ -12,7 +12,7 @@ from tests.support.paths import ROOT
 
 from .conftest import SCHEMES, RunningSystem, resize, wait_until_still
 from .test_define import write
-from .test_tasks import carries, is_ended, message, panel, submit_task, wait_for_task
+from .test_tasks import breaks_down, call, carries, is_ended, message, panel, submit_task, wait_for_task
 
 OpenPage = Callable[..., Page]
 
@@ -78,12 +78,14 @@ Check = Callable[[Page], None]
 
 
 @pytest.fixture(scope="module")
-def ended_tasks(system: RunningSystem) -> dict[str, str]:
-    """An accomplished and a failed task, by their goals."""
+def ended_tasks(system: RunningSystem) -> Iterator[dict[str, str]]:
+    """An accomplished task, in which a robot broke down and another took over, and a failed task, by their goals."""
+    breaks_down(system, "Robot1", carried=1.5)
     tasks = {goal: submit_task(system, goal) for goal in (GOAL, IMPOSSIBLE_GOAL)}
     for task in tasks.values():
         wait_for_task(system, task, is_ended)
-    return tasks
+    yield tasks
+    call(system, "/fleet/Robot1/faults/drive?repair=true", post=True)
 
 
 def test_start(system: RunningSystem, window: OpenPage, check: Check) -> None:
@@ -204,7 +206,7 @@ def test_task_that_is_cancelled_under_way(system: RunningSystem, window: OpenPag
 
 def test_task_that_is_over(system: RunningSystem, window: OpenPage, check: Check, ended_tasks: dict[str, str]) -> None:
     page = window(f"{system.url}/tasks/{ended_tasks[GOAL]}", "640")
-    message(page, "Execute").click()
+    message(page, "Failed").click()
     expect(page.get_by_role("region", name="The message")).to_be_visible()
     panel(page, "Plan").get_by_role("button", name="TransferObject").click()
     check(page)
@@ -224,10 +226,10 @@ def test_task_that_does_not_exist(system: RunningSystem, window: OpenPage, check
     check(page)
 
 
-def test_fleet(system: RunningSystem, window: OpenPage, check: Check) -> None:
+def test_fleet(system: RunningSystem, window: OpenPage, check: Check, ended_tasks: dict[str, str]) -> None:
     page = window(f"{system.url}/fleet")
     page.get_by_role("article", name="Robot1").get_by_role("button").first.click()
-    expect(page.get_by_text("Break the drive")).to_be_visible()
+    expect(page.get_by_role("menuitem", name="Repair the drive")).to_be_visible()
     check(page)
 
 

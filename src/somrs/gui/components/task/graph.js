@@ -256,7 +256,8 @@ function node(step, [x, y], index, high) {
     <text class="somrs-node-type" x="${begin}" y="22">${escaped(fitting(step.service_type, WIDE - begin - 14 - 6.6 * step.step.length, 7.9))}</text>
     <text class="somrs-node-id" x="${WIDE - 10}" y="22" text-anchor="end">${escaped(step.step)}</text>
     <text class="somrs-node-what" x="11" y="40">${escaped(fitting(inputs(step), WIDE - 22, 6.3))}</text>
-    <text class="somrs-node-says" x="11" y="56"></text><text class="somrs-node-tries" x="${WIDE - 10}" y="56" text-anchor="end"></text></g>`;
+    <text class="somrs-node-says" x="11" y="56"></text>
+    <text class="somrs-node-tries" x="${WIDE - 10}" y="56" text-anchor="end"></text></g>`;
 }
 
 // Work outside the current plan: of an earlier plan, or of an observation, a compensation or a handler.
