@@ -1,4 +1,4 @@
-"""New task: a wish is written, chosen or dragged; seen beforehand; and becomes true."""
+"""New task: a goal is written, chosen or dragged, previewed, and accomplished."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""The whole way through both windows: a word for a thing, the thing, a wish about it, and the deed; and a wish that a broken robot
-does not spoil."""
+"""Both windows, from a new type and an object of it to an accomplished task; and a task that a broken robot does not prevent."""
 
 from __future__ import annotations
 

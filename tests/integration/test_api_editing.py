@@ -1,4 +1,4 @@
-"""Editing the ontology and the map through the desk: the operations of the windows, and the same over HTTP."""
+"""Editing the ontology and the map through the API: the operations of the windows, and the same over HTTP."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def run_with_api(tmp_path: Path, use: Callable[[LiveApi], Awaitable[None]], *por
 
 
 async def wait_for_version(api: LiveApi, version: int) -> None:
-    """Wait until the desk heard of the version."""
+    """Wait until the API has heard of the version."""
     async with asyncio.timeout(HANG_TIME):
         while api.context.version < version:
             await asyncio.sleep(0.01)

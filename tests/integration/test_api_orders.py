@@ -393,7 +393,7 @@ def test_a_task_manager_that_is_away_for_a_moment_gets_the_task_once(tmp_path: P
 
 
 def test_orders_survive_a_restart_of_the_windows_and_each_time_is_stated_once(tmp_path: Path) -> None:
-    """The desk is closed while a task runs; while it was not heard whether another was taken, which it was, or was not; and for a day."""
+    """The API ends while a task runs; while it is unknown whether the Task Manager has accepted another task; and for a day."""
     porter = Porter("Robot1", seconds=1.0)
 
     async def scenario(system: SmallSystem, clock: Time) -> None:

@@ -1,4 +1,4 @@
-"""OWL files through the desk: written, taken over with their consequences shown before, and put on the map."""
+"""OWL files through the API: exported, imported after a look at the consequences, and put on the map."""
 
 from __future__ import annotations
 

@@ -116,7 +116,7 @@ class Viewer:
 
 @asynccontextmanager
 async def context(map: Map, ontology: Ontology, server: Server | None = None) -> AsyncIterator[Context]:
-    """What a desk works with, as far as scenes go: the map as it was read, and the simulator."""
+    """The context of the API, as far as scenes need it: the map as it was read, and the simulator."""
     simulator_address = None if server is None else f"{server.host}:{server.port}"
     addresses = Addresses(repository="http://r/r", registry="http://r/s", task_manager="http://r/t", simulator=simulator_address)
     listener = Listener("http://d/d", addresses, Hub())

@@ -1,4 +1,4 @@
-"""The site of scenario 2: it obeys its types, and its wish can be brought about in it."""
+"""The site of scenario 2: it conforms to its types, and services can achieve its goal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The one word for the state of a device: by what decides it, and the same everywhere."""
+"""The state of a device: what decides it, and the same label everywhere."""
 
 from __future__ import annotations
 
