@@ -245,7 +245,7 @@ def test_a_task_that_waits_names_the_other_task_and_links_to_it(system: RunningS
         for size in ("390", "1280"):
             resize(page, size)
             take_screenshot(page, f"tasks-waiting-{size}-light")
-        row.locator(".somrs-task-wish").click(position={"x": 5, "y": 5})  # the rest of the cell leads to the task itself
+        row.locator(".somrs-task-goal").click(position={"x": 5, "y": 5})  # the rest of the cell leads to the task itself
         page.wait_for_url(f"**/tasks/{second.rpartition(':')[2]}")
         page.go_back()
         row.get_by_role("link", name=goal).click()

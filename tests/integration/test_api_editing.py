@@ -11,9 +11,9 @@ import httpx
 import pytest
 from msgspec import structs
 
+from somrs.api.definition_uses import DefinitionUserKind
 from somrs.api.ontology import ImportOntology
 from somrs.api.remote import LiveApi
-from somrs.api.word_uses import WordUserKind
 from somrs.cli.edit_commands import alter
 from somrs.client.client import Client, Refused, client_name
 from somrs.client.refusals import error_report
@@ -54,8 +54,8 @@ def test_a_type_is_made_considered_renamed_and_undone(tmp_path: Path) -> None:
         await wait_for_version(api, creation.version)
         ontology_state = await api.ontology.read()
         assert "Vat" in [type.name for type in ontology_state.definitions.types]
-        assert DefinitionKey(section=Section.TYPES, name="Device") in ontology_state.required_words
-        assert DefinitionKey(section=Section.TYPES, name="Vat") not in ontology_state.required_words
+        assert DefinitionKey(section=Section.TYPES, name="Device") in ontology_state.required_definition_keys
+        assert DefinitionKey(section=Section.TYPES, name="Vat") not in ontology_state.required_definition_keys
         rename = Define(renamed=(Renaming(section=Section.TYPES, name="Vat", to="Tub"),), author="Ben")
         consequences = await api.ontology.consider(rename)
         assert (consequences.broken, consequences.version) == ((), creation.version)
@@ -108,13 +108,13 @@ def test_consequences_name_the_tasks_orders_and_templates_whose_words_would_be_g
         rename = Define(renamed=(Renaming(section=Section.TYPES, name="Platform", to="Stand"),))
         affected = (await api.ontology.consider(rename)).affected
         users = {
-            (WordUserKind.TASK, task),
-            (WordUserKind.ORDER, filled.id),
-            (WordUserKind.ORDER, whole.id),
-            (WordUserKind.TEMPLATE, "Bring"),
+            (DefinitionUserKind.TASK, task),
+            (DefinitionUserKind.ORDER, filled.id),
+            (DefinitionUserKind.ORDER, whole.id),
+            (DefinitionUserKind.TEMPLATE, "Bring"),
         }
         assert {(entry.user_kind, entry.id) for entry in affected} == users
-        assert {(entry.word, entry.new_name) for entry in affected} == {(platform, "Stand")}
+        assert {(entry.definition, entry.new_name) for entry in affected} == {(platform, "Stand")}
         removal = (await api.ontology.consider(Define(removed=(platform,)))).affected
         assert {(entry.user_kind, entry.id, entry.new_name) for entry in removal} == {(*user, "") for user in users}
         result = await api.ontology.change(rename)
@@ -124,7 +124,9 @@ def test_consequences_name_the_tasks_orders_and_templates_whose_words_would_be_g
         renewed = Submit(effect="Jar001 isOn ?P: Stand")
         await api.orders.save_order(whole.id, OrderSaved(name="Evening", when=daily, task=renewed))
         affected_by_undo = (await api.ontology.consider_undo(result.version)).affected
-        assert [(entry.name, str(entry.word), entry.new_name) for entry in affected_by_undo] == [("Evening", "type Stand", "Platform")]
+        assert [(entry.name, str(entry.definition), entry.new_name) for entry in affected_by_undo] == [
+            ("Evening", "type Stand", "Platform")
+        ]
         assert (await api.ontology.consider(Define(definitions=Definitions(types=(VAT,))))).affected == ()
 
     run_with_api(tmp_path, use, Porter("Robot1", seconds=60), Porter("Robot2", seconds=60))

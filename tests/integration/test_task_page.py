@@ -24,7 +24,7 @@ def finished_story(system: VirtualSystem) -> list[Chapter]:
 
 
 def rungs(chapter: Chapter) -> list[str]:
-    return [line.rung for line in chapter.lines if line.rung]
+    return [line.recovery for line in chapter.lines if line.recovery]
 
 
 def test_a_task_without_failures_is_stated_planned_done_and_over() -> None:

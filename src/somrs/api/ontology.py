@@ -7,8 +7,8 @@ from collections.abc import Iterable, Iterator
 import msgspec
 
 from somrs.api.context import Context
+from somrs.api.definition_uses import DefinitionUse, find_definition_uses, find_obsolete_definitions
 from somrs.api.orders import OrderService
-from somrs.api.word_uses import WordUse, find_obsolete_words, find_word_uses
 from somrs.client.operations import Document, operation
 from somrs.ontology.consistency import ontology_violations
 from somrs.ontology.dependency_index import required_definitions
@@ -26,12 +26,12 @@ _YAML = "application/yaml"
 
 
 class OntologyView(msgspec.Struct, frozen=True, kw_only=True):
-    """A version of the ontology: all its definitions. `required_words` (JSON: `relied`): definitions that SO-MRS itself requires; they
+    """A version of the ontology: all its definitions. `required_definition_keys` (JSON: `relied`): those that SO-MRS itself requires, which
     cannot be removed or renamed."""
 
     version: int
     definitions: Definitions
-    required_words: tuple[DefinitionKey, ...] = msgspec.field(default=(), name="relied")
+    required_definition_keys: tuple[DefinitionKey, ...] = msgspec.field(default=(), name="relied")
 
 
 class BrokenOffer(msgspec.Struct, frozen=True, kw_only=True):
@@ -58,7 +58,7 @@ class Consequences(msgspec.Struct, frozen=True, kw_only=True):
     all_broken: int = 0
     all_changes: int = 0
     offers: tuple[BrokenOffer, ...] = ()
-    affected: tuple[WordUse, ...] = ()
+    affected: tuple[DefinitionUse, ...] = ()
 
 
 class ImportOntology(msgspec.Struct, frozen=True, kw_only=True):
@@ -90,7 +90,7 @@ class OntologyService:
         ontology, now = self._context.ontology, self._context.version
         if version is not None and version != now:
             ontology, now = await self._context.client.ontology(version), version
-        return OntologyView(version=now, definitions=by_kind(ontology), required_words=required_definitions(ontology))
+        return OntologyView(version=now, definitions=by_kind(ontology), required_definition_keys=required_definitions(ontology))
 
     @operation("POST", "/ontology/changes")
     async def change(self, body: Define) -> Defined:
@@ -140,17 +140,17 @@ class OntologyService:
     async def _consequences(self, change: Define | Undo) -> Consequences:
         outcome = await self._context.client.consider(change)
         offers = tuple(_broken_offers(self._context.ontology, outcome.revision, await self._context.client.services()))
-        users = tuple(await self._find_word_uses(change, outcome.revision))
+        users = tuple(await self._find_definition_uses(change, outcome.revision))
         return Consequences(**{name: getattr(outcome, name) for name in outcome.__struct_fields__}, offers=offers, affected=users)
 
-    async def _find_word_uses(self, change: Define | Undo, revision: Revision | None) -> Iterator[WordUse]:
-        words = find_obsolete_words(
+    async def _find_definition_uses(self, change: Define | Undo, revision: Revision | None) -> Iterator[DefinitionUse]:
+        words = find_obsolete_definitions(
             revision, change.renamed if isinstance(change, Define) else await self._reverse_renamings(change.version)
         )
         if not words:
             return iter(())
         tasks = await self._context.client.tasks(running=True)
-        return find_word_uses(words, self._context.ontology, tasks, *await self._orders.read_all())
+        return find_definition_uses(words, self._context.ontology, tasks, *await self._orders.read_all())
 
     async def _reverse_renamings(self, version: int) -> list[Renaming]:
         """The renamings that undo those of the version."""

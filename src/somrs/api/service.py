@@ -61,8 +61,8 @@ async def open_api_service(addresses: Addresses, data: Path, host: str = "127.0.
     """
     hub, runtime = Hub(), Host(host)
     await runtime.start()
-    listener = Listener(f"{runtime.url}/desk", addresses, hub)
-    runtime.add("/desk", lambda address: listener)
+    listener = Listener(f"{runtime.url}/news", addresses, hub)
+    runtime.add("/news", lambda address: listener)
     try:
         async with Client(addresses) as client:
             async with asyncio.timeout(MAP_TIMEOUT):

@@ -39,7 +39,7 @@ class Line:
     kind: EventKind | None = None
 
     @property
-    def rung(self) -> str:
+    def recovery(self) -> str:
         return LABELS.get(self.kind, "") if self.kind is not None else ""
 
 

@@ -43,9 +43,9 @@ def _part(chapter: Chapter, start: float) -> Part:
         failure=failure,
         lines=[
             RecoveryLine(
-                rung=line.rung,
+                recovery=line.recovery,
                 text=line.text,
-                moment=f"+{format_duration(line.at - start)}" if line.rung or line.at != chapter.at else "",
+                moment=f"+{format_duration(line.at - start)}" if line.recovery or line.at != chapter.at else "",
                 clock=format_time(line.at),
             )
             for line in chapter.lines

@@ -51,7 +51,7 @@ class Replans(Struct):
         return f"replanned {self.total} times"
 
 
-class Rung(StrEnum):
+class RecoveryStep(StrEnum):
     """How to recover a step that has lost its service."""
 
     REPLACE = "replace"
@@ -60,10 +60,10 @@ class Rung(StrEnum):
     """Plan from the current map to the goal, without the services that are known to be broken."""
 
 
-def next_rung(alternatives: Sequence[Offer], possible: bool, outcome_known: bool) -> Rung:
+def next_recovery_step(alternatives: Sequence[Offer], possible: bool, outcome_known: bool) -> RecoveryStep:
     """The cheapest recovery that can help.
 
     `alternatives` could do the step. `possible`: its precondition holds on the current map. `outcome_known`: the situation that the failure
     left is known; otherwise the step must not simply start again.
     """
-    return Rung.REPLACE if alternatives and possible and outcome_known else Rung.REPLAN
+    return RecoveryStep.REPLACE if alternatives and possible and outcome_known else RecoveryStep.REPLAN

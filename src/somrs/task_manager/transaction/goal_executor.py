@@ -25,7 +25,7 @@ from somrs.task_manager.arrangement.plan_request import PlanRequest, PlanRequest
 from somrs.task_manager.context import known_to_hold
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow
-from somrs.task_manager.recovery.ladder import Rung, next_rung
+from somrs.task_manager.recovery.ladder import RecoveryStep, next_recovery_step
 from somrs.task_manager.reservations import BlockedPlan
 from somrs.task_manager.timers import Answer, PlanWanted
 from somrs.task_manager.transaction.next_action import GoalReached, GoalUnreachable, NextAction, NoPlanFound, Proceed, StepLost
@@ -312,11 +312,11 @@ class GoalExecutor:
         if was_started and not alternatives and (possible or bound) and (alternatives := services.readmit_failed(run)):
             self._log_event(events.MayTryAgain(services=service_names(alternatives)), now, run)
         harmless = services.type_of(run.step).kind is not ServiceKind.PHYSICAL
-        match next_rung(alternatives, possible, outcome_known=run.reported is not None or harmless):
-            case Rung.REPLACE:
+        match next_recovery_step(alternatives, possible, outcome_known=run.reported is not None or harmless):
+            case RecoveryStep.REPLACE:
                 self._log_event(events.ServiceReplaced(), now, run)
                 return Proceed()
-            case Rung.REPLAN:
+            case RecoveryStep.REPLAN:
                 if not alternatives:
                     services.exclude(run.excluded)
                 return (yield from self._replan(now, reasons))

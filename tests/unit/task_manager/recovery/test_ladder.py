@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import pytest
 
-from somrs.task_manager.recovery.ladder import MOST_REPLANS, Replans, Rung, next_rung
+from somrs.task_manager.recovery.ladder import MOST_REPLANS, RecoveryStep, Replans, next_recovery_step
 from tests.unit.task_manager.execution.test_participants import OFFER
 
 
 @pytest.mark.parametrize(
     ("alternatives", "possible", "outcome_known", "rung"),
     [
-        (True, True, True, Rung.REPLACE),
-        (False, True, True, Rung.REPLAN),
-        (True, False, True, Rung.REPLAN),
-        (True, True, False, Rung.REPLAN),
+        (True, True, True, RecoveryStep.REPLACE),
+        (False, True, True, RecoveryStep.REPLAN),
+        (True, False, True, RecoveryStep.REPLAN),
+        (True, True, False, RecoveryStep.REPLAN),
     ],
 )
-def test_the_cheapest_rung_that_can_help(alternatives: bool, possible: bool, outcome_known: bool, rung: Rung) -> None:
-    assert next_rung([OFFER] if alternatives else [], possible, outcome_known) is rung
+def test_the_cheapest_rung_that_can_help(alternatives: bool, possible: bool, outcome_known: bool, rung: RecoveryStep) -> None:
+    assert next_recovery_step([OFFER] if alternatives else [], possible, outcome_known) is rung
 
 
 def test_nothing_is_planned_anew_for_ever_without_anything_done() -> None:

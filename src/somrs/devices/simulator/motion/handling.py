@@ -90,8 +90,8 @@ def get_within_reach(robot: Robot, target_name: str, spots: Spots, top: float, i
             return float(candidates[reachable_index][0]), float(candidates[reachable_index][1])
         robot.need_drive()
         ranked = stands(robot, candidates, top, penalties, ignored)
-        wished = ranked or _stands_without_others(robot, candidates, top, penalties, ignored)
-        if not wished:
+        preferred = ranked or _stands_without_others(robot, candidates, top, penalties, ignored)
+        if not preferred:
             raise GivenUp("unreachable", f"there is no place for {robot.name} from which it could reach {target_name}")
         started = robot.scene.time
         yield from withdraw(robot)
@@ -105,7 +105,7 @@ def get_within_reach(robot: Robot, target_name: str, spots: Spots, top: float, i
                 problem = failure
         if not ranked:
             problem = GivenUp("blocked", f"other robots occupy the places from which {robot.name} could reach {target_name}")
-            yield from ask_aside(robot, wished[0].base)
+            yield from ask_aside(robot, preferred[0].base)
         waited += robot.scene.time - started
         if waited > PATIENCE or problem.reason == "unreachable":
             raise problem

@@ -13,7 +13,7 @@ export default {
               :aria-valuenow="props.row.percent"><div :style="{width: props.row.percent + '%'}"></div></div>
             <span class="somrs-soft">{{ props.row.steps }}</span>
           </q-td>
-          <q-td class="somrs-task-wish">
+          <q-td class="somrs-task-goal">
             <a class="somrs-formula" :href="props.row.href">{{ props.row.effect }}</a>
             <div v-if="props.row.asks" class="somrs-badge somrs-busy">
               <i class="q-icon material-icons" aria-hidden="true">help</i>{{ props.row.asks }} is asked</div>

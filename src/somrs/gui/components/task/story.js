@@ -22,7 +22,7 @@ export default {
               <a class="somrs-formula" :href="wait.href">{{ wait.goal }}</a>, which {{ wait.reserved }}.</div>
             <div v-if="one.left" class="somrs-chapter-text"><span class="somrs-soft">Resulting situation: </span><span class="somrs-formula">{{ one.left }}</span></div>
             <ul v-if="one.lines.length" class="somrs-answers">
-              <li v-for="(line, place) in one.lines" :key="place"><span v-if="line.rung" class="somrs-rung">{{ line.rung }}</span><span>{{ line.text }}</span>
+              <li v-for="(line, place) in one.lines" :key="place"><span v-if="line.recovery" class="somrs-recovery">{{ line.recovery }}</span><span>{{ line.text }}</span>
                 <span v-if="line.moment" class="somrs-moment" :title="line.clock">{{ line.moment }}</span></li>
             </ul>
             <div v-if="one.failure" class="somrs-result" :class="'somrs-tone-' + one.result_tone"><i class="material-icons" aria-hidden="true">{{ one.result_icon }}</i>

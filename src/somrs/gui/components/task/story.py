@@ -15,7 +15,7 @@ from somrs.gui.components.task.waits import WaitText
 class RecoveryLine(TypedDict):
     """One recovery action after a failure, as texts."""
 
-    rung: str
+    recovery: str
     text: str
     moment: str
     clock: str

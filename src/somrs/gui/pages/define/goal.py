@@ -19,7 +19,7 @@ class GoalPanel:
 
     def __init__(self, form: Form, submit: Callable[[], Awaitable[None]]) -> None:
         self._form = form
-        with panel("Goal", "flag", "define wish", "somrs-define-wish") as formula_panel:
+        with panel("Goal", "flag", "define goal", "somrs-define-goal") as formula_panel:
             formula_panel.note.set_text("Ctrl+Space: completion. Ctrl+Enter: preview.")
             self.field = FormulaField(
                 "Formula",

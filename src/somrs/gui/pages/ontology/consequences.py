@@ -6,15 +6,15 @@ from collections.abc import Sequence
 
 from nicegui import ui
 
+from somrs.api.definition_uses import DefinitionUse, DefinitionUserKind
 from somrs.api.ontology import Consequences
-from somrs.api.word_uses import WordUse, WordUserKind
 from somrs.gui.pages.ontology.changes import DefinitionChange, definition_changes, map_change_lines
 from somrs.gui.pages.ontology.elements import TextTag, cell, note, row, table, titled_dialog
 from somrs.gui.pages.task_text import task_path
 from somrs.ontology.naming import Renaming
 from somrs.protocol.messages.event_text import short_id
 
-_USERS = {WordUserKind.TASK: "running task", WordUserKind.ORDER: "standing order", WordUserKind.TEMPLATE: "template"}
+_USERS = {DefinitionUserKind.TASK: "running task", DefinitionUserKind.ORDER: "standing order", DefinitionUserKind.TEMPLATE: "template"}
 
 LINE_LIMIT = 100
 """Limit of lines shown per list."""
@@ -90,7 +90,7 @@ def _show_broken_rules(consequences: Consequences) -> None:
             note(f"and {total - len(consequences.broken[:LINE_LIMIT])} more")
 
 
-def _show_affected(users: Sequence[WordUse]) -> None:
+def _show_affected(users: Sequence[DefinitionUse]) -> None:
     """The tasks, standing orders and templates that use removed names."""
     with ui.element("section"):
         _heading("warning", "Tasks, orders and templates use names that would be removed", "busy")
@@ -109,9 +109,9 @@ def _show_affected(users: Sequence[WordUse]) -> None:
         )
 
 
-def _show_user(affected: WordUse) -> None:
+def _show_user(affected: DefinitionUse) -> None:
     """A row for one user of a name. A task links to its page in a new tab, so that the dialog stays open."""
-    if affected.user_kind is WordUserKind.TASK:
+    if affected.user_kind is DefinitionUserKind.TASK:
         with ui.link(target=task_path(affected.id), new_tab=True).classes("somrs-onto-way"):
             TextTag("code", affected.name)
         TextTag("div", f"task {short_id(affected.id)}", "somrs-soft")

@@ -46,7 +46,7 @@ def register(api: LiveApi) -> None:
     @ui.page(PATH)
     async def show_page() -> None:
         ui.add_head_html(BACK_SCRIPT)
-        with page("Ontology", PATH, api, [*(section.word for section in SECTIONS), _NEW]) as address:
+        with page("Ontology", PATH, api, [*(section.parameter for section in SECTIONS), _NEW]) as address:
             opened = OntologyPage(api)
             query = ui.context.client.request.url.query
             if (fresh := parse_qs(query).get(_NEW, [""])[0]) not in ("", *SECTION):
@@ -105,7 +105,7 @@ class OntologyPage:
     def _apply_query(self, query: str) -> None:
         query_values = parse_qs(query)
         for section in SECTIONS:
-            if named := query_values.get(section.word):
+            if named := query_values.get(section.parameter):
                 self._section, self._name = section, named[0]
                 return
         if (fresh := query_values.get(_NEW, [""])[0]) in SECTION:
@@ -126,7 +126,7 @@ class OntologyPage:
 
     def _address(self) -> str:
         if self._name is not None:
-            return f"{PATH}?{self._section.word}={quote(self._name)}"
+            return f"{PATH}?{self._section.parameter}={quote(self._name)}"
         return f"{PATH}?{_NEW}={self._section.key}" if self._key in self._drafts else PATH
 
     def _navigate_back(self, event: GenericEventArguments) -> None:
@@ -294,7 +294,7 @@ class OntologyPage:
         reply = await self._api.ontology.read()
         self._view.ontology, self._view.version = Ontology(reply.definitions.all_definitions()), reply.version
         self._view.system_definitions = frozenset(
-            (definition_name.section.value, definition_name.name) for definition_name in reply.required_words
+            (definition_name.section.value, definition_name.name) for definition_name in reply.required_definition_keys
         )
         self._view.set_objects((await self._api.map.read()).objects)
 

@@ -26,12 +26,12 @@ class Section:
         return definitions
 
     @property
-    def word(self) -> str:
+    def parameter(self) -> str:
         """The parameter name in links: `/ontology?type=Jar`."""
         return self.singular.split()[0]
 
     def link(self, name: str) -> str:
-        return f"/ontology?{self.word}={quote(name)}"
+        return f"/ontology?{self.parameter}={quote(name)}"
 
 
 TYPES = Section("types", "type", "Types", "category", ObjectType)

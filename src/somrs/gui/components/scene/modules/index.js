@@ -6,5 +6,5 @@ export { World } from "./world.js";
 export { Labels } from "./labels.js";
 export { Pilot } from "./pilot.js";
 export { Marks } from "./marks.js";
-export { summary, listed, described } from "./words.js";
+export { summary, listed, described } from "./descriptions.js";
 export { template } from "./template.js";

@@ -24,7 +24,7 @@ from somrs.protocol.messages.knowledge import Revision
 from somrs.protocol.messages.orders import StandingOrder, Template, blanks_to_variables
 
 
-class WordUserKind(StrEnum):
+class DefinitionUserKind(StrEnum):
     """What uses a definition."""
 
     TASK = "task"
@@ -35,64 +35,66 @@ class WordUserKind(StrEnum):
     """A template: its tasks are refused from then on."""
 
 
-class WordUse(msgspec.Struct, frozen=True, kw_only=True):
-    """A use of the definition `word` (JSON: `what`), which would be renamed to `new_name` (JSON: `to`), or removed if that is empty.
+class DefinitionUse(msgspec.Struct, frozen=True, kw_only=True):
+    """A use of the definition `definition` (JSON: `what`), which would be renamed to `new_name` (JSON: `to`), or removed if that is empty.
 
     `user_kind` (JSON: `user`): what uses it; `id`: the id of the task or order, or the name of the template; `name`: its name, or the goal
     of the task.
     """
 
-    user_kind: WordUserKind = msgspec.field(name="user")
+    user_kind: DefinitionUserKind = msgspec.field(name="user")
     id: str
     name: str
-    word: DefinitionKey = msgspec.field(name="what")
+    definition: DefinitionKey = msgspec.field(name="what")
     new_name: str = msgspec.field(default="", name="to")
 
     @property
     def display_name(self) -> str:
         """The name for users; for a task, the beginning of its id and its goal."""
-        return f"{short_id(self.id)} ({self.name})" if self.user_kind is WordUserKind.TASK else self.name
+        return f"{short_id(self.id)} ({self.name})" if self.user_kind is DefinitionUserKind.TASK else self.name
 
     def __str__(self) -> str:
-        return f"it uses {self.word}, which would be {f'called {self.new_name}' if self.new_name else 'removed'}"
+        return f"it uses {self.definition}, which would be {f'called {self.new_name}' if self.new_name else 'removed'}"
 
 
-def find_obsolete_words(revision: Revision | None, renamed: Iterable[Renaming]) -> dict[DefinitionKey, str]:
+def find_obsolete_definitions(revision: Revision | None, renamed: Iterable[Renaming]) -> dict[DefinitionKey, str]:
     """The definitions that a change renames or removes, each with its new name, or an empty text if it is removed."""
-    words = {DefinitionKey(section=renaming.section, name=renaming.name): renaming.to for renaming in renamed}
+    obsolete = {DefinitionKey(section=renaming.section, name=renaming.name): renaming.to for renaming in renamed}
     if revision is None:
-        return words
-    remaining_words = set(map(key_of, revision.after.all_definitions()))
-    return words | {
-        word: "" for word in map(key_of, revision.before.all_definitions()) if word not in remaining_words and word not in words
+        return obsolete
+    remaining_definitions = set(map(key_of, revision.after.all_definitions()))
+    return obsolete | {
+        definition: ""
+        for definition in map(key_of, revision.before.all_definitions())
+        if definition not in remaining_definitions and definition not in obsolete
     }
 
 
-def find_word_uses(
-    words: Mapping[DefinitionKey, str],
+def find_definition_uses(
+    obsolete: Mapping[DefinitionKey, str],
     ontology: Ontology,
     tasks: Iterable[TaskView],
     orders: Iterable[StandingOrder],
     templates: Mapping[str, Template],
-) -> Iterator[WordUse]:
+) -> Iterator[DefinitionUse]:
     """The uses of the definitions. `ontology`: as it is before the change."""
 
-    def find_used_words(vocabulary: _Vocabulary) -> Iterator[tuple[DefinitionKey, str]]:
-        return ((word, new_name) for word, new_name in words.items() if vocabulary.contains(word, ontology))
+    def find_used_definitions(vocabulary: _Vocabulary) -> Iterator[tuple[DefinitionKey, str]]:
+        return ((definition, new_name) for definition, new_name in obsolete.items() if vocabulary.contains(definition, ontology))
 
     for task in tasks:
-        for word, new_name in find_used_words(_Vocabulary(task)):
-            yield WordUse(user_kind=WordUserKind.TASK, id=task.task, name=task.effect, word=word, new_name=new_name)
+        for definition, new_name in find_used_definitions(_Vocabulary(task)):
+            yield DefinitionUse(user_kind=DefinitionUserKind.TASK, id=task.task, name=task.effect, definition=definition, new_name=new_name)
     template_vocabularies = {
         name: _Vocabulary(blanks_to_variables(template), (blank.type for blank in template.blanks)) for name, template in templates.items()
     }
     for order in orders:
         vocabulary = _Vocabulary(order.task) if order.task is not None else template_vocabularies.get(order.template or "")
-        for word, new_name in find_used_words(vocabulary) if vocabulary is not None else ():
-            yield WordUse(user_kind=WordUserKind.ORDER, id=order.id, name=order.name, word=word, new_name=new_name)
+        for definition, new_name in find_used_definitions(vocabulary) if vocabulary is not None else ():
+            yield DefinitionUse(user_kind=DefinitionUserKind.ORDER, id=order.id, name=order.name, definition=definition, new_name=new_name)
     for name, vocabulary in template_vocabularies.items():
-        for word, new_name in find_used_words(vocabulary):
-            yield WordUse(user_kind=WordUserKind.TEMPLATE, id=name, name=name, word=word, new_name=new_name)
+        for definition, new_name in find_used_definitions(vocabulary):
+            yield DefinitionUse(user_kind=DefinitionUserKind.TEMPLATE, id=name, name=name, definition=definition, new_name=new_name)
 
 
 class _Vocabulary:
@@ -105,9 +107,9 @@ class _Vocabulary:
             services |= {step.service_type for step in task.steps if step.state is not State.COMPLETED}
         self._named: dict[Section, set[str | None]] = {Section.TYPES: set(types), Section.SERVICES: services}
 
-    def contains(self, word: DefinitionKey, ontology: Ontology) -> bool:
-        named = word.name in self._named.get(word.section, ())
-        return named or any(speaks_of(formula, word, ontology) for formula in self._formulas)
+    def contains(self, definition: DefinitionKey, ontology: Ontology) -> bool:
+        named = definition.name in self._named.get(definition.section, ())
+        return named or any(speaks_of(formula, definition, ontology) for formula in self._formulas)
 
 
 def _read_formulas(task: Submit | TaskView) -> Iterator[Formula]:
