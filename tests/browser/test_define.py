@@ -360,7 +360,41 @@ def test_an_order_is_given_and_rests_and_goes(open_page: Callable[..., Page]) ->
     expect(order).to_be_hidden()
 
 
-def test_a_link_opens_the_page_with_a_wish(open_page: Callable[..., Page]) -> None:
+def test_a_list_follows_its_field_when_the_page_is_scrolled(open_page: Callable[..., Page]) -> None:
+    page = open_page()
+    when = page.get_by_role("combobox", name="When")
+    when.click()
+    choices = page.get_by_role("listbox", name="When")
+    expect(choices).to_be_visible()
+    # Less than the field is away from the edges, so that it stays in view.
+    page.mouse.move(5, 400)
+    position = page.evaluate("scrollY")
+    page.mouse.wheel(0, 60)
+    page.wait_for_function("position => scrollY !== position", arg=position)
+    page.evaluate("new Promise(requestAnimationFrame)")
+    expect(choices).to_be_visible()
+    field_box, list_box = when.bounding_box(), choices.bounding_box()
+    assert field_box and list_box
+    gap = min(abs(list_box["y"] - field_box["y"] - field_box["height"]), abs(field_box["y"] - list_box["y"] - list_box["height"]))
+    assert gap < 10
+    page.get_by_role("option", name="At intervals").click()
+    expect(page.get_by_role("textbox", name="Minutes")).to_be_visible()
+
+
+def test_completions_can_be_scrolled(open_page: Callable[..., Page]) -> None:
+    page = open_page()
+    field(page).focus()
+    page.keyboard.type("a", delay=30)
+    offered = page.get_by_role("listbox", name="Completions")
+    expect(offered.get_by_role("option").nth(12)).to_be_attached()
+    offered.hover()
+    page.mouse.wheel(0, 120)
+    page.wait_for_function("list => list.scrollTop > 0", arg=offered.element_handle())
+    page.evaluate("new Promise(requestAnimationFrame)")
+    expect(offered).to_be_visible()
+
+
+def test_a_link_opens_the_page_with_a_goal(open_page: Callable[..., Page]) -> None:
     page = open_page(effect="Carton001 isOn Shelf001")
     expect(field(page)).to_have_value("Carton001 isOn Shelf001")
     expect(page.get_by_role("combobox", name="Related object")).to_have_value("Shelf001")

@@ -76,6 +76,23 @@ def undo(page: Page, text: str = "") -> None:
     expect(dialog).to_be_hidden()
 
 
+def test_a_list_that_takes_long_to_have_a_size_is_shown(system: RunningSystem, window: Callable[..., Page]) -> None:
+    page = window(f"{system.url}/ontology")
+    new_type(page, "Graspable", "Vase")
+    form = page.get_by_role("form", name="Definition")
+    form.get_by_role("button", name="Add default").click()
+    page.evaluate("""() => {
+        window.sizeless = document.head.appendChild(document.createElement("style"));
+        sizeless.textContent = ".q-menu { display: none }";
+    }""")
+    form.get_by_role("combobox", name="Attribute").click()
+    expect(page.locator(".q-menu")).to_be_attached()
+    page.evaluate("new Promise((resolve) => setTimeout(resolve, 500))")  # Quasar has given up by then
+    page.evaluate("sizeless.remove()")
+    page.get_by_role("option", name="Shape.Form", exact=True).click()
+    expect(form.get_by_role("combobox", name="Value")).to_be_visible()
+
+
 def test_a_type_is_built_renamed_moved_and_all_of_it_undone(system: RunningSystem, window: OpenPage) -> None:
     page = window(f"{system.url}/ontology")
     new_type(page, "Graspable", "Vase")

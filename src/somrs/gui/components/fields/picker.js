@@ -38,14 +38,15 @@ export default {
   },
   mounted() {
     this.recognise();
-    this.gone = (event) => event.target !== this.$refs.list && this.end();
-    window.addEventListener("scroll", this.gone, true);
-    window.addEventListener("resize", this.gone);
+    // The list follows its field. It stays open: the event of a scrolling that brought the field into view comes after the click on it.
+    this.follow = (event) => event.target !== this.$refs.list && this.place();
+    window.addEventListener("scroll", this.follow, true);
+    window.addEventListener("resize", this.follow);
   },
   beforeUnmount() {
     clearTimeout(this.timer);
-    window.removeEventListener("scroll", this.gone, true);
-    window.removeEventListener("resize", this.gone);
+    window.removeEventListener("scroll", this.follow, true);
+    window.removeEventListener("resize", this.follow);
   },
   computed: {
     name() { return `pick-${this.id}`; },
@@ -97,7 +98,10 @@ export default {
         this.items = (wanted ? ranked.sort((a, b) => a[0] - b[0]) : ranked).map(([, item]) => item);
       }
       this.chosen = typed ? (this.items.length ? 0 : -1) : this.items.findIndex((one) => one.value === this.picked);
-      this.$nextTick(this.place);
+      this.$nextTick(() => {
+        this.place();
+        this.show();
+      });
     },
     async ask(typed, limit = 40) {
       try {
@@ -126,10 +130,9 @@ export default {
       const below = box.bottom + height + 4 < window.innerHeight || box.top < height + 8;
       const left = Math.max(8, Math.min(box.left, window.innerWidth - this.$refs.list.offsetWidth - 8));
       this.at = { left: `${left}px`, top: `${below ? box.bottom + 2 : box.top - height - 2}px`, minWidth: `${box.width}px` };
-      this.show();
     },
     show() {
-      this.$refs.list.querySelector(".somrs-fe-chosen")?.scrollIntoView({ block: "nearest" });
+      this.$refs.list?.querySelector(".somrs-fe-chosen")?.scrollIntoView({ block: "nearest" });
     },
     take(index) {
       const item = this.items[index];

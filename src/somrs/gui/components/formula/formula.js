@@ -45,7 +45,7 @@ export default {
           :disabled="disable" spellcheck="false" autocomplete="off" autocapitalize="off" autocorrect="off" wrap="soft"
           aria-autocomplete="list" :aria-controls="name + '-list'" :aria-activedescendant="open && chosen >= 0 ? name + '-' + chosen : undefined"
           :aria-invalid="bad" :aria-describedby="name + '-said'" :aria-label="label ? undefined : 'Formula'"
-          @input="onInput" @keydown="onKey" @blur="close" @click="close" @scroll="close"></textarea>
+          @input="onInput" @keydown="onKey" @blur="close" @click="close"></textarea>
       </div>
       <ul v-show="open" ref="list" class="somrs-fe-list" role="listbox" :id="name + '-list'" aria-label="Completions" :style="at">
         <li v-for="(item, index) in items" role="option" :id="name + '-' + index" :aria-selected="index === chosen"
@@ -86,15 +86,16 @@ export default {
   mounted() {
     this.check();
     this.stop = join({ hear: (news) => this.hear(news), again: () => this.again() });
-    this.gone = () => this.close();
-    window.addEventListener("resize", this.gone);
-    window.addEventListener("scroll", this.gone, true);
+    // The list follows the word being completed.
+    this.follow = (event) => event.target !== this.$refs.list && this.place();
+    window.addEventListener("resize", this.follow);
+    window.addEventListener("scroll", this.follow, true);
   },
   beforeUnmount() {
     this.stop();
     clearTimeout(this.timer);
-    window.removeEventListener("resize", this.gone);
-    window.removeEventListener("scroll", this.gone, true);
+    window.removeEventListener("resize", this.follow);
+    window.removeEventListener("scroll", this.follow, true);
     // Keep the input when the field is shown again.
     const element = window.mounted_app?.elements?.[String(this.id).slice(1)];
     if (element) element.props.value = this.text;
@@ -221,7 +222,10 @@ export default {
       this.chosen = cursor > this.from ? 0 : -1;
       this.open = true;
       this.heard = `${found.items.length} completions${this.chosen === 0 ? `, ${found.items[0].text} first` : ""}`;
-      this.$nextTick(this.place);
+      this.$nextTick(() => {
+        this.place();
+        if (this.$refs.list) this.$refs.list.scrollTop = 0;
+      });
     },
     narrow() {
       // Filter the list at once, so that Enter never takes a choice for an earlier input.
@@ -242,7 +246,6 @@ export default {
       const left = Math.max(8, Math.min(box.left - 8, window.innerWidth - list.width - 8));
       const below = box.top + 22 + list.height < window.innerHeight || box.top < list.height + 8;
       this.at = { left: `${left}px`, top: `${below ? box.top + 22 : box.top - list.height - 4}px` };
-      this.$refs.list.scrollTop = 0;
     },
     close() {
       this.asked++;
