@@ -374,7 +374,8 @@ def test_a_list_follows_its_field_when_the_page_is_scrolled(open_page: Callable[
     page.evaluate("new Promise(requestAnimationFrame)")
     expect(choices).to_be_visible()
     field_box, list_box = when.bounding_box(), choices.bounding_box()
-    assert field_box and list_box
+    assert field_box is not None
+    assert list_box is not None
     gap = min(abs(list_box["y"] - field_box["y"] - field_box["height"]), abs(field_box["y"] - list_box["y"] - list_box["height"]))
     assert gap < 10
     page.get_by_role("option", name="At intervals").click()

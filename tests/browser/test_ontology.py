@@ -267,6 +267,26 @@ def call(system: RunningSystem, method: str, path: str, body: object = None) -> 
         return json.loads(answer.read() or b"null")
 
 
+def test_news_replaces_no_button_that_somebody_is_about_to_press(system: RunningSystem, window: OpenPage) -> None:
+    page = window(f"{system.url}/ontology?type=Cup")
+    remove_button = page.get_by_role("article").get_by_role("button", name="Remove")
+    expect(remove_button).to_be_enabled()
+    button_node = remove_button.element_handle()
+    call(system, "POST", "/ontology/changes", {"definitions": {"types": [{"name": "Mug", "parent": "Cup"}]}})
+    expect(row(page, "Mug")).to_be_visible()
+    cup = {"name": "Cup78", "type": "Cup", "values": {"PositionX": 4.0, "PositionY": 2.2, "PositionZ": 0.74}}
+    facts = [{"type": "FactAdded", "fact": {"relation": "isPartOf", "arguments": ["Cup78", "Building001"]}}]
+    call(system, "POST", "/map/changes", {"changes": [{"type": "ObjectAdded", "object": cup}, *facts]})
+    expect(page.get_by_role("article").get_by_role("link", name="Cup78")).to_be_visible()
+    assert button_node.evaluate("node => node.isConnected")
+    call(system, "POST", "/map/changes", {"changes": [{"type": "ObjectRemoved", "name": "Cup78"}]})
+    call(system, "POST", "/ontology/changes", {"removed": [{"section": "types", "name": "Mug"}]})
+    expect(row(page, "Mug")).to_have_count(0)
+    expect(page.get_by_role("article").get_by_role("link", name="Cup78")).to_have_count(0)
+    remove_button.click()
+    page.get_by_role("dialog", name="Remove the type Cup").get_by_role("button", name="Cancel").click()
+
+
 def test_renaming_tells_who_goes_on_using_the_old_word(system: RunningSystem, with_users: str, window: OpenPage) -> None:
     page = window(f"{system.url}/ontology?type=Platform")
     page.get_by_role("article").get_by_role("button", name="Rename").click()

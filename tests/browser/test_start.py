@@ -10,9 +10,9 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from .conftest import WIDTHS, RunningSystem, fits, resize
+from somrs.gui.shell import PAGE_LINKS
 
-PLACES = ["Map", "Ontology", "New task", "Tasks", "Fleet", "History"]
+from .conftest import WIDTHS, RunningSystem, fits, resize
 
 
 def test_every_page_is_one_click_away_and_fits_every_window(system: RunningSystem, window: Callable[..., Page]) -> None:
@@ -20,10 +20,10 @@ def test_every_page_is_one_click_away_and_fits_every_window(system: RunningSyste
     with urllib.request.urlopen(f"{system.url}/api/map") as answer:
         version = json.load(answer)["version"]
     expect(page.get_by_text(f"version {version}").first).to_be_visible()
-    for place in PLACES:
-        page.get_by_role("navigation").get_by_role("link", name=place).click()
-        page.wait_for_url("**/" + {"New task": "define"}.get(place, place.lower()))
-        assert page.get_by_role("navigation").locator("[aria-current=page]").get_attribute("aria-label") == place
+    for place in PAGE_LINKS:
+        page.get_by_role("navigation").get_by_role("link", name=place.label).click()
+        page.wait_for_url(f"**{place.path}")
+        assert page.get_by_role("navigation").locator("[aria-current=page]").get_attribute("aria-label") == place.label
         for size in WIDTHS:
             resize(page, size)
             assert fits(page), f"{place} is wider than the window"

@@ -43,6 +43,7 @@ from somrs.protocol.messages.directory import (
 )
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id, normalised_id, reply
 from somrs.protocol.messages.frp import Fault
+from somrs.protocol.messages.knowledge import MapChanged, OntologyChanged
 from somrs.protocol.messages.leases import grant_lease
 from somrs.protocol.messages.paging import PAGE_BYTES, fit_page
 from somrs.registry.state import LeasesDue, Provider, RegistryState, Timer
@@ -133,6 +134,8 @@ class Registry:
                 yield self._answer(message, ServicesSubscribed(until=expires_at))
             case Fault():
                 pass  # a Fault is never answered, least of all by a Fault
+            case MapChanged() | OntologyChanged():
+                pass  # by a Repository that this Registry does not follow
             case body:
                 text = f"a Registry does not understand {type(body).__name__}; it publishes, renews, retracts and discovers services"
                 yield self._answer(message, Fault(code="ActionNotSupported", text=text))

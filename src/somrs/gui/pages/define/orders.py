@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from datetime import datetime
-from functools import partial
 from typing import Any
 
 from nicegui import ui
 
 from somrs.errors import SomrsError, UsageError
+from somrs.gui.components.rebuilt import RebuiltElement
 from somrs.gui.icons import OUTCOMES, Badge, Sign, format_time
 from somrs.gui.news import follow
 from somrs.gui.pages.define.confirm_dialog import confirm
@@ -36,44 +36,65 @@ class Orders:
     def __init__(self, form: Form) -> None:
         self._form = form
         with panel("Standing orders", "event_repeat", "define orders", "somrs-define-orders") as self._panel:
-            self._list = ui.element("div").classes("somrs-define-list")
+            self._list = RebuiltElement().classes("somrs-define-list")
+        self._rows: dict[str, _OrderRow] = {}
         follow(form.api.context.hub, "orders", self._read, lambda _: self._read())
 
     async def _read(self) -> None:
         try:
             orders = (await self._form.api.orders.orders()).orders
         except SomrsError as error:
-            self._list.clear()
-            with self._list:
-                ui.label(str(error)).classes("somrs-soft")
+            message = str(error)
+            self._list.show(message, lambda: _note(message))
             return
         self._panel.note.set_text(f"{len(orders)}" if orders else "none")
-        self._list.clear()
-        with self._list:
-            if not orders:
-                ui.label("There are none. To create one, set a time under Execution options, When.").classes("somrs-soft")
-            for order in orders:
-                self._row(order)
+        self._list.show([order.id for order in orders], lambda: self._build(orders))
+        for order in orders:
+            self._rows[order.id].show(order)
 
-    def _row(self, order: StandingOrder) -> None:
-        with ui.element("section").classes("somrs-define-order-row").props(f'aria-label="{order.name}"'):
-            with ui.element("div").classes("somrs-define-order-what"):
-                ui.label(order.name).classes("somrs-define-template-name")
-                ui.label(in_words(order.when) + ("" if order.enabled else ", paused")).classes("somrs-soft")
-                if order.next is not None:
-                    ui.label(f"next: {format_time(order.next)}").classes("somrs-soft")
-                if order.last is not None:
-                    _run(order.last)
-            with ui.element("div").classes("somrs-define-line-ways"):
-                if order.enabled:
-                    _action_button("pause", f"Pause {order.name}", partial(self._form.api.orders.pause_order, order.id, author()))
-                else:
-                    _action_button("play_arrow", f"Resume {order.name}", partial(self._form.api.orders.resume_order, order.id, author()))
-                _action_button("edit", f"Edit {order.name}", partial(self._change, order))
-                _action_button("delete", f"Remove {order.name}", partial(self._remove, order))
+    def _build(self, orders: Sequence[StandingOrder]) -> None:
+        if not orders:
+            _note("There are none. To create one, set a time under Execution options, When.")
+        self._rows = {order.id: _OrderRow(self._form, order) for order in orders}
 
-    async def _change(self, order: StandingOrder) -> None:
+
+class _OrderRow:
+    """A standing order and what can be done with it."""
+
+    def __init__(self, form: Form, order: StandingOrder) -> None:
+        self._form, self._order = form, order
+        with ui.element("section").classes("somrs-define-order-row") as self._element:
+            self._text = RebuiltElement().classes("somrs-define-order-what")
+            self._buttons = RebuiltElement().classes("somrs-define-line-ways")
+
+    def show(self, order: StandingOrder) -> None:
+        """Show the order as it is now."""
+        self._order = order
+        self._element.props["aria-label"] = order.name
+        self._text.show((order.name, order.when, order.enabled, order.next, order.last), self._build_text)
+        self._buttons.show((order.name, order.enabled), self._build_buttons)
+
+    def _build_text(self) -> None:
+        order = self._order
+        ui.label(order.name).classes("somrs-define-template-name")
+        ui.label(in_words(order.when) + ("" if order.enabled else ", paused")).classes("somrs-soft")
+        if order.next is not None:
+            ui.label(f"next: {format_time(order.next)}").classes("somrs-soft")
+        if order.last is not None:
+            _run(order.last)
+
+    def _build_buttons(self) -> None:
+        id, name, orders = self._order.id, self._order.name, self._form.api.orders
+        if self._order.enabled:
+            _action_button("pause", f"Pause {name}", lambda: orders.pause_order(id, author()))
+        else:
+            _action_button("play_arrow", f"Resume {name}", lambda: orders.resume_order(id, author()))
+        _action_button("edit", f"Edit {name}", self._change)
+        _action_button("delete", f"Remove {name}", self._remove)
+
+    async def _change(self) -> None:
         """Load the order into the form."""
+        order = self._order
         task = order.task
         if task is None and order.template is not None:
             task = await self._form.api.orders.fill_template(order.template, Filled(values=order.values))
@@ -82,9 +103,14 @@ class Orders:
         self._form.draft.repeat = repeat_of(order)
         self._form.changed()
 
-    async def _remove(self, order: StandingOrder) -> None:
+    async def _remove(self) -> None:
+        order = self._order
         if await confirm(f"The standing order {order.name} will be removed. A running task of it continues.", "Remove"):
             await self._form.api.orders.remove_order(order.id, order.version)
+
+
+def _note(text: str) -> None:
+    ui.label(text).classes("somrs-soft")
 
 
 async def save_order(form: Form) -> None:

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from nicegui import ui
 
 from somrs.api.remote import LiveApi
 from somrs.errors import FormulaError, SomrsError
 from somrs.gui.components.formula import FormulaField
+from somrs.gui.components.rebuilt import RebuiltElement
 from somrs.gui.examples import examples
 from somrs.gui.pages.map.entries import list_note
 from somrs.gui.pages.map.map_view import MapView
 from somrs.gui.shell import guarded
-from somrs.protocol.messages.knowledge import Rows
+from somrs.protocol.messages.knowledge import Row, Rows
 
 _LIMIT = 200
 _NAMES = 60
@@ -33,7 +34,7 @@ class SearchPanel:
                 self._clear = ui.button("Clear", on_click=self.clear).props("flat dense no-caps")
             self._status_label = ui.label().classes("somrs-map-found-said").props('role="status"')
             self._problem = ui.label().classes("somrs-map-problem").props('role="alert"')
-            self._rows = ui.element("div").classes("somrs-map-rows")
+            self._rows = RebuiltElement().classes("somrs-map-rows")
         with ui.element("section").props('aria-label="Find by name"').classes("somrs-map-names"):
             self._name = ui.input("Or by name, type or label", on_change=guarded(self._list)).props(
                 "outlined dense clearable debounce=150 autocomplete=off"
@@ -68,7 +69,7 @@ class SearchPanel:
     def _show_problem(self, text: str) -> None:
         self._problem.text, self._problem.visible = text, True
         self._status_label.text = ""
-        self._rows.clear()
+        self._rows.show(None, lambda: None)
         self._map_view.highlight({})
 
     def clear(self) -> None:
@@ -76,7 +77,7 @@ class SearchPanel:
         self._field.value = ""
         self._status_label.text = ""
         self._problem.visible = self._clear.visible = False
-        self._rows.clear()
+        self._rows.show(None, lambda: None)
         self._map_view.highlight({})
 
     async def refresh(self) -> None:
@@ -101,10 +102,12 @@ class SearchPanel:
         self._map_view.highlight({name: " ".join(variables) for name, variables in marks.items()})
         self._clear.visible = True
         self._status_label.text = _status_text(result, bool(names))
-        self._rows.clear()
+        self._rows.show((names, rows) if names else None, lambda: self._build_table(names, rows))
+
+    def _build_table(self, names: list[str], rows: Sequence[Row]) -> None:
         if not names:
             return
-        with self._rows, ui.element("table").classes("somrs-map-table"):
+        with ui.element("table").classes("somrs-map-table"):
             with ui.element("thead"), ui.element("tr"):
                 for name in names:
                     with ui.element("th").props("scope=col"):

@@ -28,35 +28,44 @@ class DefinitionActions:
     open_definition: OpenDefinition
 
 
-def show_heading(definition: Definition, view: OntologyView, problem: str, actions: DefinitionActions) -> None:
-    """Add the heading of a definition to the current element."""
-    section, name = section_of(definition), definition.name
-    _trail(section, name, view, actions.open_definition)
-    with ui.element("div").classes("somrs-onto-head"):
-        ui.icon(section.icon)
-        TextTag("h2", name)
-        TextTag("span", section.singular, "somrs-soft")
-    if definition.doc:
-        ui.label(definition.doc).classes("somrs-onto-doc")
-    if problem:
-        with ui.element("div").classes("somrs-onto-banner somrs-onto-bad").props('role="alert"'):
-            ui.icon("error")
-            ui.label(problem).classes("somrs-onto-pre")
-    _buttons(section, name, (section.key, name) in view.system_definitions, actions)
+@dataclass(frozen=True, slots=True)
+class Heading:
+    """What the heading of a definition shows. `ancestors` begin with the root."""
 
+    definition: Definition
+    problem: str
+    ancestors: tuple[str, ...]
+    is_system: bool
 
-def _trail(section: Section, name: str, view: OntologyView, open_definition: OpenDefinition) -> None:
-    """Its ancestors, the root first."""
-    if section is TYPES:
-        ancestors = [*reversed(view.ontology.ancestors(name)[1:])]
-    elif section is SERVICES and (parent := view.ontology.services[name].parent):
-        ancestors = [parent]
-    else:
-        return
-    with ui.element("nav").classes("somrs-onto-trail").props('aria-label="Ancestors"'):
-        for ancestor in ancestors:
-            definition_link(open_definition, section, ancestor)
-            TextTag("span", "›").props('aria-hidden="true"')
+    @classmethod
+    def of(cls, definition: Definition, problem: str, view: OntologyView) -> Heading:
+        section, name = section_of(definition), definition.name
+        ancestors: tuple[str, ...] = ()
+        if section is TYPES:
+            ancestors = (*reversed(view.ontology.ancestors(name)[1:]),)
+        elif section is SERVICES and (parent := view.ontology.services[name].parent):
+            ancestors = (parent,)
+        return cls(definition, problem, ancestors, (section.key, name) in view.system_definitions)
+
+    def build(self, actions: DefinitionActions) -> None:
+        """Add the heading to the current element."""
+        section, name = section_of(self.definition), self.definition.name
+        if self.ancestors:
+            with ui.element("nav").classes("somrs-onto-trail").props('aria-label="Ancestors"'):
+                for ancestor in self.ancestors:
+                    definition_link(actions.open_definition, section, ancestor)
+                    TextTag("span", "›").props('aria-hidden="true"')
+        with ui.element("div").classes("somrs-onto-head"):
+            ui.icon(section.icon)
+            TextTag("h2", name)
+            TextTag("span", section.singular, "somrs-soft")
+        if self.definition.doc:
+            ui.label(self.definition.doc).classes("somrs-onto-doc")
+        if self.problem:
+            with ui.element("div").classes("somrs-onto-banner somrs-onto-bad").props('role="alert"'):
+                ui.icon("error")
+                ui.label(self.problem).classes("somrs-onto-pre")
+        _buttons(section, name, self.is_system, actions)
 
 
 def _buttons(section: Section, name: str, is_system: bool, actions: DefinitionActions) -> None:

@@ -17,6 +17,7 @@ from somrs.api.remote import LiveApi
 from somrs.client.hub import News
 from somrs.errors import SomrsError
 from somrs.gui.components.draft_storage import DraftStorage
+from somrs.gui.components.rebuilt import RebuiltElement
 from somrs.gui.news import follow
 from somrs.gui.pages.ontology import heading, sheet
 from somrs.gui.pages.ontology.actions import Actions
@@ -91,8 +92,9 @@ class OntologyPage:
             )
             self._index = Index(self._view, callbacks)
             with ui.element("div").classes("somrs-onto-right"):
-                self._unsaved_banner = ui.element("div")
-                self._main = ui.element("article").classes("somrs-sheet somrs-onto-main")
+                self._unsaved_banner = RebuiltElement()
+                with ui.element("article").classes("somrs-sheet somrs-onto-main"):
+                    self._heading, self._content = RebuiltElement(), RebuiltElement()
 
     # Navigation
 
@@ -144,34 +146,46 @@ class OntologyPage:
     # Content
 
     def _render(self) -> None:
-        """Rebuild the whole page."""
+        """Show the open definition, or its draft, as it is now."""
         self._show_index()
-        self._main.clear()
         self._editor = None
+        view, section, name = self._view, self._section, self._name
         draft = self._drafts.get(self._key)
-        definition = self._view.definition(self._section, self._name) if self._name is not None else None
-        with self._main:
+        definition = view.definition(section, name) if name is not None else None
+        if draft is None and definition is not None:
+            shown_heading = heading.Heading.of(definition, self._marks.get((section.key, definition.name), ""), view)
+            self._heading.show(shown_heading, lambda: shown_heading.build(self._definition_actions()))
+            content = (definition, [*view.ontology], view.objects)
+            self._content.show(content, lambda: sheet.show_definition(definition, view, self.open_definition))
+        else:
+            self._heading.show(None, lambda: None)
             if draft is not None:
-                callbacks = EditorCallbacks(
-                    on_saved=self._saved,
-                    on_dropped=self._dropped,
-                    on_changed=self._show_unsaved,
-                    make_attribute=self._make_attribute,
-                    on_problems=self._mark_problems,
-                )
-                self._editor = Editor(self._api, self._view, draft, self._draft_storage, callbacks)
-            elif definition is not None:
-                actions = heading.DefinitionActions(
-                    edit=self.edit, add_below=self.new, rename=self._actions.rename, move=self._actions.ask_move, remove=self._remove,
-                    history=self._history_dialog.open_history, open_definition=self.open_definition,
-                )  # fmt: skip
-                heading.show_heading(definition, self._view, self._marks.get((self._section.key, definition.name), ""), actions)
-                sheet.show_definition(definition, self._view, self.open_definition)
-            elif self._name is not None:
-                heading.show_missing(self._section, self._name, lambda: self._history_dialog.open_history(self._section, self._name or ""))
+                self._content.rebuild(lambda: self._build_editor(draft))
+            elif name is not None:
+                self._content.show((section.key, name), lambda: self._build_missing(section, name))
             else:
-                heading.show_overview(self._view, self.open_definition)
+                self._content.show([*view.ontology], lambda: heading.show_overview(view, self.open_definition))
         self._show_unsaved()
+
+    def _definition_actions(self) -> heading.DefinitionActions:
+        actions = self._actions
+        return heading.DefinitionActions(
+            edit=self.edit, add_below=self.new, rename=actions.rename, move=actions.ask_move, remove=self._remove,
+            history=self._history_dialog.open_history, open_definition=self.open_definition,
+        )  # fmt: skip
+
+    def _build_editor(self, draft: Draft) -> None:
+        callbacks = EditorCallbacks(
+            on_saved=self._saved,
+            on_dropped=self._dropped,
+            on_changed=self._show_unsaved,
+            make_attribute=self._make_attribute,
+            on_problems=self._mark_problems,
+        )
+        self._editor = Editor(self._api, self._view, draft, self._draft_storage, callbacks)
+
+    def _build_missing(self, section: Section, name: str) -> None:
+        heading.show_missing(section, name, lambda: self._history_dialog.open_history(section, name))
 
     def _show_index(self) -> None:
         self._version_label.text = f"version {self._view.version}"
@@ -179,17 +193,21 @@ class OntologyPage:
 
     def _show_unsaved(self) -> None:
         """Show links to unsaved drafts."""
-        unsaved = [draft for key, draft in self._drafts.items() if key != self._key and draft.dirty]
-        self._unsaved_banner.clear()
-        if unsaved:
-            with self._unsaved_banner, ui.element("div").classes("somrs-onto-banner somrs-onto-unsaved"):
+        drafts = [draft for key, draft in self._drafts.items() if key != self._key and draft.dirty]
+        labels = [draft.name or f"new {draft.section.singular} {draft.form['name']}".strip() for draft in drafts]
+
+        def build() -> None:
+            if not drafts:
+                return
+            with ui.element("div").classes("somrs-onto-banner somrs-onto-unsaved"):
                 ui.icon("edit")
                 TextTag("span", "Not saved:")
-                for draft in unsaved:
-                    label = draft.name or f"new {draft.section.singular} {draft.form['name']}".strip()
+                for draft, label in zip(drafts, labels, strict=True):
                     ui.button(label, on_click=lambda _, draft=draft: self.open_definition(draft.section, draft.name)).props(
                         "flat dense no-caps"
                     )
+
+        self._unsaved_banner.show([draft.key + label for draft, label in zip(drafts, labels, strict=True)], build)
         self._index.mark_drafts(self._unsaved())
 
     def _unsaved(self) -> set[str]:
@@ -310,7 +328,7 @@ class OntologyPage:
         if self._editor is not None:
             self._show_index()
             self._editor.check_for_changes()
-        elif [*old_ontology] != [*self._view.ontology]:
+        else:
             self._render()
 
     async def _follow_renamed(self, old_ontology: Ontology) -> None:
