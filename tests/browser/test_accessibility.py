@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 import pytest
 from playwright.sync_api import Page, expect
 
+from somrs.gui.shell import PAGE_LINKS
 from tests.support.paths import ROOT
 
 from .conftest import SCHEMES, RunningSystem, resize, wait_until_still
@@ -268,17 +269,10 @@ def test_api(system: RunningSystem, window: OpenPage, check: Check) -> None:
 
 def test_the_keyboard_begins_at_the_content_of_each_page(system: RunningSystem, window: OpenPage) -> None:
     page = window(system.url)
-    for label, path in (
-        ("Map", "map"),
-        ("Ontology", "ontology"),
-        ("New task", "define"),
-        ("Tasks", "tasks"),
-        ("Fleet", "fleet"),
-        ("History", "history"),
-    ):
-        page.get_by_role("navigation", name="Pages", exact=True).get_by_role("link", name=label).press("Enter")
-        page.wait_for_url(f"**/{path}")
-        expect(page.get_by_role("main", name=label)).to_be_focused()
+    for place in PAGE_LINKS:
+        page.get_by_role("navigation", name="Pages", exact=True).get_by_role("link", name=place.label).press("Enter")
+        page.wait_for_url(f"**{place.path}")
+        expect(page.get_by_role("main", name=place.label)).to_be_focused()
         page.keyboard.press("Tab")
         assert page.get_by_role("main").evaluate("(main) => main !== document.activeElement && main.contains(document.activeElement)")
         assert page.evaluate("window.scrollY") == 0
