@@ -1,3 +1,3 @@
 """The version of this program: the one place that says it."""
 
-__version__ = "0.2.1"
+__version__ = "0.3.0"
