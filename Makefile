@@ -12,7 +12,7 @@ JOBS ?= auto
 MORE_JOBS ?= $(shell echo $$((2 * $$(getconf _NPROCESSORS_ONLN))))
 AT_ONCE := --numprocesses $(MORE_JOBS) --dist loadscope --no-loadscope-reorder
 
-.PHONY: setup demo test tests lint javascript unit coverage integration system properties browser scenarios fault-runs model-check benchmarks bench-codmap bench-coordination docs docs-site distribution clean kill-runs upgrade-runs mutants
+.PHONY: setup demo test tests lint lint-python javascript unit coverage integration system properties browser scenarios fault-runs model-check benchmarks bench-codmap bench-coordination docs docs-site distribution clean kill-runs upgrade-runs mutants
 
 setup: .venv/.ready
 
@@ -22,8 +22,7 @@ setup: .venv/.ready
 demo: setup
 	@$(BIN)/somrs demo $(SCENARIO) --out out/scenario-$(SCENARIO)
 
-test: setup
-	@scripts/javascript setup
+test:
 	@scripts/test
 
 # Tests of several parts and of whole systems, all at once.
@@ -47,13 +46,15 @@ system: setup
 properties: setup
 	@EXAMPLES=$(or $(EXAMPLES),20) $(BIN)/pytest tests/unit tests/integration -m hypothesis $(AT_ONCE)
 
-lint: setup
+lint: lint-python
+	@scripts/javascript lint
+
+lint-python: setup
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports
 	@$(BIN)/python scripts/names.py
-	@scripts/javascript lint
 
 # The JavaScript modules of the windows: ESLint, and their unit tests in node.
 javascript: setup
