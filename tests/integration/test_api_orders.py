@@ -48,6 +48,12 @@ async def runs(api: LiveApi, order: StandingOrder) -> tuple[Run, ...]:
     return (await api.orders.runs(order.id)).runs
 
 
+async def begun(api: LiveApi, order: StandingOrder, count: int) -> None:
+    """Wait until it has so many runs."""
+    while len(await runs(api, order)) < count:
+        await asyncio.sleep(0.02)
+
+
 async def settled(api: LiveApi, order: StandingOrder, count: int = 1) -> tuple[Run, ...]:
     """Its runs, once there are so many, and none is under way."""
     while len(order_runs := await runs(api, order)) < count or any(run.open for run in order_runs):
@@ -271,12 +277,12 @@ def test_while_the_task_before_runs_the_next_time_is_skipped_or_not_as_one_likes
     async def scenario(system: SmallSystem, api: LiveApi, clock: Time) -> None:
         skips = await api.orders.add_order(OrderSaved(name="Skips", when=Every(minutes=10), task=task_request("Jar001")))
         insists = await api.orders.add_order(OrderSaved(name="Insists", when=Every(minutes=10), task=task_request("Jar002"), skip=False))
-        for _ in range(2):
+        for number in (1, 2):
             await clock.pass_by(601)
             for order in (skips, insists):
-                while all(run.state is RunState.SUBMITTING for run in await runs(api, order)):
+                await begun(api, order, number)
+                while any(run.state is RunState.SUBMITTING for run in await runs(api, order)):
                     await asyncio.sleep(0.02)
-            await asyncio.sleep(0.2)
         assert [run.state for run in await runs(api, skips)] == [RunState.SKIPPED, RunState.SUBMITTED]
         assert [run.state for run in await runs(api, insists)] == [RunState.SUBMITTED, RunState.SUBMITTED]
         (skipped, first) = await runs(api, skips)
@@ -382,7 +388,7 @@ def test_a_task_manager_that_is_away_for_a_moment_gets_the_task_once(tmp_path: P
         order = await api.orders.add_order(OrderSaved(name="Often", when=Every(minutes=60), task=task_request()))
         await system.stop_manager()
         await clock.pass_by(HOUR + 1)
-        await asyncio.sleep(0.5)
+        await begun(api, order, 1)
         assert [run.state for run in await runs(api, order)] == [RunState.SUBMITTING]
         await system.start_manager()
         (run,) = await settled(api, order)
@@ -417,7 +423,7 @@ def test_orders_survive_a_restart_of_the_windows_and_each_time_is_stated_once(tm
 
             await system.stop_manager()
             await clock.pass_by(DAY)
-            await asyncio.sleep(0.3)
+            await begun(second, order, 2)
             assert (await runs(second, order))[0].state is RunState.SUBMITTING
         await system.start_manager()
         async with Client(system.addresses) as client:  # the message came through, and its answer did not
@@ -429,7 +435,7 @@ def test_orders_survive_a_restart_of_the_windows_and_each_time_is_stated_once(tm
 
             await system.stop_manager()
             await clock.pass_by(DAY)
-            await asyncio.sleep(0.3)
+            await begun(third, order, 3)
             assert (await runs(third, order))[0].state is RunState.SUBMITTING
         clock.add(120)
         await system.start_manager()

@@ -255,7 +255,7 @@ def test_a_link_that_is_lost_fails_with_what_was_known_last() -> None:
 @pytest.mark.parametrize(("fault_delay", "carried"), [(1.0, None), (None, 1.0)])
 def test_a_link_that_is_lost_for_a_moment_does_not_end_the_work(fault_delay: float | None, carried: float | None) -> None:
     async def test() -> None:
-        async with device_harness(reconnect_time=6.0) as harness:
+        async with device_harness(reconnect_time=HANG_TIME) as harness:
             await harness.operator.schedule("Robot1", Fault.LINK, delay=fault_delay, carried=carried)
             working = asyncio.create_task(harness.perform(order()))
             while not (await harness.operator.robots())["Robot1"].faults:
@@ -272,7 +272,7 @@ def test_a_link_that_is_lost_for_a_moment_does_not_end_the_work(fault_delay: flo
 
 def test_a_quote_waits_for_a_link_that_was_lost_just_now() -> None:
     async def test() -> None:
-        async with device_harness(reconnect_time=6.0) as harness:
+        async with device_harness(reconnect_time=HANG_TIME) as harness:
             await harness.operator.fault("Robot1", Fault.LINK)
             quoting = asyncio.create_task(harness.run_work(Quote(order())))
             await asyncio.sleep(0.3)
