@@ -10,6 +10,7 @@ from nicegui import ui
 from somrs.api.device_state import FAULT_LABELS, LABELS, DeviceState
 from somrs.api.fleet import BUSY, Assignment, DeviceView, Presence, ServiceView
 from somrs.devices.simulator.link.commands import Fault
+from somrs.gui.components.rebuilt import RebuiltElement
 from somrs.gui.icons import Badge, Gauge, Sign, format_time, join_names
 
 ICONS = {
@@ -64,7 +65,6 @@ class DeviceCard:
 
     def __init__(self, device: DeviceView, break_or_mend: Break) -> None:
         self._break = break_or_mend
-        self._shown_values: dict[str, object] = {}
         self.device = device
         with ui.element("article").classes("somrs-device").props(f'aria-label="{device.name}"') as self.element:
             with ui.element("header").classes("somrs-device-head"):
@@ -73,15 +73,15 @@ class DeviceCard:
                     self._name = ui.label().classes("somrs-device-title").props('role="heading" aria-level="2"')
                     self._place_label = ui.label().classes("somrs-soft")
                 self._state = Badge(state(device))
-                self._menu = ui.element("div")
+                self._menu = RebuiltElement()
             self._note = ui.label().classes("somrs-device-note")
-            self._faults = ui.element("div").classes("somrs-device-faults")
-            self._activities = ui.element("div").classes("somrs-device-doing")
+            self._faults = RebuiltElement().classes("somrs-device-faults")
+            self._activities = RebuiltElement().classes("somrs-device-doing")
             with ui.element("div").classes("somrs-device-gauges"):
                 self._work = Gauge("Step", "Progress of the step")
                 self._utilisation = Gauge("Utilisation", "Share of the last 10 minutes in which the device was at work")
                 self._charge = Gauge("Battery", "Remaining charge")
-            self._services = ui.element("div").classes("somrs-device-services").props('role="list" aria-label="Services"')
+            self._services = RebuiltElement().classes("somrs-device-services").props('role="list" aria-label="Services"')
         self.show_device(device)
 
     def show_device(self, device: DeviceView) -> None:
@@ -94,14 +94,16 @@ class DeviceCard:
         self._note.set_text(_note(device))
         self._note.visible = bool(self._note.text)
         faults = device.simulated.faults if device.simulated is not None else None
-        self._refill_if_changed("menu", (faults is not None, faults), lambda: self._fill_menu(faults))
-        self._refill_if_changed("faults", faults, lambda: self._fill_faults(faults or ()))
-        self._refill_if_changed(
-            "doing",
-            tuple((activity.task, activity.step, activity.state, activity.service) for activity in device.assignments),
-            self._fill_activities,
-        )
-        self._refill_if_changed("services", device.services, self._fill_services)
+        if faults is not None:
+            self._menu.show(faults, lambda: self._build_menu(faults))
+        else:
+            self._menu.clear()
+        self._faults.visible = bool(faults)
+        self._faults.show(faults, lambda: self._build_faults(faults or ()))
+        self._activities.visible = bool(device.assignments)
+        activities = [(activity.task, activity.step, activity.state, activity.service) for activity in device.assignments]
+        self._activities.show(activities, self._build_activities)
+        self._services.show(device.services, self._build_services)
         fraction = next((activity.fraction for activity in device.assignments if activity.state in BUSY), None)
         self._work.element.visible = fraction is not None
         self._work.show_share(fraction or 0.0, f"{100 * (fraction or 0):.0f} %", "busy")
@@ -111,17 +113,8 @@ class DeviceCard:
         charge = device.charge or 0.0
         self._charge.show_share(charge / 100, f"{charge:.0f} %", "bad" if charge < 15 else "good")
 
-    def _refill_if_changed(self, part: str, value: object, fill: Callable[[], None]) -> None:
-        """Rebuild a part of the card if its value changed."""
-        if part not in self._shown_values or self._shown_values[part] != value:
-            self._shown_values[part] = value
-            fill()
-
-    def _fill_menu(self, faults: tuple[Fault, ...] | None) -> None:
-        self._menu.clear()
-        if faults is None:
-            return
-        with self._menu, ui.button(icon="bolt").props(f'flat round dense aria-label="Faults of {self.device.name}"') as button:
+    def _build_menu(self, faults: tuple[Fault, ...]) -> None:
+        with ui.button(icon="bolt").props(f'flat round dense aria-label="Faults of {self.device.name}"') as button:
             button.classes("somrs-turn")
             ui.tooltip("Cause or repair a fault of this simulated robot").props('anchor="top middle" self="bottom middle"')
             with ui.menu():
@@ -131,31 +124,23 @@ class DeviceCard:
                         ui.icon("build" if broken else "flash_on").classes("somrs-menu-icon").props('aria-hidden="true"')
                         ui.label(mends if broken else breaks)
 
-    def _fill_faults(self, faults: tuple[Fault, ...]) -> None:
-        self._faults.clear()
-        self._faults.visible = bool(faults)
-        with self._faults:
-            for fault in faults:
-                Badge(Sign("warning", FAULT_LABELS[fault].capitalize(), "bad"))
+    def _build_faults(self, faults: tuple[Fault, ...]) -> None:
+        for fault in faults:
+            Badge(Sign("warning", FAULT_LABELS[fault].capitalize(), "bad"))
 
-    def _fill_activities(self) -> None:
-        self._activities.clear()
-        self._activities.visible = bool(self.device.assignments)
-        with self._activities:
-            for activity in self.device.assignments:
-                with ui.element("div"):
-                    ui.label("now" if activity.state in BUSY else "next").classes("somrs-soft somrs-device-when")
-                    with ui.link(target=f"/tasks/{activity.task}").classes("somrs-device-task"):
-                        ui.label(activity_text(activity))
-                        ui.label(f"for {activity.effect}").classes("somrs-formula somrs-soft")
+    def _build_activities(self) -> None:
+        for activity in self.device.assignments:
+            with ui.element("div"):
+                ui.label("now" if activity.state in BUSY else "next").classes("somrs-soft somrs-device-when")
+                with ui.link(target=f"/tasks/{activity.task}").classes("somrs-device-task"):
+                    ui.label(activity_text(activity))
+                    ui.label(f"for {activity.effect}").classes("somrs-formula somrs-soft")
 
-    def _fill_services(self) -> None:
-        self._services.clear()
-        with self._services:
-            for service in self.device.services:
-                _service(service)
-            if not self.device.services:
-                ui.label("No services.").classes("somrs-soft").props('role="listitem"')
+    def _build_services(self) -> None:
+        for service in self.device.services:
+            _service(service)
+        if not self.device.services:
+            ui.label("No services.").classes("somrs-soft").props('role="listitem"')
 
 
 def _service(service: ServiceView) -> None:

@@ -135,7 +135,7 @@ class Registry:
             case Fault():
                 pass  # a Fault is never answered, least of all by a Fault
             case MapChanged() | OntologyChanged():
-                pass  # by a Repository that this Registry does not follow
+                pass  # from a Repository that this Registry does not follow
             case body:
                 text = f"a Registry does not understand {type(body).__name__}; it publishes, renews, retracts and discovers services"
                 yield self._answer(message, Fault(code="ActionNotSupported", text=text))

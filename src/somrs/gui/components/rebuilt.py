@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Self
 
 from nicegui.element import Element
 
@@ -15,14 +16,18 @@ class RebuiltElement(Element):
         self._shown: object = None
 
     def show(self, content: object, build: Callable[[], None]) -> None:
-        """Show the content, which `build` adds to the current element. Equal contents look the same; None is an empty element."""
+        """Show the content, which `build` adds to the current element. Equal contents look the same."""
         if content != self._shown:
             self.rebuild(build)
             self._shown = content
 
     def rebuild(self, build: Callable[[], None]) -> None:
         """Replace what is shown in any case."""
-        self._shown = None
         self.clear()
         with self:
             build()
+
+    def clear(self) -> Self:
+        """Show nothing."""
+        self._shown = None
+        return super().clear()

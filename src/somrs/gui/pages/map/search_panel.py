@@ -69,7 +69,7 @@ class SearchPanel:
     def _show_problem(self, text: str) -> None:
         self._problem.text, self._problem.visible = text, True
         self._status_label.text = ""
-        self._rows.show(None, lambda: None)
+        self._rows.clear()
         self._map_view.highlight({})
 
     def clear(self) -> None:
@@ -77,7 +77,7 @@ class SearchPanel:
         self._field.value = ""
         self._status_label.text = ""
         self._problem.visible = self._clear.visible = False
-        self._rows.show(None, lambda: None)
+        self._rows.clear()
         self._map_view.highlight({})
 
     async def refresh(self) -> None:
@@ -102,11 +102,12 @@ class SearchPanel:
         self._map_view.highlight({name: " ".join(variables) for name, variables in marks.items()})
         self._clear.visible = True
         self._status_label.text = _status_text(result, bool(names))
-        self._rows.show((names, rows) if names else None, lambda: self._build_table(names, rows))
+        if names:
+            self._rows.show((names, rows), lambda: self._build_table(names, rows))
+        else:
+            self._rows.clear()
 
     def _build_table(self, names: list[str], rows: Sequence[Row]) -> None:
-        if not names:
-            return
         with ui.element("table").classes("somrs-map-table"):
             with ui.element("thead"), ui.element("tr"):
                 for name in names:

@@ -158,7 +158,7 @@ class OntologyPage:
             content = (definition, [*view.ontology], view.objects)
             self._content.show(content, lambda: sheet.show_definition(definition, view, self.open_definition))
         else:
-            self._heading.show(None, lambda: None)
+            self._heading.clear()
             if draft is not None:
                 self._content.rebuild(lambda: self._build_editor(draft))
             elif name is not None:
@@ -195,20 +195,21 @@ class OntologyPage:
         """Show links to unsaved drafts."""
         drafts = [draft for key, draft in self._drafts.items() if key != self._key and draft.dirty]
         labels = [draft.name or f"new {draft.section.singular} {draft.form['name']}".strip() for draft in drafts]
-
-        def build() -> None:
-            if not drafts:
-                return
-            with ui.element("div").classes("somrs-onto-banner somrs-onto-unsaved"):
-                ui.icon("edit")
-                TextTag("span", "Not saved:")
-                for draft, label in zip(drafts, labels, strict=True):
-                    ui.button(label, on_click=lambda _, draft=draft: self.open_definition(draft.section, draft.name)).props(
-                        "flat dense no-caps"
-                    )
-
-        self._unsaved_banner.show([draft.key + label for draft, label in zip(drafts, labels, strict=True)], build)
+        if drafts:
+            content = [(draft.key, label) for draft, label in zip(drafts, labels, strict=True)]
+            self._unsaved_banner.show(content, lambda: self._build_unsaved_banner(drafts, labels))
+        else:
+            self._unsaved_banner.clear()
         self._index.mark_drafts(self._unsaved())
+
+    def _build_unsaved_banner(self, drafts: list[Draft], labels: list[str]) -> None:
+        with ui.element("div").classes("somrs-onto-banner somrs-onto-unsaved"):
+            ui.icon("edit")
+            TextTag("span", "Not saved:")
+            for draft, label in zip(drafts, labels, strict=True):
+                ui.button(label, on_click=lambda _, draft=draft: self.open_definition(draft.section, draft.name)).props(
+                    "flat dense no-caps"
+                )
 
     def _unsaved(self) -> set[str]:
         return {key for key, draft in self._drafts.items() if draft.dirty}
