@@ -155,7 +155,7 @@ def _read_a_message(page: Page) -> None:
     message(page, "Failed").click()
     body = chart.get_by_role("region", name="The message")
     expect(body).to_contain_text("Robot1.TransferObject → Task Manager")
-    expect(body).to_contain_text("Robot1: the drive of Robot1 is dead")
+    expect(body).to_contain_text("the drive of Robot1 is dead")
     chart.get_by_role("listbox").focus()
     page.keyboard.press("ArrowDown")
     expect(body).to_contain_text("Task Manager → Robot2.TransferObject")

@@ -194,10 +194,14 @@ def test_the_repository_survives_a_kill_and_its_map_is_gone_on_with_by_its_own_s
 
     async def run() -> None:
         async with running(tmp_path / "run", SCENARIO_1) as (system, client, _):
-            with pytest.raises(UsageError, match="in use"):
+            with pytest.raises(UsageError, match=r"in use by a system that runs.*--data"):
                 async with System([SCENARIO_1], tmp_path / "run", launcher=warm.launcher()):
                     pass
+            late = await asyncio.to_thread(program, "up", str(SCENARIO_1), "--fresh", "--data", str(tmp_path / "run"))
+            assert late.returncode == 2
+            assert "in use by a system that runs" in late.stderr
             assert Addresses.read(tmp_path / "run") == system.addresses, "the one that runs can still be found"
+            assert (tmp_path / "run" / "repository.sqlite").exists(), "`--fresh` deletes nothing of a system that runs"
             view = await accomplish(client, "Jar002 isOn Platform001")
             assert view.outcome is Outcome.ACCOMPLISHED
             system.programs["repository"].process.kill()

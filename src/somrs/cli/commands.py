@@ -79,10 +79,11 @@ async def run_system(site: Sequence[Path], data: Path, speed: str, host: str, fr
     """Run a system until it is asked to stop."""
     from somrs.cli.import_commands import import_sources
     from somrs.deployment.programs import load_site, until_stopped
-    from somrs.deployment.system import System, discard
+    from somrs.deployment.system import System, check_unused, discard
 
     console = terminal.console()
     data.mkdir(parents=True, exist_ok=True)
+    check_unused(data)
     files = import_sources(site, data)
     if fresh:
         load_site(files)  # so that a mistake in it deletes nothing

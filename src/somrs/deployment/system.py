@@ -22,6 +22,7 @@ from somrs.errors import SomrsError, UsageError
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
 from somrs.ports import Reservation
+from somrs.storage.disk import is_in_use
 
 log = logging.getLogger(__name__)
 
@@ -60,6 +61,19 @@ def site_of(data: Path) -> list[Path] | None:
     if not site_file.exists() or not (data / "repository.sqlite").exists():
         return None
     return [Path(path) for path in msgspec.json.decode(site_file.read_bytes(), type=list[str])]
+
+
+def check_unused(data: Path) -> None:
+    """Raises UsageError if a system that runs has this data folder."""
+    if not is_in_use(data / "repository.sqlite"):
+        return
+    try:
+        gui = Addresses.read(data).gui
+    except UsageError:
+        gui = None
+    window = f", in the browser at {gui}" if gui else ""
+    advice = "stop it with Ctrl-C in its terminal, or select another folder with `--data`"
+    raise UsageError(f"{data} is in use by a system that runs{window}; {advice}")
 
 
 def discard(data: Path, keep: Sequence[Path] = ()) -> None:
@@ -120,6 +134,7 @@ class System:
     async def start(self) -> None:
         """Start all programs. Return when all devices offer their services."""
         self.data.mkdir(parents=True, exist_ok=True)
+        check_unused(self.data)
         self._reservation = Reservation(self.host, 7, self._ports_before())
         ports = self._reservation.ports
         self.addresses = Addresses(

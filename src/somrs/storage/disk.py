@@ -237,6 +237,18 @@ class Disk:
             raise UsageError(f"{self.path}: holds something that is no {self.kind.content} ({error}); restore a backup") from None
 
 
+def is_in_use(path: Path) -> bool:
+    """Whether another process has opened the database: it holds the lock as long as it runs. False if there is no such file."""
+    try:
+        with contextlib.closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, timeout=0)) as db:
+            db.execute("SELECT count(*) FROM sqlite_schema")
+    except sqlite3.OperationalError as error:
+        return error.sqlite_errorname in ("SQLITE_BUSY", "SQLITE_LOCKED")
+    except sqlite3.DatabaseError:
+        pass  # no database; whoever opens it explains that
+    return False
+
+
 def execute(db: sqlite3.Connection, step: Step) -> None:
     """Execute the statements within the present transaction, which `executescript` would end."""
     if callable(step):

@@ -119,7 +119,7 @@ class Manipulator(SimulatedDevice):
         try:
             result = await self.retry_when_link_lost(lambda: self._carry_out_transfer(task, object, target))
         except RobotGaveUp as failure:
-            raise ServiceFailed(f"{self.name}: {failure.description}", await self._release_after_failure(failure, object)) from failure
+            raise ServiceFailed(failure.description, await self._release_after_failure(failure, object)) from failure
         finally:
             self.carrying = None
         object_state = self._last_observations.get(object)

@@ -83,7 +83,7 @@ class PatrolRobot(SimulatedDevice):
             searched_places, missed_places = await self.retry_when_link_lost(lambda: self._search(task, object, observations))
             state = (await self.retry_when_link_lost(self._link.status)).state
         except RobotGaveUp as failure:
-            raise ServiceFailed(f"{self.name}: {failure.description}", self._failure_situation(failure)) from failure
+            raise ServiceFailed(failure.description, self._failure_situation(failure)) from failure
         own_pose = self._own_pose(state)
         if object not in observations:
             raise ServiceFailed(_failure_text(self.name, object, searched_places, missed_places), " AND ".join(own_pose))
