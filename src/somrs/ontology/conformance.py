@@ -70,7 +70,7 @@ class _Checker:
         self._by_first: dict[str, list[Fact]] = {}
         self.facts: list[Fact] = []
         self.parts: dict[str, list[str]] = {}
-        self._wholes: dict[str, str] = {}
+        self._wholes: dict[str, list[str]] = {}
         self.schemas: dict[str, _Schema] = {}
         self._rule_results: dict[tuple[object, ...], bool] = {}
         """Cached results of rules about an object's own values, by type, rule and values."""
@@ -79,7 +79,7 @@ class _Checker:
     def _index(self) -> None:
         for fact in self.map.facts(PART_OF):
             if len(fact.arguments) == 2:
-                self._wholes[fact.arguments[0]] = fact.arguments[1]
+                self._wholes.setdefault(fact.arguments[0], []).append(fact.arguments[1])
                 self.parts.setdefault(fact.arguments[1], []).append(fact.arguments[0])
         if self.touched is not None:
             # A whole is checked when one of its parts changes, because its rules count the parts and its formulas refer to them.
@@ -91,11 +91,15 @@ class _Checker:
                 self._by_first.setdefault(fact.arguments[0], []).append(fact)
 
     def _enclosing_wholes(self, name: str) -> Iterator[str]:
+        """What the object is part of, at any depth. An object that breaks the rules may be part of several."""
         visited_names: set[str] = set()
-        while name in self._wholes and name not in visited_names:
-            visited_names.add(name)
-            name = self._wholes[name]
-            yield name
+        waiting = [name]
+        while waiting:
+            for whole in self._wholes.get(waiting.pop(0), ()):
+                if whole not in visited_names:
+                    visited_names.add(whole)
+                    waiting.append(whole)
+                    yield whole
 
     def _nested_parts(self, whole: str) -> Iterator[str]:
         """The parts at any depth: a floor of a room is also a floor of the storey."""

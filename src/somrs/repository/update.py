@@ -112,6 +112,7 @@ def _net_changes(map_before: Map, map_after: Map, changes: Iterable[Change]) -> 
                 facts.update(dict.fromkeys(map_before.facts_about(name)))
             case _:
                 names[objects_of(change)[0]] = None
+    removed = {name for name in names if name in map_before.objects and name not in map_after.objects}
     held = {fact: (map_before.has_fact(fact.relation, fact.arguments), map_after.has_fact(fact.relation, fact.arguments)) for fact in facts}
     yield from (FactRemoved(fact) for fact, (held_before, held_after) in held.items() if held_before and not held_after)
     for name in names:
@@ -125,7 +126,10 @@ def _net_changes(map_before: Map, map_after: Map, changes: Iterable[Change]) -> 
             for path in {**old.values, **new.values}:
                 if old.values.get(path) != new.values.get(path):
                     yield ValueSet(name, path, new.values.get(path))
-    yield from (FactAdded(fact) for fact, (held_before, held_after) in held.items() if held_after and not held_before)
+    # A fact of an object that is removed goes with it; if it is stated all the same, that is a change, and breaks a rule.
+    yield from (
+        FactAdded(fact) for fact, (before, after) in held.items() if after and (not before or not removed.isdisjoint(fact.arguments))
+    )
 
 
 def _text_violations(changes: Iterable[Change]) -> Iterator[Violation]:

@@ -52,6 +52,10 @@ UPDATES: list[tuple[list[Change], set[tuple[str, str]]]] = [
     ([ObjectAdded(Object(name="X", type="Jra"))], {("X", "unknown-type")}),
     ([ObjectAdded(Object(name="X", type="Room"))], {("X", "root")}),
     ([ObjectAdded(Object(name="X", type="Room")), part("X", "Storey001")], set()),
+    (  # of both wholes
+        [FactAdded(Fact(PART_OF, ("Floor001", "Building001"))), ObjectAdded(Object(name="Floor001", type="Place"))],
+        {("Floor001 isPartOf Building001", "functional"), ("Floor001", "required"), ("Room001", "parts")},
+    ),
     ([FactAdded(Fact("isIn", ("Jar002", "Cupboard001")))], {("Jar002 isIn Cupboard001", "exclusive")}),
     ([FactAdded(Fact("isOn", ("Jar002", "Table001")))], {("Jar002 isOn Table001", "functional")}),
     ([FactAdded(Fact("isAt", ("Jar003", "Entrance")))], {("Jar003 isAt Entrance", "relation-types")}),

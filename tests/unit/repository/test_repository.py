@@ -189,6 +189,7 @@ def test_everything_that_is_wrong_is_said_and_nothing_is_done(repository: Reposi
         ([FactAdded(Fact("isHeldBy", ("Jar1", "Robot1")))], "exclusive"),
         ([FactAdded(Fact("isHeldBy", ("Jar1", "Table1")))], "relation-types"),
         ([FactAdded(Fact("isOn", ("Jar1", "Nowhere")))], "unknown-object"),
+        ([ObjectRemoved("Jar1"), FactAdded(Fact("isOn", ("Jar1", "Table1")))], "unknown-object"),  # though the fact held before
         ([ObjectRemoved("Floor1")], "parts"),
         ([ObjectRemoved(name) for name in ("Floor1", "Room1", "Room2", "Storey1", "Building1")], "root"),
         ([FactRemoved(Fact("isPartOf", ("Room1", "Storey1")))], "root"),

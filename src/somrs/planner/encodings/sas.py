@@ -6,6 +6,7 @@ https://www.fast-downward.org/latest/documentation/translator-output-format/
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import takewhile
 from typing import TYPE_CHECKING
 
 from somrs.planner.grounding.finite_task import Assignment, FiniteTask, Operation
@@ -20,9 +21,9 @@ def encode_sas(task: FiniteTask) -> str:
 
 
 def decode_moves(names: list[str], task: Task) -> list[Move]:
-    """The moves of an engine's plan, without those that only reach the goal."""
-    moves = [task.moves[int(name.split()[0])] for name in names]
-    return [move for move in moves if move.action.operator.service is not None]
+    """The moves of an engine's plan up to the one that only reaches the goal. Moves after it may lead away from the goal."""
+    moves = (task.moves[int(name.split()[0])] for name in names)
+    return [*takewhile(lambda move: move.action.operator.service is not None, moves)]
 
 
 def _lines(task: FiniteTask) -> Iterator[str]:

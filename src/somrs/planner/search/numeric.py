@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import takewhile
 
 from somrs.entish import Arithmetic, Comparison, Name, Not, Number, Term, Variable
 from somrs.ontology.units import convert_unit
@@ -23,9 +24,9 @@ class NumericTask:
         self.problem = self._problem()
 
     def decode_moves(self, names: list[str]) -> list[Move]:
-        """The moves of an engine's plan, without the last one, which only reaches the goal."""
-        moves = [self._task.moves[int(name.lower().removeprefix("a"))] for name in names]
-        return [move for move in moves if move.action.operator.service is not None]
+        """The moves of an engine's plan up to the one that only reaches the goal. Moves after it may lead away from the goal."""
+        moves = (self._task.moves[int(name.lower().removeprefix("a"))] for name in names)
+        return [*takewhile(lambda move: move.action.operator.service is not None, moves)]
 
     def _domain(self) -> str:
         atoms = " ".join(_atom((variable, value)) for variable, values in enumerate(self._task.values) for value in range(len(values)))

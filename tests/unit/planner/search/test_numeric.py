@@ -59,7 +59,11 @@ def test_the_whole_task_is_written() -> None:
     assert (counters.names, counters.initial) == (["T1.Count", "T2.Weight"], (2.5, None))
     assert written.domain == DOMAIN
     assert written.problem == PROBLEM
-    assert [format_action(move.action) for move in written.decode_moves(["a1", "A0", "a2", "a3"])] == ["Fill T=T1", "Do T=T1", "Lift T=T2"]
+    assert [format_action(move.action) for move in written.decode_moves(["a1", "A0", "a2", "a3", "a1"])] == [
+        "Fill T=T1",
+        "Do T=T1",
+        "Lift T=T2",
+    ]
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import pytest
 from msgspec import structs
 
 from somrs.ontology.services import ServiceType
+from somrs.planner.encodings.sas import decode_moves
 from somrs.planner.grounding.task import Move, Task
 from somrs.planner.search.progress import Progress, measure_progress
 from somrs.planner.search.search import AdditiveHeuristic, TooHard, cheapest, remove_redundant_moves, search
@@ -109,6 +110,16 @@ def test_where_a_cheaper_plan_takes_too_long_the_first_one_does() -> None:
         search(task, 17, cheap=True)
     assert format_moves(cheapest(task, 17)) == ["Mark T=T1"]
     assert format_moves(cheapest(task, 18)) == ["Wash T=T1", "Label T=T1"]
+
+
+def test_an_engines_plan_ends_where_it_reaches_the_goal() -> None:
+    """An engine for parallel plans may add moves after that, which lead away from the goal."""
+    task = task_of("marked(?T: Thing)", SOIL, WASH, facts=WAY)
+    moves = ["Wash T=T1", "Soil T=T1"]
+    numbers = {format_action(move.action): number for number, move in enumerate(task.moves)}
+    goal = next(name for name in numbers if name.startswith("goal"))
+    names = [f"{numbers[name]} of an engine" for name in (*moves, goal, "Wash T=T1")]
+    assert format_moves(decode_moves(names, task)) == moves
 
 
 def test_a_search_that_gave_up_says_how_far_it_got() -> None:
