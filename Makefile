@@ -12,7 +12,7 @@ JOBS ?= auto
 MORE_JOBS ?= $(shell echo $$((2 * $$(getconf _NPROCESSORS_ONLN))))
 AT_ONCE := --numprocesses $(MORE_JOBS) --dist loadscope --no-loadscope-reorder
 
-.PHONY: setup demo test tests lint lint-python javascript unit coverage integration system properties browser scenarios fault-runs model-check benchmarks bench-codmap bench-coordination docs docs-site distribution clean kill-runs upgrade-runs mutants
+.PHONY: setup demo test tests lint lint-python javascript unit coverage integration system properties browser scenarios fault-runs model-check benchmarks bench-codmap bench-coordination docs docs-site docs-serve distribution clean kill-runs upgrade-runs mutants
 
 setup: .venv/.ready
 
@@ -113,7 +113,12 @@ distribution: setup
 # The documentation as a site, in out/site; a broken link is an error. Neither building nor reading it needs a network.
 docs-site: setup
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
-	@echo "The documentation is in out/site; open out/site/index.html"
+	@echo "The documentation is in out/site. To read it with its search and its diagrams: make docs-serve"
+
+# Browsers run no search and load no modules for pages that are opened as files.
+docs-serve: docs-site
+	@echo "The documentation is at http://127.0.0.1:$(or $(PORT),8000) until Ctrl-C"
+	@$(BIN)/python -m http.server --bind 127.0.0.1 --directory out/site $(or $(PORT),8000) >/dev/null 2>&1
 
 clean:
 	@rm -rf .venv node_modules out .somrs build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
