@@ -21,7 +21,8 @@ from pathlib import Path
 from somrs.cli.import_commands import problem_of
 from somrs.client.client import Addresses, Client
 from somrs.ontology.files.site import dump_site
-from somrs.protocol.messages.clients import Phase, Submit
+from somrs.protocol.messages.clients import Phase, Submit, WorkView
+from somrs.protocol.messages.events import GoalKind
 from somrs.protocol.messages.frp import State
 from verification.upgrade_runs.release import ROOT, build_release, release_name
 from verification.upgrade_runs.run import Tree
@@ -59,9 +60,14 @@ async def _tasks(data: Path) -> dict[str, str]:
             await asyncio.sleep(0.02)
         later_task = await client.submit(Submit(effect=LATER_GOAL))
         await client.cancel(undone_task, "it is not wanted any more")
-        while (await client.read_task(undone_task)).view.phase is not Phase.COMPENSATING:
+        while not any(_undoes(work) for work in (await client.read_task(undone_task)).view.work):
             await asyncio.sleep(0.02)
         return {undone_task: UNDONE_GOAL, later_task: LATER_GOAL}
+
+
+def _undoes(work: WorkView) -> bool:
+    """Whether the work undoes other work, or is being undone."""
+    return work.goal is GoalKind.UNDO or work.state is State.COMPENSATING
 
 
 def _pack(data: Path, folder: Path) -> None:

@@ -111,11 +111,12 @@ class Tree:
 
 
 def processes(data: Path) -> list[tuple[int, list[bytes]]]:
-    """Return the processes of the systems of a data folder, each with its command line."""
+    """Return the processes of the systems of a data folder, each with the words of its command line. A launcher gives the programs that it
+    forks a title, which has spaces between the words."""
     matches = []
     for entry in Path("/proc").iterdir():
         try:
-            words = (entry / "cmdline").read_bytes().split(b"\0") if entry.name.isdigit() else []
+            words = (entry / "cmdline").read_bytes().replace(b"\0", b" ").split() if entry.name.isdigit() else []
         except OSError:  # it has just ended
             continue
         if str(data).encode() in words and int(entry.name) != os.getpid():
