@@ -51,6 +51,8 @@ class Tree:
     def __init__(self, tree: Path, site: Path, data: Path, log: Path) -> None:
         self._tree, self._site, self._data, self._log = tree, site, data, log
         self._process: asyncio.subprocess.Process | None = None
+        self._kept: list[int] = []
+        """The processes that outlive the system: the world, and its stopped parent."""
 
     async def start(self, world: str | None = None) -> None:
         """Start the system in the given world or one of its own, and return when it is ready. Raises UsageError with the system's output if
@@ -90,17 +92,25 @@ class Tree:
         return {**os.environ, "PYTHONPATH": f"{self._tree / 'src'}{os.pathsep}{self._tree}"}
 
     async def kill(self) -> None:
-        """SIGKILL all programs at the same time, as a power failure does, except the world."""
+        """SIGKILL all programs at the same time, as a power failure does, except the world, which ends when its parent ends."""
         assert self._process is not None, "it was started"
-        self._process.send_signal(signal.SIGSTOP)  # it must not restart programs; and the world ends when it ends
-        while killed := [id for id, words in processes(self._data) if id != self._process.pid and b"world" not in words]:
+        self._process.send_signal(signal.SIGSTOP)  # it must not restart programs
+        world = next(id for id, words in processes(self._data) if b"world" in words)
+        launcher = _parent(world)
+        os.kill(launcher, signal.SIGSTOP)
+        self._kept = [launcher, world]
+        while killed := [id for id, _ in processes(self._data) if id != world]:
             for id in killed:
                 with contextlib.suppress(ProcessLookupError):
                     os.kill(id, signal.SIGKILL)
             await asyncio.sleep(0.05)
+        await self._process.wait()
 
     async def end(self) -> None:
         """SIGKILL all programs of the system."""
+        for id in self._kept:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(id, signal.SIGKILL)
         if self._process is None or self._process.returncode is not None:
             return
         self._process.send_signal(signal.SIGSTOP)
@@ -108,6 +118,12 @@ class Tree:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(id, signal.SIGKILL)
         await self._process.wait()
+
+
+def _parent(process: int) -> int:
+    """Return the process id of the parent process."""
+    fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    return int(fields[1])
 
 
 def processes(data: Path) -> list[tuple[int, list[bytes]]]:
