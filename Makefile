@@ -118,7 +118,8 @@ docs-site: setup
 # Browsers run no search and load no modules for pages that are opened as files.
 docs-serve: docs-site
 	@echo "The documentation is at http://127.0.0.1:$(or $(PORT),8000) until Ctrl-C"
-	@$(BIN)/python -m http.server --bind 127.0.0.1 --directory out/site $(or $(PORT),8000) >/dev/null 2>&1
+	@$(BIN)/python -m http.server --bind 127.0.0.1 --directory out/site $(or $(PORT),8000) >/dev/null 2>&1 \
+		|| { echo "port $(or $(PORT),8000) cannot be used; select another: make docs-serve PORT=8001"; exit 1; }
 
 clean:
 	@rm -rf .venv node_modules out .somrs build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
