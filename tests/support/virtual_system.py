@@ -13,6 +13,7 @@ from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
 from somrs.protocol.messages.clients import Submit, Submitted, TaskRejected, TaskView
 from somrs.protocol.messages.envelope import Header, Message, message_id
+from somrs.protocol.messages.knowledge import Definitions
 from somrs.protocol.messages.records import TaskRecord
 from somrs.registry.component import SCHEMA as REGISTRY
 from somrs.registry.component import Registry
@@ -31,6 +32,7 @@ from somrs.service_manager.sdk.orders import (
     Quote,
     Quoted,
     Refusal,
+    Report,
     ServiceFailed,
     Undo,
     WorkDone,
@@ -146,6 +148,8 @@ class VirtualSystem:
         planning: float = 0.0,
     ) -> None:
         self._planning = planning
+        self.reports: list[str] = []
+        """What the devices reported to the people who run them."""
         loaded = load_text(site, "site.yaml")
         assert loaded.map is not None
         self.world = World(medium=medium, watch=watch)
@@ -165,7 +169,18 @@ class VirtualSystem:
 
     def join(self, robot: Robot, type: str = "PioneerP3DX", service: str | ServiceType = "TransferObject") -> None:
         capability = Capability(type=service, method="work", stoppable=True, undoable=robot.undoes is not None)
-        self._join(robot, Profile(name=robot.name, type=type, capabilities=(capability,), valid_for=robot.valid_for, lease=3600))
+        definitions = Definitions(services=(service,) if isinstance(service, ServiceType) else ())
+        self._join(
+            robot,
+            Profile(
+                name=robot.name,
+                type=type,
+                capabilities=(capability,),
+                definitions=definitions,
+                valid_for=robot.valid_for,
+                lease=3600,
+            ),
+        )
 
     def restart(self, robot: Robot, *, snapshot: bool = False) -> None:
         """Kill and restart the robot's Service Manager, from its journal and, if requested, a snapshot."""
@@ -180,7 +195,12 @@ class VirtualSystem:
         return manager
 
     def _join(self, robot: Robot, profile: Profile) -> None:
-        self.world.add(f"devices/{robot.name}", self._new_device(profile), robot.carry_out, journaled=SERVICE_MANAGER)
+        def carry_out(task: object) -> Work:
+            if isinstance(task, Report):
+                self.reports.append(task.text)
+            yield from robot.carry_out(task)
+
+        self.world.add(f"devices/{robot.name}", self._new_device(profile), carry_out, journaled=SERVICE_MANAGER)
 
     @staticmethod
     def _new_device(profile: Profile) -> ServiceManager:

@@ -41,7 +41,11 @@ SIGNS = {
 }
 """Icon and tone of each state."""
 
-LEAVING = {"expired": "stopped responding", "retracted": "withdrew its services"}
+LEAVING = {
+    "expired": "stopped responding",
+    "retracted": "withdrew its services",
+    "outdated": "offers services whose types are now defined otherwise",
+}
 """Labels for the Registry's reasons of departure."""
 
 _NO_BREAK = "\N{NO-BREAK SPACE}"

@@ -2,13 +2,16 @@
 
 Paper, "Service Registry": information about the services currently available. A service is listed as long as its provider renews its
 lease, so that silent providers drop out. The list survives a restart, and so do the latest arrivals and departures. The Registry answers
-the renewal of an unknown provider with a Fault; the provider then publishes its services again.
+the renewal of an unknown provider with a Fault; the provider then publishes its services again. It lists only offers that agree about the
+definitions of service types (`listing.py`), and tells a provider when a definition changes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import chain
+from types import MappingProxyType
 from typing import Self
 
 import msgspec
@@ -39,17 +42,23 @@ from somrs.protocol.messages.directory import (
     ServicesJoined,
     ServicesLeft,
     ServicesSubscribed,
+    ServiceTypesChanged,
     SubscribeServices,
+    Withheld,
 )
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id, normalised_id, reply
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import MapChanged, OntologyChanged
 from somrs.protocol.messages.leases import grant_lease
 from somrs.protocol.messages.paging import PAGE_BYTES, fit_page
+from somrs.registry.listing import ListedOffers, Listing
 from somrs.registry.state import LeasesDue, Provider, RegistryState, Timer
 
 REMEMBERED = 10_000
 """How many publications, renewals and retractions are remembered: a repeated request that arrives late must not undo a newer one."""
+
+REPUBLISHING_TIME = 3.0
+"""Seconds within which a provider is expected to publish again when service types are defined anew."""
 
 LOG_LENGTH = 200
 """How many arrivals and departures are remembered."""
@@ -90,13 +99,20 @@ class Registry:
         """Handle an input and return its effects."""
         return [*self._effects(event, now)]
 
+    def _listing(self) -> Listing:
+        replica = self.state.replica
+        return Listing(self.state.providers, self.ontology, replica.version if replica is not None else math.inf)
+
     def _effects(self, event: Input, now: float) -> Effects:
         state = self.state
         if isinstance(event, Received) and only_reads(event):
             yield from self._received(event.message, now)
             return
+        listing = self._listing()
         if state.replica is not None and (news := state.replica.handle(event, now)) is not None:
             yield from news.effects
+            if news.ontology_changed:
+                yield from self._ontology_changed(listing, now)
             return
         yield from self._expire(now)
         match event:
@@ -162,18 +178,16 @@ class Registry:
         lease, providers = grant_lease(publish.lease), self.state.providers
         offers = self._check_offers(publish)
         old_provider = providers.get(publish.provider)
-        old = old_provider.offers if old_provider is not None else {}
+        old = old_provider.offers.values() if old_provider is not None else ()
+        listed = self._listed_with_rivals([publish.provider], [*old, *offers.values()])
         if offers:
-            providers[publish.provider] = Provider(offers=offers, expires_at=now + lease)
+            # A provider that publishes again keeps its place: of a type that only providers define, the first one's definition counts.
+            version = max(publish.ontology_version, 0)
+            providers[publish.provider] = Provider(offers=offers, expires_at=now + lease, ontology_version=version)
         else:
             providers.pop(publish.provider, None)
-        removed_services = [service for service in old if service not in offers]
-        new = [offer for service, offer in offers.items() if old.get(service) != offer]
-        added_services = [service for service in offers if service not in old]
-        return _publish_reply(now, lease), [
-            *self._announce_left(publish.provider, removed_services, "retracted", now),
-            *self._announce_joined(publish.provider, added_services, new, now),
-        ]
+        effects = self._announce(listed, "retracted", now, requester=publish.provider)
+        return self._published(publish.provider, lease, now), effects
 
     def _check_offers(self, publish: Publish) -> dict[str, Offer]:
         """The offers by service name. Raises UsageError for offers that cannot be used."""
@@ -206,37 +220,66 @@ class Registry:
         if (provider := self.state.providers.get(renew.provider)) is None:
             return Fault(code="Sender", text=f"nothing is registered for {renew.provider}: publish its services anew"), []
         provider.expires_at = now + lease
-        return _publish_reply(now, lease), []
+        return self._published(renew.provider, lease, now), []
+
+    def _published(self, provider: str, lease: float, now: float) -> Published:
+        withheld = tuple(reason for _, reason in self._listing().withheld_of(provider))
+        # Two of three renewals may be lost.
+        return Published(until=now + lease, renew_within=lease / 3, withheld=withheld)
 
     def _retract(self, retract: Retract, now: float) -> tuple[Answer, list[Effect]]:
         provider = self.state.providers.get(retract.provider)
         if provider is None:
             return Retracted(services=()), []
         removed_services = [service for service in provider.offers if not retract.services or service in retract.services]
+        listed = self._listed_with_rivals([retract.provider], (provider.offers[service] for service in removed_services))
         for service in removed_services:
             del provider.offers[service]
         if not provider.offers:
             del self.state.providers[retract.provider]
-        return Retracted(services=tuple(removed_services)), self._announce_left(retract.provider, removed_services, "retracted", now)
+        return Retracted(services=tuple(removed_services)), self._announce(listed, "retracted", now)
 
     def _expire(self, now: float) -> list[Effect]:
         self.state.subscribers = {address: expires_at for address, expires_at in self.state.subscribers.items() if expires_at > now}
-        silent = sorted((provider.expires_at, name) for name, provider in self.state.providers.items() if provider.expires_at <= now)
-        return [
-            effect
-            for expires_at, name in silent
-            for effect in self._announce_left(name, list(self.state.providers.pop(name).offers), "expired", now, expires_at)
-        ]
+        providers = self.state.providers
+        silent = sorted((provider.expires_at, name) for name, provider in providers.items() if provider.expires_at <= now)
+        names = [name for _, name in silent]
+        listed = self._listed_with_rivals(names, [offer for name in names for offer in providers[name].offers.values()])
+        expiries = {name: providers.pop(name).expires_at for name in names}
+        return self._announce(listed, "expired", now, expiries)
+
+    def _ontology_changed(self, before: Listing, now: float) -> Effects:
+        listed = before.listed(self.state.providers)
+        if self._listing().version < before.version:  # the Repository's store begins anew: its versions say nothing about earlier ones
+            for provider in self.state.providers.values():
+                provider.ontology_version = 0
+        yield from self._announce(listed, "outdated", now)
+
+    def _listed_with_rivals(self, names: Iterable[str], offers: Iterable[Offer]) -> ListedOffers:
+        """The listed offers of these providers, and of those that the arrival or departure of `offers` concerns."""
+        listing = self._listing()
+        return listing.listed(dict.fromkeys((*names, *listing.rivals(offers))))
 
     # Clients
 
     def _discover(self, discover: Discover, now: float) -> Discovered:
         effect = parse(discover.effect) if discover.effect is not None else None
-        offers = (offer for provider in self.state.providers.values() if provider.expires_at > now for offer in provider.offers.values())
+        listing, reasons = self._listing(), dict[str, Withheld]()
+        present = [name for name, provider in self.state.providers.items() if provider.expires_at > now]
+        if discover.withheld:
+            withheld = [entry for name in present for entry in listing.withheld_of(name)]
+            offers, reasons = [offer for offer, _ in withheld], {reason.service: reason for _, reason in withheld}
+        else:
+            offers = [offer for name in present for offer in listing.offers_of(name)]
         fitting = [offer for offer in offers if self._fits(offer, discover, effect)]
         later_offers = sorted((offer for offer in fitting if offer.service > discover.after), key=lambda offer: offer.service)
         page = next(_paginate(later_offers), [])
-        return Discovered(offers=tuple(page), more=len(page) < len(later_offers))
+        return Discovered(
+            offers=tuple(page),
+            more=len(page) < len(later_offers),
+            withheld=tuple(reasons[offer.service] for offer in page if offer.service in reasons),
+            unsettled=any(now < (self.state.providers[name].expected_by or 0.0) for name in present),
+        )
 
     def _fits(self, offer: Offer, query: Discover, effect: Formula | None) -> bool:
         return (
@@ -259,6 +302,40 @@ class Registry:
 
     # Notifications
 
+    def _announce(
+        self,
+        before: ListedOffers,
+        reason: str,
+        now: float,
+        expiries: Mapping[str, float] = MappingProxyType({}),
+        requester: str | None = None,
+    ) -> list[Effect]:
+        """Announce which offers are listed now and were not before, or not as they are now, and which services are not listed any more.
+
+        `reason`: why services left that their provider does not offer now; `expiries`: when their leases expired, if that is earlier than
+        `now`. A provider whose services are withheld is told so, unless it is the requester, which learns it from the answer.
+        """
+        effects: list[Effect] = []
+        for name, offers in self._listing().listed(before).items():
+            old, provider = before[name], self.state.providers.get(name)
+            published = provider.offers if provider is not None else {}
+            removed = [service for service in old if service not in offers]
+            outdated = [service for service in removed if service in published]
+            gone = [service for service in removed if service not in published]
+            changed = [offer for service, offer in offers.items() if old.get(service) != offer]
+            effects += self._announce_left(name, gone, reason, now, expiries.get(name))
+            effects += self._announce_left(name, outdated, "outdated", now)
+            effects += self._announce_joined(name, [service for service in offers if service not in old], changed, now)
+            if outdated and name != requester:
+                effects += self._tell_provider(name, [published[service] for service in outdated], now)
+        return effects
+
+    def _tell_provider(self, provider: str, offers: list[Offer], now: float) -> list[Effect]:
+        self.state.providers[provider].expected_by = now + REPUBLISHING_TIME
+        types = tuple(dict.fromkeys(offer.service_type.name for offer in offers))
+        addresses = dict.fromkeys(offer.address for offer in offers)
+        return self._notify(addresses, ServiceTypesChanged(provider=provider, service_types=types), now)
+
     def _announce_joined(self, provider: str, added_services: list[str], offers: list[Offer], now: float) -> list[Effect]:
         """Announce offers that are new or have changed; the services of the new ones are `added_services`."""
         self._log(PresenceChange(at=now, device=provider, services=tuple(added_services), joined=True))
@@ -276,23 +353,14 @@ class Registry:
             del self.state.presence_log[:-LOG_LENGTH]
 
     def _notify_subscribers(self, news: ServicesJoined | ServicesLeft, now: float) -> list[Effect]:
+        return self._notify([address for address, expires_at in self.state.subscribers.items() if expires_at > now], news, now)
+
+    def _notify(self, recipients: Iterable[str], news: ServicesJoined | ServicesLeft | ServiceTypesChanged, now: float) -> list[Effect]:
         self.state.news_count += 1
         # The time is part of the id: a Registry that lost its state numbers its notifications from 1 again.
-        headers = [
-            Header(
-                sender=self.state.address,
-                recipient=subscriber,
-                message_id=message_id(self.state.address, subscriber, "news", self.state.news_count, now),
-            )
-            for subscriber, expires_at in self.state.subscribers.items()
-            if expires_at > now
-        ]
+        ids = {recipient: message_id(self.state.address, recipient, "news", self.state.news_count, now) for recipient in recipients}
+        headers = [Header(sender=self.state.address, recipient=recipient, message_id=id) for recipient, id in ids.items()]
         return [Send(Message(header=header, body=news)) for header in headers]
-
-
-def _publish_reply(now: float, lease: float) -> Published:
-    # Two of three renewals may be lost.
-    return Published(until=now + lease, renew_within=lease / 3)
 
 
 def _equal_values(value: Value | None, other_value: Value) -> bool:

@@ -18,10 +18,16 @@ Timer = LeasesDue | ReplicaDue
 
 
 class Provider(Struct, kw_only=True):
-    """The offers of a device by service name, and when its lease expires."""
+    """The offers of a device by service name, as it published them, and when its lease expires.
+
+    `ontology_version`: the version of the Repository from which it has the definitions of the service types; 0: not known. `expected_by`:
+    until when it is expected to publish again, because service types are defined anew.
+    """
 
     offers: dict[str, Offer]
     expires_at: float = field(name="until")
+    ontology_version: int = 0
+    expected_by: float | None = None
 
 
 class RegistryState(Struct, kw_only=True):

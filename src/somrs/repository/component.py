@@ -63,6 +63,7 @@ from somrs.protocol.messages.knowledge import (
 )
 from somrs.protocol.messages.leases import grant_lease
 from somrs.protocol.messages.paging import PAGE_BYTES, fit_page, size
+from somrs.repository.brought_definitions import brought_outcome
 from somrs.repository.definition import define_outcome, rename_outcome
 from somrs.repository.history_queries import archive_reply, events_query, history_query, page_query, undo_query
 from somrs.repository.outcome import VERSION, Outcome, considered, rejected
@@ -217,6 +218,8 @@ class Repository:
         match alteration:
             case UpdateMap():
                 return update_outcome(map, ontology, alteration)
+            case Define(brought=True):
+                return brought_outcome(self.contents, alteration)
             case Define():
                 return define_outcome(map, ontology, alteration)
             case RenameObject():

@@ -104,6 +104,8 @@ class TaskManager:
         if news is not None:
             yield from news.effects
             yield from self._map_changed(news.reloaded, now)
+            for task in state.running if news.ontology_changed else ():
+                yield from self._transaction(task).proceed(now)
         else:
             yield from self._handle(event, now)
         for task in state.reservations.admit_waiting():
@@ -145,7 +147,7 @@ class TaskManager:
     def _receive(self, message: Message, now: float) -> Effects:
         state, body, id = self.state, message.body, message.header.message_id
         if state.requests.is_answer(message):
-            yield from self._request_answered((yield from state.requests.answered(message, now)), now)
+            yield from self._request_answered((yield from state.requests.answered(message, state.replica.ontology, now)), now)
         elif isinstance(body, FrpBody) and message.header.transaction is not None:
             if message.header.transaction in state.tasks:
                 yield from self._transaction(message.header.transaction).receive(message, now)

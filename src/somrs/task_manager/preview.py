@@ -192,9 +192,18 @@ class PreviewExecutor:
                 earliest, latest = workflow.earliest_start(run, now), self._latest_finish
                 yield from calls.open((yield from self._arrangement.invite_services(run, able, earliest, latest, now, REPLY_TIME)))
             if workflow.arranged:
+                if self._services.redefined_types() & {run.step.service_type for run in workflow}:
+                    return (yield from self._begin_again(now))
                 return (yield from self._end(self._conclusion()))
             if len(calls) or not runs:
                 return None
+
+    def _begin_again(self, now: float) -> EffectsReturning[Previewed | None]:
+        """Plan again, because service types of the plan are defined anew."""
+        state = self._state
+        state.planning = structs.replace(state.planning, serial=state.planning.serial + 1)
+        state.quotations, state.unserved = {}, {}
+        return (yield from self.begin(now))
 
     @property
     def _latest_finish(self) -> float | None:

@@ -8,6 +8,8 @@ from __future__ import annotations
 from msgspec import Struct, field
 
 from somrs.kernel.component import Effects, EffectsReturning, Send, SetTimer
+from somrs.ontology.agreement import disagreements
+from somrs.ontology.types import Ontology
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.directory import Discover, Discovered, Offer
 from somrs.protocol.messages.envelope import Header, Message, message_id
@@ -21,6 +23,12 @@ PATIENCE = 10.0
 
 DISCOVERY_TIME = 30.0
 """Seconds that the Registry has to answer. Planning is impossible without the services on offer."""
+
+SETTLING_TIME = 5.0
+"""Seconds for which a request waits until providers and Registry have the service types as the Repository defines them now."""
+
+PAUSE = 0.3
+"""Seconds between two requests meanwhile."""
 
 UPDATE_TIME = 86_400.0
 """Seconds for which a report is sent to the Repository, which has to receive it even after a long outage."""
@@ -68,12 +76,13 @@ RequestResult = ServicesKnown | ReportAnswered
 
 
 class Request(Struct, frozen=True, kw_only=True):
-    """A pending request. `offers`: those of the earlier pages."""
+    """A pending request. `offers`: those of the earlier pages. `settles_by`: until when it is repeated if the offers are not settled."""
 
     message: Message
     purpose: RequestPurpose
     expires_at: float = field(name="until")
     offers: tuple[Offer, ...] = field(default=(), name="found")
+    settles_by: float | None = None
 
 
 class Requests(Struct, kw_only=True):
@@ -92,21 +101,27 @@ class Requests(Struct, kw_only=True):
 
     def update(self, body: UpdateMap, purpose: ForReport, now: float) -> Effects:
         """Request a change of the map from the Repository."""
-        yield from self._ask(self.repository, body, purpose, now, UPDATE_TIME)
+        yield from self._send_request(self._new_request(self.repository, body, purpose, now + UPDATE_TIME), now)
 
-    def discover(self, purpose: ForPlan | ForLook, now: float, offers: tuple[Offer, ...] = ()) -> Effects:
+    def discover(self, purpose: ForPlan | ForLook, now: float) -> Effects:
         """Read all offers from the Registry, page by page."""
+        yield from self._send_request(self._discovery(purpose, now, now + SETTLING_TIME), now)
+
+    def _discovery(self, purpose: RequestPurpose, now: float, settles_by: float | None, offers: tuple[Offer, ...] = ()) -> Request:
         discover = Discover(after=offers[-1].service if offers else "")
-        yield from self._ask(self.registry, discover, purpose, now, DISCOVERY_TIME, offers)
+        return self._new_request(self.registry, discover, purpose, now + DISCOVERY_TIME, offers, settles_by)
 
     def is_answer(self, message: Message) -> bool:
         return message.header.relates_to in self.pending
 
-    def answered(self, message: Message, now: float) -> EffectsReturning[RequestResult | None]:
-        """Handle an answer. Returns None if the answer has further pages."""
+    def answered(self, message: Message, ontology: Ontology, now: float) -> EffectsReturning[RequestResult | None]:
+        """Handle an answer. `ontology` is the one by which offers are judged.
+
+        Returns None if the answer has further pages, or if the offers are not settled: the request is then repeated after a moment.
+        """
         request = self.pending.pop(message.header.relates_to or "")
         yield SetTimer(AnswerDue(request.message.header.message_id), None)
-        return (yield from self._interpret_answer(request, message, now))
+        return (yield from self._interpret_answer(request, message, now, ontology))
 
     def delivery_failed(self, message: Message, reason: str, now: float) -> EffectsReturning[RequestResult | None]:
         """Handle a request that could not be delivered."""
@@ -120,27 +135,40 @@ class Requests(Struct, kw_only=True):
             return None
         return (yield from self._retry(request, f"{request.message.header.recipient} does not answer", now))
 
-    def _interpret_answer(self, request: Request, answer: Message, now: float) -> EffectsReturning[RequestResult | None]:
-        purpose = request.purpose
+    def _interpret_answer(
+        self, request: Request, answer: Message, now: float, ontology: Ontology | None = None
+    ) -> EffectsReturning[RequestResult | None]:
+        purpose, body = request.purpose, answer.body
         if isinstance(purpose, ForReport):
             return ReportAnswered(purpose, answer)
-        if not isinstance(answer.body, Discovered):
+        if not isinstance(body, Discovered):
             return ServicesKnown(purpose, f"the Service Registry answered: {join_reasons(answer_problems(answer))}")
-        offers = request.offers + answer.body.offers
-        if answer.body.more and answer.body.offers:
-            yield from self.discover(purpose, now, offers)
+        offers = request.offers + body.offers
+        if body.more and body.offers:
+            yield from self._send_request(self._discovery(purpose, now, request.settles_by, offers), now)
+            return None
+        if request.settles_by is not None and now < request.settles_by and (body.unsettled or _is_out_of_date(offers, ontology)):
+            later_request = self._discovery(purpose, now, request.settles_by)
+            yield SetTimer(AnswerDue(later_request.message.header.message_id), now + PAUSE)
             return None
         return ServicesKnown(purpose, offers)
 
-    def _ask(
-        self, recipient: str, body: Body, purpose: RequestPurpose, now: float, seconds: float, offers: tuple[Offer, ...] = ()
-    ) -> Effects:
+    def _new_request(
+        self,
+        recipient: str,
+        body: Body,
+        purpose: RequestPurpose,
+        expires_at: float,
+        offers: tuple[Offer, ...] = (),
+        settles_by: float | None = None,
+    ) -> Request:
         self.request_count += 1
         id = message_id(self.address, self.incarnation, self.request_count)
         header = Header(sender=self.address, recipient=recipient, message_id=id, reply_to=self.address)
-        request = Request(message=Message(header=header, body=body), purpose=purpose, expires_at=now + seconds, offers=offers)
+        message = Message(header=header, body=body)
+        request = Request(message=message, purpose=purpose, expires_at=expires_at, offers=offers, settles_by=settles_by)
         self.pending[id] = request
-        yield from self._send_request(request, now)
+        return request
 
     def _send_request(self, request: Request, now: float) -> Effects:
         expires_at = min(now + PATIENCE, request.expires_at)
@@ -156,6 +184,13 @@ class Requests(Struct, kw_only=True):
         yield SetTimer(AnswerDue(id), None)
         fault = Message(header=request.message.header, body=Fault(code="env:Receiver", text=trouble))
         return (yield from self._interpret_answer(request, fault, now))
+
+
+def _is_out_of_date(offers: tuple[Offer, ...], ontology: Ontology | None) -> bool:
+    """Whether an offer and the ontology disagree about a service type: a change has reached only one of Registry and Task Manager."""
+    services = ontology.services if ontology is not None else {}
+    types = {id(offer.service_type): offer.service_type for offer in offers}.values()
+    return any(type.name in services and disagreements(type, services[type.name]) for type in types)
 
 
 def answer_problems(answer: Message) -> tuple[str, ...]:

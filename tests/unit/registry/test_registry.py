@@ -36,10 +36,12 @@ from somrs.registry.state import LeasesDue
 from somrs.repository.component import Repository
 from somrs.runtime.virtual_time import World
 from tests.support.lab import REPOSITORY, ask, contents, deliver_request, lab, request, sent_bodies
-from tests.support.laboratory import OPEN, TRANSFER
+from tests.support.laboratory import OPEN
 
 REGISTRY = "http://here/registry"
 FOLLOWER = "http://here/follower"
+
+TRANSFER = lab()[0].services["TransferObject"]
 
 CAREFUL = ServiceType(name="CarefulTransfer", parent="TransferObject", inputs=TRANSFER.inputs, effect=TRANSFER.effect)
 

@@ -94,7 +94,7 @@ def offer(object_type: str = "Washer", **attributes: float) -> Offer:
 
 def test_it_defines_reads_looks_adds_itself_and_publishes() -> None:
     joiner = Joiner()
-    assert joiner.last_request() == (REPOSITORY, Define(definitions=DEFINITIONS, author="Washer1"))
+    assert joiner.last_request() == (REPOSITORY, Define(definitions=DEFINITIONS, author="Washer1", brought=True))
     joiner.answer(Defined(version=1))
     assert joiner.last_request() == (REPOSITORY, ReadOntology())
     joiner.answer(ontology(more_pages=True, services=()))
@@ -131,10 +131,10 @@ def test_who_is_on_the_map_publishes_as_what_it_is_there(capacity: int, attribut
     assert joiner.last_request() == (REGISTRY, Publish(provider="Washer1", offers=(offer("BigWasher", **attributes),), lease=30.0))
 
 
-def test_who_knows_its_types_and_brings_none_looks_at_once() -> None:
+def test_who_brings_no_definitions_reads_those_of_its_service_types_at_once() -> None:
     known_profile = structs.replace(PROFILE, definitions=Definitions(), capabilities=(Capability(type=WASH, method="wash"),))
-    assert Joiner(known_profile).last_request() == (REPOSITORY, LOOK)
-    assert Joiner(structs.replace(PROFILE, definitions=Definitions())).last_request() == (REPOSITORY, ReadOntology())
+    for profile in (known_profile, structs.replace(PROFILE, definitions=Definitions())):
+        assert Joiner(profile).last_request() == (REPOSITORY, ReadOntology())
 
 
 def test_what_is_added_without_an_answer_is_looked_for_first() -> None:

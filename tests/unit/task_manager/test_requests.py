@@ -6,18 +6,20 @@ import pytest
 
 from somrs.kernel.component import Send, SetTimer
 from somrs.ontology.services import ServiceType
+from somrs.ontology.types import Ontology
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.directory import Discover, Discovered, Offer
 from somrs.protocol.messages.envelope import Message, message_id, reply
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import Rejected, Updated, UpdateMap
-from somrs.task_manager.requests import ForPlan, ForReport, ReportAnswered, Requests, ServicesKnown, answer_problems
+from somrs.task_manager.requests import PAUSE, SETTLING_TIME, ForPlan, ForReport, ReportAnswered, Requests, ServicesKnown, answer_problems
 from somrs.task_manager.timers import AnswerDue
 from tests.support.effects import run_effects
 
 WORK = ServiceType(name="Work", effect="Jar1.Clean = TRUE")
 PLAN, REPORT = ForPlan("task1", 1, 0), ForReport("task1")
 UPDATE = UpdateMap(situation="Jar1.Clean = TRUE")
+EMPTY = Ontology()
 
 
 def offer(number: int) -> Offer:
@@ -35,10 +37,10 @@ def pending_message(requests: Requests) -> Message:
     return request.message
 
 
-def answer(requests: Requests, body: Body, now: float = 105.0) -> tuple[list[object], object]:
+def answer(requests: Requests, body: Body, now: float = 105.0, ontology: Ontology = EMPTY) -> tuple[list[object], object]:
     message = reply(pending_message(requests), body, "somebody")
     assert requests.is_answer(message)
-    effects, result = run_effects(requests.answered(message, now))
+    effects, result = run_effects(requests.answered(message, ontology, now))
     assert not requests.is_answer(message)
     return [*effects], result
 
@@ -79,6 +81,24 @@ def test_all_pages_of_services_come_together() -> None:
     assert next_message.body == Discover(after="R2.Work")
     _, result = answer(requests, Discovered(offers=(offer(3),)))
     assert result == ServicesKnown(PLAN, (offer(1), offer(2), offer(3)))
+
+
+CHANGED = Ontology([ServiceType(name="Work", effect="Jar1.Clean = FALSE")])
+
+
+@pytest.mark.parametrize(
+    ("unsettled", "ontology"), [(Discovered(offers=(), unsettled=True), EMPTY), (Discovered(offers=(offer(1),)), CHANGED)]
+)
+def test_while_a_service_type_changes_the_registry_is_asked_again_for_some_seconds(unsettled: Discovered, ontology: Ontology) -> None:
+    requests = make_requests()
+    run_effects(requests.discover(PLAN, 100.0))
+    effects, result = answer(requests, unsettled, 101.0, ontology)
+    timer = AnswerDue(pending_message(requests).header.message_id)
+    assert (effects[1:], result) == ([SetTimer(timer, 101.0 + PAUSE)], None)
+    (send, _), _ = run_effects(requests.timer_fired(timer, 101.0 + PAUSE))
+    assert isinstance(send, Send)
+    assert send.message.body == Discover()
+    assert answer(requests, unsettled, 100.0 + SETTLING_TIME, ontology)[1] == ServicesKnown(PLAN, unsettled.offers)
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ DirectoryBody = (
     directory.Publish | directory.Published | directory.Renew | directory.Retract | directory.Retracted
     | directory.Discover | directory.Discovered | directory.SubscribeServices | directory.ServicesSubscribed
     | directory.ServicesJoined | directory.ServicesLeft | directory.ReadPresence | directory.PresenceLog
+    | directory.ServiceTypesChanged
 )  # fmt: skip
 KnowledgeBody = (
     knowledge.ReadOntology | knowledge.OntologyPage | knowledge.Define | knowledge.Defined | knowledge.ReadMap

@@ -28,18 +28,41 @@ class Offer(Struct, frozen=True, kw_only=True):
 
 
 class Publish(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Offer these services for `lease` seconds. A repeated Publish renews the lease and replaces the provider's offers."""
+    """Offer these services for `lease` seconds. A repeated Publish renews the lease and replaces the provider's offers.
+
+    `ontology_version`: the version of the Repository from which the provider has the definitions of the service types; 0: not known.
+    """
 
     provider: str
     offers: tuple[Offer, ...]
     lease: float
+    ontology_version: int = 0
+
+
+class Withheld(Struct, frozen=True, kw_only=True):
+    """A service that is published and not listed, because the definition of its type disagrees with the one in use."""
+
+    service: str
+    reason: str
 
 
 class Published(MessageBody, frozen=True, kw_only=True, tag=True):
-    """The offers are kept until `until`, on the Registry's clock; renew the lease at least every `renew_within` seconds."""
+    """The offers are kept until `until`, on the Registry's clock; renew the lease at least every `renew_within` seconds.
+
+    Clients do not see the services in `withheld`: read the definitions of their types in the Repository, and publish again.
+    """
 
     until: float
     renew_within: float
+    withheld: tuple[Withheld, ...] = ()
+
+
+class ServiceTypesChanged(MessageBody, frozen=True, kw_only=True, tag=True):
+    """To a provider: these service types are defined anew, so that its offers of them are withheld. It should read the definitions in the
+    Repository, and publish again. There is no answer."""
+
+    provider: str
+    service_types: tuple[str, ...]
 
 
 class Renew(MessageBody, frozen=True, kw_only=True, tag=True):
@@ -64,7 +87,7 @@ class Discover(MessageBody, frozen=True, kw_only=True, tag=True):
     """Find the services that match all given criteria.
 
     The criteria are a service type (with its sub-types), a provider, equal attributes, and a formula that the service's effect can make
-    true. `after` is the last service of the page before.
+    true. `after` is the last service of the page before. `withheld`: find the services that are published and not listed, in their place.
     """
 
     service_type: str | None = None
@@ -72,13 +95,19 @@ class Discover(MessageBody, frozen=True, kw_only=True, tag=True):
     attributes: dict[str, Value] = {}
     effect: str | None = None
     after: str = ""
+    withheld: bool = False
 
 
 class Discovered(MessageBody, frozen=True, kw_only=True, tag=True):
-    """The offers, by the names of the services. `more`: another page follows."""
+    """The offers, by the names of the services. `more`: another page follows. `withheld`: why these offers are not listed.
+
+    `unsettled`: service types are defined anew, and their providers are about to publish again: ask again in a moment.
+    """
 
     offers: tuple[Offer, ...]
     more: bool = False
+    withheld: tuple[Withheld, ...] = ()
+    unsettled: bool = False
 
 
 class SubscribeServices(MessageBody, frozen=True, kw_only=True, tag=True):
@@ -96,7 +125,7 @@ class ServicesJoined(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class ServicesLeft(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Services left. `reason`: retracted, or expired (the lease was not renewed)."""
+    """Services left. `reason`: retracted, expired (the lease was not renewed), or outdated (their types are defined anew)."""
 
     services: tuple[str, ...]
     provider: str

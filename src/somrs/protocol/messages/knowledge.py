@@ -68,7 +68,8 @@ class Define(MessageBody, frozen=True, kw_only=True, tag=True):
 
     Renaming covers all references, also on the map; `definitions` use the new names. The change is made completely or not at all: the
     ontology must be consistent, and the map must conform to it. `expected_version`: make the change only if none of its definitions changed
-    after that version.
+    after that version. `brought`: a device brings these definitions with its program; those that the ontology has stay as they are, unless
+    the author defined them, and one that the program does not agree with is refused.
     """
 
     definitions: Definitions = Definitions()
@@ -76,6 +77,7 @@ class Define(MessageBody, frozen=True, kw_only=True, tag=True):
     removed: tuple[DefinitionKey, ...] = ()
     renamed: tuple[Renaming, ...] = ()
     expected_version: int | None = None
+    brought: bool = False
 
 
 class Defined(MessageBody, frozen=True, kw_only=True, tag=True):

@@ -1,7 +1,10 @@
 """How a device joins the system and stays in it.
 
-It adds its definitions and its object to the Repository, publishes its offers in the Service Registry, and renews their lease. A request
-without an answer is repeated.
+It adds its definitions and its object to the Repository, reads the definitions of its service types there, publishes its offers in the
+Service Registry, and renews their lease. A request without an answer is repeated.
+
+The service types may change while the device is there: when the Registry says so, the device reads them and publishes again. A service
+whose author wrote another definition is not listed (`withheld`); the device then reads the definitions again with each renewal.
 """
 
 from __future__ import annotations
@@ -12,10 +15,11 @@ from msgspec import Struct, field
 
 from somrs.entish.parse import nearest
 from somrs.kernel.component import Ask, Effects, Send, SetTimer
+from somrs.ontology.agreement import disagreements
 from somrs.ontology.objects import Object, ObjectAdded
 from somrs.ontology.services import ServiceType
 from somrs.protocol.messages.bodies import Body
-from somrs.protocol.messages.directory import CAPACITY_ATTRIBUTE, Offer, Publish, Published, Renew, Retract
+from somrs.protocol.messages.directory import CAPACITY_ATTRIBUTE, Offer, Publish, Published, Renew, Retract, ServiceTypesChanged, Withheld
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import (
@@ -41,7 +45,7 @@ class JoinStep(StrEnum):
     """The next step of joining, in this order."""
 
     DEFINE = "bring new definitions"
-    READ = "find the service types that are known by name only"
+    READ = "read the definitions of the service types"
     LOOK = "look whether the device is on the map"
     ADD = "put it there"
     PUBLISH = "offer the services"
@@ -53,7 +57,8 @@ class Joining(Struct, kw_only=True):
     """The device, the system it joins, and the progress of joining.
 
     A ServiceManager owns it, and passes it the answers of Repository and Registry, and its timer. `pending_request` is the id of the last
-    request.
+    request. `types`: the service types as the Repository defines them in the version `ontology_version`, which changed the ontology last.
+    `withheld`: the services that the Registry does not list, and why.
     """
 
     profile: Profile
@@ -69,15 +74,14 @@ class Joining(Struct, kw_only=True):
     object_type: str = ""
     step: JoinStep = JoinStep.DEFINE
     joined: bool = False
+    ontology_version: int = 0
+    withheld: dict[str, str] = {}
 
     def start(self, address: str, now: float) -> Effects:
         """Begin from the first step."""
         profile = self.profile
         self.address, self.incarnation, self.joined, self.ontology_offset = address, now, False, 0
-        self.types = {
-            capability.type_name: capability.type for capability in profile.capabilities if isinstance(capability.type, ServiceType)
-        }
-        self.seen_names, self.object_type = set(), profile.type
+        self.types, self.withheld, self.seen_names, self.object_type = {}, {}, set(), profile.type
         yield from self._take_step(JoinStep.DEFINE if any(profile.definitions.all_definitions()) else JoinStep.READ, now)
 
     def depart(self, now: float) -> Effects:
@@ -88,12 +92,18 @@ class Joining(Struct, kw_only=True):
     def timer_fired(self, now: float) -> Effects:
         """Repeat a request without an answer, or renew the lease. A device whose renewal has no answer publishes its offers again."""
         if self.step is JoinStep.RENEW:
-            yield from self._take_step(JoinStep.RENEW if not self.pending_request else JoinStep.PUBLISH, now)
+            due_step = JoinStep.READ if self.withheld else JoinStep.RENEW
+            yield from self._take_step(due_step if not self.pending_request else JoinStep.PUBLISH, now)
         else:
             yield from self._take_step(JoinStep.LOOK if self.step is JoinStep.ADD else self.step, now)
 
     def receive(self, message: Message, now: float) -> Effects:
-        """Handle an answer. An answer to an earlier request is out of date and ignored."""
+        """Handle an answer or a notification. An answer to an earlier request is out of date and ignored."""
+        if isinstance(message.body, ServiceTypesChanged):
+            if self.joined:
+                self.ontology_offset = 0
+                yield from self._take_step(JoinStep.READ, now)
+            return
         if message.header.relates_to != self.pending_request or self.step is JoinStep.DEPARTED:
             return
         self.pending_request = ""
@@ -110,12 +120,9 @@ class Joining(Struct, kw_only=True):
                     yield from self._take_step(JoinStep.ADD, now)
             case Updated():
                 yield from self._take_step(JoinStep.PUBLISH, now)
-            case Published(renew_within=renew_within):
-                yield SetTimer(JoiningDue(), now + renew_within * 0.7)
-                if not self.joined:
-                    self.joined = True
-                    names = ", ".join(offer.service for offer in self._offers())
-                    yield Ask(ReportWanted(), Report(f"{self.profile.name} offers {names}", joined=True))
+            case Published() as published:
+                yield SetTimer(JoiningDue(), now + published.renew_within * 0.7)
+                yield from self._published(published.withheld)
                 self.step = JoinStep.RENEW
             case Rejected(problems=problems):
                 yield from self._report_problem("\n".join(problems))
@@ -124,33 +131,44 @@ class Joining(Struct, kw_only=True):
             case Fault(text=text):
                 yield from self._report_problem(text)
 
+    def _published(self, withheld: tuple[Withheld, ...]) -> Effects:
+        """Report which services are listed, when the device has joined and whenever this changes."""
+        reasons = {entry.service: entry.reason for entry in withheld}
+        if not self.joined or reasons != self.withheld:
+            self.withheld = reasons
+            listed = [offer.service for offer in self._offers() if offer.service not in reasons]
+            lines = [f"{self.profile.name} offers {', '.join(listed) or 'nothing'}"]
+            lines += [f"{service} is not on offer: {reason}" for service, reason in reasons.items()]
+            yield Ask(ReportWanted(), Report("\n".join(lines), joined=None if self.joined else True))
+        self.joined = True
+
     def _collect_types(self, page: OntologyPage, now: float) -> Effects:
         needed_types = {capability.type_name for capability in self.profile.capabilities}
         defined_types = {service_type.name: service_type for service_type in page.definitions.services}
-        self.types = {**{name: service_type for name, service_type in defined_types.items() if name in needed_types}, **self.types}
-        self.seen_names |= set(defined_types)
-        if page.more:
+        self.types |= {name: service_type for name, service_type in defined_types.items() if name in needed_types}
+        self.seen_names = set(defined_types) | (self.seen_names if self.ontology_offset else set())
+        self.ontology_version = page.changed_at
+        if page.more and not needed_types <= self.seen_names:
             self.ontology_offset = page.next
             yield from self._take_step(JoinStep.READ, now)
             return
         self.ontology_offset = 0
-        if missing := sorted(needed_types - set(self.types)):
+        brought_types = {capability.type_name for capability in self.profile.capabilities if isinstance(capability.type, ServiceType)}
+        if missing := sorted(needed_types - set(self.types) - brought_types):
             hints = [f"the common ontology has no service type {name}. {nearest(name, self.seen_names)}".rstrip() for name in missing]
             yield from self._report_problem("\n".join([*hints, "use one of its names, or pass a ServiceType to @service"]))
         else:
-            yield from self._take_step(JoinStep.LOOK, now)
+            yield from self._take_step(JoinStep.PUBLISH if self.joined else JoinStep.LOOK, now)
 
     def _take_step(self, step: JoinStep, now: float) -> Effects:
         """Take a step: send its request, and set a timer to repeat it."""
         profile = self.profile
-        if step is JoinStep.READ and all(capability.type_name in self.types for capability in profile.capabilities):
-            step = JoinStep.LOOK
         self.step = step
         recipient: str
         body: Body
         match step:
             case JoinStep.DEFINE:
-                recipient, body = self.repository, Define(definitions=profile.definitions, author=profile.name)
+                recipient, body = self.repository, Define(definitions=profile.definitions, author=profile.name, brought=True)
             case JoinStep.READ:
                 recipient, body = self.repository, ReadOntology(after=self.ontology_offset)
             case JoinStep.LOOK:
@@ -159,7 +177,7 @@ class Joining(Struct, kw_only=True):
                 addition = ObjectAdded(Object(name=profile.name, type=profile.type, values=profile.values))
                 recipient, body = self.repository, UpdateMap(changes=(addition,), situation=profile.situation, author=profile.name)
             case JoinStep.PUBLISH:
-                recipient, body = self.registry, Publish(provider=profile.name, offers=self._offers(), lease=profile.lease)
+                recipient, body = self.registry, self._publication()
             case JoinStep.RENEW:
                 recipient, body = self.registry, Renew(provider=profile.name, lease=profile.lease)
             case JoinStep.DEPARTED:
@@ -173,6 +191,10 @@ class Joining(Struct, kw_only=True):
         header = Header(sender=self.address, recipient=recipient, message_id=self.pending_request, reply_to=self.address)
         return Send(Message(header=header, body=body), now + PATIENCE)
 
+    def _publication(self) -> Publish:
+        profile = self.profile
+        return Publish(provider=profile.name, offers=self._offers(), lease=profile.lease, ontology_version=self.ontology_version)
+
     def _offers(self) -> tuple[Offer, ...]:
         return tuple(self._offer(capability) for capability in self.profile.capabilities)
 
@@ -182,9 +204,17 @@ class Joining(Struct, kw_only=True):
             provider=self.profile.name,
             provider_type=self.object_type,
             address=self.address,
-            service_type=self.types[capability.type_name],
+            service_type=self._service_type(capability),
             attributes={**capability.attributes, **({CAPACITY_ATTRIBUTE: self.profile.capacity} if self.profile.capacity != 1 else {})},
         )
+
+    def _service_type(self, capability: Capability) -> ServiceType:
+        """The definition with which a service is offered: the common one, unless the author wrote one that disagrees with it."""
+        common, brought = self.types.get(capability.type_name), capability.type
+        if isinstance(brought, ServiceType) and (common is None or disagreements(brought, common)):
+            return brought
+        assert common is not None, "a device without the definition of a service type does not join"
+        return common
 
     def _report_problem(self, text: str) -> Effects:
         yield SetTimer(JoiningDue(), None)

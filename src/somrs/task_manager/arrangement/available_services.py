@@ -9,6 +9,7 @@ from msgspec import Struct
 from somrs.entish import Formula
 from somrs.entish.formula import conjunction
 from somrs.kernel.replica import Replica
+from somrs.ontology.agreement import disagreements
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import WORKING
 from somrs.planner.model.plan import Step
@@ -31,6 +32,8 @@ class KnownServices(Struct, kw_only=True):
     """The failures that each service has reported since it last completed a step."""
     types: dict[str, ServiceType] = {}
     """The types of all offers so far. A type outlasts its offers, because a service may be committed to a step of it."""
+    common_types: dict[str, ServiceType] = {}
+    """The types of the latest offers as the ontology defined them then."""
 
 
 class AvailableServices:
@@ -46,7 +49,14 @@ class AvailableServices:
     def discovered(self, offers: tuple[Offer, ...]) -> None:
         """Replace the offers by all that the Registry lists now."""
         self._state.offers = offers
-        self._state.types.update({offer.service_type.name: offer.service_type for offer in offers})
+        types = {offer.service_type.name: offer.service_type for offer in offers}
+        self._state.types.update(types)
+        self._state.common_types = {name: common for name in types if (common := self._replica.ontology.services.get(name)) is not None}
+
+    def redefined_types(self) -> frozenset[str]:
+        """The service types that are defined anew since the services were discovered, in a way that matters to a plan."""
+        current, known = self._replica.ontology.services, self._state.common_types
+        return frozenset(name for name, type in known.items() if name in current and disagreements(type, current[name]))
 
     @property
     def usable(self) -> list[Offer]:

@@ -235,6 +235,11 @@ class Workflow(Struct, dict=True, eq=False):
         return not any(self._count[progress] for progress in _UNPROMISED)
 
     @property
+    def unarranged(self) -> Iterator[StepRun]:
+        """The steps to which no service is committed."""
+        return (run for run in self if run.progress in _UNPROMISED)
+
+    @property
     def busy(self) -> bool:
         """Whether any step is executing or reporting."""
         return bool(self._count[Progress.EXECUTING] or self._count[Progress.REPORTING])

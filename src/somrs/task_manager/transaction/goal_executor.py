@@ -180,6 +180,8 @@ class GoalExecutor:
             return (yield from self._begin_recovery(failed, (failed.failure or "",), now))
         elif workflow.is_completed:
             return (yield from self._finish(now))
+        elif not execution.fixed and (redefined := self._redefined_types(workflow)):
+            return (yield from self._replan(now, tuple(f"{name} is defined anew" for name in redefined)))
         elif (runs := workflow.open) or execution.calls:
             execution.phase = Phase.ARRANGING
             for run in runs[: MAX_OPEN_CALLS - len(execution.calls)]:
@@ -192,6 +194,11 @@ class GoalExecutor:
                 if reasons := (yield from StepExecutor(execution, self._scope).begin(run, now)):
                     return (yield from self._replan(now, reasons))
         return None
+
+    def _redefined_types(self, workflow: Workflow) -> list[str]:
+        """The service types of open steps that are defined anew. What is arranged already is carried out as arranged."""
+        redefined = self._services.redefined_types()
+        return sorted(redefined & {run.step.service_type for run in workflow.unarranged}) if redefined else []
 
     def _arrange(self, run: StepRun, now: float) -> EffectsReturning[tuple[bool, NextAction | None]]:
         """Ask every able service for terms. Returns whether the plan is still valid, and otherwise the next action.

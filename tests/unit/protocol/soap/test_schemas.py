@@ -295,7 +295,12 @@ MAP = ["MapChanged", "OntologyChanged"]
             [*REPORTS, "ServicesJoined", "ServicesLeft", *MAP],
         ),
         ("scheduler", "Scheduler", ORDERS, MAP),
-        ("devices", "ServiceManager", None, ["Arrange", "Accept", "Cancel", "Execute", "Stop", "Compensate", "Query", "End"]),
+        (
+            "devices",
+            "ServiceManager",
+            None,
+            ["Arrange", "Accept", "Cancel", "Execute", "Stop", "Compensate", "Query", "End", "ServiceTypesChanged"],
+        ),
         ("simulator", "Simulator", None, MAP),
     ],
 )
