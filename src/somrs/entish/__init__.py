@@ -1,4 +1,4 @@
-"""Entish: the quantifier-free formula language of tasks, preconditions, effects and situations."""
+"""Entish: the formula language of tasks, preconditions, effects and situations."""
 
 from somrs.entish.formula import (
     And,
@@ -6,6 +6,8 @@ from somrs.entish.formula import (
     Attribute,
     Call,
     Comparison,
+    Exists,
+    ForAll,
     Formula,
     Name,
     Not,
@@ -24,6 +26,8 @@ __all__ = [
     "Attribute",
     "Call",
     "Comparison",
+    "Exists",
+    "ForAll",
     "Formula",
     "Name",
     "Not",

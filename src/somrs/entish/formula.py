@@ -1,7 +1,9 @@
 """Formulas as frozen values, and their printed form. `parse.py` parses them; `ontology.truth` evaluates them.
 
 Paper, "Services": Entish is first-order logic without quantifiers, with AND, OR, names of relations, names of functions
-and variables. `NOT` before an atom is the only extension of SO-MRS.
+and variables. SO-MRS extends it with `NOT` and with the quantifiers `FORALL` and `EXISTS`.
+
+Formulas are in negation normal form: NOT stands only before atoms. The parser moves every other NOT inwards.
 """
 
 from __future__ import annotations
@@ -120,7 +122,7 @@ class Comparison(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True)
 
 
 class Not(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
-    """`NOT` before an atom."""
+    """`NOT` before an atom. A variable of the atom that has no value from elsewhere stands for any object: nothing is so."""
 
     atom: Relation | Comparison
 
@@ -146,9 +148,33 @@ class Or(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
         return _format_node(self, set())
 
 
-Formula = Relation | Comparison | Not | And | Or
+class ForAll(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
+    """`FORALL ?Jar: Jar (body)`: the body holds for every object of the variable's type; true if there is none. The variable means this
+    object in the body only, even if a variable outside has the same name."""
+
+    variable: Variable
+    body: Formula
+
+    def __str__(self) -> str:
+        return _format_node(self, set())
+
+
+class Exists(Struct, frozen=True, cache_hash=True, tag_field="is", tag=True):
+    """`EXISTS ?Jar: Jar (body)`: the body holds for at least one object of the variable's type."""
+
+    variable: Variable
+    body: Formula
+
+    def __str__(self) -> str:
+        return _format_node(self, set())
+
+
+Quantified = ForAll | Exists
+Formula = Relation | Comparison | Not | And | Or | ForAll | Exists
 Atom = Relation | Comparison
 Literal = Relation | Comparison | Not
+Condition = Relation | Comparison | Not | ForAll | Exists
+"""A part of a formula that has neither AND nor OR at its top."""
 Constant = Name | Number | Text | Truth
 Substitution = Mapping[str, Term]
 
@@ -191,7 +217,19 @@ def _format_node(node: Formula | Term, declared: set[str]) -> str:
             return " AND ".join(f"({text})" if isinstance(part, Or) else text for part, text in zip(parts, texts, strict=True))
         case Or(parts):
             return " OR ".join(_format_node(part, declared) for part in parts)
+        case ForAll(variable, body) | Exists(variable, body):
+            return f"{'FORALL' if isinstance(node, ForAll) else 'EXISTS'} {_format_scope(variable, body, declared)}"
     raise TypeError(f"not a formula or term: {node!r}")
+
+
+def _format_scope(variable: Variable, body: Formula, declared: set[str]) -> str:
+    """A quantifier's variable with its type, and its body. What is declared about a variable of this name outside stays as it is."""
+    outside = declared & {variable.name}
+    declared.discard(variable.name)
+    text = f"{_format_node(variable, declared)} ({_format_node(body, declared)})"
+    declared.discard(variable.name)
+    declared |= outside
+    return text
 
 
 def conjunction(*parts: Formula) -> Formula:
@@ -212,17 +250,19 @@ def conjuncts(formula: Formula) -> tuple[Formula, ...]:
 
 
 def literals(formula: Formula) -> Iterator[Literal]:
-    """The atoms, each with its NOT, in written order."""
+    """The atoms, each with its NOT, in written order, those within quantifiers included."""
     match formula:
         case And(parts) | Or(parts):
             for part in parts:
                 yield from literals(part)
+        case ForAll(_, body) | Exists(_, body):
+            yield from literals(body)
         case _:
             yield formula
 
 
-def alternatives(formula: Formula) -> Iterator[tuple[Literal, ...]]:
-    """The conjunctions of the disjunctive normal form, each with its literals in written order."""
+def alternatives(formula: Formula) -> Iterator[tuple[Condition, ...]]:
+    """The conjunctions of the disjunctive normal form, each with its parts in written order. A quantifier with its body is one part."""
     match formula:
         case Or(parts):
             for part in parts:
@@ -246,11 +286,14 @@ def count_alternatives(formula: Formula) -> int:
 
 
 def terms(formula: Formula | Term) -> Iterator[Term]:
-    """Every term in the formula, in written order, outer terms before inner terms."""
+    """Every term in the formula, in written order, outer terms before inner terms. The variables of quantifiers are included."""
     match formula:
         case And(parts) | Or(parts):
             for part in parts:
                 yield from terms(part)
+        case ForAll(variable, body) | Exists(variable, body):
+            yield variable
+            yield from terms(body)
         case Not(atom):
             yield from terms(atom)
         case Relation(_, arguments):
@@ -275,8 +318,14 @@ def terms(formula: Formula | Term) -> Iterator[Term]:
 
 @lru_cache(maxsize=4096)
 def variables(formula: Formula | Term) -> Mapping[str, Variable]:
-    """The variables by name, in the order of their first occurrence."""
-    return MappingProxyType({term.name: term for term in terms(formula) if isinstance(term, Variable)})
+    """The variables that no quantifier binds, by name, in the order of their first occurrence."""
+    match formula:
+        case And(parts) | Or(parts):
+            return MappingProxyType({name: variable for part in parts for name, variable in variables(part).items()})
+        case ForAll(bound_variable, body) | Exists(bound_variable, body):
+            return MappingProxyType({name: variable for name, variable in variables(body).items() if name != bound_variable.name})
+        case _:
+            return MappingProxyType({term.name: term for term in terms(formula) if isinstance(term, Variable)})
 
 
 @lru_cache(maxsize=4096)
@@ -319,6 +368,22 @@ def substitute(formula: Formula, bindings: Substitution) -> Formula:
             return Relation(relation, replaced)  # type: ignore[arg-type]  # the assertion above checks this
         case Comparison(left_term, operator, right_term):
             return Comparison(substitute_term(left_term, bindings), operator, substitute_term(right_term, bindings))
+        case ForAll(variable, body):
+            return ForAll(*_substitute_in_scope(variable, body, bindings))
+        case Exists(variable, body):
+            return Exists(*_substitute_in_scope(variable, body, bindings))
+
+
+def _substitute_in_scope(variable: Variable, body: Formula, bindings: Substitution) -> tuple[Variable, Formula]:
+    """The scope of a quantifier with the variables from outside replaced. The quantifier's variable is renamed if a term that comes in
+    has a variable of its name."""
+    outer = {name: term for name, term in bindings.items() if name != variable.name and name in variables(body)}
+    incoming = {name for term in outer.values() for name in variables(term)}
+    if variable.name in incoming:
+        taken = {*incoming, *variables(body)}
+        fresh = Variable(next(name for n in itertools.count(2) if (name := f"{variable.name}{n}") not in taken), variable.type)
+        return fresh, substitute(substitute(body, {variable.name: fresh}), outer)
+    return variable, substitute(body, outer)
 
 
 def with_types(formula: Formula, types: Mapping[str, str]) -> Formula:

@@ -24,17 +24,22 @@ from somrs.entish.formula import (
     Comparison,
     Formula,
     Name,
-    Not,
     Number,
     Relation,
     Term,
     Text,
     Truth,
     Variable,
-    conjunction,
-    disjunction,
-    substitute,
-    substitute_term,
+)
+from somrs.entish.written import (
+    Meaning,
+    TwoTypes,
+    Written,
+    WrittenAtom,
+    WrittenJunction,
+    WrittenNot,
+    WrittenQuantifier,
+    WrittenType,
 )
 from somrs.errors import FormulaError
 
@@ -44,9 +49,9 @@ start: formula
 ?formula: conjunct (_OR conjunct)*      -> disjunction
 ?conjunct: factor (_AND factor)*        -> conjunction
 ?factor: atom
-       | _NOT atom                      -> negation
-       | _NOT "(" atom ")"              -> negation
+       | _NOT factor                    -> negation
        | "(" formula ")"
+       | QUANTIFIER VARIABLE [":" NAME] "(" formula ")" -> quantified
 ?atom: term NAME term                   -> infix
      | NAME "(" [term ("," term)*] ")"  -> prefix
      | sum OPERATOR sum                 -> comparison
@@ -67,12 +72,13 @@ variable: VARIABLE [":" NAME]
 _AND.3: /AND\b(?!-)/
 _OR.3: /OR\b(?!-)/
 _NOT.3: /NOT\b(?!-)/
+QUANTIFIER.3: /(FORALL|EXISTS)\b(?!-)/
 TRUTH.3: /(TRUE|FALSE)\b(?!-)/
 SIGN: /[+-]/
 TIMES: "*"
 OPERATOR: /<=|>=|!=|=|<|>/
 VARIABLE: /\?[^\W\d]\w*(-\w+)*/
-NAME: /(?!(AND|OR|NOT|TRUE|FALSE)\b(?!-))[^\W\d]\w*(-\w+)*/
+NAME: /(?!(AND|OR|NOT|FORALL|EXISTS|TRUE|FALSE)\b(?!-))[^\W\d]\w*(-\w+)*/
 NUMBER: /[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?/
 UNIT.2: /(?!(AND|OR|NOT)\b(?!-))[^\W\d][\w\/*^]*|°[A-Za-z]?|%(\/[^\W\d][\w\/*^]*)?/
 STRING: /"([^"\\\n]|\\.)*"/
@@ -80,6 +86,9 @@ COMMENT: /#[^\n]*/
 %ignore /\s+/
 %ignore COMMENT
 """
+
+KEYWORDS = frozenset(("AND", "OR", "NOT", "FORALL", "EXISTS", "TRUE", "FALSE"))
+"""The words that cannot be names."""
 
 # Descriptions of the grammar's tokens for error messages.
 EXPECTED = {
@@ -95,6 +104,7 @@ EXPECTED = {
     "_AND": "AND",
     "_OR": "OR",
     "_NOT": "NOT",
+    "QUANTIFIER": "FORALL or EXISTS",
     "LPAR": "(",
     "RPAR": ")",
     "COMMA": ",",
@@ -118,13 +128,13 @@ class ParsedFormula(Struct, frozen=True):
     text: str
     formula: Formula
     places: dict[tuple[Atom, Term | None], int]
-    types: dict[str, int]
+    types: dict[Variable, int]
 
     def error(self, atom: Atom, term: Term | None, problem: str, hint: str = "") -> FormulaError:
         """An error at a term of the atom, or at the atom itself if `term` is None."""
         return FormulaError(self.text, self.places.get((atom, term), 0), problem, hint)
 
-    def type_error(self, variable: str, problem: str, hint: str = "") -> FormulaError:
+    def type_error(self, variable: Variable, problem: str, hint: str = "") -> FormulaError:
         """An error at the type of a variable."""
         return FormulaError(self.text, self.types.get(variable, 0), problem, hint)
 
@@ -137,58 +147,59 @@ class _MisplacedToken(Exception):
 
 
 class _PlacedTerm(Struct, frozen=True):
-    """A term with the offsets of itself and of the terms within it."""
+    """A term with the offsets of itself and of the terms within it, and the types that are written in it."""
 
     term: Term
     places: tuple[tuple[Term, int], ...]
+    types: tuple[WrittenType, ...] = ()
 
 
 def _place_term(term: Term, token: Token, *inner: _PlacedTerm) -> _PlacedTerm:
-    return _PlacedTerm(term, ((term, token.start_pos or 0), *(place for placed in inner for place in placed.places)))
+    places = ((term, token.start_pos or 0), *(place for placed in inner for place in placed.places))
+    return _PlacedTerm(term, places, tuple(written for placed in inner for written in placed.types))
+
+
+def _place_type(variable: Token, type_name: Token | None) -> WrittenType | None:
+    return WrittenType(variable[1:], str(type_name), type_name.start_pos or 0) if type_name is not None else None
 
 
 @v_args(inline=True)
 class _FormulaBuilder(Transformer[Token, Any]):
-    """Builds the formula of one text, and records the places of its parts and the types of its variables."""
+    """Builds the tree of one text, with the places of its parts and the types of its variables."""
 
-    def __init__(self) -> None:
-        super().__init__()
-        self.places: dict[tuple[Atom, Term | None], int] = {}
-        self.types: dict[str, Token] = {}
+    def start(self, written: Written) -> Written:
+        return written
 
-    def start(self, formula: Formula) -> Formula:
-        return formula
+    def disjunction(self, *parts: Written) -> Written:
+        return WrittenJunction(False, parts)
 
-    def disjunction(self, *parts: Formula) -> Formula:
-        return disjunction(*parts)
+    def conjunction(self, *parts: Written) -> Written:
+        return WrittenJunction(True, parts)
 
-    def conjunction(self, *parts: Formula) -> Formula:
-        return conjunction(*parts)
+    def negation(self, part: Written) -> Written:
+        return WrittenNot(part)
 
-    def negation(self, atom: Atom) -> Formula:
-        return Not(atom)
+    def quantified(self, quantifier: Token, variable: Token, type_name: Token | None, body: Written) -> Written:
+        return WrittenQuantifier(quantifier == "FORALL", variable[1:], _place_type(variable, type_name), body)
 
-    def infix(self, left_argument: _PlacedTerm, relation: Token, right_argument: _PlacedTerm) -> Relation:
+    def infix(self, left_argument: _PlacedTerm, relation: Token, right_argument: _PlacedTerm) -> Written:
         return self._relation(relation, left_argument, right_argument)
 
-    def prefix(self, relation: Token, *arguments: _PlacedTerm | None) -> Relation:
+    def prefix(self, relation: Token, *arguments: _PlacedTerm | None) -> Written:
         return self._relation(relation, *(argument for argument in arguments if argument is not None))
 
-    def _relation(self, token: Token, *arguments: _PlacedTerm) -> Relation:
+    def _relation(self, token: Token, *arguments: _PlacedTerm) -> Written:
         relation = Relation(str(token), tuple(_object(argument, token) for argument in arguments))
-        self._note(relation, token, *arguments)
-        return relation
+        return self._atom(relation, token, *arguments)
 
-    def comparison(self, left_operand: _PlacedTerm, operator: Token, right_operand: _PlacedTerm) -> Comparison:
+    def comparison(self, left_operand: _PlacedTerm, operator: Token, right_operand: _PlacedTerm) -> Written:
         comparison = Comparison(left_operand.term, str(operator), right_operand.term)
-        self._note(comparison, operator, left_operand, right_operand)
-        return comparison
+        return self._atom(comparison, operator, left_operand, right_operand)
 
-    def _note(self, atom: Atom, token: Token, *arguments: _PlacedTerm) -> None:
-        self.places.setdefault((atom, None), token.start_pos or 0)
-        for argument in arguments:
-            for term, place in argument.places:
-                self.places.setdefault((atom, term), place)
+    def _atom(self, atom: Atom, token: Token, *arguments: _PlacedTerm) -> Written:
+        places = (place for argument in arguments for place in argument.places)
+        types = (written for argument in arguments for written in argument.types)
+        return WrittenAtom(atom, ((None, token.start_pos or 0), *places), tuple(types))
 
     def name(self, token: Token) -> _PlacedTerm:
         return _place_term(Name(str(token)), token)
@@ -196,12 +207,9 @@ class _FormulaBuilder(Transformer[Token, Any]):
     name_of = name
 
     def variable(self, token: Token, type_name: Token | None) -> _PlacedTerm:
-        variable = str(token)[1:]
-        if type_name is not None:
-            first = self.types.setdefault(variable, type_name)
-            if first != type_name:
-                raise _MisplacedToken(type_name, f"?{variable} cannot be both {first} and {type_name}", "give the type once")
-        return _place_term(Variable(variable, str(type_name) if type_name is not None else None), token)
+        variable = Variable(token[1:], str(type_name) if type_name is not None else None)
+        written = _place_type(token, type_name)
+        return _PlacedTerm(variable, ((variable, token.start_pos or 0),), (written,) if written is not None else ())
 
     def attribute(self, owner: _PlacedTerm, *path: Token) -> _PlacedTerm:
         assert isinstance(owner.term, Name | Variable)
@@ -282,32 +290,33 @@ def parse_term(text: str) -> Term:
 def read(text: str) -> ParsedFormula:
     """Parse a formula, with the places of its parts. Raises FormulaError, which shows the place."""
     _limit_depth(text)
-    builder = _FormulaBuilder()
     try:
-        formula: Formula = builder.transform(_grammar().parse(text))
+        written: Written = _FormulaBuilder().transform(_grammar().parse(text))
+        meaning = Meaning(written)
     except UnexpectedInput as error:
         raise _unexpected(text, error) from None
     except VisitError as error:
         if isinstance(error.orig_exc, _MisplacedToken):
             raise FormulaError(text, error.orig_exc.token.start_pos or 0, error.orig_exc.problem, error.orig_exc.hint) from None
         raise
-    # A type that is written at one occurrence of a variable holds for all its occurrences.
-    types = {name: Variable(name, str(token)) for name, token in builder.types.items()}
-    places: dict[tuple[Atom, Term | None], int] = {}
-    for (atom, term), place in builder.places.items():
-        typed = substitute(atom, types)
-        assert isinstance(typed, Relation | Comparison)
-        places.setdefault((typed, substitute_term(term, types) if term is not None else None), place)
-    return ParsedFormula(text, substitute(formula, types), places, {name: token.start_pos or 0 for name, token in builder.types.items()})
+    except TwoTypes as error:
+        first, second = error.first, error.second
+        problem = f"?{second.variable} cannot be both {first.type} and {second.type}"
+        raise FormulaError(text, second.place, problem, "give the type once") from None
+    return ParsedFormula(text, meaning.formula, meaning.places, meaning.types)
 
 
 def _limit_depth(text: str) -> None:
     """Refuse deeply nested formulas, so that recursive functions on formulas stay within Python's stack."""
-    depth = 0
-    for match in re.finditer(r'"(?:[^"\\\n]|\\.)*"|#[^\n]*|[()]', text):
-        depth += {"(": 1, ")": -1}.get(match.group(), 0)
+    depth = negations = 0
+    for match in re.finditer(r'"(?:[^"\\\n]|\\.)*"|#[^\n]*|[()]|[^\W\d][\w-]*', text):
+        token = match.group()
+        negations = negations + 1 if token == "NOT" else 0
+        depth += {"(": 1, ")": -1}.get(token, 0)
         if depth > MAX_DEPTH:
             raise FormulaError(text, match.start(), f"more than {MAX_DEPTH} parentheses within each other", "write it flatter")
+        if negations > MAX_DEPTH:
+            raise FormulaError(text, match.start(), f"more than {MAX_DEPTH} NOTs in a row", "two NOTs cancel each other")
 
 
 def _unexpected(text: str, error: UnexpectedInput) -> FormulaError:

@@ -14,7 +14,10 @@ from somrs.entish.formula import (
     Attribute,
     Call,
     Comparison,
+    Exists,
+    ForAll,
     Formula,
+    Literal,
     Name,
     Not,
     Number,
@@ -24,6 +27,7 @@ from somrs.entish.formula import (
     Text,
     Truth,
     Variable,
+    variables,
 )
 from somrs.entish.parse import ParsedFormula, nearest, read
 from somrs.errors import FormulaError
@@ -91,48 +95,71 @@ class _FormulaChecker:
     def declared(self) -> _Scope:
         """The meanings of the variables that are declared in the formula or by the caller."""
         scope: _Scope = {}
-        first_occurrences: dict[str, tuple[Atom, Variable]] = {}
-        for atom, term in self.reading.places:
-            if isinstance(term, Variable):
-                first_occurrences.setdefault(term.name, (atom, term))
-        for name, (atom, variable) in first_occurrences.items():
-            for type_name in (self.variables.get(name), variable.type):
-                if type_name is not None:
-                    try:
-                        scope[name] = self._merge_meanings(
-                            atom, variable, scope.get(name, _OPEN), self._declared(atom, variable, type_name)
-                        )
-                    except FormulaError as error:
-                        self.errors.append(error)
+        for name, variable in variables(self.reading.formula).items():
+            try:
+                if variable.type is not None:
+                    scope[name] = self._declared(variable)
+                if name in self.variables:
+                    self._declare_for_caller(variable, scope)
+            except FormulaError as error:
+                self.errors.append(error)
         return scope
 
-    def _declared(self, atom: Atom, variable: Variable, type_name: str) -> _Meaning:
+    def _declared(self, variable: Variable) -> _Meaning:
+        """The meaning of a variable whose type is written in the formula."""
+        meaning = self._meaning_of_type(variable.type or ROOT)
+        if meaning is None:
+            hint = nearest(variable.type or "", [*self.ontology.types, *_VALUES])
+            raise self.reading.type_error(variable, f"there is no type {variable.type}", hint)
+        return meaning
+
+    def _declare_for_caller(self, variable: Variable, scope: _Scope) -> None:
+        """Add the type that the caller declares for the variable."""
+        atom = next(atom for atom, term in self.reading.places if term == variable)
+        type_name = self.variables[variable.name]
+        meaning = self._meaning_of_type(type_name)
+        if meaning is None:
+            hint = nearest(type_name, [*self.ontology.types, *_VALUES])
+            raise self.reading.error(atom, variable, f"there is no type {type_name}", hint)
+        scope[variable.name] = self._merge_meanings(atom, variable, meaning, scope.get(variable.name, _OPEN))
+
+    def _meaning_of_type(self, type_name: str) -> _Meaning | None:
         if type_name in _VALUES:
             return _Meaning(_VALUES[type_name])
-        if type_name != ROOT and type_name not in self.ontology.types:
-            problem, hint = f"there is no type {type_name}", nearest(type_name, [*self.ontology.types, *_VALUES])
-            if type_name == variable.type:
-                raise self.reading.type_error(variable.name, problem, hint)
-            raise self.reading.error(atom, variable, problem, hint)
-        return _Meaning(_Sort.OBJECT, type_name)
+        return _Meaning(_Sort.OBJECT, type_name) if type_name == ROOT or type_name in self.ontology.types else None
 
     def formula(self, formula: Formula, scope: _Scope) -> None:
         """Check the parts. In a conjunction, what one part implies about a variable holds for the other parts."""
         match formula:
             case And(parts):
-                simple = [part for part in parts if not isinstance(part, Or)]
-                for part in [*sorted(simple, key=_says_little), *(part for part in parts if isinstance(part, Or))]:
+                simple = [part for part in parts if isinstance(part, Literal)]
+                for part in [*sorted(simple, key=_says_little), *(part for part in parts if not isinstance(part, Literal))]:
                     self.formula(part, scope)
             case Or(alternatives):
                 for alternative in alternatives:
                     self.formula(alternative, dict(scope))
             case Not(atom):
                 self.formula(atom, scope)
+            case ForAll(variable, body) | Exists(variable, body):
+                self._quantified(variable, body, scope)
             case Relation() | Comparison():
                 try:
                     self._atom(formula, scope)
                 except FormulaError as error:
                     self.errors.append(error)
+
+    def _quantified(self, variable: Variable, body: Formula, scope: _Scope) -> None:
+        """Check the body. What it implies about variables from outside holds outside, too."""
+        outside = scope.pop(variable.name, None)
+        try:
+            if variable.type is not None:
+                scope[variable.name] = self._declared(variable)
+            self.formula(body, scope)
+        except FormulaError as error:
+            self.errors.append(error)
+        scope.pop(variable.name, None)
+        if outside is not None:
+            scope[variable.name] = outside
 
     def _atom(self, atom: Atom, scope: _Scope) -> None:
         match atom:

@@ -13,6 +13,7 @@ from functools import lru_cache
 
 from somrs.entish import Name
 from somrs.entish.formula import And, Attribute, Call, Comparison, Formula, Not, Or, Term, literals, substitute, terms, variables
+from somrs.entish.normal_form import has_quantifiers
 from somrs.entish.parse import nearest, parse
 from somrs.ontology.objects import Change, Fact, Map, Object, ObjectRemoved, objects_of
 from somrs.ontology.truth import formula_holds
@@ -280,7 +281,9 @@ def _is_about_itself(text: str) -> bool:
     """Whether a constraint's formula only has the object's own values in it."""
     formula = parse(text)
     atoms = (literal.atom if isinstance(literal, Not) else literal for literal in literals(formula))
-    simple = all(isinstance(atom, Comparison) and not any(isinstance(term, Call) for term in terms(atom)) for atom in atoms)
+    simple = not has_quantifiers(formula) and all(
+        isinstance(atom, Comparison) and not any(isinstance(term, Call) for term in terms(atom)) for atom in atoms
+    )
     has_named_objects = any(isinstance(term, Attribute) and isinstance(term.owner, Name) for term in terms(formula))
     return simple and not has_named_objects and set(variables(formula)) <= {SELF_VARIABLE}
 

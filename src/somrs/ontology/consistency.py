@@ -7,12 +7,13 @@ from dataclasses import replace
 
 from somrs.entish import Comparison, Number
 from somrs.entish.formula import variables
-from somrs.entish.parse import nearest, parse_term
+from somrs.entish.normal_form import has_quantifiers
+from somrs.entish.parse import nearest, parse, parse_term
 from somrs.errors import FormulaError
 from somrs.ontology.check import check
 from somrs.ontology.conformance import SELF_VARIABLE, Violation, value_problem
 from somrs.ontology.schema import RESERVED
-from somrs.ontology.services import PROVIDER, ServiceType
+from somrs.ontology.services import PROVIDER, ServiceKind, ServiceType
 from somrs.ontology.types import (
     ROOT,
     AttributeType,
@@ -186,12 +187,26 @@ def _service(service: ServiceType, ontology: Ontology) -> Iterator[Violation]:
     for key, text in (("precondition", service.precondition), ("effect", service.effect)):
         if text is not None and are_types_known:
             yield from _formula(service.name, text, ontology, typed, key)
+    if service.kind is not ServiceKind.COGNITIVE:
+        yield from _quantified_effect(service)
     if service.cost is not None and are_types_known:
         yield from _cost(service, service.cost, ontology, typed)
     for index, handler in enumerate(service.handlers):
         for key, text in (("when", handler.when), ("effect", handler.effect)):
             if text is not None and are_types_known:
                 yield from _formula(service.name, text, ontology, typed, f"handlers.{index}.{key}")
+
+
+def _quantified_effect(service: ServiceType) -> Iterator[Violation]:
+    try:
+        quantified = has_quantifiers(parse(service.effect))
+    except FormulaError:
+        return  # `_formula` reports it
+    if quantified:
+        problem = "an effect says what becomes true of its inputs, not of all or some objects of a type"
+        place = min((place for word in ("FORALL", "EXISTS") if (place := service.effect.find(word)) >= 0), default=0)
+        error = FormulaError(service.effect, place, problem, "make the object an input of the service")
+        yield Violation(subject=service.name, rule="formula", message=str(error), path="effect")
 
 
 def _formula(subject: str, text: str, ontology: Ontology, typed: dict[str, str], path: str) -> Iterator[Violation]:

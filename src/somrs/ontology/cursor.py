@@ -24,7 +24,7 @@ _UNIT = re.compile(r"(?<![\w.?])[+-]?\d[\d.]*(?:[eE][+-]?\d+)?\s*(?P<unit>[^\W\d
 _WORD = re.compile(r"(\?[^\W\d]?|[^\W\d])[\w-]*$")
 _NEGATED = re.compile(r"(?<![\w?-])NOT\s*\(?$")
 _REST = re.compile(r"[\w-]*")
-_KEYWORDS = ("AND", "OR", "NOT")
+_KEYWORDS = ("AND", "OR", "NOT", "FORALL", "EXISTS")
 
 Tokens = list[tuple[str, str]]
 

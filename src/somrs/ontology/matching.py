@@ -70,7 +70,8 @@ def achieving_bindings(service: ServiceType, goal: Formula, ontology: Ontology, 
     """The bindings of the service's variables with which its effect certainly makes every conjunct of the goal
     true (of an OR: every conjunct of one alternative), each once. Irrelevant variables are left out.
 
-    The current map is not considered: remove conjuncts that already hold from `goal` first. An output is never bound to a constant,
+    The current map is not considered: remove conjuncts that already hold from `goal` first. No effect certainly makes a quantified
+    part true. An output is never bound to a constant,
     because its value is known only after the service.
     """
     effect, types = parse(service.effect), types_of(service, ontology)
@@ -78,8 +79,11 @@ def achieving_bindings(service: ServiceType, goal: Formula, ontology: Ontology, 
     unifier = _Unifier(effect, ontology, map, certain=True)
     results: list[dict[str, Term]] = []
     for branch in alternatives(goal):
+        branch_literals = [part for part in branch if isinstance(part, Literal)]
+        if len(branch_literals) < len(branch):
+            continue
         matches = iter([unifier.start(types, goal)])
-        for literal in branch:
+        for literal in branch_literals:
             matches = unifier.extend_matches(matches, unifier.rename_variables(literal))
         for match in matches:
             result = unifier.result(match)

@@ -15,6 +15,8 @@ from somrs.entish.formula import (
     Attribute,
     Call,
     Comparison,
+    Exists,
+    ForAll,
     Formula,
     Name,
     Not,
@@ -206,6 +208,10 @@ class Renamer:
                 return Relation(self._name(Section.RELATIONS, relation), tuple(map(self._object, arguments)))
             case Comparison(left_term, operator, right_term):
                 return Comparison(self._side(left_term, right_term), operator, self._side(right_term, left_term))
+            case ForAll(variable, body):
+                return ForAll(self._variable(variable), self.formula(body))
+            case Exists(variable, body):
+                return Exists(self._variable(variable), self.formula(body))
 
     def _side(self, term: Term, other_term: Term) -> Term:
         """One side of a comparison. A name may be a value of an enumeration, which no renaming affects."""
@@ -218,7 +224,10 @@ class Renamer:
     def _object(self, term: Name | Variable) -> Name | Variable:
         if isinstance(term, Name):
             return Name(self._name(Section.OBJECTS, term.name))
-        return Variable(term.name, self._type(term.type) if term.type is not None else None)
+        return self._variable(term)
+
+    def _variable(self, variable: Variable) -> Variable:
+        return Variable(variable.name, self._type(variable.type) if variable.type is not None else None)
 
     def _term(self, term: Term) -> Term:
         match term:

@@ -7,19 +7,21 @@ between two numbers.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 
 from msgspec import Struct
 
 from somrs.entish.formula import (
     And,
-    Atom,
     Attribute,
     Call,
     Comparison,
+    Condition,
+    Exists,
+    ForAll,
     Formula,
-    Literal,
     Name,
     Not,
     Number,
@@ -30,11 +32,13 @@ from somrs.entish.formula import (
     Truth,
     Variable,
     alternatives,
+    conjunction,
+    conjuncts,
     count_alternatives,
-    literals,
     terms,
     variables,
 )
+from somrs.entish.normal_form import affirmed_variables, negation
 from somrs.errors import FormulaError
 from somrs.ontology.objects import Map
 from somrs.ontology.types import ROOT, Ontology
@@ -56,22 +60,7 @@ def bindings(formula: Formula, map: Map, ontology: Ontology, initial_bindings: M
     Raises:
         FormulaError: the formula has too many alternatives, or no equation gives a variable for values its value.
     """
-    query = _Query(map, ontology, formula, initial_bindings or {})
-    if query.impossible:
-        return
-    if all(name in query.initial_bindings for name in query.free):
-        if query.is_true(formula, query.initial_bindings):
-            yield dict(query.initial_bindings)
-        return
-    if count_alternatives(formula) > ALTERNATIVES:
-        raise FormulaError(str(formula), 0, f"more than {ALTERNATIVES} combinations of its alternatives", "ask with fewer ORs")
-    row_keys: set[tuple[Term, ...]] = set()
-    for branch in alternatives(formula):
-        for row in query.rows(branch):
-            key = tuple(row[name] for name in query.free)
-            if key not in row_keys:
-                row_keys.add(key)
-                yield row
+    return _Query(map, ontology, formula, initial_bindings or {}).answers()
 
 
 def formula_holds(formula: Formula, map: Map, ontology: Ontology) -> bool:
@@ -80,28 +69,59 @@ def formula_holds(formula: Formula, map: Map, ontology: Ontology) -> bool:
 
 
 class _Goal(Struct, frozen=True, eq=False):
-    """A literal of a conjunction, and the variables that must be bound to test it."""
+    """A part of a conjunction, and the variables that must be bound to test it."""
 
-    literal: Literal
+    condition: Condition
     required_variables: tuple[str, ...]
 
 
 class _Query:
-    """One query of one map: the formula's variables, their domains, and the search for bindings."""
+    """One query of one map: the formula's variables, their domains, and the search for bindings. `witnesses`: the variables of the
+    quantifiers whose body is queried; they need an object even if the body does not have them."""
 
-    def __init__(self, map: Map, ontology: Ontology, formula: Formula, initial_bindings: Mapping[str, Term]) -> None:
+    def __init__(
+        self, map: Map, ontology: Ontology, formula: Formula, initial_bindings: Mapping[str, Term], witnesses: Iterable[Variable] = ()
+    ) -> None:
         self.map, self.ontology, self.formula = map, ontology, formula
         self.types = {name: variable.type for name, variable in variables(formula).items()}
-        self.free = tuple(
-            dict.fromkeys(name for literal in literals(formula) if not isinstance(literal, Not) for name in variables(literal))
-        )
         self.objects = _object_variables(formula, ontology)
+        own = {variable.name: variable for variable in witnesses}
+        for name in own.keys() - self.types.keys():
+            self.types[name] = own[name].type
+            self.objects.add(name)
         self.initial_bindings: Bindings = dict(initial_bindings)
-        affirmed = {name for literal in literals(formula) if not isinstance(literal, Not) for name in variables(literal)}
-        self.free = tuple(name for name in self.types if name in affirmed or name in self.initial_bindings)
+        affirmed = affirmed_variables(formula)
+        self.free = tuple(name for name in self.types if name in affirmed or name in self.initial_bindings or name in own)
         self._domains: dict[str | None, list[str]] = {}
         self._fits: dict[tuple[str, str], bool] = {}
+        self._counterexamples: dict[ForAll, Formula] = {}
         self.impossible = any(name in self.types and not self.admits(name, term) for name, term in self.initial_bindings.items())
+
+    def answers(self) -> Iterator[Bindings]:
+        """The bindings, each once. Parts whose variables are all bound are tested only once, for all alternatives of the others."""
+        if self.impossible:
+            return
+        open_parts = [part for part in conjuncts(self.formula) if self._is_open(part)]
+        holds = all(self._is_open(part) or self.is_true(part, self.initial_bindings) for part in conjuncts(self.formula))
+        if all(name in self.initial_bindings for name in self.free):
+            if holds:
+                yield dict(self.initial_bindings)
+            return
+        if math.prod(map(count_alternatives, open_parts)) > ALTERNATIVES:
+            problem = f"more than {ALTERNATIVES} combinations of its alternatives"
+            raise FormulaError(str(self.formula), 0, problem, "ask with fewer ORs")
+        row_keys: set[tuple[Term, ...]] = set()
+        branches: Iterable[tuple[Condition, ...]] = alternatives(conjunction(*open_parts)) if open_parts else [()]
+        for branch in branches:
+            search = _Branch(self, branch, self.free, self.initial_bindings)
+            for row in search.search(search.goals, self.initial_bindings) if holds else ():
+                key = tuple(row[name] for name in self.free)
+                if key not in row_keys:
+                    row_keys.add(key)
+                    yield row
+
+    def _is_open(self, part: Formula) -> bool:
+        return any(name in self.free and name not in self.initial_bindings for name in variables(part))
 
     # Domains of variables
 
@@ -158,6 +178,21 @@ class _Query:
             case Comparison(left_term, operator, right_term):
                 left_value, right_value = self.measure(left_term, bound), self.measure(right_term, bound)
                 return left_value is not None and right_value is not None and compare(left_value, operator, right_value)
+            case Exists(variable, body):
+                return self._has_witness(variable, body, bound)
+            case ForAll(variable, body):
+                if formula not in self._counterexamples:
+                    self._counterexamples[formula] = negation(body, {*bound, variable.name})
+                return not self._has_witness(variable, self._counterexamples[formula], bound)
+
+    def _has_witness(self, variable: Variable, body: Formula, bound: Bindings) -> bool:
+        """Whether the body holds for an object in place of the variable."""
+        witnesses = {variable.name: variable}
+        while isinstance(body, Exists):  # one query for all, because an equation within may give a variable its value
+            witnesses[body.variable.name] = body.variable
+            body = body.body
+        outer = {name: term for name, term in bound.items() if name not in witnesses and name in variables(body)}
+        return next(_Query(self.map, self.ontology, body, outer, witnesses.values()).answers(), None) is not None
 
     def measure(self, term: Term, bound: Bindings) -> MeasuredValue | None:
         return measure(term, self.map, self.ontology, bound)
@@ -171,20 +206,16 @@ class _Query:
             return True
         return self.is_symmetric(relation, len(arguments)) and self.map.has_fact(relation, arguments[::-1])
 
-    def rows(self, branch: tuple[Literal, ...]) -> Iterator[Bindings]:
-        search = _Branch(self, branch, self.free, self.initial_bindings)
-        return search.search(search.goals, self.initial_bindings)
-
 
 class _Branch:
-    """A conjunction of literals. The search always takes the literal with the fewest possible bindings next."""
+    """A conjunction. The search always takes the part with the fewest possible bindings next."""
 
-    def __init__(self, query: _Query, literals: tuple[Literal, ...], free: tuple[str, ...], initial_bindings: Bindings) -> None:
+    def __init__(self, query: _Query, conditions: tuple[Condition, ...], free: tuple[str, ...], initial_bindings: Bindings) -> None:
         self.query, self.free, self.initial_bindings = query, free, initial_bindings
-        self.goals = [_Goal(literal, tuple(name for name in variables(literal) if name in free)) for literal in literals]
+        self.goals = [_Goal(condition, tuple(name for name in variables(condition) if name in free)) for condition in conditions]
         self.definitions: dict[str, _Goal] = {}
         for goal in self.goals:
-            for variable, term in _equations(goal.literal):
+            for variable, term in _equations(goal.condition):
                 if not isinstance(term, Variable) and variable not in variables(term):
                     self.definitions.setdefault(variable, goal)
         self._candidates: dict[str, list[str]] = {}
@@ -210,7 +241,7 @@ class _Branch:
 
         The first equation in the formula defines the value; terms that are equal within tolerance may differ from it.
         """
-        for variable, term in _equations(goal.literal):
+        for variable, term in _equations(goal.condition):
             if variable in known_variables or not all(name in known_variables for name in variables(term)):
                 continue
             definition = self.definitions.get(variable)
@@ -222,7 +253,7 @@ class _Branch:
         for goal in goals:
             if any(name not in bound for name in goal.required_variables):
                 open_goals.append(goal)
-            elif not self.query.is_true(goal.literal, bound):
+            elif not self.query.is_true(goal.condition, bound):
                 return
         if open_goals:
             steps = [(cost, index, step) for index, goal in enumerate(open_goals) for cost, step in self._steps(goal, bound)]
@@ -240,7 +271,7 @@ class _Branch:
         query = self.query
         for variable, term in self._definable(goal, bound):
             yield 1, partial(self._define, variable, term, bound)
-        match goal.literal:
+        match goal.condition:
             case Relation(relation, arguments):
                 names = [name_of(argument, bound) for argument in arguments]
                 yield self._count(relation, names), partial(self._match, relation, arguments, names, bound)
@@ -262,12 +293,14 @@ class _Branch:
 
     def _filtered(self, variable: str) -> list[str]:
         """The objects in the variable's domain for which the goals that only have this variable hold."""
-        own_literals = [goal.literal for goal in self.goals if set(goal.required_variables) - self.initial_bindings.keys() == {variable}]
+        own_conditions = [
+            goal.condition for goal in self.goals if set(goal.required_variables) - self.initial_bindings.keys() == {variable}
+        ]
         domain = self.query.domain(variable)
         return [
             name
             for name in domain
-            if all(self.query.is_true(literal, {**self.initial_bindings, variable: Name(name)}) for literal in own_literals)
+            if all(self.query.is_true(condition, {**self.initial_bindings, variable: Name(name)}) for condition in own_conditions)
         ]
 
     def _possibilities(self, variable: str) -> int:
@@ -309,21 +342,26 @@ class _Branch:
                     yield arguments[::-1] if backwards else arguments
 
 
-def _equations(literal: Literal) -> Iterator[tuple[str, Term]]:
+def _equations(condition: Condition) -> Iterator[tuple[str, Term]]:
     """The variable and the term of an equation `?w = term`, in both directions."""
-    if isinstance(literal, Comparison) and literal.operator == "=":
-        for variable, term in ((literal.left, literal.right), (literal.right, literal.left)):
+    if isinstance(condition, Comparison) and condition.operator == "=":
+        for variable, term in ((condition.left, condition.right), (condition.right, condition.left)):
             if isinstance(variable, Variable):
                 yield variable.name, term
 
 
 def _object_variables(formula: Formula, ontology: Ontology) -> set[str]:
     """The variables that stand for objects; the others stand for values."""
+    match formula:
+        case And(parts) | Or(parts):
+            return {name for part in parts for name in _object_variables(part, ontology)}
+        case ForAll(variable, body) | Exists(variable, body):
+            return _object_variables(body, ontology) - {variable.name}
+        case Not(atom):
+            return _object_variables(atom, ontology)
+        case Relation():
+            return set(variables(formula))
     variable_names: set[str] = set()
-    for literal in literals(formula):
-        atom: Atom = literal.atom if isinstance(literal, Not) else literal
-        if isinstance(atom, Relation):
-            variable_names.update(variables(atom))
     for term in terms(formula):
         match term:
             case Attribute(Variable(name), _):

@@ -43,7 +43,7 @@ def explain_failure(problem: Problem, world: World, guessed: bool = False) -> No
     best: _Reasons | None = None
     for branch in alternatives(problem.goal):
         reasons = _Reasons(problem, world)
-        reasons.explain_all(branch)
+        reasons.explain_all([part for part in branch if isinstance(part, Literal)])
         if best is None or len(reasons.unreachable) < len(best.unreachable):
             best = reasons
     assert best is not None, "a formula has an alternative"
@@ -194,7 +194,9 @@ class _Reasons:
         substitution.setdefault(PROVIDER, Name(self.world.providers[service.name][0]))
         attainable: list[Literal] = []
         lacking: list[Literal] = []
-        for part in next(alternatives(substitute(parse(service.precondition), substitution))) if service.precondition is not None else ():
+        precondition = substitute(parse(service.precondition), substitution) if service.precondition is not None else None
+        parts = [part for part in next(alternatives(precondition)) if isinstance(part, Literal)] if precondition is not None else []
+        for part in parts:
             (lacking if is_impossible([*attainable, part], self.world) else attainable).append(part)
         row = self._row(attainable)
         for part in lacking:

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from somrs.entish.parse import KEYWORDS
 from somrs.errors import InputError, ModelError, Problem
 from somrs.ontology.conformance import violations
 from somrs.ontology.files.loading import upper
@@ -381,7 +382,7 @@ def _identifier(text: str) -> str:
     """The text as a valid name: `OpenRobotics/Metal Cabinet` becomes `Metal_Cabinet`."""
     name = re.sub(r"\W+", "_", text.rpartition("/")[2] or text).strip("_")
     name = name if name and not name[0].isdigit() else f"n{name}"
-    return f"{name}_" if name in ("AND", "OR", "NOT", "TRUE", "FALSE") else name
+    return f"{name}_" if name in KEYWORDS else name
 
 
 def _pose(box: Box, z: float) -> dict[str, Value]:

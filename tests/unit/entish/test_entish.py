@@ -15,6 +15,8 @@ from somrs.entish.formula import (
     Attribute,
     Call,
     Comparison,
+    Exists,
+    ForAll,
     Formula,
     Name,
     Not,
@@ -33,7 +35,7 @@ from somrs.entish.formula import (
     substitute,
     variables,
 )
-from somrs.entish.parse import nearest, parse, read
+from somrs.entish.parse import KEYWORDS, nearest, parse, read
 from somrs.errors import FormulaError
 from somrs.ontology.check import check
 from somrs.ontology.files.loading import load_text, upper
@@ -62,7 +64,6 @@ facts:
 
 # Formulas as a person might build them
 
-KEYWORDS = {"AND", "OR", "NOT", "TRUE", "FALSE"}
 words = st.from_regex(r"[A-Za-zäöüßŁćжλ東]\w{0,5}(-\w{1,3}){0,2}", fullmatch=True).filter(lambda word: word not in KEYWORDS)
 names = words.map(Name)
 types = {"x": "Jar", "y": None, "Provider": "Device", "höhe-2": "number"}
@@ -86,8 +87,12 @@ comparisons = st.builds(Comparison, sides, st.sampled_from(["=", "!=", "<", "<="
 atoms = relations | comparisons
 formulas: st.SearchStrategy[Formula] = st.recursive(
     atoms | st.builds(Not, atoms),
-    lambda inner: st.lists(inner, min_size=1, max_size=4).flatmap(
-        lambda parts: st.sampled_from([conjunction(*parts), disjunction(*parts)]),
+    lambda inner: st.one_of(
+        st.lists(inner, min_size=1, max_size=4).flatmap(
+            lambda parts: st.sampled_from([conjunction(*parts), disjunction(*parts)]),
+        ),
+        st.builds(ForAll, variable_terms, inner),
+        st.builds(Exists, variable_terms, inner),
     ),
     max_leaves=12,
 )
@@ -124,9 +129,7 @@ def test_every_atom_is_found_in_its_place(formula: Formula) -> None:
 
 @given(
     st.text()
-    | st.lists(st.sampled_from(["a", "?x", ":", "isOn", "AND", "OR", "NOT", "(", ")", ".", ",", "=", "5", "m", '"t"', "#", "\n"])).map(
-        " ".join
-    )
+    | st.lists(st.sampled_from([*KEYWORDS, "a", "?x", ":", "isOn", "(", ")", ".", ",", "=", "5", "m", '"t"', "#", "\n"])).map(" ".join)
 )
 def test_any_text_is_a_formula_or_an_error_in_its_place(text: str) -> None:
     try:

@@ -6,13 +6,13 @@ from collections.abc import Callable
 
 import pytest
 
-from somrs.entish.formula import Comparison, Name, Term
+from somrs.entish.formula import Comparison, Name, Term, Variable
 from somrs.entish.parse import MAX_COMPARED_NAMES, MAX_DEPTH, nearest, parse, parse_beginning, parse_term, read
 from somrs.errors import FormulaError
 
 TERM = 'a name, a variable such as ?Shelf, a number, a text in "quotes"'
 ANY_TERM = f"expected {TERM} or TRUE or FALSE"
-ANY_FORMULA = f"expected {TERM}, TRUE or FALSE, NOT or ("
+ANY_FORMULA = f"expected {TERM}, TRUE or FALSE, NOT, FORALL or EXISTS or ("
 EARLY = "the formula ends too early"
 NO_TERM = "write a number, an attribute such as ?Jar.Weight, or a function such as range(?Provider)"
 
@@ -32,7 +32,7 @@ def refusal(read: Callable[[str], object], text: str) -> tuple[int, str, str]:
         ("a", 1, EARLY, "expected a name, a comparison (= != < <= > >=), + or -, *, ( or . and an attribute"),
         ("a isOn ", 6, EARLY, ANY_TERM),
         ("a isOn b AND", 12, EARLY, ANY_FORMULA),
-        ("NOT", 3, EARLY, f"expected {TERM}, TRUE or FALSE or ("),
+        ("NOT", 3, EARLY, f"expected {TERM}, TRUE or FALSE, NOT, FORALL or EXISTS or ("),
         (
             "?x $",
             3,
@@ -80,7 +80,7 @@ def test_only_parentheses_that_are_open_and_no_part_of_a_text_count(read_: Calla
 @pytest.mark.parametrize(
     ("text", "tokens", "next_kinds"),
     [
-        ("", "", "LPAR NAME NUMBER STRING TRUTH VARIABLE _NOT"),
+        ("", "", "LPAR NAME NUMBER QUANTIFIER STRING TRUTH VARIABLE _NOT"),
         ("a isOn", "NAME:a NAME:isOn", "NAME NUMBER STRING TRUTH VARIABLE"),
         ("a isOn b", "NAME:a NAME:isOn NAME:b", "$END DOT LPAR _AND _OR"),
         ("a.b = 5", "NAME:a DOT:. NAME:b OPERATOR:= NUMBER:5", "$END SIGN TIMES UNIT _AND _OR"),
@@ -143,15 +143,15 @@ def test_where_the_parts_of_a_formula_stand() -> None:
         (truth_text, "a"): 76,
         (truth_text, "TRUE"): 82,
     }
-    assert reading.types == {"x": 4}
+    assert reading.types == {Variable("x", "Jar"): 4}
 
 
 def test_what_has_no_place_is_shown_at_the_beginning() -> None:
     reading = read("a isOn ?x: Jar")
     comparison = Comparison(Name("b"), "=", Name("c"))
     assert reading.error(comparison, None, "it is wrong").position == 0
-    assert reading.type_error("y", "it is wrong", "mend it").position == 0
-    error = reading.type_error("x", "it is wrong", "mend it")
+    assert reading.type_error(Variable("y"), "it is wrong", "mend it").position == 0
+    error = reading.type_error(Variable("x", "Jar"), "it is wrong", "mend it")
     assert (error.text, error.position, error.problem, error.hint) == ("a isOn ?x: Jar", 11, "it is wrong", "mend it")
 
 

@@ -311,7 +311,7 @@ def limited(**fields: object) -> ObjectType:
                     "formula",
                     "effect",
                     "the formula ends too early\n  ?x isOn ?Provider AND\n                       ^\n"
-                    'expected a name, a variable such as ?Shelf, a number, a text in "quotes", TRUE or FALSE, NOT or (',
+                    'expected a name, a variable such as ?Shelf, a number, a text in "quotes", TRUE or FALSE, NOT, FORALL or EXISTS or (',
                 ),
             ],
         ),

@@ -13,8 +13,8 @@ from somrs.entish.formula import (
     Attribute,
     Call,
     Comparison,
+    Condition,
     Formula,
-    Literal,
     Name,
     Not,
     Number,
@@ -92,7 +92,7 @@ def metres(number: Number) -> float:
     return number.value / 100 if number.unit == "cm" else number.value
 
 
-def literal_holds(literal: Literal, map: Map, chosen: Assignment) -> bool:
+def literal_holds(literal: Condition, map: Map, chosen: Assignment) -> bool:
     match literal:
         case Not(atom):
             hidden = [name for name in variables(atom) if name not in chosen]
@@ -124,6 +124,7 @@ def literal_holds(literal: Literal, map: Map, chosen: Assignment) -> bool:
                 "=": str(left_constant).strip('"') == str(right_constant).strip('"'),
                 "!=": str(left_constant).strip('"') != str(right_constant).strip('"'),
             }.get(operator, False)
+    raise AssertionError("these formulas have no quantifiers")
 
 
 def domain(variable: Variable, map: Map) -> list[Term]:
@@ -131,7 +132,7 @@ def domain(variable: Variable, map: Map) -> list[Term]:
     return [Name(o.name) for o in map.objects.values() if variable.type is None or o.type in subtypes[variable.type]]
 
 
-def equations_of(branch: tuple[Literal, ...], name: str) -> list[Term]:
+def equations_of(branch: tuple[Condition, ...], name: str) -> list[Term]:
     """What `?name` is said to equal: terms that read something first, then variables, as they are written."""
     equal_terms = [
         other_side
@@ -155,7 +156,7 @@ def plain_rows(formula: Formula, map: Map) -> Iterator[Assignment]:
                 yield chosen
 
 
-def assign_values(branch: tuple[Literal, ...], names: list[str], map: Map, chosen: Assignment) -> bool:
+def assign_values(branch: tuple[Condition, ...], names: list[str], map: Map, chosen: Assignment) -> bool:
     """Gives the value variables their values; False when a term that defines one has none."""
     waiting = list(names)
     while waiting:

@@ -104,7 +104,7 @@ def test_a_term_as_python_has_it(text: str, value: Value) -> None:
         ("1a", Text("1a")),
         ("a-", Text("a-")),
         ("", Text("")),
-        *((word, Text(word)) for word in ("AND", "OR", "NOT", "TRUE", "FALSE")),
+        *((word, Text(word)) for word in ("AND", "OR", "NOT", "FORALL", "EXISTS", "TRUE", "FALSE")),
     ],
 )
 def test_a_python_value_as_a_term(value: Value, expected: object) -> None:

@@ -16,7 +16,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from somrs.entish import Name, Relation
-from somrs.entish.parse import nearest, parse
+from somrs.entish.parse import KEYWORDS, nearest, parse
 from somrs.errors import FormulaError, ModelError, Problem
 from somrs.ontology.conformance import Violation, violations
 from somrs.ontology.consistency import ontology_violations
@@ -354,9 +354,9 @@ class _Reading:
         self.places.setdefault(f"facts {fact}", place)
 
     def _named(self, name: Any, place: _Place) -> bool:
-        if isinstance(name, str) and NAME.fullmatch(name) and name not in ("AND", "OR", "NOT", "TRUE", "FALSE"):
+        if isinstance(name, str) and NAME.fullmatch(name) and name not in KEYWORDS:
             return True
-        message = "is not a name; a name is a letter and then letters, digits, _ or -, and not AND, OR, NOT, TRUE or FALSE"
+        message = "is not a name; a name is a letter and then letters, digits, _ or -, and not AND, OR, NOT, FORALL, EXISTS, TRUE or FALSE"
         self._problem(place, str(name), "name", message)
         self.broken.add(str(name))
         return False

@@ -10,14 +10,12 @@ from rdflib import OWL, RDF, RDFS, SH, SKOS, BNode, Graph, Literal, URIRef
 from rdflib.plugins.parsers.notation3 import BadSyntax
 from rdflib.term import IdentifiedNode, Node
 
+from somrs.entish.parse import KEYWORDS
 from somrs.errors import ModelError, Problem
 from somrs.ontology.files.loading import NAME
 from somrs.ontology.naming import SINGULAR, DefinitionKey, Renaming, Section, find_definition
 from somrs.ontology.owl.words import ONTOLOGY, V, local_name, section_of
 from somrs.ontology.types import Ontology
-
-WORDS = frozenset(("AND", "OR", "NOT", "TRUE", "FALSE"))
-"""The keywords of Entish."""
 
 ADVICE = {
     OWL.imports: "other files are not read; merge them into this one (in Protégé: Refactor, Merge ontologies)",
@@ -229,7 +227,7 @@ class Source:
 
 
 def _is_name(text: str) -> bool:
-    return NAME.fullmatch(text) is not None and text not in WORDS
+    return NAME.fullmatch(text) is not None and text not in KEYWORDS
 
 
 def sorted_iris(nodes: Iterator[Node]) -> list[URIRef]:

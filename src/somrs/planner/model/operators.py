@@ -191,7 +191,13 @@ def goal_operators(goal: Formula, vocabulary: Vocabulary) -> Iterator[Operator]:
 def _branches(formula: Formula) -> list[tuple[Literal, ...]]:
     if count_alternatives(formula) > ALTERNATIVES:
         raise Inexpressible(formula, f"it has more than {ALTERNATIVES} alternatives")
-    return list(alternatives(formula))
+    branches: list[tuple[Literal, ...]] = []
+    for branch in alternatives(formula):
+        branch_literals = tuple(part for part in branch if isinstance(part, Literal))
+        if len(branch_literals) < len(branch):
+            raise Inexpressible(formula, "it has a quantifier")
+        branches.append(branch_literals)
+    return branches
 
 
 class _Compiler:

@@ -7,14 +7,13 @@ from collections.abc import Mapping
 from functools import lru_cache
 
 from somrs.entish.formula import Comparison, Formula, Name, Number, Term, Text, Truth, substitute
-from somrs.entish.parse import parse
+from somrs.entish.parse import KEYWORDS, parse
 from somrs.errors import DeviceError
 from somrs.ontology.services import PROVIDER
 from somrs.ontology.types import Value
 
 _AMOUNT = re.compile(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*([^\W\d]*)\s*")
 _NAME = re.compile(r"[^\W\d]\w*(-\w+)*")
-_KEYWORDS = frozenset(("AND", "OR", "NOT", "TRUE", "FALSE"))
 _SECONDS = {"": 1.0, "ms": 0.001, "s": 1.0, "min": 60.0, "h": 3600.0}
 
 
@@ -42,7 +41,7 @@ def as_term(value: Value) -> Term:
         return Truth(value)
     if isinstance(value, float | int):
         return Number(float(value))
-    return Name(value) if _NAME.fullmatch(value) and value not in _KEYWORDS else Text(value)
+    return Name(value) if _NAME.fullmatch(value) and value not in KEYWORDS else Text(value)
 
 
 def fill_in(formula: str, provider: str, inputs: Mapping[str, str], outputs: Mapping[str, Value] | None = None) -> Formula:

@@ -5,9 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
+from somrs.entish.parse import KEYWORDS
 from somrs.ontology.files.loading import NAME
-
-_KEYWORDS = frozenset({"AND", "OR", "NOT", "TRUE", "FALSE"})
 
 
 class Names:
@@ -34,7 +33,7 @@ class Names:
         name = re.sub(r"-(?!\w)", "_", re.sub(r"[^\w-]", "_", wanted_name))
         if not NAME.fullmatch(name):
             name = "x" + name
-        while name in self._reserved or name in _KEYWORDS:
+        while name in self._reserved or name in KEYWORDS:
             name += "_"
         self._reserved.add(name)
         return name

@@ -191,9 +191,9 @@ def test_mistake_is_named_with_its_line(old: str, new: str, line: int, rule: str
     assert str(found_problems[0]).startswith(f"house.yaml:{line}: ")
 
 
-@pytest.mark.parametrize("name", ["AND", "OR", "NOT", "TRUE", "FALSE", "1a", "a b", "a.b", "-a"])
+@pytest.mark.parametrize("name", ["AND", "OR", "NOT", "FORALL", "EXISTS", "TRUE", "FALSE", "1a", "a b", "a.b", "-a"])
 def test_what_is_no_name_is_told(name: str) -> None:
-    message = "is not a name; a name is a letter and then letters, digits, _ or -, and not AND, OR, NOT, TRUE or FALSE"
+    message = "is not a name; a name is a letter and then letters, digits, _ or -, and not AND, OR, NOT, FORALL, EXISTS, TRUE or FALSE"
     found_problems = problems(f'types:\n  "{name}": {{parent: Jar}}\n')
     assert [(p.line, p.subject, p.rule, p.message) for p in found_problems] == [(2, name, "name", message)]
 
