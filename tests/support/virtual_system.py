@@ -23,6 +23,7 @@ from somrs.runtime.virtual_network import Medium, promptly
 from somrs.runtime.virtual_time import Watch, Work, World
 from somrs.service_manager.participant.participant import SCHEMA as SERVICE_MANAGER
 from somrs.service_manager.participant.participant import ServiceManager
+from somrs.service_manager.sdk.device import Device
 from somrs.service_manager.sdk.orders import (
     Capability,
     Halt,
@@ -40,6 +41,7 @@ from somrs.service_manager.sdk.orders import (
 from somrs.task_manager.manager import SCHEMA, TaskManager
 from somrs.task_manager.transaction.views import view
 from tests.support.building import wide_building
+from tests.support.virtual_devices import in_virtual_time, make_ask
 
 SITE = (
     wide_building("Test")
@@ -181,6 +183,14 @@ class VirtualSystem:
                 lease=3600,
             ),
         )
+
+    def join_device(self, device: Device) -> None:
+        """Let an author's device join; its coroutines may wait only with `Pause`."""
+        ask = make_ask(self.repository, lambda: self.world.now)
+        self.world.add(
+            f"devices/{device.name}", self._new_device(device.profile()), in_virtual_time(device, ask), journaled=SERVICE_MANAGER
+        )
+        self.world.run(5)
 
     def restart(self, robot: Robot, *, snapshot: bool = False) -> None:
         """Kill and restart the robot's Service Manager, from its journal and, if requested, a snapshot."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 
 from somrs.entish.formula import (
     Arithmetic,
@@ -20,15 +21,16 @@ from somrs.entish.formula import (
     conjunction,
     conjuncts,
     literals,
+    names,
     variables,
 )
 from somrs.entish.parse import nearest, read
 from somrs.errors import FormulaError
-from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, ValueSet
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, ValueSet, differences
 from somrs.ontology.truth import formula_holds
 from somrs.ontology.types import AttributeType, Kind, Ontology, RelationType, Value
 from somrs.ontology.units import convert_unit
-from somrs.ontology.values import measure
+from somrs.ontology.values import constant, measure
 
 
 def changes(effect: Formula, map: Map, ontology: Ontology) -> list[Change]:
@@ -46,6 +48,38 @@ def changes(effect: Formula, map: Map, ontology: Ontology) -> list[Change]:
 def apply_effect(effect: Formula, map: Map, ontology: Ontology) -> Map:
     """The map after an effect without variables: `map` with its `changes`."""
     return _make_changes(effect, map, ontology)[1]
+
+
+def net_effect(effects: Sequence[Formula], map: Map, ontology: Ontology) -> Formula | None:
+    """What the effects, which come true one after the other, change on the map in the end; None if nothing. Formulas without variables.
+
+    Effects that the map cannot make true (an object is not on it) are left out. `apply_effect` on the map gives the map after the others.
+    """
+    concerned = dict.fromkeys(name for effect in effects for name in names(effect) if name in map.objects)
+    part_of_map = Map((map.objects[name] for name in concerned), (fact for name in concerned for fact in map.facts_about(name)))
+    map_after = part_of_map
+    for effect in effects:
+        with suppress(FormulaError):
+            map_after = apply_effect(effect, map_after, ontology)
+    stated = sorted(_stated(differences(part_of_map, map_after), map_after, ontology), key=str)
+    map_stated = apply_effect(conjunction(*stated), part_of_map, ontology) if stated else part_of_map
+    ended = sorted((Not(_atom(c.fact)) for c in differences(map_stated, map_after) if isinstance(c, FactRemoved)), key=str)
+    return conjunction(*stated, *ended) if stated or ended else None
+
+
+def _stated(difference: Iterable[Change], map_after: Map, ontology: Ontology) -> Iterator[Formula]:
+    """The new facts and values. They replace most of the facts that the map has not any more."""
+    for change in difference:
+        match change:
+            case FactAdded(fact):
+                yield _atom(fact)
+            case ValueSet(object, path, value) if value is not None:
+                attribute = ontology.attributes_of(map_after.objects[object].type)[path]
+                yield Comparison(Attribute(Name(object), path), "=", constant(value, attribute))
+
+
+def _atom(fact: Fact) -> Relation:
+    return Relation(fact.relation, tuple(Name(argument) for argument in fact.arguments))
 
 
 def evaluate_effect(effect: Formula, map: Map, ontology: Ontology) -> Formula:

@@ -68,6 +68,7 @@ from somrs.repository.definition import define_outcome, rename_outcome
 from somrs.repository.history_queries import archive_reply, events_query, history_query, page_query, undo_query
 from somrs.repository.outcome import VERSION, Outcome, considered, rejected
 from somrs.repository.pages import MapPages, ontology_page
+from somrs.repository.promised_maps import PromisedMaps
 from somrs.repository.rollback import inverse
 from somrs.repository.state import (
     REMEMBERED,
@@ -99,6 +100,7 @@ class Repository:
         contents.address = address
         self.contents = contents
         self._pages = MapPages(contents.map)
+        self._promised = PromisedMaps(contents)
 
     @classmethod
     def restored(cls, contents: Contents) -> Self:
@@ -175,20 +177,24 @@ class Repository:
     def _read(self, message: Message, question: ReadOntology | ReadMap) -> Effect:
         contents = self.contents
         if question.at_version is not None:
+            if isinstance(question, ReadMap) and question.situation is not None:
+                raise InputError("a situation is promised for the map as it is now: give `situation` or `at_version`, not both")
             return _ask(message, page_query(question, question.at_version, contents))
         if isinstance(question, ReadOntology):
             page = ontology_page(contents.ontology, contents.version, question.after, contents.ontology_changed_at)
             return self._answer(message, page)
-        if self._pages.map is not contents.map:
-            self._pages = MapPages(contents.map)
+        map = self._promised.map_in(question.situation)
+        if self._pages.map is not map:
+            self._pages = MapPages(map)
         return self._answer(message, self._pages.page(contents.version, question.after))
 
     def _rows(self, query: QueryMap) -> Rows:
-        formula = check(query.formula, self.contents.ontology, self.contents.map)
+        map = self._promised.map_in(query.situation)
+        formula = check(query.formula, self.contents.ontology, map)
         limit = min(max(query.limit, 0), MOST_ROWS)
         matching_rows = [
             Row(bindings={name: str(term) for name, term in row.items()})
-            for row in islice(bindings(formula, self.contents.map, self.contents.ontology), limit + 1)
+            for row in islice(bindings(formula, map, self.contents.ontology), limit + 1)
         ]
         rows = tuple(fit_page(matching_rows, limit))
         return Rows(rows=rows, version=self.contents.version, more=len(rows) < len(matching_rows))

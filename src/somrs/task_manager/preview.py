@@ -131,7 +131,7 @@ class PreviewExecutor:
 
     @property
     def _arrangement(self) -> Arrangement:
-        return Arrangement(self._state.workflow, self._state.members, self._participants)
+        return Arrangement(self._state.workflow, self._state.members, self._participants, self._context.replica)
 
     def receive(self, message: Message, now: float) -> EffectsReturning[Previewed | None]:
         """Handle a service's message."""

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from somrs.entish.formula import Attribute, Comparison, Formula, Literal, Name, Not, Relation, conjunction, conjuncts
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError
-from somrs.ontology.effects import apply_effect, changes, evaluate_effect
+from somrs.ontology.effects import apply_effect, changes, evaluate_effect, net_effect
 from somrs.ontology.indexes import MAX_OWN_KEYS
 from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet, differences
 from somrs.ontology.truth import formula_holds
@@ -275,3 +275,42 @@ def test_an_index_that_changed_much_is_right() -> None:
     assert len(map.facts_with("near", 1, "O1")) == count
     assert set(map.objects_at("near", 1)) == {"O1"}
     assert all(map.facts_with("near", 0, f"O{n}") == {(f"O{n}", "O1"): None} for n in range(count))
+
+
+# One effect after the other
+
+
+@pytest.mark.parametrize(
+    ("effects", "net"),
+    [
+        ([], None),
+        (["A isOn B"], None),
+        (["A isOn C", "A isOn B"], None),
+        (["A isOn C", "D isOn B"], "A isOn C AND D isOn B"),
+        (["A isOn C", "A isIn D"], "A isIn D"),
+        (["A isOn C", "NOT A isOn C"], "NOT A isOn B"),
+        (["NOT A isOn B", "A isOn C"], "A isOn C"),
+        (["A isPairedWith C", "C isPairedWith B"], "C isPairedWith B AND NOT D isPairedWith A"),
+        (["C isNear A", "B isNear A"], "B isNear A AND C isNear A"),
+        (["A.Size = 3", "A.Size = 1"], None),
+        (["D.Size = 4", "B.Size = D.Size", "D.Size = 5"], "B.Size = 4 m AND D.Size = 5 m"),
+        (["Nobody isOn B", "A.Open = FALSE"], "A.Open = FALSE"),
+    ],
+)
+def test_what_effects_change_in_the_end(effects: list[str], net: str | None) -> None:
+    result = net_effect([*map(parse, effects)], MAP, ONTOLOGY)
+    assert (str(result) if result is not None else None) == net
+
+
+@examples(100)
+@given(st.lists(effects, max_size=5), maps())
+def test_the_net_effect_leads_to_the_same_map_as_all_effects(sequence: list[Formula], start: Map) -> None:
+    """The plain twin applies one effect after the other, to the whole map."""
+    step_by_step = start
+    for effect in sequence:
+        try:
+            step_by_step = apply_effect(effect, step_by_step, ONTOLOGY)
+        except FormulaError:
+            continue
+    net = net_effect(sequence, start, ONTOLOGY)
+    assert (apply_effect(net, start, ONTOLOGY) if net is not None else start) == step_by_step

@@ -41,6 +41,7 @@ from somrs.protocol.messages.knowledge import (
     ReadMap,
     ReadOntology,
     Rejected,
+    Row,
     Rows,
     SubscribeMap,
     Updated,
@@ -120,6 +121,28 @@ def test_a_query_says_when_there_is_more_than_it_may_tell(repository: Repository
     assert len(rows.rows) == 1
     assert rows.more
     assert ask(repository, QueryMap(formula="?Thing: Jar isOn ?Where", limit=2), Rows).more is False
+
+
+def test_a_promised_situation_is_read_without_being_made_so(repository: Repository) -> None:
+    situation = "Jar1 isOn Table2 AND Table2.Color = Blue"
+    assert ask(repository, QueryMap(formula="Jar1 isOn ?Where", situation=situation), Rows).rows == (Row(bindings={"Where": "Table2"}),)
+    page = ask(repository, ReadMap(after="Table1", situation=situation), MapPage)
+    assert next(object for object in page.objects if object.name == "Table2").values["Color"] == "Blue"
+    assert ask(repository, QueryMap(formula="Jar1 isOn ?Where"), Rows).rows == (Row(bindings={"Where": "Table1"}),)
+    ask(repository, UpdateMap(situation="Jar2 isOn Table2"), Updated)
+    assert len(ask(repository, QueryMap(formula="?It: Jar isOn Table2", situation=situation), Rows).rows) == 2, "the map has changed since"
+
+
+@pytest.mark.parametrize(
+    ("question", "problem"),
+    [
+        (QueryMap(formula="Jar1 isOn ?Where", situation="Jar9 isOn Table2"), "Jar9"),
+        (QueryMap(formula="Jar1 isOn ?Where", situation="Jar1 isOn Table2 OR Jar1 isOn Table1"), "OR"),
+        (ReadMap(at_version=0, situation="Jar1 isOn Table2"), "not both"),
+    ],
+)
+def test_a_situation_that_cannot_be_read(repository: Repository, question: QueryMap | ReadMap, problem: str) -> None:
+    assert problem in ask(repository, question, Fault).text
 
 
 @pytest.mark.parametrize(

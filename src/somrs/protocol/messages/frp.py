@@ -47,7 +47,11 @@ class Outcome(StrEnum):
 
 
 class Arrange(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Request terms for a step. `inputs` are Entish terms, by the names of the service type's inputs."""
+    """Request terms for a step. `inputs` are Entish terms, by the names of the service type's inputs.
+
+    `situation` is the promised situation: what earlier steps of the plan will have changed on the map when this step starts. The terms are
+    for that situation. None: the map as it is.
+    """
 
     service_type: str
     inputs: dict[str, str]
@@ -56,6 +60,7 @@ class Arrange(MessageBody, frozen=True, kw_only=True, tag=True):
     earliest_start: float | None = None
     latest_finish: float | None = None
     reply_by: float | None = None
+    situation: str | None = None
 
 
 class Terms(MessageBody, frozen=True, kw_only=True, tag=True):

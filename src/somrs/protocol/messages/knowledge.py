@@ -89,11 +89,13 @@ class Defined(MessageBody, frozen=True, kw_only=True, tag=True):
 class ReadMap(MessageBody, frozen=True, kw_only=True, tag=True):
     """Read a page of objects in the order of their names, with the facts whose first argument is on the page.
 
-    `at_version`: as they were in that version; None: as they are now.
+    `at_version`: as they were in that version; None: as they are now. `situation`: as they would be if this formula held, too; not
+    together with `at_version`.
     """
 
     after: str = ""
     at_version: int | None = None
+    situation: str | None = None
 
 
 class MapPage(MessageBody, frozen=True, kw_only=True, tag=True):
@@ -104,10 +106,11 @@ class MapPage(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class QueryMap(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Find the objects for which the formula holds."""
+    """Find the objects for which the formula holds. `situation`: on the map as it would be if this formula held, too."""
 
     formula: str
     limit: int = 100
+    situation: str | None = None
 
 
 class Row(Struct, frozen=True, kw_only=True):

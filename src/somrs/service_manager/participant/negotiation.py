@@ -51,6 +51,7 @@ class Negotiation:
             precondition=arrange.precondition,
             earliest_start=arrange.earliest_start,
             latest_finish=arrange.latest_finish,
+            situation=arrange.situation,
         )
         job.activity = Activity.QUOTE
         yield Ask(job.question_for(Activity.QUOTE), Quote(job.order))

@@ -63,21 +63,21 @@ AbilityCheck = Callable[[Any, "Task"], Awaitable[None] | None]
 
 
 class MapReader:
-    """Reads the map in the Repository."""
+    """Reads the map in the Repository. With a `situation`, in Entish: the map as it would be if this formula held, too."""
 
-    def __init__(self, ask: Ask) -> None:
-        self._ask = ask
+    def __init__(self, ask: Ask, situation: str | None = None) -> None:
+        self._ask, self._situation = ask, situation
 
     async def object(self, name: str) -> Object | None:
         """Return the object with its explicit values; None when the map has no such object."""
-        page = await self._answer(ReadMap(after=predecessor_name(name)))
+        page = await self._answer(ReadMap(after=predecessor_name(name), situation=self._situation))
         if not isinstance(page, MapPage):
             raise RemoteError(f"the Repository answered ReadMap with {type(page).__name__}")
         return page.objects[0] if page.objects and page.objects[0].name == name else None
 
     async def query(self, formula: str | Formula, limit: int = 100) -> list[dict[str, Value]]:
         """Return all solutions of the formula, up to `limit`: a value, or the name of an object, for each variable."""
-        rows = await self._answer(QueryMap(formula=str(formula), limit=limit))
+        rows = await self._answer(QueryMap(formula=str(formula), limit=limit, situation=self._situation))
         if not isinstance(rows, Rows):
             raise RemoteError(f"the Repository answered QueryMap with {type(rows).__name__}")
         return [{name: python_value(text) for name, text in row.bindings.items()} for row in rows.rows]
@@ -98,15 +98,21 @@ def predecessor_name(name: str) -> str:
 
 
 class Task:
-    """The order for a service: its inputs, effect and precondition, and a way to report progress."""
+    """The order for a service: its inputs, effect and precondition, the map, and a way to report progress.
 
-    def __init__(self, provider: str, order: Order, ask: Ask, report: Callable[[object], None]) -> None:
+    While the service is `quoting`, `situation` is what earlier steps of the plan will have changed when it starts (None: nothing), and
+    `map` is read as it will be then. Afterwards `map` is the map as it is.
+    """
+
+    def __init__(self, provider: str, order: Order, ask: Ask, report: Callable[[object], None], *, quoting: bool = False) -> None:
         self.order = order
         self.inputs: Mapping[str, Value] = {name: python_value(text) for name, text in order.inputs.items()}
         """The inputs by name: numbers, texts and truth values as Python values, objects by their names on the map."""
         self.effect: Formula = fill_in(order.effect, provider, order.inputs)
         self.precondition: Formula | None = fill_in(order.precondition, provider, order.inputs) if order.precondition else None
-        self.map = MapReader(ask)
+        situation = order.situation if quoting else None
+        self.situation: Formula | None = parse(situation) if situation is not None else None
+        self.map = MapReader(ask, situation)
         self._report = report
 
     async def progress(self, fraction: float, situation: Situation = None, note: str = "") -> None:

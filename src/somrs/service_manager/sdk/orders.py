@@ -46,7 +46,8 @@ class Profile(Struct, frozen=True, kw_only=True):
 
 
 class Order(Struct, frozen=True, kw_only=True):
-    """The order that was arranged with a participant. `inputs` are Entish terms; times are on the coordinator's clock."""
+    """The order that was arranged with a participant. `inputs` are Entish terms; times are on the coordinator's clock. `situation` is what
+    earlier steps of the plan will have changed on the map when this step starts."""
 
     participant: str
     method: str
@@ -56,6 +57,7 @@ class Order(Struct, frozen=True, kw_only=True):
     earliest_start: float | None = None
     latest_finish: float | None = None
     transaction: str = ""
+    situation: str | None = None
 
 
 class Quote(Struct, frozen=True, tag=True):

@@ -23,7 +23,7 @@ async def carry_out(device: Device, work: Work, ask: Ask, report: Callable[[obje
     """
     service = device.services()[work.order.method]
     try:
-        task = Task(device.name, work.order, ask, report)
+        task = Task(device.name, work.order, ask, report, quoting=isinstance(work, Quote))
         match work:
             case Quote():
                 return await _quote(device, service, task)

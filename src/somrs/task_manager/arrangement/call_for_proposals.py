@@ -7,6 +7,8 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from msgspec import Struct, field
 
 from somrs.kernel.component import Effects, EffectsReturning, SetTimer
+from somrs.kernel.replica import Replica
+from somrs.ontology.effects import net_effect
 from somrs.planner.model.plan import Step
 from somrs.planner.model.provider_choice import assign_provider
 from somrs.protocol.messages import frp
@@ -96,8 +98,8 @@ class OpenCalls(Struct, kw_only=True):
 class Arrangement:
     """Asks services for terms for the steps of a workflow, and accepts the best terms."""
 
-    def __init__(self, workflow: Workflow, members: Members, participants: Participants) -> None:
-        self._workflow, self._members, self._participants = workflow, members, participants
+    def __init__(self, workflow: Workflow, members: Members, participants: Participants, replica: Replica) -> None:
+        self._workflow, self._members, self._participants, self._replica = workflow, members, participants, replica
 
     def invited(self, call: CallForProposals) -> list[Member]:
         return [self._members.by_id[id] for id in call.invited]
@@ -170,6 +172,7 @@ class Arrangement:
         """Send Arrange to the services of these offers, which have `seconds` to answer."""
         self._workflow.move(run, Progress.ARRANGING)
         inputs = {name: str(term) for name, term in run.step.inputs.items()}
+        situation = self._promised_situation(run)
         arranges: dict[tuple[str, str | None], frp.Arrange] = {}
 
         def arrange(offer: Offer) -> frp.Arrange:
@@ -186,6 +189,7 @@ class Arrangement:
                     earliest_start=earliest,
                     latest_finish=latest,
                     reply_by=now + seconds,
+                    situation=situation,
                 )
             return arranges[key]
 
@@ -194,6 +198,11 @@ class Arrangement:
             member = yield from self._participants.invite(offer, run.label, run.key, arrange(offer), now, seconds)
             invited.append(member.id)
         return make_call(run, invited, earliest=earliest, latest=latest, reply_by=now + seconds)
+
+    def _promised_situation(self, run: StepRun) -> str | None:
+        """What the map will have changed to when the step starts, by the effects of the steps before it; None if nothing."""
+        situation = net_effect(self._workflow.promised_effects(run), self._replica.map, self._replica.ontology)
+        return str(situation) if situation is not None else None
 
 
 def make_call(run: StepRun, invited: Iterable[str], *, earliest: float, latest: float | None, reply_by: float) -> CallForProposals:

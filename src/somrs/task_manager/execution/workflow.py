@@ -266,6 +266,16 @@ class Workflow(Struct, dict=True, eq=False):
         """The providers that are or were committed to a step."""
         return self._promised
 
+    def promised_effects(self, run: StepRun) -> list[Formula]:
+        """The effects of the steps that have to be completed before this one and are not yet, in the order of the plan."""
+        waiting, ids = [*self.predecessors(run.step.id)], set[str]()
+        while waiting:
+            predecessor = waiting.pop()
+            if predecessor.progress is not Progress.COMPLETED and predecessor.step.id not in ids:
+                ids.add(predecessor.step.id)
+                waiting += self.predecessors(predecessor.step.id)
+        return [predecessor.step.effect for predecessor in self._in_order(ids)]
+
     def earliest_start(self, run: StepRun, now: float) -> float:
         """The promised finish of all predecessors of the step; at least `now`."""
         return max(

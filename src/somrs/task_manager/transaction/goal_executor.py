@@ -377,7 +377,7 @@ class GoalExecutor:
 
     @property
     def _arrangement(self) -> Arrangement:
-        return Arrangement(self._workflow, self._scope.state.members, self._participants)
+        return Arrangement(self._workflow, self._scope.state.members, self._participants, self._context.replica)
 
     def _member(self, run: StepRun) -> Member | None:
         return self._scope.state.members.find_member(run.participant)

@@ -111,7 +111,7 @@ class CallHarness:
         self.transaction = TransactionHarness()
         planned_step = Step("step1", "Work", {"Object": Name("Jar1")}, parse(step.pop("effect", EFFECT)), **step)
         self.workflow = Workflow.from_plan(Plan((planned_step,)), "1.1/")
-        self.arrangement = Arrangement(self.workflow, self.transaction.members, self.transaction.participants)
+        self.arrangement = Arrangement(self.workflow, self.transaction.members, self.transaction.participants, self.transaction.replica)
         self.run = self.workflow.runs["step1"]
         self.run.precondition = parse(precondition) if precondition is not None else None
         self.effects, self.call = run_effects(self.arrangement.invite_services(self.run, offers, 100.0, latest, 50.0))

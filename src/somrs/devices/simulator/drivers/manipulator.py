@@ -71,11 +71,12 @@ class Manipulator(SimulatedDevice):
         elif spot.support is not None and not await task.map.holds(f"{object} isOn {spot.support}"):
             first_stop = spot.support  # an earlier step puts it there
         try:
-            first, second = await self.retry_when_link_lost(lambda: self._link.ways(first_stop, destination))
+            legs = await self.legs_through(task, first_stop, destination)
         except RemoteError as error:
             raise Refusal(f"{self.name} does not answer: {error}") from None
         except UsageError as error:
             raise Refusal(f"{self.name} cannot determine the path: {error}") from None
+        first, second = legs.lengths if not legs.shut else (None, None)
         if first is None or second is None:
             raise Refusal(f"{self.name} finds no path to {object if first is None else destination}")
         if not any([await is_of_type(task, destination, kind) for kind in SUPPORTING]):

@@ -69,10 +69,11 @@ class PatrolRobot(SimulatedDevice):
         if first is None:
             return 0.0
         try:
-            (length,) = await self.retry_when_link_lost(lambda: self._link.ways((first.x, first.y)))
+            legs = await self.legs_through(task, (first.x, first.y))
             state = (await self.retry_when_link_lost(self._link.status)).state
         except (RemoteError, UsageError) as error:
             raise Refusal(f"{self.name} does not answer: {error}") from None
+        length = legs.lengths[0] if not legs.shut else None
         return length if length is not None else 2 * math.dist((state.x, state.y), (first.x, first.y))
 
     @service("RecognizeSituation", price=_price, duration=_duration, able=_able)

@@ -13,6 +13,7 @@ from typing import TypeVar
 
 from somrs.devices.simulator.link.commands import CommandDone, Fault, RobotState
 from somrs.devices.simulator.link.connection import RobotGaveUp
+from somrs.devices.simulator.link.lines import Legs
 from somrs.devices.simulator.link.link import RobotLink
 from somrs.entish.formula import Number
 from somrs.errors import DeviceError, RemoteError
@@ -148,6 +149,11 @@ class SimulatedDevice(Device):
             return await work()
         finally:
             self._working -= 1
+
+    async def legs_through(self, task: Task, *stops: str | tuple[float, float]) -> Legs:
+        """The way through the stops in the situation in which the service is to start."""
+        situation = str(task.situation) if task.situation is not None else None
+        return await self.retry_when_link_lost(lambda: self._link.legs(*stops, situation=situation))
 
     async def price(self, task: Task, way: float) -> float | str:
         """The device's Price on the map, plus the price of driving `way` metres."""

@@ -16,6 +16,7 @@ from somrs.devices.simulator.link.lines import (
     Ask,
     ClientLine,
     Hello,
+    Legs,
     OrderDone,
     OrderGivenUp,
     Question,
@@ -134,8 +135,9 @@ class Link:
             case reply:
                 raise RemoteError(f"a question was answered with {type(reply).__name__}")
 
-    async def _ways(self, robot: str, stops: Stops) -> tuple[float | None, ...]:
-        return (await self._ask(Ways(robot=robot, stops=stops))).lengths or ()
+    async def _legs(self, robot: str, stops: Stops, situation: str | None) -> Legs:
+        answer = await self._ask(Ways(robot=robot, stops=stops, situation=situation))
+        return Legs(answer.lengths or (), answer.shut or ())
 
     async def _keep_connected(self) -> None:
         """Connect, process lines, and reconnect when the connection is lost."""

@@ -93,10 +93,23 @@ class Picture(Struct, frozen=True, kw_only=True, tag="picture", tag_field="ask")
 
 
 class Ways(Struct, frozen=True, kw_only=True, tag="ways", tag_field="ask"):
-    """Request the driving distances to within reach of the first stop, from there to the next, and so on."""
+    """Request the driving distances to within reach of the first stop, from there to the next, and so on.
+
+    `situation`: what other devices will have changed when the robot starts, in Entish: doors that are open or shut then, and where things
+    and robots are.
+    """
 
     robot: str
     stops: Stops = field(name="through")
+    situation: str | None = None
+
+
+class Legs(Struct, frozen=True):
+    """The way through several stops: the driving distance of each leg in metres, None where there is no path; and the shut doors that
+    have to be open for it."""
+
+    lengths: tuple[float | None, ...]
+    shut: tuple[str, ...] = ()
 
 
 class Idle(Struct, frozen=True, kw_only=True, tag="idle", tag_field="ask"):
@@ -218,6 +231,8 @@ class Answer(Struct, frozen=True, kw_only=True, tag="answer", tag_field="say"):
     """In JSON: base64."""
     lengths: tuple[float | None, ...] | None = None
     """Length of each leg in metres; None from the first leg without a path on."""
+    shut: tuple[str, ...] | None = None
+    """The shut doors on the only way. The lengths are those of the way with these doors open."""
 
 
 class Refused(Struct, frozen=True, kw_only=True, tag="error", tag_field="say"):

@@ -37,6 +37,7 @@ from somrs.devices.simulator.link.lines import (
     Follow,
     Hello,
     Idle,
+    Legs,
     Look,
     Move,
     Order,
@@ -151,7 +152,12 @@ class RobotLink(Link):
 
     async def ways(self, *stops: str | tuple[float, float]) -> tuple[float | None, ...]:
         """Driving distances in metres to the first stop, from there to the next, and so on; None where there is no path."""
-        return await self._ways(self.robot, stops)
+        legs = await self.legs(*stops)
+        return legs.lengths if not legs.shut else (None,) * len(stops)
+
+    async def legs(self, *stops: str | tuple[float, float], situation: str | None = None) -> Legs:
+        """The way through the stops in a situation (what others will have changed, in Entish), and the shut doors on it."""
+        return await self._legs(self.robot, stops, situation)
 
     def _hear(self, line: ServerLine) -> None:
         if isinstance(line, Unheard):
@@ -225,7 +231,7 @@ class OperatorLink(Link):
 
     async def ways(self, robot: str, *stops: str | tuple[float, float]) -> tuple[float | None, ...]:
         """Driving distances in metres to the first stop, from there to the next, and so on; None where there is no path."""
-        return await self._ways(robot, stops)
+        return (await self._legs(robot, stops, None)).lengths
 
     async def idle(self) -> None:
         """Wait until all robots are idle."""

@@ -1,66 +1,159 @@
-"""Driving distances of a simulated robot, for quotes: from its position through a sequence of stops."""
+"""Driving distances of a simulated robot, for quotes: from its position through a sequence of stops, in a promised situation."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
 
-from somrs.devices.simulator.link.lines import Stops
+from somrs.devices.simulator.link.lines import Legs, Stops
 from somrs.devices.simulator.motion.clearance import Disc
 from somrs.devices.simulator.motion.driving import MARGIN
-from somrs.devices.simulator.motion.navigation import Pose
+from somrs.devices.simulator.motion.navigation import Navigator, Pose
 from somrs.devices.simulator.motion.robot import Robot
 from somrs.devices.simulator.server.simulation import Simulation
-from somrs.devices.simulator.world.solids import Point, Role
-from somrs.errors import UsageError
+from somrs.devices.simulator.world.solids import Point, Role, Solid, path_length
+from somrs.entish import Attribute, Comparison, Name, Number, Relation, Truth
+from somrs.entish.formula import conjuncts
+from somrs.entish.parse import parse
+from somrs.errors import FormulaError, UsageError
 
 ELEVATION = 0.8
 """Height at which the arm reaches a stop that is a point, m."""
+SAMPLING = 0.1
+"""Distance between the points of a path at which doors are looked for, m."""
 
 
-def leg_lengths(simulation: Simulation, robot: str, stops: Stops) -> tuple[float | None, ...]:
+@dataclass(slots=True)
+class _Promised:
+    """The promised situation: doors that will be open (True) or shut; what things and robots will be at; their known positions."""
+
+    doors: dict[str, bool] = field(default_factory=dict)
+    carriers: dict[str, str] = field(default_factory=dict)
+    points: dict[str, Point] = field(default_factory=dict)
+
+    @classmethod
+    def read(cls, situation: str | None, solids: Mapping[str, Solid]) -> _Promised:
+        """Raises UsageError for a situation that is no formula."""
+        promised, positions = cls(), dict[str, dict[str, float]]()
+        try:
+            parts = conjuncts(parse(situation)) if situation is not None else ()
+        except FormulaError as error:
+            raise UsageError(f"the situation is no formula: {error}") from None
+        for part in parts:
+            match part:
+                case Comparison(Attribute(Name(name), "Open"), "=", Truth(is_open)) if name in solids and solids[name].role is Role.DOOR:
+                    promised.doors[name] = is_open
+                case Comparison(Attribute(Name(name), "PositionX" | "PositionY" as path), "=", Number(value)) if name in solids:
+                    positions.setdefault(name, {})[path] = value
+                case Relation(_, (Name(name), Name(carrier), *_)) if carrier in solids and _is_movable(solids.get(name)):
+                    promised.carriers[name] = carrier
+        promised.points = {name: (at["PositionX"], at["PositionY"]) for name, at in positions.items() if len(at) == 2}
+        return promised
+
+    def stop(self, stop: str | Point) -> str | Point:
+        """Where the robot has to go for this stop."""
+        seen = set[str]()
+        while isinstance(stop, str) and stop not in seen and stop in {*self.points, *self.carriers}:
+            seen.add(stop)
+            stop = self.points[stop] if stop in self.points else self.carriers[stop]
+        return stop
+
+
+def _is_movable(solid: Solid | None) -> bool:
+    return solid is not None and solid.role in (Role.THING, Role.ROBOT)
+
+
+def find_legs(simulation: Simulation, robot: str, stops: Stops, situation: str | None = None) -> Legs:
     """Driving distances in metres to the first stop, from there to the next, and so on; None from the first leg without a path on.
 
-    Other robots count as obstacles only if they cannot move. Raises UsageError for an unknown robot or object.
+    If shut doors leave no path, the legs are those of a shortest path with the doors on it open, and the doors are named. Other robots
+    count as obstacles only if they cannot move. Raises UsageError for an unknown robot or object.
     """
     if robot not in simulation.robots:
         raise UsageError(f"there is no robot {robot}; there are {', '.join(simulation.robots) or 'none'}")
-    device = simulation.robots[robot]
-    broken = [(other_robot.pose(), other_robot.size.radius) for other_robot in device.other_robots() if not other_robot.mobile]
-    discs = [Disc(x, y, radius) for (x, y, _), radius in broken]
-    lengths: list[float | None] = []
-    position: Point | None = device.pose()[:2]
-    for stop in stops:
-        stand = _stand(simulation, device, position, stop, discs) if position is not None else None
-        if position is None or stand is None:
-            lengths.append(None)
-            position = None
-            continue
-        lengths.append(device.navigator.distance(position, stand, device.size.radius + MARGIN, discs))
-        position = stand
-    return tuple(lengths)
+    solids = simulation.scene.world.solids
+    promised = _Promised.read(situation, solids)
+    doors = {solid.name: promised.doors.get(solid.name, solid.open) for solid in solids.values() if solid.role is Role.DOOR}
+    planner = _LegPlanner(simulation, simulation.robots[robot], promised)
+    paths = planner.paths(stops, doors)
+    if None not in paths or all(doors.values()):
+        return Legs(_lengths(paths))
+    open_paths = planner.paths(stops, dict.fromkeys(doors, True))
+    if None in open_paths:
+        return Legs(_lengths(paths))
+    shut = [door for door, is_open in doors.items() if not is_open and planner.passes(solids[door], open_paths)]
+    for door in [*shut] if len(shut) > 1 else ():  # a longer way may need fewer doors
+        fewer = planner.paths(stops, {**doors, **dict.fromkeys(shut, True), door: False})
+        if None not in fewer:
+            shut.remove(door)
+            open_paths = fewer
+    return Legs(_lengths(open_paths), tuple(shut))
 
 
-def _stand(simulation: Simulation, robot: Robot, position: Point, stop: str | Point, discs: list[Disc]) -> Point | None:
-    """The position from which the robot would reach the object or point; None if there is none."""
-    plan, radius, reach = robot.navigator, robot.size.radius + MARGIN, (robot.size.nearest, robot.size.farthest)
-    poses: list[Pose]
-    if not isinstance(stop, str):
-        return (
-            position
-            if _is_reachable(position, stop, reach)
-            else _first(plan.approach(position, stop, radius, reach, discs, ELEVATION, limit=1))
-        )
-    solid = simulation.scene.world.solids.get(stop)
-    if solid is None:
-        raise UsageError(f"{stop} is not in the simulated world")
-    if solid.role is Role.FLOOR and solid.distance(*position) < 0:
-        return position
-    if solid.role in (Role.THING, Role.MARK, Role.ROBOT, Role.FLOOR):
-        object_state = simulation.observe(stop)
-        poses = plan.approach(position, (object_state.x, object_state.y), radius, reach, discs, object_state.z, limit=1)
-    else:
-        poses = plan.approach_support(position, solid, radius, reach, discs, limit=1)
-    return _first(poses)
+def _lengths(paths: list[list[Point] | None]) -> tuple[float | None, ...]:
+    return tuple(path_length(path) if path is not None else None for path in paths)
+
+
+class _LegPlanner:
+    """Plans the legs of one robot in a promised situation."""
+
+    def __init__(self, simulation: Simulation, robot: Robot, promised: _Promised) -> None:
+        self._simulation, self._robot, self._promised = simulation, robot, promised
+        broken = [(other_robot.pose(), other_robot.size.radius) for other_robot in robot.other_robots() if not other_robot.mobile]
+        self._discs = [Disc(x, y, radius) for (x, y, _), radius in broken]
+        self._radius = robot.size.radius + MARGIN
+
+    def paths(self, stops: Stops, doors: Mapping[str, bool]) -> list[list[Point] | None]:
+        """The path of each leg with the doors in these states; None from the first leg without a path on."""
+        navigator = self._simulation.navigator_of(self._robot, doors)
+        position: Point | None = self._start()
+        paths: list[list[Point] | None] = []
+        for stop in stops:
+            stand = self._stand(navigator, position, self._promised.stop(stop)) if position is not None else None
+            path = navigator.path(position, stand, self._radius, self._discs) if position is not None and stand is not None else None
+            paths.append(path)
+            position = stand if path is not None else None
+        return paths
+
+    def passes(self, door: Solid, paths: list[list[Point] | None]) -> bool:
+        """Whether the robot touches the place of the door on one of the paths."""
+        return any(door.distance(*point) < self._radius for path in paths if path is not None for point in _points_on(path))
+
+    def _start(self) -> Point:
+        place = self._promised.stop(self._robot.name)
+        if not isinstance(place, str):
+            return place
+        return self._robot.pose()[:2] if place == self._robot.name else self._simulation.scene.pose(place)[:2]
+
+    def _stand(self, navigator: Navigator, position: Point, stop: str | Point) -> Point | None:
+        """The position from which the robot would reach the object or point; None if there is none."""
+        radius, reach, discs = self._radius, (self._robot.size.nearest, self._robot.size.farthest), self._discs
+        poses: list[Pose]
+        if not isinstance(stop, str):
+            if _is_reachable(position, stop, reach):
+                return position
+            return _first(navigator.approach(position, stop, radius, reach, discs, ELEVATION, limit=1))
+        solid = self._simulation.scene.world.solids.get(stop)
+        if solid is None:
+            raise UsageError(f"{stop} is not in the simulated world")
+        if solid.role is Role.FLOOR and solid.distance(*position) < 0:
+            return position
+        if solid.role in (Role.THING, Role.MARK, Role.ROBOT, Role.FLOOR):
+            object_state = self._simulation.observe(stop)
+            poses = navigator.approach(position, (object_state.x, object_state.y), radius, reach, discs, object_state.z, limit=1)
+        else:
+            poses = navigator.approach_support(position, solid, radius, reach, discs, limit=1)
+        return _first(poses)
+
+
+def _points_on(path: list[Point]) -> Iterator[Point]:
+    """Points of a path, close to each other."""
+    for (start_x, start_y), (end_x, end_y) in pairwise(path):
+        count = max(1, math.ceil(math.dist((start_x, start_y), (end_x, end_y)) / SAMPLING))
+        for i in range(count + 1):
+            yield start_x + (end_x - start_x) * i / count, start_y + (end_y - start_y) * i / count
 
 
 def _is_reachable(position: Point, target: Point, reach: tuple[float, float]) -> bool:

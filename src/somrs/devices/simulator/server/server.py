@@ -41,7 +41,7 @@ from somrs.devices.simulator.link.lines import (
     read_opening,
 )
 from somrs.devices.simulator.server.connections import Connection, ConnectionClosing, Connections
-from somrs.devices.simulator.server.driving_distances import leg_lengths
+from somrs.devices.simulator.server.driving_distances import find_legs
 from somrs.devices.simulator.server.faults import Schedule
 from somrs.devices.simulator.server.pictures import Pictures
 from somrs.devices.simulator.server.simulation import Simulation
@@ -257,8 +257,9 @@ class Server:
             case Picture():
                 self._pictures.plan(connection, id, question)
                 return
-            case Ways(robot=robot, stops=stops):
-                answer = Answer(id=id, lengths=leg_lengths(self.simulation, robot, stops))
+            case Ways(robot=robot, stops=stops, situation=situation):
+                legs = find_legs(self.simulation, robot, stops, situation)
+                answer = Answer(id=id, lengths=legs.lengths, shut=legs.shut)
             case Move(object=name, x=x, y=y, z=z, yaw=yaw):
                 self.simulation.move(name, x, y, z, yaw)
             case Follow(rate=rate):

@@ -22,8 +22,14 @@ from somrs.devices.simulator.world.solids import Role, Solid, solid_of
 from somrs.devices.simulator.world.vision import StationaryCamera, view
 from somrs.devices.simulator.world.world import STEP
 from somrs.errors import UsageError
-from somrs.ontology.objects import Map, Object, ObjectAdded, ObjectRemoved
+from somrs.ontology.objects import Map, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import Ontology
+
+Doors = frozenset[tuple[str, bool]]
+"""Doors that are to be open (True) or shut in a plan, other than they are now."""
+NO_DOORS: Doors = frozenset()
+MOST_NAVIGATORS = 16
+"""The number of navigators to keep, of all levels and states of doors."""
 
 OnEnd = Callable[[CommandDone | CommandGivenUp], None]
 
@@ -48,7 +54,7 @@ class Simulation:
     def __init__(self, map: Map, ontology: Ontology) -> None:
         self._map, self._ontology = map, ontology
         self.scene = Scene(map, ontology)
-        self._navigators: dict[float, Navigator] = {}
+        self._navigators: dict[tuple[float, Doors], Navigator] = {}
         self.robots: dict[str, Robot] = {}
         self.cameras: dict[str, StationaryCamera] = {}
         self.linked: Mapping[str, Robot | StationaryCamera] = ChainMap[str, Any](self.cameras, self.robots)
@@ -331,11 +337,19 @@ class Simulation:
             return
         self.robots[solid.name] = Robot(solid, self.scene, self._navigator(solid.z), self.robots)
 
-    def _navigator(self, level: float) -> Navigator:
-        key = round(level, 1)
+    def _navigator(self, level: float, doors: Doors = NO_DOORS) -> Navigator:
+        key = round(level, 1), doors
         if key not in self._navigators:
-            self._navigators[key] = Navigator(self._map, self._ontology, level=level)
+            while len(self._navigators) >= MOST_NAVIGATORS:
+                del self._navigators[next(iter(self._navigators))]
+            changes = [ValueSet(door, "Open", is_open) for door, is_open in doors if door in self._map.objects]
+            self._navigators[key] = Navigator(self._map.changed(changes), self._ontology, level=level)
         return self._navigators[key]
+
+    def navigator_of(self, robot: Robot, doors: Mapping[str, bool]) -> Navigator:
+        """Plans the robot's paths as if these doors were open (True) or shut."""
+        solids = self.scene.world.solids
+        return self._navigator(robot.solid.z, frozenset((door, is_open) for door, is_open in doors.items() if solids[door].open != is_open))
 
     def _renew_navigators(self) -> None:
         self._navigators = {}

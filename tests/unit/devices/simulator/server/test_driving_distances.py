@@ -1,0 +1,90 @@
+"""How far a robot would have to drive, in the situation in which it is to start."""
+
+from __future__ import annotations
+
+import pytest
+
+from somrs.devices.simulator.link.lines import Legs
+from somrs.devices.simulator.server.driving_distances import find_legs
+from somrs.devices.simulator.server.simulation import Simulation
+from somrs.errors import UsageError
+from somrs.ontology.objects import Map, Object
+from tests.support.simulator_room import ONTOLOGY, box, robot, shell, thing
+
+
+def door(name: str, y: float, *, is_open: bool) -> Object:
+    return box(name, "Door", (4, y, 0), (0.1, 1.2, 2.1), Open=is_open)
+
+
+def two_rooms(*doors: Object) -> Simulation:
+    """Two rooms with a wall between them, which has gaps for doors at y = 1.5 and y = 4.5. The robot and the jar are in different rooms."""
+    walls = [
+        box("WallA", "Wall", (4, 0.45, 0), (0.1, 0.9, 2.5)),
+        box("WallB", "Wall", (4, 3.0, 0), (0.1, 1.8, 2.5)),
+        box("WallC", "Wall", (4, 5.55, 0), (0.1, 0.9, 2.5)),
+    ]
+    furniture = [
+        box("Table1", "Table", (7.5, 3, 0), (0.6, 1, 0.7)),
+        box("Table2", "Table", (1, 5.5, 0), (1, 0.6, 0.7)),
+        thing("Jar1", "Jar", 7.35, 3, 0.7),
+    ]
+    return Simulation(Map([*shell(), *walls, *doors, *furniture, robot("Robot1", (1, 1.5, 0))]), ONTOLOGY)
+
+
+BOTH_SHUT = (door("Door1", 1.5, is_open=False), door("Door2", 4.5, is_open=False))
+
+
+def legs(simulation: Simulation, situation: str | None, *stops: str) -> Legs:
+    return find_legs(simulation, "Robot1", stops or ("Jar1",), situation)
+
+
+def test_a_door_that_will_be_open_is_driven_through() -> None:
+    simulation = two_rooms(*BOTH_SHUT)
+    through_first = legs(simulation, "Door1.Open = TRUE")
+    through_second = legs(simulation, "Door2.Open = TRUE")
+    assert (through_first.shut, through_second.shut) == ((), ())
+    (near,), (far,) = through_first.lengths, through_second.lengths
+    assert near is not None
+    assert far is not None
+    assert near < far - 1
+    assert legs(simulation, None).shut == ("Door1",), "nothing has changed in the world"
+
+
+def test_a_door_that_will_be_shut_is_in_the_way() -> None:
+    simulation = two_rooms(door("Door1", 1.5, is_open=True), door("Door2", 4.5, is_open=True))
+    (near,), (far,) = legs(simulation, None).lengths, legs(simulation, "Door1.Open = FALSE").lengths
+    assert near is not None
+    assert far is not None
+    assert near < far - 1
+    assert legs(simulation, "Door1.Open = FALSE AND Door2.Open = FALSE").shut == ("Door1",)
+
+
+def test_the_shut_doors_on_the_only_way_are_named_and_counted_as_open() -> None:
+    simulation = two_rooms(*BOTH_SHUT)
+    there_and_back = legs(simulation, None, "Jar1", "Table2")
+    through_second = legs(simulation, "Door2.Open = TRUE", "Jar1", "Table2").lengths
+    assert there_and_back == Legs(lengths=through_second, shut=("Door2",)), "shorter with both doors, but one is enough"
+    assert legs(simulation, None, "Table2").shut == (), "the table is in the same room"
+
+
+def test_no_door_helps_where_there_is_no_way_at_all() -> None:
+    simulation = two_rooms(*BOTH_SHUT)
+    assert find_legs(simulation, "Robot1", ((30.0, 30.0),)) == Legs(lengths=(None,))
+
+
+def test_what_will_have_been_moved_is_looked_for_where_it_will_be() -> None:
+    simulation = two_rooms(*BOTH_SHUT)
+    assert legs(simulation, "Jar1 isOn Table2").shut == ()
+    assert legs(simulation, "Jar1 isOn Table2").lengths == legs(simulation, None, "Table2").lengths
+    (at_point,) = legs(simulation, "Jar1.PositionX = 1.6 AND Jar1.PositionY = 1.5").lengths
+    assert at_point is not None
+    assert at_point < 1
+    moved_robot = legs(simulation, "Robot1.PositionX = 6 AND Robot1.PositionY = 3")
+    assert moved_robot.shut == ()
+    assert moved_robot.lengths[0] is not None
+    assert moved_robot.lengths[0] < 2
+
+
+def test_a_situation_that_is_no_formula() -> None:
+    with pytest.raises(UsageError, match="no formula"):
+        legs(two_rooms(), "Jar1 isOn")
