@@ -50,9 +50,15 @@ class Naive:
 
     def _objects_of(self, types: tuple[str, ...]) -> list[str]:
         def is_subtype(name: str, ancestor: str) -> bool:
-            return name == ancestor or (name in self.domain.parents and is_subtype(self.domain.parents[name], ancestor))
+            return (
+                name == ancestor
+                or ancestor == syntax.OBJECT
+                or any(is_subtype(parent, ancestor) for parent in self.domain.parents.get(name, ()))
+            )
 
-        return [name for name, thing in self.objects.items() if any(is_subtype(thing.types[0], type_name) for type_name in types)]
+        return [
+            name for name, thing in self.objects.items() if any(is_subtype(own, type_name) for own in thing.types for type_name in types)
+        ]
 
     def actions(self) -> Iterator[Ground]:
         for action in self.domain.actions.values():
@@ -66,18 +72,41 @@ class Naive:
     def apply(self, ground: Ground, state: State) -> State:
         adds, deletes = set[Fact](), set[Fact]()
         numbers: dict[str, float] = {}
-        for part in _parts(ground.action.effect):
+        for part, bound in self._effects(ground.action.effect, ground.bound, state):
             if part.head == "not":
-                deletes.add(_fact(part.items[1], ground.bound))
+                deletes.add(_fact(part.items[1], bound))
             elif part.head in ("increase", "decrease", "assign"):
-                name, amount = _format_term(part.items[1], ground.bound), self._number(part.items[2], ground.bound, state)
+                name, amount = _format_term(part.items[1], bound), self._number(part.items[2], bound, state)
                 old_value = _value(name, state)
                 deletes.add(_number_fact(name, old_value))
                 sign = {"increase": 1, "decrease": -1}.get(part.head)
                 numbers[name] = amount if sign is None else numbers.get(name, old_value) + sign * amount
             else:
-                adds.add(_fact(part, ground.bound))
+                adds.add(_fact(part, bound))
         return (state - deletes) | adds | {_number_fact(name, value) for name, value in numbers.items()}
+
+    def _effects(self, node: Node | None, bound: Mapping[str, str], state: State) -> Iterator[tuple[Group, Mapping[str, str]]]:
+        """Return the effects that the action has in the state, each with its bindings."""
+        assert isinstance(node, Group)
+        match node.head:
+            case "and":
+                for part in node.items[1:]:
+                    yield from self._effects(part, bound, state)
+            case "forall":
+                for extended in self._extensions(node, bound):
+                    yield from self._effects(node.items[2], extended, state)
+            case "when":
+                if self._is_satisfied(node.items[1], bound, state):
+                    yield from self._effects(node.items[2], bound, state)
+            case _:
+                yield node, bound
+
+    def _extensions(self, node: Group, bound: Mapping[str, str]) -> Iterator[Mapping[str, str]]:
+        """Return the bindings with each choice of objects for the variables of a quantifier."""
+        assert isinstance(node.items[1], Group)
+        things = [*syntax.typed_names(node.items[1].items, text.Mistakes("quantifier"))]
+        for names in itertools.product(*(self._objects_of(thing.types) for thing in things)):
+            yield {**bound, **{f"?{thing.name}": name for thing, name in zip(things, names, strict=True)}}
 
     def cost(self, ground: Ground, state: State) -> float:
         """Return the increase of the total cost."""
@@ -109,21 +138,15 @@ class Naive:
                 return not self._is_satisfied(rest[0], bound, state)
             case "imply":
                 return not self._is_satisfied(rest[0], bound, state) or self._is_satisfied(rest[1], bound, state)
+            case "forall" | "exists":
+                holds = (self._is_satisfied(rest[1], extended, state) for extended in self._extensions(node, bound))
+                return all(holds) if node.head == "forall" else any(holds)
             case "=":
                 return bound.get(str(rest[0]), str(rest[0])) == bound.get(str(rest[1]), str(rest[1]))
             case ">=":
                 return self._number(rest[0], bound, state) >= self._number(rest[1], bound, state)
             case _:
                 return _fact(node, bound) in state
-
-
-def _parts(node: Node | None) -> Iterator[Group]:
-    assert isinstance(node, Group)
-    if node.head == "and":
-        for part in node.items[1:]:
-            yield from _parts(part)
-    else:
-        yield node
 
 
 def _fact(node: Node, bound: Mapping[str, str]) -> Fact:

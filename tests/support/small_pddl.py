@@ -77,7 +77,38 @@ COAST = """
   (:goal (and (reading tower east) (reading tower west))))
 """
 
-PROBLEMS = {"yard": (YARD, SWAP), "beacons": (BEACONS, COAST), "courier": (courier.DOMAIN, courier.PROBLEM)}
+GARDEN = """
+; Quantifiers, effects under conditions, a type below two others, and an object of one of two types.
+(define (domain garden)
+  (:requirements :adl :action-costs :multi-agent)
+  (:types bed tool - object  bed - spot  planter - bed  planter - tool  spot gardener)
+  (:predicates (dry ?b - bed) (sown ?b - bed) (beside ?a ?b - bed) (blocked ?b - bed) (held ?t - tool) (at ?t - tool ?s - spot) (sunny)
+    (sheltered ?b - bed))
+  (:functions (total-cost) (visits ?b - bed))
+  (:action sow :agent ?g - gardener :parameters (?b - bed)
+    :precondition (and (forall (?o - bed) (imply (beside ?b ?o) (not (dry ?o)))) (not (exists (?t - tool) (at ?t ?b)))
+      (exists (?t - tool) (and (held ?t) (not (= ?t ?b)))))
+    :effect (and (sown ?b) (increase (total-cost) 1) (when (sunny) (and (dry ?b) (assign (visits ?b) 1) (increase (total-cost) 2)))
+      (when (and (sheltered ?b) (blocked ?b)) (not (blocked ?b)))))
+  (:action rain :agent ?g - gardener :parameters ()
+    :precondition (or (sunny) (forall (?b - bed) (dry ?b)))
+    :effect (and (not (sunny)) (forall (?b - bed) (not (dry ?b))) (forall (?b - planter) (when (sown ?b) (blocked ?b)))))
+  (:action shine :agent ?g - gardener :parameters () :effect (and (sunny) (forall (?b - bed) (when (sheltered ?b) (dry ?b)))))
+  (:action fetch :agent ?g - gardener :parameters (?t - tool ?s - spot) :precondition (at ?t ?s) :effect (and (held ?t) (not (at ?t ?s))))
+  (:action leave :agent ?g - gardener :parameters (?t - tool ?s - spot) :precondition (held ?t) :effect (and (at ?t ?s) (not (held ?t)))))
+"""
+
+SPRING = """
+(define (problem spring) (:domain garden)
+  (:objects rose tulip - bed pot - planter tub - (either bed tool) rake - tool path - spot ann - gardener)
+  (:init (sunny) (dry rose) (dry tulip) (beside rose tulip) (beside tulip rose) (beside pot rose) (sheltered tulip) (sheltered pot)
+    (blocked tulip) (at rake path) (at tub path) (held pot) (= (total-cost) 0) (= (visits rose) 0) (= (visits tulip) 0) (= (visits pot) 0)
+    (= (visits tub) 0))
+  (:goal (and (forall (?b - bed) (sown ?b)) (not (exists (?t - tool) (held ?t)))))
+  (:metric minimize (total-cost)))
+"""
+
+PROBLEMS = {"yard": (YARD, SWAP), "beacons": (BEACONS, COAST), "courier": (courier.DOMAIN, courier.PROBLEM), "garden": (GARDEN, SPRING)}
 
 
 def small(name: str) -> Problem:

@@ -347,8 +347,14 @@ def read_error(tmp_path: Path, domain: str, problem: str = PROBLEM) -> str:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("(not (storm))", "(forall (?x - box) (at ?x ?from))", "domain.pddl:17: Sail: forall is not supported"),
-        ("(at ?b ?to)", "(when (storm) (at ?b ?to))", "domain.pddl:18: Sail: conditional effects are not supported"),
+        ("(not (storm))", "(forall (?x - box) (on ?x ?from))", "domain.pddl:17: Sail: there is no predicate on"),
+        ("(at ?b ?to)", "(oneof (at ?b ?to) (storm))", "domain.pddl:18: Sail: oneof in an effect is not supported"),
+        ("(at ?b ?to)", "(when (storm))", "domain.pddl:18: Sail: when takes two groups"),
+        (
+            "(at ?b ?to)",
+            "(and " + " ".join(f"(when (at {box} ?from) (not (at {box} ?from)))" for box in 7 * ["?b"]) + ")",
+            "domain.pddl:18: Sail: 7 conditional effects are too many",
+        ),
         ("(holds ?c ?b) (not (at", "(held ?c ?b) (not (at", "domain.pddl:33: lift: there is no predicate held"),
         ("(at ?b ?q) (idle ?c)", "(at ?b) (idle ?c)", "domain.pddl:32: lift: at takes 2 arguments, not 1"),
         ("(at ?b ?q) (idle ?c)", "(at ?q ?b) (idle ?c)", "domain.pddl:32: lift: ?q cannot be a locatable, which is expected here"),

@@ -1,7 +1,8 @@
 """Converts PDDL actions to service types.
 
 A PDDL action may delete and add the same fact, for example when it drives from a place to the same place. An effect in Entish states what
-holds afterwards, so each such case becomes a separate service type, or is excluded if it has no effect.
+holds afterwards, so each such case becomes a separate service type, or is excluded if it has no effect. So does each combination of the
+conditions of conditional effects.
 """
 
 from __future__ import annotations
@@ -14,11 +15,15 @@ from somrs.entish import Attribute, Comparison, Formula, Name, Not, Or, Relation
 from somrs.entish.formula import conjunction, conjuncts, disjunction, substitute, substitute_term, variables
 from somrs.ontology.objects import Map
 from somrs.ontology.services import PROVIDER, Parameter, ServiceType
-from somrs.sites.pddl.formulas import Effects, FormulaReader, Setting, SymbolTable
+from somrs.sites.pddl.effects import EffectReader, Effects, Setting
+from somrs.sites.pddl.formulas import FormulaReader, SymbolTable
 from somrs.sites.pddl.kinds import Sorts
 from somrs.sites.pddl.names import Names
 from somrs.sites.pddl.syntax import Action, Typed
 from somrs.sites.pddl.text import Mistakes
+
+MOST_CONDITIONS = 6
+"""The maximum number of conditional effects of an action, each of which doubles the number of service types for it."""
 
 Equalities = Mapping[str, Term]
 """Variables with the terms that they are equal to."""
@@ -50,6 +55,10 @@ class _Case:
     equalities: Equalities
     apart: tuple[Equalities, ...] = ()
     """The equalities that the precondition excludes."""
+    conditions: tuple[Formula, ...] = ()
+    """The conditions of conditional effects that hold or fail in this case."""
+    number: int = 0
+    """The number of this combination of conditions; 0 if the action has no conditional effects."""
 
 
 class Actions:
@@ -60,10 +69,6 @@ class Actions:
         self.symbols, self.map, self.counted = words, map, counted
         self.services = Names()
 
-    def changing(self, effects: Mapping[str, Effects]) -> set[str]:
-        """The relations that actions change."""
-        return {atom.relation for action_effects in effects.values() for atom in (*action_effects.adds, *action_effects.deletes)}
-
     def make_offers(self) -> Iterator[Offer]:
         read: dict[str, tuple[Formula | None, Effects, dict[str, tuple[Variable, Sorts]]]] = {}
         for name, action in self.symbols.domain.actions.items():
@@ -71,9 +76,9 @@ class Actions:
             scope = self._scope(action, mistakes)
             reader = FormulaReader(self.symbols, mistakes, action.word.written, scope)
             precondition = reader.condition(action.precondition) if action.precondition is not None else None
-            effects = reader.effects(action.effect) if action.effect is not None else Effects()
+            effects = EffectReader(reader).effects(action.effect) if action.effect is not None else Effects()
+            self._check_conditions(action, effects)
             read[name] = precondition, effects, scope
-        self._changing = self.changing({name: effects for name, (_, effects, _) in read.items()})
         for name, (precondition, effects, scope) in read.items():
             yield from self._offers(self.symbols.domain.actions[name], precondition, effects, scope)
 
@@ -98,24 +103,38 @@ class Actions:
         self, action: Action, precondition: Formula | None, effects: Effects, scope: Mapping[str, tuple[Variable, Sorts]]
     ) -> Iterator[Offer]:
         declared = {scope[thing.name][0].name: thing for thing in (*([action.agent] if action.agent else []), *action.parameters)}
-        whole = _Case(
-            precondition=conjuncts(precondition) if precondition is not None else (),
-            adds=tuple(dict.fromkeys(effects.adds)),
-            deletes=tuple(dict.fromkeys(effects.deletes)),
-            values=tuple(effects.values.values()),
-            sorts={variable.name: sorts for variable, sorts in scope.values()},
-            equalities={},
-        )
-        for case in self._cases(whole):
-            if case.adds or case.deletes or case.values:
-                yield self._offer(action, case, effects.cost.term if effects.cost is not None else None, scope, declared)
+        for number, (conditions, case_effects) in enumerate(effects.cases(), 1):
+            parts = (part for formula in (precondition, *conditions) if formula is not None for part in conjuncts(formula))
+            whole = _Case(
+                precondition=tuple(dict.fromkeys(parts)),
+                adds=tuple(dict.fromkeys(case_effects.adds)),
+                deletes=tuple(dict.fromkeys(case_effects.deletes)),
+                values=tuple(case_effects.values.values()),
+                sorts={variable.name: sorts for variable, sorts in scope.values()},
+                equalities={},
+                conditions=conditions,
+                number=number if conditions else 0,
+            )
+            cost = case_effects.cost.term if case_effects.cost is not None else None
+            for case in () if self._impossible(whole) else self._cases(whole):
+                if case.adds or case.deletes or case.values:
+                    yield self._offer(action, case, cost, scope, declared)
+
+    def _check_conditions(self, action: Action, effects: Effects) -> None:
+        if (count := effects.count_conditions()) > MOST_CONDITIONS:
+            message = (
+                f"{count} conditional effects are too many, because each combination becomes a service type; "
+                f"at most {MOST_CONDITIONS} are supported; make one action for each case"
+            )
+            self.symbols.domain.mistakes.unsupported(action.effect or action.word, action.word.written, message)
+            effects.conditional.clear()
 
     def _offer(
         self, action: Action, case: _Case, cost: Term | None, scope: Mapping[str, tuple[Variable, Sorts]], declared: Mapping[str, Typed]
     ) -> Offer:
         written = action.word.written
         joined = [f"{name}-is-{term.name}" for name, term in case.equalities.items() if isinstance(term, Name | Variable)]
-        name = self.services.fresh("-".join([written, *joined]))
+        name = self.services.fresh("-".join([written, *([f"case{case.number}"] if case.number else []), *joined]))
         picked: list[Formula] = []
         inputs: list[Parameter] = []
         provider = Variable(PROVIDER)
@@ -135,16 +154,17 @@ class Actions:
         preconditions = [substitute(formula, typed) for formula in (*case.precondition, *picked)]
         effects = [substitute(formula, typed) for formula in _effect(case)]
         term = substitute_term(substitute_term(cost, case.equalities), {PROVIDER: Variable(PROVIDER)}) if cost is not None else None
-        equality_text = " and ".join(
+        differences = [
             f"?{name} is {substitute_term(equal_term, {PROVIDER: Variable(PROVIDER)})}" for name, equal_term in case.equalities.items()
-        )
+        ]
+        differences += [str(condition) for condition in case.conditions]
         service = ServiceType(
             name=name,
             inputs=tuple(inputs),
             precondition=str(conjunction(*preconditions)) if preconditions else None,
             effect=str(conjunction(*effects)),
             cost=(str(term) if term is not None else "0") if self.counted else None,
-            doc=f"The action {written} of PDDL where {equality_text}" if equality_text else "",
+            doc=f"The action {written} of PDDL where {' and '.join(differences)}" if differences else "",
         )
         arguments = tuple(substitute_term(variable, case.equalities) for variable, _ in scope.values())
         agents = (self.symbols.kinds.sorts(action.agent) & case.sorts[PROVIDER]) if action.agent is not None else None
@@ -232,6 +252,8 @@ class Actions:
             values=_settings(case.values, equalities),
             sorts=sorts,
             equalities={**{name: substitute_term(term, equalities) for name, term in case.equalities.items()}, **equalities},
+            conditions=tuple(substitute(formula, equalities) for formula in case.conditions),
+            number=case.number,
         )
 
     def _impossible(self, case: _Case) -> bool:
@@ -240,7 +262,7 @@ class Actions:
 
     def _is_unsatisfiable(self, formula: Formula, precondition: tuple[Formula, ...]) -> bool:
         match formula:
-            case Relation(name, arguments) if name not in self._changing:
+            case Relation(name, arguments) if name not in self.symbols.changing and name not in self.symbols.kinds.picked:
                 return not any(_fits(arguments, fact.arguments) for fact in self.map.facts(name))
             case Not(Relation() as atom):
                 return atom in precondition

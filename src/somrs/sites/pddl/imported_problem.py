@@ -19,11 +19,12 @@ from somrs.ontology.values import measure
 from somrs.planner.model.plan import Step
 from somrs.planner.model.problem import AvailableService, Problem
 from somrs.sites.pddl.actions import Actions, Offer
+from somrs.sites.pddl.effects import changed_predicates
 from somrs.sites.pddl.formulas import FormulaReader, SymbolTable
 from somrs.sites.pddl.kinds import DEVICE, DRIVER, Kinds
 from somrs.sites.pddl.names import Names
 from somrs.sites.pddl.syntax import Domain, Signature, Task, Typed
-from somrs.sites.pddl.text import Group, Node, number, raise_all
+from somrs.sites.pddl.text import Group, Node, Word, number, raise_all
 
 WORLD = "World"
 """The root of the map. It is also the argument of predicates and functions without parameters."""
@@ -120,9 +121,7 @@ class _ProblemBuilder:
                 task.mistakes.note(
                     thing.word, thing.written, "duplicate", "is a constant of another type in the domain; keep one of the two"
                 )
-        for thing in things.values():
-            if len(thing.types) > 1:
-                task.mistakes.unsupported(thing.word, thing.written, "an object with several types is not supported")
+        things = {name: _with_one_type(thing, domain) for name, thing in things.items()}
         relations, types, attributes, functions = Names(base.relations), Names(base.types), Names([*base.attributes, *RESERVED]), Names()
         self._function_names = Names(base.functions)
         for signature in domain.predicates.values():
@@ -138,6 +137,7 @@ class _ProblemBuilder:
         self.kinds = Kinds(domain, things.values(), types, relations)
         self._world_type = types.fresh(WORLD)
         self.cost, self.notes = _metric(task, domain)
+        self.facts: dict[Fact, None] = {}
         self.symbols = SymbolTable(
             domain=domain,
             kinds=self.kinds,
@@ -148,10 +148,11 @@ class _ProblemBuilder:
             types={name: thing.types[0] for name, thing in things.items()},
             world=self.world,
             cost=self.cost,
+            facts=self.facts.keys(),
+            changing=frozenset(relations.entish(name) for name in changed_predicates(domain)),
         )
         self.values: dict[str, dict[str, Value]] = {}
         self.tables: dict[str, dict[str, float]] = {}
-        self.facts: dict[Fact, None] = {}
         self._agent_type = types.fresh(AGENT)
 
     def imported(self) -> ImportedProblem:
@@ -284,6 +285,16 @@ class _ProblemBuilder:
         if goal is None and not self.task.mistakes.problems:
             self.task.mistakes.note(self.task.goal, "goal", "goal", "this goal is empty; write a condition in it")
         return goal
+
+
+def _with_one_type(thing: Typed, domain: Domain) -> Typed:
+    """The object with a single type: if it is declared as `either` of several, with a new type below them, so it can be used as any."""
+    if len(thing.types) < 2:
+        return thing
+    name = "-and-".join(thing.types)
+    domain.parents.setdefault(name, thing.types)
+    domain.types.setdefault(name, Word(name, name, thing.word.line))
+    return Typed(word=thing.word, types=(name,))
 
 
 def _metric(task: Task, domain: Domain) -> tuple[str | None, list[str]]:

@@ -1,7 +1,8 @@
 """Maps PDDL types to types of the ontology: agents are below `Device`, all other objects below `PhysicalObject`.
 
 A PDDL type with both agents and other objects (drivers, trucks and packages, which all have a location) is therefore not a single type in
-the ontology. An action on it uses the nearest common ancestor as type, and a relation that selects the objects.
+the ontology. An action on it uses the nearest common ancestor as type, and a relation that selects the objects. So does an action on a type
+with objects that are below several types.
 """
 
 from __future__ import annotations
@@ -36,14 +37,14 @@ class Kinds:
         self.names, self.relations = names, relations
         self.picked: dict[str, Sorts] = {}
         """The relations that select objects, with the types of the selected objects."""
-        self._parents: dict[str, str | None] = {OBJECT: None, **domain.parents}
+        self._parents: dict[str, tuple[str, ...]] = {OBJECT: (), **domain.parents}
         self.inhabited = frozenset(thing.types[0] for thing in objects)
         acting = [action.agent for action in domain.actions.values() if action.agent is not None]
         parameters = [parameter for action in domain.actions.values() for parameter in action.parameters]
         self._root_used = OBJECT in self.inhabited or any(OBJECT in thing.types for thing in (*acting, *parameters))
         descendants: dict[str, set[str]] = {name: set() for name in self._parents}
         for name in self._parents:
-            for ancestor in self._line(name):
+            for ancestor in self._ancestors(name):
                 descendants[ancestor].add(name)
         self._descendants = {name: frozenset(type_names) for name, type_names in descendants.items()}
         self.acting = self._acting(frozenset().union(*(self.sorts(agent) for agent in acting)))
@@ -51,11 +52,15 @@ class Kinds:
             if name != OBJECT or self._root_used:
                 names.add(name, domain.types[name].written if name in domain.types else name)
 
+    def _ancestors(self, name: str) -> frozenset[str]:
+        """The type itself and everything above it."""
+        return frozenset({name}).union(*map(self._ancestors, self._parents[name]))
+
     def _line(self, name: str) -> Iterator[str]:
-        current: str | None = name
-        while current is not None:
-            yield current
-            current = self._parents[current]
+        """The type and its ancestors along first parents: a type of the ontology has one parent. Relations stand for the other parents."""
+        yield name
+        for parent in self._parents[name][:1]:
+            yield from self._line(parent)
 
     def _acting(self, named: Sorts) -> Sorts:
         """The types of agents, and those ancestors of them that have only such subtypes and no objects of their own."""

@@ -66,8 +66,8 @@ class Domain:
     mistakes: Mistakes
     name: str = ""
     types: dict[str, Word] = field(default_factory=dict)
-    parents: dict[str, str] = field(default_factory=dict)
-    """The parent of each type except the root."""
+    parents: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    """The parents of each type except the root."""
     constants: dict[str, Typed] = field(default_factory=dict)
     predicates: dict[str, Signature] = field(default_factory=dict)
     functions: dict[str, Signature] = field(default_factory=dict)
@@ -175,8 +175,8 @@ def _declare(declared: Iterator[Typed], table: dict[str, Typed], mistakes: Mista
             mistakes.note(thing.word, thing.written, "duplicate", message)
 
 
-def _typed(items: Sequence[Node], mistakes: Mistakes) -> Iterator[Typed]:
-    """The typed names in a list such as `a b - t c - (either t u) d`."""
+def typed_names(items: Sequence[Node], mistakes: Mistakes) -> Iterator[Typed]:
+    """The typed names or variables in a list such as `a b - t c - (either t u) d`."""
     waiting: list[Word] = []
     rest = iter(items)
     for item in rest:
@@ -204,10 +204,10 @@ def _type_names(node: Node | None, dash: Node, mistakes: Mistakes) -> tuple[str,
 def _objects(items: Sequence[Node], mistakes: Mistakes) -> Iterator[Typed]:
     """The objects, including private ones, `(:private AGENT a b - t)`: SO-MRS does not restrict knowledge of objects."""
     public = [item for item in items if not (isinstance(item, Group) and item.head == ":private")]
-    yield from _typed(public, mistakes)
+    yield from typed_names(public, mistakes)
     for item in items:
         if isinstance(item, Group) and item.head == ":private":
-            yield from _typed(item.items[2:], mistakes)
+            yield from typed_names(item.items[2:], mistakes)
 
 
 def _signatures(items: Sequence[Node], mistakes: Mistakes) -> Iterator[Signature]:
@@ -219,34 +219,41 @@ def _signatures(items: Sequence[Node], mistakes: Mistakes) -> Iterator[Signature
             yield from _signatures(item.items[1:], mistakes)
         elif item.head:
             assert isinstance(item.items[0], Word)
-            yield Signature(word=item.items[0], parameters=tuple(_typed(item.items[1:], mistakes)))
+            yield Signature(word=item.items[0], parameters=tuple(typed_names(item.items[1:], mistakes)))
         elif item.items:
             mistakes.note(item, str(item)[:60], "syntax", "a predicate begins with its name: (at ?thing ?place)")
 
 
 def _types(section: Group, domain: Domain) -> None:
-    for thing in _typed(section.items[1:], domain.mistakes):
-        if len(thing.types) > 1:
-            domain.mistakes.unsupported(thing.word, thing.written, "a type with several parents is not supported")
-        if thing.name == OBJECT:
-            continue
-        domain.types.setdefault(thing.name, thing.word)
-        if domain.parents.setdefault(thing.name, thing.types[0]) != thing.types[0]:
-            message = f"has the parent {domain.parents[thing.name]} already; a type has one parent"
-            domain.mistakes.note(thing.word, thing.written, "duplicate", message)
-    for name, parent in [*domain.parents.items()]:
-        if parent != OBJECT and parent not in domain.parents:
-            domain.parents[parent] = OBJECT  # declared only as a parent
-            domain.types[parent] = Word(parent, parent, domain.types[name].line)
+    for thing in typed_names(section.items[1:], domain.mistakes):
+        if thing.name != OBJECT:
+            domain.types.setdefault(thing.name, thing.word)
+            domain.parents[thing.name] = _without_root((*domain.parents.get(thing.name, ()), *thing.types))
+    for name, parents in [*domain.parents.items()]:
+        for parent in parents:
+            if parent != OBJECT and parent not in domain.parents:
+                domain.parents[parent] = (OBJECT,)  # declared only as a parent
+                domain.types[parent] = Word(parent, parent, domain.types[name].line)
     for name in domain.parents:
-        ancestor, visited = name, {name}
-        while ancestor != OBJECT:
-            ancestor = domain.parents[ancestor]
-            if ancestor in visited:
-                domain.mistakes.note(domain.types[name], name, "cycle", "this type is its own ancestor; give it another parent")
-                domain.parents[name] = OBJECT
-                break
-            visited.add(ancestor)
+        if name in _ancestors(name, domain):
+            domain.mistakes.note(domain.types[name], name, "cycle", "this type is its own ancestor; give it another parent")
+            domain.parents[name] = (OBJECT,)
+
+
+def _without_root(parents: Sequence[str]) -> tuple[str, ...]:
+    """The distinct parents, without the root if there is another one, which is below the root anyway."""
+    return tuple(parent for parent in dict.fromkeys(parents) if parent != OBJECT) or (OBJECT,)
+
+
+def _ancestors(name: str, domain: Domain) -> set[str]:
+    ancestors: set[str] = set()
+    waiting = [*domain.parents[name]]
+    while waiting:
+        parent = waiting.pop()
+        if parent not in ancestors:
+            ancestors.add(parent)
+            waiting += domain.parents.get(parent, ())
+    return ancestors
 
 
 def _known_types(domain: Domain) -> None:
@@ -281,7 +288,7 @@ def _action(section: Group, domain: Domain) -> None:
     if len(parameters) != 1 or not isinstance(parameters[0], Group):
         mistakes.note(section, name.written, "syntax", "parameters are one list: :parameters (?x - type)")
         return
-    agents = [*_typed(parts.get(":agent", []), mistakes)]
+    agents = [*typed_names(parts.get(":agent", []), mistakes)]
     if len(agents) > 1:
         mistakes.unsupported(agents[1].word, name.written, "an action of several agents at once is not supported")
     for key in (":precondition", ":effect"):
@@ -292,7 +299,7 @@ def _action(section: Group, domain: Domain) -> None:
     domain.actions[name.text] = Action(
         word=name,
         agent=agents[0] if agents else None,
-        parameters=tuple(_typed(parameters[0].items, mistakes)),
+        parameters=tuple(typed_names(parameters[0].items, mistakes)),
         precondition=_condition(parts, ":precondition"),
         effect=_condition(parts, ":effect"),
     )
