@@ -114,7 +114,7 @@ def test_who_waited_goes_on_when_the_one_before_is_cancelled() -> None:
 
 def test_who_waited_for_a_device_that_falls_silent_does_not_wait_for_ever() -> None:
     system = VirtualSystem(Robot("Robot1", price=10, duration=60))
-    first = system.submit("Jar001 isOn Platform001")
+    first = system.submit("Jar001 isOn Platform001", waits=False)
     run_until_executing(system, first)
     second = system.submit("Jar002 isOn Platform001")
     system.world.run(2)

@@ -276,7 +276,7 @@ def test_with_nobody_to_look_nothing_is_assumed_and_another_jar_will_do() -> Non
 
 def test_with_nobody_to_look_and_no_other_jar_the_client_hears_what_is_not_known() -> None:
     system = VirtualSystem(Robot("Robot1", 10, 600), Robot("Robot2", 25, 60))
-    task = system.submit(GOAL)
+    task = system.submit(GOAL, waits=False)
     goes_silent(system, task)
     (view,) = system.finish(task)
     assert view.outcome is Outcome.FAILED
@@ -358,7 +358,7 @@ def test_who_looks_and_sees_nothing_has_found_nothing() -> None:
     system = VirtualSystem(Robot("Robot1", 10, 600), Robot("Robot2", 25, 60))
     system.join(Robot("Robot3", 1, 10, works=blind), service="RecognizeSituation")
     update(system, ValueSet("Jar002", "Unknown", False))
-    task = system.submit(GOAL)
+    task = system.submit(GOAL, waits=False)
     goes_silent(system, task)
     (view,) = system.finish(task)
     assert view.outcome is Outcome.FAILED
@@ -455,7 +455,7 @@ def test_what_a_robot_lays_down_that_comes_back_when_all_is_over_comes_to_the_ma
 
     robot = Robot("Robot1", 10, 60, works=carries, lays_down="Jar002 isOn Floor001")
     system = VirtualSystem(robot)
-    task = system.submit(GOAL)
+    task = system.submit(GOAL, waits=False)
     assert system.world.run(60, lambda: system.map.has_fact("isHeldBy", ("Jar002", "Robot1")))
     system.world.kill("devices/Robot1")
     (view,) = system.finish(task)
@@ -527,7 +527,7 @@ def test_another_goes_before_who_failed() -> None:
 
 def test_who_says_that_it_does_not_work_is_not_asked_again() -> None:
     system = VirtualSystem(robot := Robot("Robot1", 10, 60, works=slips(1, extra_text=" AND Robot1.Working = FALSE")))
-    (view,) = system.finish(system.submit(GOAL))
+    (view,) = system.finish(system.submit(GOAL, waits=False))
     assert view.outcome is Outcome.FAILED
     assert len(robot.orders) == 1
 

@@ -86,7 +86,7 @@ def test_when_every_robot_fails_the_client_hears_what_each_said() -> None:
         yield 5.0, ServiceFailed("the gripper is stuck", "Jar002 isOn Cupboard001")
 
     system = VirtualSystem(Robot("Robot1", 10, 60, works=breaks), Robot("Robot2", 25, 30, works=sticks))
-    (view,) = system.finish(system.submit(GOAL))
+    (view,) = system.finish(system.submit(GOAL, waits=False))
     assert view.outcome is Outcome.FAILED
     assert "the drive is out of order" in view.explanation
     assert "the gripper is stuck" in view.explanation
@@ -168,7 +168,7 @@ def test_signs_of_life_between_do_not_make_what_a_robot_says_twice_news() -> Non
 
 def test_a_robot_that_falls_silent_is_asked_and_then_given_up() -> None:
     system = VirtualSystem(Robot("Robot1", 10, 600))
-    task = system.submit(GOAL)
+    task = system.submit(GOAL, waits=False)
     assert system.world.run(60, lambda: any(step.state is State.EXECUTING for step in system.view(task).steps))
     system.world.remove("devices/Robot1")
     (view,) = system.finish(task)
@@ -222,7 +222,7 @@ def test_a_thing_that_is_nowhere_gets_a_clear_answer() -> None:
 
 def test_nobody_there_is_said() -> None:
     system = VirtualSystem()
-    (view,) = system.finish(system.submit(GOAL))
+    (view,) = system.finish(system.submit(GOAL, waits=False))
     assert view.outcome is Outcome.FAILED
     assert GOAL in view.explanation
 

@@ -100,7 +100,7 @@ def hold_jar(order: Order) -> Work:
 
 def test_what_a_robot_did_that_had_been_given_up_comes_to_the_map() -> None:
     system = VirtualSystem(Robot("Robot1", 10, 60, works=hold_jar))
-    task = system.submit(GOAL)
+    task = system.submit(GOAL, waits=False)
     run_until_executing(system, task)
     system.world.cut_off(ROBOT1)
     (view,) = system.finish(task)
@@ -124,7 +124,7 @@ def test_what_a_robot_did_that_had_been_given_up_comes_to_the_map() -> None:
 )
 def test_a_late_report_counts_for_what_nobody_spoke_of_since(other_situation: str, expected_fact: tuple[str, tuple[str, str]]) -> None:
     system = VirtualSystem(Robot("Robot1", 10, 60, works=hold_jar))
-    task = system.submit(GOAL)
+    task = system.submit(GOAL, waits=False)
     run_until_executing(system, task)
     system.world.cut_off(ROBOT1)
     system.finish(task)
@@ -176,7 +176,7 @@ def test_without_a_registry_clients_hear_what_is_wrong() -> None:
     answer = system.ask(Preview(effect=GOAL))
     assert isinstance(answer, Previewed)
     assert "registry could not be reached" in answer.explanation
-    (view,) = system.finish(system.submit(GOAL))
+    (view,) = system.finish(system.submit(GOAL, waits=False))
     assert "registry could not be reached" in view.explanation
 
 

@@ -75,7 +75,8 @@ Undoes = Callable[[Order, str], Work]
 class Robot:
     """A scripted device: price, declared duration, and the script of its work (None: the effect, after the duration).
 
-    `mute`: it gives no terms. `halts`: seconds that it takes to stop. `valid_for`: seconds for which its terms hold.
+    `refuses`: why it gives no terms, `not_now` or never. `mute`: it does not answer. `halts`: seconds that it takes to stop. `valid_for`:
+    seconds for which its terms hold.
     """
 
     name: str
@@ -83,6 +84,7 @@ class Robot:
     duration: float
     works: Script | None = None
     refuses: str = ""
+    not_now: bool = False
     mute: bool = False
     halts: float = 1.0
     valid_for: float = 60.0
@@ -98,7 +100,7 @@ class Robot:
                 if self.mute:
                     return
                 if self.refuses:
-                    yield 0.1, Refusal(self.refuses)
+                    yield 0.1, Refusal(self.refuses, not_now=self.not_now)
                 else:
                     yield 0.1, Quoted(price=self.price, duration=self.duration)
             case Perform(order):

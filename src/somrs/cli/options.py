@@ -6,6 +6,7 @@ import asyncio
 import os
 import sys
 from collections.abc import Coroutine
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
@@ -38,6 +39,19 @@ Priority = Annotated[
         help="low, normal, high, urgent, or a whole number. Among tasks that wait for the same objects or devices, the one with the higher "
         "priority goes first.",
     ),
+]
+
+
+class UnavailableOption(StrEnum):
+    """What a task does while no service is available for it."""
+
+    wait = "wait"
+    fail = "fail"
+
+
+Unavailable = Annotated[
+    UnavailableOption,
+    typer.Option(help="What the task does if no service can do it now, such as when all robots are broken: wait and try again, or fail."),
 ]
 DEFAULT_FOLDER = Path(".somrs")
 LOOPBACK = "127.0.0.1"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from somrs.cli.options import DEFAULT_FOLDER, Data, Json, Priority, awaited, guarded
+from somrs.cli.options import DEFAULT_FOLDER, Data, Json, Priority, Unavailable, UnavailableOption, awaited, guarded
 from somrs.cli.tasks import PolicyOption
 from somrs.protocol.messages.orders import OrderSaved, TemplateSaved
 
@@ -56,6 +56,7 @@ def save_template(
     time_value: TimeValue = 0.01,
     deadline: Deadline = None,
     priority: Priority = 0,
+    unavailable: Unavailable = UnavailableOption.wait,
     data: Data = DEFAULT_FOLDER,
 ) -> None:
     """Save a task as a template, or change the template of this name."""
@@ -63,7 +64,7 @@ def save_template(
     from somrs.cli.order_commands import parse_blank as declared
     from somrs.cli.order_commands import save_template as run
 
-    task = _task(formula, precondition, policy, time_value, deadline, priority)
+    task = _task(formula, precondition, policy, time_value, deadline, priority, unavailable)
     awaited(run(name, TemplateSaved(task=task, blanks=tuple(map(declared, blank)), note=note, by=author_name()), data))
 
 
@@ -122,6 +123,7 @@ def add_order(
     time_value: TimeValue = 0.01,
     deadline: Deadline = None,
     priority: Priority = 0,
+    unavailable: Unavailable = UnavailableOption.wait,
     data: Data = DEFAULT_FOLDER,
 ) -> None:
     """Add a standing order."""
@@ -132,7 +134,7 @@ def add_order(
         lambda: OrderSaved(
             name=name,
             when=parse_recurrence(every, daily, days, at),
-            task=_task(formula, precondition, policy, time_value, deadline, priority) if formula is not None else None,
+            task=_task(formula, precondition, policy, time_value, deadline, priority, unavailable) if formula is not None else None,
             template=template,
             values=parse_values(fill),
             skip=skip,
@@ -179,7 +181,15 @@ def remove_order(name: OrderName, data: Data = DEFAULT_FOLDER) -> None:
     awaited(run(name, data))
 
 
-def _task(formula: str, precondition: str | None, policy: PolicyOption, time_value: float, deadline: float | None, priority: int) -> Submit:
+def _task(
+    formula: str,
+    precondition: str | None,
+    policy: PolicyOption,
+    time_value: float,
+    deadline: float | None,
+    priority: int,
+    unavailable: UnavailableOption,
+) -> Submit:
     from somrs.protocol.messages.clients import Policy, Submit
 
     return Submit(
@@ -189,4 +199,5 @@ def _task(formula: str, precondition: str | None, policy: PolicyOption, time_val
         time_value=time_value,
         deadline=deadline,
         priority=priority,
+        waits=unavailable is UnavailableOption.wait,
     )

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from somrs.cli.options import DEFAULT_FOLDER, Data, Formula, Json, Priority, awaited, fail, guarded
+from somrs.cli.options import DEFAULT_FOLDER, Data, Formula, Json, Priority, Unavailable, UnavailableOption, awaited, fail, guarded
 
 if TYPE_CHECKING:
     from somrs.protocol.messages.records import ReadRecords
@@ -75,6 +75,7 @@ def do(
     on_compensation: Annotated[
         list[str], typer.Option(help=f"A goal to achieve to undo a step, instead of the situation before it: {_PROCEDURE}")
     ] = [],  # noqa: B006  # as above
+    unavailable: Unavailable = UnavailableOption.wait,
     wait: Annotated[bool, typer.Option(help="Wait until the task has ended.")] = True,
     data: Data = DEFAULT_FOLDER,
     json: Json = False,
@@ -91,6 +92,7 @@ def do(
         time_value=time_value,
         deadline=deadline,
         priority=priority,
+        waits=unavailable is UnavailableOption.wait,
         handlers=guarded(lambda: handlers(on_failure, on_compensation)),
     )
     sys.exit(awaited(run(submission, data, wait=wait, json=json)))

@@ -21,7 +21,9 @@ from somrs.kernel.component import (
     Started,
     TimerFired,
 )
-from somrs.protocol.messages import clients, frp, records
+from somrs.kernel.replica import ReplicaUpdate
+from somrs.ontology.objects import objects_of
+from somrs.protocol.messages import clients, directory, frp, records
 from somrs.protocol.messages.bodies import REQUESTS, Body, FrpBody
 from somrs.protocol.messages.envelope import Message, message_id, reply
 from somrs.protocol.messages.paging import fit_page
@@ -46,6 +48,7 @@ from somrs.task_manager.timers import (
     PreviewDue,
     Question,
     RecordsWanted,
+    RetryDue,
     SilenceDue,
     StopDue,
     Timer,
@@ -103,7 +106,7 @@ class TaskManager:
         news = state.replica.handle(event, now)
         if news is not None:
             yield from news.effects
-            yield from self._map_changed(news.reloaded, now)
+            yield from self._map_changed(news, now)
             for task in state.running if news.ontology_changed else ():
                 yield from self._transaction(task).proceed(now)
         else:
@@ -182,6 +185,9 @@ class TaskManager:
                 yield from self._preview(message, message.body, now)
             case records.ReadRecords():
                 yield self._read_records(message, message.body)
+            case directory.ServicesJoined(offers=offers):
+                for task in state.running:
+                    yield from self._transaction(task).services_joined([offer.service for offer in offers], now)
             case frp.Fault():
                 pass  # a Fault is never answered
             case body if type(body) not in REQUESTS and not isinstance(body, FrpBody):
@@ -259,7 +265,7 @@ class TaskManager:
                     yield self._reply(waiting, frp.Fault(code="env:Receiver", text=text))
             case AnswerDue():
                 yield from self._request_answered((yield from state.requests.timer_fired(timer, now)), now)
-            case BidsDue() | SilenceDue() | OverdueDue() | DeadlineDue() | StopDue() if timer.owner in state.tasks:
+            case BidsDue() | SilenceDue() | OverdueDue() | DeadlineDue() | RetryDue() | StopDue() if timer.owner in state.tasks:
                 yield from self._transaction(timer.owner).timer_fired(timer, now)
             case BidsDue() | PreviewDue() if timer.owner in state.previews:
                 yield from self._advance_preview(timer.owner, lambda preview: preview.timer_fired(timer, now))
@@ -298,7 +304,7 @@ class TaskManager:
 
     # The map
 
-    def _map_changed(self, read: bool, now: float) -> Effects:
+    def _map_changed(self, news: ReplicaUpdate, now: float) -> Effects:
         state = self.state
         if not state.replica.ready:
             return
@@ -307,13 +313,17 @@ class TaskManager:
             yield SetTimer(MapDue(id), None)
             yield from self._serve(message, now)
         # A lower version belongs to another store: the versions that reports wait for will never come.
-        begun_anew = read and state.replica.version < state.map_version
+        begun_anew = news.reloaded and state.replica.version < state.map_version
         state.map_version = state.replica.version
         due = [report for report in state.unsettled if begun_anew or report.version <= state.replica.version]
         state.unsettled = [report for report in state.unsettled if report not in due]
         for report in due:
             if report.task in state.tasks:
                 yield from self._transaction(report.task).settled(report.problems, now)
+        if news.changes:
+            changed_objects = {name for change in news.changes for name in objects_of(change)}
+            for task in state.running:
+                yield from self._transaction(task).objects_changed(changed_objects, now)
 
     # What transactions share
 

@@ -11,7 +11,7 @@ from somrs.kernel.component import Effects, EffectsReturning, Send, SetTimer
 from somrs.ontology.agreement import disagreements
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.bodies import Body
-from somrs.protocol.messages.directory import Discover, Discovered, Offer
+from somrs.protocol.messages.directory import Discover, Discovered, Offer, SubscribeServices
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.event_text import join_reasons
 from somrs.protocol.messages.frp import Fault
@@ -29,6 +29,9 @@ SETTLING_TIME = 5.0
 
 PAUSE = 0.3
 """Seconds between two requests meanwhile."""
+
+ARRIVALS_LEASE = 180.0
+"""Seconds for which the Registry reports arrivals of services. A task that waits asks for more well before they are over."""
 
 UPDATE_TIME = 86_400.0
 """Seconds for which a report is sent to the Repository, which has to receive it even after a long outage."""
@@ -94,6 +97,8 @@ class Requests(Struct, kw_only=True):
     pending: dict[str, Request] = field(default_factory=dict)
     incarnation: float = 0.0
     request_count: int = field(default=0, name="asked")
+    follows_until: float = 0.0
+    """Until when the Registry reports arrivals of services."""
 
     def start(self, now: float) -> None:
         """Make the time part of all request ids, so that a Task Manager that lost its state does not use earlier ids again."""
@@ -110,6 +115,13 @@ class Requests(Struct, kw_only=True):
     def _discovery(self, purpose: RequestPurpose, now: float, settles_by: float | None, offers: tuple[Offer, ...] = ()) -> Request:
         discover = Discover(after=offers[-1].service if offers else "")
         return self._new_request(self.registry, discover, purpose, now + DISCOVERY_TIME, offers, settles_by)
+
+    def follow_arrivals(self, now: float) -> Effects:
+        """Subscribe to the arrivals of services for a while, unless the last subscription has just begun."""
+        if now < self.follows_until - ARRIVALS_LEASE / 2:
+            return
+        self.follows_until = now + ARRIVALS_LEASE
+        yield Send(self._message(self.registry, SubscribeServices(lease=ARRIVALS_LEASE)), now + PATIENCE)
 
     def is_answer(self, message: Message) -> bool:
         return message.header.relates_to in self.pending
@@ -162,13 +174,15 @@ class Requests(Struct, kw_only=True):
         offers: tuple[Offer, ...] = (),
         settles_by: float | None = None,
     ) -> Request:
+        message = self._message(recipient, body)
+        request = Request(message=message, purpose=purpose, expires_at=expires_at, offers=offers, settles_by=settles_by)
+        self.pending[message.header.message_id] = request
+        return request
+
+    def _message(self, recipient: str, body: Body) -> Message:
         self.request_count += 1
         id = message_id(self.address, self.incarnation, self.request_count)
-        header = Header(sender=self.address, recipient=recipient, message_id=id, reply_to=self.address)
-        message = Message(header=header, body=body)
-        request = Request(message=message, purpose=purpose, expires_at=expires_at, offers=offers, settles_by=settles_by)
-        self.pending[id] = request
-        return request
+        return Message(header=Header(sender=self.address, recipient=recipient, message_id=id, reply_to=self.address), body=body)
 
     def _send_request(self, request: Request, now: float) -> Effects:
         expires_at = min(now + PATIENCE, request.expires_at)

@@ -116,6 +116,11 @@ class Reservations(Struct, kw_only=True):
         self.waiting[task] = _Waiting(reservation)
         self.freed = True
 
+    def release(self, task: str) -> None:
+        """Release what the task holds."""
+        if self.held.pop(task, None) is not None:
+            self.freed = True
+
     def stop_waiting(self, task: str) -> None:
         """Remove the task from those that wait."""
         if self.waiting.pop(task, None) is not None:

@@ -41,6 +41,12 @@ class DeadlineDue(Struct, frozen=True, tag=True):
     owner: str
 
 
+class RetryDue(Struct, frozen=True, tag=True):
+    """The pause before the next attempt of a waiting task is over."""
+
+    owner: str
+
+
 class StopDue(Struct, frozen=True, tag=True):
     """The time for all participants to stop is over."""
 
@@ -71,7 +77,7 @@ class NewsDue(Struct, frozen=True, tag=True):
     request: str
 
 
-Timer = BidsDue | SilenceDue | OverdueDue | DeadlineDue | StopDue | PreviewDue | AnswerDue | MapDue | NewsDue | ReplicaDue
+Timer = BidsDue | SilenceDue | OverdueDue | DeadlineDue | RetryDue | StopDue | PreviewDue | AnswerDue | MapDue | NewsDue | ReplicaDue
 
 
 class PlanWanted(Struct, frozen=True, tag=True):

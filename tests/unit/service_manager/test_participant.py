@@ -231,7 +231,7 @@ def test_who_leaves_takes_back_what_it_promised_and_stops_what_it_does() -> None
     assert last_reports == {
         "at work": frp.Failed(description="Washer1 is leaving", situation="Jar1 isOn Table1"),
         "promised": frp.Failed(description="Washer1 is leaving", tried=False),
-        "offered": frp.Refuse(reason="Washer1 is leaving"),
+        "offered": frp.Refuse(reason="Washer1 is leaving", not_now=True),
     }
     harness.world.run(60.0)
     assert harness.manager.open == []

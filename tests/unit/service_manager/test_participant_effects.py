@@ -100,7 +100,7 @@ def test_an_accept_is_too_late_from_when_the_terms_expire(delay: float, state: S
     harness.now = NOW + delay
     effects = harness.hear(harness.session.accept())
     assert harness.state is state
-    assert bodies(effects) == ([frp.Refuse(reason="the terms expired")] if state is State.ENDED else [])
+    assert bodies(effects) == ([frp.Refuse(reason="the terms expired", not_now=True)] if state is State.ENDED else [])
 
 
 @pytest.mark.parametrize(("late", "state"), [(0.0, State.EXECUTING), (0.5, State.FAILED)])
@@ -327,7 +327,7 @@ def test_who_comes_up_elsewhere_says_its_last_word_from_there(address: str, repe
 def test_who_leaves_refuses_what_comes_until_it_starts_again() -> None:
     harness = ServiceManagerHarness()
     harness.manager.handle(Notified(DepartureRequested()), NOW)
-    assert bodies(harness.ask(ARRANGE)) == [frp.Refuse(reason="Washer1 is leaving")]
+    assert bodies(harness.ask(ARRANGE)) == [frp.Refuse(reason="Washer1 is leaving", not_now=True)]
     harness.manager.handle(Started(ME), NOW)
     harness.session = harness.make_session("Washer1.WashObject#s2")
     assert bodies(harness.ask(ARRANGE)) == []

@@ -8,7 +8,7 @@ from msgspec import Struct
 
 from somrs.ontology.services import Handler
 from somrs.protocol.messages.body import MessageBody
-from somrs.protocol.messages.events import Event, EventKind, GoalKind, WaitsForTasks
+from somrs.protocol.messages.events import Event, EventKind, GoalKind, WaitsForTasks, WaitsToRetry
 from somrs.protocol.messages.frp import Outcome, State
 
 
@@ -28,7 +28,7 @@ class Phase(StrEnum):
 
     PLANNING = "planning"
     WAITING = "waiting"
-    """For another task, which has reserved objects that this task needs."""
+    """For another task, which has reserved objects that this task needs; or until a service can do a step."""
     ARRANGING = "arranging"
     EXECUTING = "executing"
     RECOVERING = "recovering"
@@ -44,6 +44,7 @@ class Submit(MessageBody, frozen=True, kw_only=True, tag=True):
     `precondition` is the initial situation, if the client states it. `deadline` is in seconds from now. `time_value` is the value of a
     second, in the currency of the terms, for the weighted policy. `handlers` take precedence over those of the service types. `priority`:
     among tasks that wait for the same objects or devices, the one with the higher number goes first; work under way is not interrupted.
+    `waits`: if no service can do it now, for reasons that pass, the task waits and tries again, until its deadline; otherwise it fails.
     """
 
     effect: str
@@ -53,6 +54,7 @@ class Submit(MessageBody, frozen=True, kw_only=True, tag=True):
     deadline: float | None = None
     handlers: tuple[Handler, ...] = ()
     priority: int = 0
+    waits: bool = True
 
 
 class Submitted(MessageBody, frozen=True, kw_only=True, tag=True):
@@ -141,8 +143,11 @@ class TaskView(Struct, frozen=True, kw_only=True):
     deadline: float | None = None
     handlers: tuple[Handler, ...] = ()
     priority: int = 0
+    waits: bool = True
     waiting_for: WaitsForTasks | None = None
     """The tasks that it waits for now; also in the reasons, as text."""
+    waiting_to_retry: WaitsToRetry | None = None
+    """Why there is no way to do it now, and when the next attempt is; also in the reasons, as text."""
 
 
 class TaskRow(Struct, frozen=True, kw_only=True):
@@ -172,6 +177,8 @@ class TaskRow(Struct, frozen=True, kw_only=True):
     """The services that are working now."""
     waiting_for: WaitsForTasks | None = None
     """The tasks that it waits for now; also in the reasons, as text."""
+    waiting_to_retry: WaitsToRetry | None = None
+    """Why there is no way to do it now, and when the next attempt is; also in the reasons, as text."""
 
 
 class ReadTasks(MessageBody, frozen=True, kw_only=True, tag=True):

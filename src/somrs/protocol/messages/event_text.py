@@ -23,6 +23,16 @@ def waiting_text(event: events.WaitsForTasks) -> str:
     return f"waiting for {', and for '.join(f'{_task_text(holder)}, which {reserved_text(holder)}' for holder in event.known_holders)}"
 
 
+def retry_text(event: events.WaitsToRetry) -> str:
+    """Return why there is no way to do a task now, with the number of attempts. Services with the same reason are named together."""
+    subjects_by_reason: dict[str, list[str]] = {}
+    for hindrance in event.hindrances:
+        subjects_by_reason.setdefault(hindrance.reason, []).append(hindrance.subject)
+    reasons = join_reasons(f"{', '.join(subjects)}: {reason}" for reason, subjects in subjects_by_reason.items())
+    count = f" ({event.attempts} attempts)" if event.attempts > 1 else ""
+    return f"waiting to try again{count}: {reasons}"
+
+
 def holders_text(holders: Iterable[Holder]) -> str:
     """Return which tasks have reserved which objects."""
     return " and ".join(f"{_task_text(holder)} {reserved_text(holder)}" for holder in holders)
@@ -49,6 +59,10 @@ def sentence(event: Event) -> str:
             return f"planned: {count} step{'s' if count != 1 else ''}"
         case events.WaitsForTasks():
             return waiting_text(event)
+        case events.WaitsToRetry():
+            return retry_text(event)
+        case events.WaitOver(attempts=attempts, seconds=seconds):
+            return f"continuing after {seconds:.0f} s and {attempts} attempt{'s' if attempts != 1 else ''}"
         case events.GoesOn():
             return "continuing: the objects it waited for are free"
         case events.Replanned(reasons=reasons):
@@ -69,8 +83,8 @@ def _of_step(event: Event) -> str:
             return f"asking {', '.join(services)}"
         case events.TermsOffered(service=service, price=price, currency=currency, duration=duration):
             return f"{service} offers {price:g} {currency}, {duration:.0f} s"
-        case events.ServiceRefused(service=service, reason=reason):
-            return f"{service} refuses: {reason}"
+        case events.ServiceRefused(service=service, reason=reason, not_now=not_now):
+            return f"{service} refuses{' for now' if not_now else ''}: {reason}"
         case events.ServiceChosen(service=service, price=price, currency=currency, duration=duration):
             return f"{service} does it for {price:g} {currency}, in {duration:.0f} s"
         case events.WaitsForDevice(device=device):

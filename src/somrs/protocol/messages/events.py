@@ -27,7 +27,7 @@ class EventKind(StrEnum):
     REPLAN = "replan"
     """A new plan is made from the present situation."""
     WAIT = "wait"
-    """The task waits for another task, or continues."""
+    """The task waits for another task or for services, or continues."""
     LOOK = "look"
     """A cognitive service observes, or observed, what a failure left."""
     UNDO = "undo"
@@ -92,6 +92,35 @@ class WaitsForTasks(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=T
         return self.holders or tuple(Holder(task=task, goal=goal, objects=self.objects) for task, goal in self.tasks.items())
 
 
+class Hindrance(Struct, frozen=True, kw_only=True):
+    """Why a task cannot proceed now. `subject`: a service, a service type that nobody offers, or a component; `since`: s since 1970."""
+
+    subject: str
+    reason: str
+    since: float
+
+
+class WaitsToRetry(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
+    """There is no way to do the task now, but for reasons that pass.
+
+    The Task Manager tries again at `next_attempt` (s since 1970), `pause` seconds after the last attempt, or earlier if a device joins or
+    is mended. `attempts`: those that failed `since` the task began to wait.
+    """
+
+    hindrances: tuple[Hindrance, ...]
+    since: float
+    next_attempt: float
+    pause: float
+    attempts: int = 1
+
+
+class WaitOver(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
+    """The task proceeds after it waited to try again. `attempts`: all that failed meanwhile; `seconds`: how long it waited."""
+
+    attempts: int
+    seconds: float
+
+
 class GoesOn(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
     """The objects for which the task waited are free."""
 
@@ -125,8 +154,11 @@ class TermsOffered(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=Tr
 
 
 class ServiceRefused(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
+    """`not_now`: the reason passes, and the service may do it later."""
+
     service: str
     reason: str
+    not_now: bool = False
 
 
 class ServiceChosen(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
@@ -353,7 +385,7 @@ class TaskEnded(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True)
 
 
 Event = (
-    TaskStated | Planned | WaitsForTasks | GoesOn | Replanned | TriedOnceMore
+    TaskStated | Planned | WaitsForTasks | WaitsToRetry | WaitOver | GoesOn | Replanned | TriedOnceMore
     | ServicesAsked | TermsOffered | ServiceRefused | ServiceChosen
     | WaitsForDevice | StepStarted | ProgressNoted | StepCompleted | StepStopped | FoundSo
     | NotBegun | StepFailed | ServiceFaulted | ContractForgotten | ServiceSilent | ServiceOverdue | ServiceLost | ReportRejected
@@ -369,7 +401,7 @@ ServiceFailure = (
 """What can go wrong with a service."""
 
 KINDS: dict[type[Event], EventKind] = {
-    **dict.fromkeys((WaitsForTasks, GoesOn, WaitsForDevice), EventKind.WAIT),
+    **dict.fromkeys((WaitsForTasks, WaitsToRetry, WaitOver, GoesOn, WaitsForDevice), EventKind.WAIT),
     **dict.fromkeys((Replanned, TriedOnceMore), EventKind.REPLAN),
     **dict.fromkeys(
         (

@@ -77,9 +77,14 @@ class Terms(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class Refuse(MessageBody, frozen=True, kw_only=True, tag=True):
-    """The service cannot, or will not, do the step."""
+    """The service does not do the step.
+
+    `not_now`: it may do it later, because the reason passes: it is busy, charging or broken, or did not answer in time. Otherwise it never
+    will, as things are: the thing is too heavy, the place is on another storey.
+    """
 
     reason: str
+    not_now: bool = False
 
 
 class Accept(MessageBody, frozen=True, kw_only=True, tag=True):

@@ -31,6 +31,7 @@ class TaskRecord(Struct, frozen=True, kw_only=True, tag=True):
     events: tuple[TaskEvent, ...] = ()
     messages: tuple[MessageView, ...] = ()
     priority: int = 0
+    waits: bool = True
     time_value: float = 0.01
     handlers: tuple[Handler, ...] = ()
 

@@ -40,7 +40,8 @@ class Negotiation:
         if self._state.leaving or capability is None:
             offered = ", ".join(candidate.type_name for candidate in self._state.profile.capabilities)
             reason = "is leaving" if self._state.leaving else f"offers {offered}, and not {arrange.service_type}"
-            yield from send_message(job, frp.Refuse(reason=f"{self._state.profile.name} {reason}"), self._jobs, now)
+            refuse = frp.Refuse(reason=f"{self._state.profile.name} {reason}", not_now=self._state.leaving)
+            yield from send_message(job, refuse, self._jobs, now)
             return
         job.order = Order(
             transaction=job.session.transaction,
@@ -75,7 +76,7 @@ class Negotiation:
             return
         answer: ParticipantBody
         try:
-            answer = self._terms(job, value, now) if isinstance(value, Quoted) else frp.Refuse(reason=_refusal(value))
+            answer = self._terms(job, value, now) if isinstance(value, Quoted) else _refusal(value)
         except FormulaError as error:
             answer = frp.Refuse(reason=str(error))
         yield from send_message(job, answer, self._jobs, now)
@@ -92,7 +93,8 @@ class Negotiation:
         latest_start = None if order.latest_finish is None else order.latest_finish - quoted.duration
         if latest_start is not None and start > latest_start:
             return frp.Refuse(
-                reason=f"{self._state.profile.name} would finish at least {start - latest_start:.0f} s after the latest finish"
+                reason=f"{self._state.profile.name} would finish at least {start - latest_start:.0f} s after the latest finish",
+                not_now=now <= latest_start,  # only its other commitments are in the way
             )
         return frp.Terms(
             effect=str(fill_in(order.effect, self._state.profile.name, order.inputs)),
@@ -106,5 +108,5 @@ class Negotiation:
         )
 
 
-def _refusal(answer: Answer) -> str:
-    return answer.reason if isinstance(answer, Refused) else str(answer)
+def _refusal(answer: Answer) -> frp.Refuse:
+    return frp.Refuse(reason=answer.reason, not_now=answer.not_now) if isinstance(answer, Refused) else frp.Refuse(reason=str(answer))

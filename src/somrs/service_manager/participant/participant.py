@@ -129,10 +129,12 @@ class ServiceManager:
                 return
         terms, late = job.session.terms, _lateness_reason(message, now)
         if job.session.state is State.OFFERED and terms and terms.valid_until is not None and terms.valid_until <= now:
-            yield from self._send_message(job, frp.Refuse(reason="the terms expired"), now)
+            yield from self._send_message(job, frp.Refuse(reason="the terms expired", not_now=True), now)
         elif late and kind is frp.Execute and job.session.state in (State.OFFERED, State.COMMITTED):
             offered = job.session.state is State.OFFERED
-            yield from self._send_message(job, frp.Refuse(reason=late) if offered else frp.Failed(description=late, tried=False), now)
+            yield from self._send_message(
+                job, frp.Refuse(reason=late, not_now=True) if offered else frp.Failed(description=late, tried=False), now
+            )
             return
         transition = job.session.receive(message)
         if transition.moved:
@@ -227,7 +229,7 @@ class ServiceManager:
                 yield from self._send_message(job, frp.Progress(fraction=job.fraction, note=note), now)
                 yield from job.set_timer(HeartbeatDue, now + self.profile.heartbeat)
             case TermsDue() if state is State.OFFERED:
-                yield from self._send_message(job, frp.Refuse(reason="the terms expired"), now)
+                yield from self._send_message(job, frp.Refuse(reason="the terms expired", not_now=True), now)
             case StartDue() if state is State.COMMITTED:
                 yield from self._send_message(job, frp.Failed(description="no order to start came in time", tried=False), now)
 
@@ -275,7 +277,7 @@ class ServiceManager:
         for job in self._jobs:
             match job.session.state:
                 case State.ARRANGING | State.OFFERED:
-                    yield from self._send_message(job, frp.Refuse(reason=reason), now)
+                    yield from self._send_message(job, frp.Refuse(reason=reason, not_now=True), now)
                 case State.COMMITTED:
                     yield from self._send_message(job, frp.Failed(description=reason, tried=False), now)
                 case _:

@@ -102,9 +102,10 @@ class Quoted(Struct, frozen=True, kw_only=True, tag=True):
 
 
 class Refused(Struct, frozen=True, tag=True):
-    """The device cannot, or will not, do the work."""
+    """The device does not do the work: never, or `not_now`."""
 
     reason: str
+    not_now: bool = False
 
 
 class Advance(PartialAnswer, frozen=True, kw_only=True, tag=True):
@@ -133,10 +134,13 @@ Answer = Quoted | Refused | Advance | WorkDone | Failure | ErrorAnswer | AnswerL
 
 
 class Refusal(SomrsError):
-    """Raised by an author's price, duration or `able` function: the device cannot, or will not, do the work."""
+    """Raised by an author's price, duration or `able` function: the device cannot, or will not, do the work.
 
-    def __init__(self, reason: str) -> None:
-        self.reason = reason
+    `not_now`: the reason passes, such as work, charging or a defect; the Task Manager asks again later.
+    """
+
+    def __init__(self, reason: str, *, not_now: bool = False) -> None:
+        self.reason, self.not_now = reason, not_now
         super().__init__(reason)
 
 
@@ -154,8 +158,8 @@ class ServiceFailed(SomrsError):
 def answer_of(error: BaseException) -> Refused | Failure | ErrorAnswer:
     """Return the answer for an exception of an author's code. Only exceptions that are written for people omit the class name."""
     match error:
-        case Refusal(reason=reason):
-            return Refused(reason)
+        case Refusal(reason=reason, not_now=not_now):
+            return Refused(reason, not_now)
         case ServiceFailed(description=description, situation=situation):
             return Failure(description, situation)
         case InputError():

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from somrs.entish.formula import variables
 from somrs.entish.parse import parse
-from somrs.errors import DeviceError
+from somrs.errors import DeviceError, RemoteError
 from somrs.service_manager.sdk.device import AbilityCheck, Amount, Amounts, Ask, Device, Result, Service, Situation, Task
 from somrs.service_manager.sdk.orders import Halt, Order, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo, Work, WorkDone
 from somrs.service_manager.sdk.values import fill_in, money, seconds
@@ -26,7 +26,10 @@ async def carry_out(device: Device, work: Work, ask: Ask, report: Callable[[obje
         task = Task(device.name, work.order, ask, report, quoting=isinstance(work, Quote))
         match work:
             case Quote():
-                return await _quote(device, service, task)
+                try:
+                    return await _quote(device, service, task)
+                except RemoteError as error:  # the Repository, a world or the hardware does not answer
+                    raise Refusal(str(error), not_now=True) from error
             case Perform(order):
                 return _work_done(device, order, await service.performs(device, task), service)
             case Halt():

@@ -28,6 +28,12 @@ class KnownServices(Struct, kw_only=True):
     offers: tuple[Offer, ...] = ()
     broken: dict[str, str] = {}
     """Services that failed or refused in this task, and why: new plans leave them out."""
+    unable: set[str] = set()
+    """Those of them that refused for good."""
+    silent: set[str] = set()
+    """Those of them that fell silent, and have not been heard of since."""
+    unoffered: tuple[str, ...] = ()
+    """The service types that the latest plan lacked, because no device offered them."""
     failures: dict[str, int] = {}
     """The failures that each service has reported since it last completed a step."""
     types: dict[str, ServiceType] = {}
@@ -71,9 +77,19 @@ class AvailableServices:
             if offer.service in self.broken
         ]
 
+    @property
+    def excluded_providers(self) -> set[str]:
+        """The devices of the services that the task does not ask."""
+        return {offer.provider for offer in self._state.offers if offer.service in self.broken}
+
     def able_offers(self, run: StepRun) -> list[Offer]:
         """The offers of services that can be asked for the step."""
         return able_offers(run.step, self._state.offers, self._service_types, {*run.excluded, *self.broken})
+
+    def refused(self, service: str, *, not_now: bool) -> None:
+        """Record whether a refusal is for good."""
+        if not not_now:
+            self._state.unable.add(service)
 
     def failed(self, service: str, reason: str) -> None:
         """Exclude a service that reported a failure; `readmit_failed` may readmit it."""
@@ -85,9 +101,16 @@ class AvailableServices:
         self._state.broken = {**excluded, **self._state.broken}
 
     def lost(self, service: str, reason: str) -> None:
-        """Exclude a service that fell silent, for the rest of the task."""
+        """Exclude a service that fell silent, until it is heard of again."""
         self._state.failures.pop(service, None)
+        self._state.silent.add(service)
         self.broken[service] = reason
+
+    def returned(self, services: Iterable[str]) -> None:
+        """Readmit services that had fallen silent, and were heard of again."""
+        for service in self._state.silent.intersection(services):
+            self._state.silent.discard(service)
+            self.broken.pop(service, None)
 
     def completed(self, service: str) -> None:
         self._state.failures.pop(service, None)
@@ -106,9 +129,40 @@ class AvailableServices:
         return readmitted
 
     def _may_do_better(self, offer: Offer) -> bool:
+        failures = self._state.failures.get(offer.service, 0)
+        return self._works(offer) and offer.service in self.broken and 0 < failures < MOST_FAILURES
+
+    def _works(self, offer: Offer) -> bool:
         device = self._replica.map.objects.get(offer.provider)
-        works = device is None or device.values.get(WORKING) is not False
-        return works and offer.service in self.broken and 0 < self._state.failures.get(offer.service, 0) < MOST_FAILURES
+        return device is None or device.values.get(WORKING) is not False
+
+    # What passes
+
+    def lacks(self, service_types: tuple[str, ...]) -> None:
+        """Record the service types that no device offers, and that a plan needs."""
+        self._state.unoffered = service_types
+
+    def passing_hindrances(self) -> dict[str, str]:
+        """Why services and service types are not available, as far as the reason may pass: by their names."""
+        offers = {offer.service: offer for offer in self._state.offers}
+        services = {service: reason for service, reason in self.broken.items() if self._may_return(service, offers.get(service))}
+        return {**services, **dict.fromkeys(self._state.unoffered, "no device offers it now")}
+
+    def _may_return(self, service: str, offer: Offer | None) -> bool:
+        """Whether an excluded service may be available later. One that failed, and says that it works, gets no better by waiting."""
+        if service in self._state.unable:
+            return False
+        return offer is None or not self._works(offer) or service not in self._state.failures
+
+    def readmit_refused(self) -> None:
+        """Readmit the services whose reason may have passed, to ask them again; not those that are silent, or that do not work."""
+        offers = {offer.service: offer for offer in self._state.offers}
+        for service in [*self.broken]:
+            offer, failures = offers.get(service), self._state.failures.get(service, 0)
+            works = offer is None or self._works(offer)
+            if works and failures < MOST_FAILURES and service not in self._state.unable | self._state.silent:
+                self._state.failures.pop(service, None)
+                del self.broken[service]
 
     def precondition(self, run: StepRun) -> Formula | None:
         """The step's precondition on the current map, and the reported situation of its inputs. Raises LookupError if it does not hold."""

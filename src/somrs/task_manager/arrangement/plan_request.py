@@ -22,7 +22,14 @@ from somrs.task_manager.requests import ForPlan
 from somrs.task_manager.reservations import BlockedPlan, plan_reservation
 from somrs.task_manager.timers import Answer, PlanWanted
 
-PlanResult = Answer | BlockedPlan | str
+
+class ServicesUnknown(Struct, frozen=True):
+    """The services on offer are not known, because the Registry does not answer."""
+
+    reason: str
+
+
+PlanResult = Answer | BlockedPlan | ServicesUnknown | str
 """The planner's answer; a plan that other tasks block; or the reason why the planner could not be asked."""
 
 
@@ -76,7 +83,7 @@ class PlanRequester:
     def discovered(self, offers: tuple[Offer, ...] | str) -> EffectsReturning[PlanResult | None]:
         """Handle the services on offer, or the reason why they are not known. Returns None if the planner is asked."""
         if isinstance(offers, str):
-            return offers
+            return ServicesUnknown(offers)
         self._services.discovered(offers)
         self._request.avoided = self._context.reservations.reserved_objects(self._request.owner)
         return (yield from self._ask())

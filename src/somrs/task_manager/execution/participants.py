@@ -56,6 +56,14 @@ class Members(Struct, kw_only=True):
         """The participant with this id, or the former participant of an ended task."""
         return self.find_member(id) or self.former.get(id or "")
 
+    def forget_uncommitted(self, first_number: int) -> None:
+        """Drop the participants from this number on that left without a contract."""
+        self.by_id = {
+            id: member
+            for id, member in self.by_id.items()
+            if member.number < first_number or member.state is not State.ENDED or "Accept" in member.session.sent_messages
+        }
+
     @property
     def working(self) -> list[Member]:
         """The participants whose devices may be moving."""

@@ -27,6 +27,8 @@ class Replans(Struct):
     fruitless: int = 0
     total: int = field(default=0, name="all")
     steps: int = 0
+    fruitful: int = 0
+    """The total when a step was last completed."""
 
     def planned(self, steps: int) -> None:
         """Record the number of steps of a plan."""
@@ -39,7 +41,11 @@ class Replans(Struct):
 
     def step_completed(self) -> None:
         """A step was completed."""
-        self.fruitless = 0
+        self.fruitless, self.fruitful = 0, self.total
+
+    def wait(self) -> None:
+        """The goal waits to be tried again. The plans since the last completed step came to nothing for reasons that pass."""
+        self.fruitless, self.total = 0, self.fruitful
 
     @property
     def is_exhausted(self) -> bool:

@@ -7,10 +7,13 @@ compensation restores. Decisions that concern the whole task are returned to the
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
+
 from msgspec import structs
 
 from somrs.entish.parse import parse
-from somrs.kernel.component import Effects, EffectsReturning
+from somrs.kernel.component import Effects, EffectsReturning, SetTimer
 from somrs.ontology.services import ServiceKind
 from somrs.planner.model.plan import NoPlan, Plan
 from somrs.protocol.messages import events, frp
@@ -21,14 +24,15 @@ from somrs.protocol.messages.events import GoalKind
 from somrs.protocol.messages.frp import State
 from somrs.task_manager.arrangement.available_services import service_names
 from somrs.task_manager.arrangement.call_for_proposals import MAX_OPEN_CALLS, Arrangement, CallForProposals
-from somrs.task_manager.arrangement.plan_request import PlanRequest, PlanRequester, PlanResult
+from somrs.task_manager.arrangement.plan_request import PlanRequest, PlanRequester, PlanResult, ServicesUnknown
 from somrs.task_manager.context import known_to_hold
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow
 from somrs.task_manager.recovery.ladder import RecoveryStep, next_recovery_step
 from somrs.task_manager.reservations import BlockedPlan
-from somrs.task_manager.timers import Answer, PlanWanted
+from somrs.task_manager.timers import Answer, PlanWanted, RetryDue
 from somrs.task_manager.transaction.next_action import GoalReached, GoalUnreachable, NextAction, NoPlanFound, Proceed, StepLost
+from somrs.task_manager.transaction.retry import hastened, is_repeated, next_wait
 from somrs.task_manager.transaction.scope import TaskScope
 from somrs.task_manager.transaction.state import GoalExecution
 from somrs.task_manager.transaction.step_executor import StepExecutor
@@ -97,9 +101,12 @@ class GoalExecutor:
             case BlockedPlan():
                 return (yield from self._fail((holders_text(result.holders),), now))
             case NoPlan():
+                self._services.lacks(result.unoffered)
                 broken = self._services.broken
                 lost = (f"{service}: {reason}" for service, reason in broken.items() if service not in result.lost)
                 return NoPlanFound((f"no plan: {result.reasons[0]}", *result.reasons[1:], *lost))
+            case ServicesUnknown(reason):
+                return (yield from self._wait_or_fail((reason,), now, {"Service Registry": reason}))
             case str(reason):
                 return (yield from self._fail((reason,), now))
             case _:
@@ -111,24 +118,88 @@ class GoalExecutor:
             self._log_event(events.TriedOnceMore(services=service_names(readmitted)), now)
             yield from self._plan(now)
             return None
-        return (yield from self._fail(reasons, now))
+        return (yield from self._wait_or_fail(reasons, now))
 
     def _wait(self, blocked_plan: BlockedPlan, now: float) -> Effects:
         """Wait until the tasks that hold the objects have ended. Contracts are cancelled, because a waiting task holds nothing."""
         execution, reservations = self._execution, self._context.reservations
-        for run in execution:
-            if run.progress is Progress.ARRANGED and (member := self._member(run)) is not None:
-                yield from self._participants.dismiss(member, "the task has to wait for others", now)
-                self._workflow.release(run)
-        execution.phase = Phase.WAITING
+        yield from self._dismiss_arranged("the task has to wait for others", now)
+        self._scope.end_attempt(is_news=True)
+        execution.phase, execution.waiting_to_retry = Phase.WAITING, None
         execution.waiting_for = events.WaitsForTasks.on(blocked_plan.holders)
         self._log_event(execution.waiting_for, now)
         reservations.wait(self._scope.state.id, blocked_plan.reservation)
+
+    def _dismiss_arranged(self, reason: str, now: float) -> Effects:
+        for run in self._execution:
+            if run.progress is Progress.ARRANGED and (member := self._member(run)) is not None:
+                yield from self._participants.dismiss(member, reason, now)
+                self._workflow.release(run)
 
     def freed(self, now: float) -> None:
         """The objects that the goal waits for are free."""
         self._execution.waiting_for, self._execution.resumed = None, True
         self._log_event(events.GoesOn(), now)
+
+    # Waiting to try again
+
+    def _wait_or_fail(
+        self, reasons: tuple[str, ...], now: float, hindrances: Mapping[str, str] = MappingProxyType({})
+    ) -> EffectsReturning[NextAction | None]:
+        """Give up for these reasons; or wait, and try again later, if some of them pass: the `hindrances`, and those of services."""
+        execution = self._execution
+        passing = {**hindrances, **self._services.passing_hindrances()} if self._may_wait else {}
+        if not passing:
+            return (yield from self._fail(reasons, now))
+        yield from self._withdraw("the task has to wait", now)
+        yield from self._dismiss_arranged("the task has to wait", now)
+        self._context.reservations.release(self._scope.state.id)
+        wait = next_wait(execution.waiting_to_retry, passing, now)
+        is_news = not is_repeated(wait, execution.waiting_to_retry)
+        self._scope.end_attempt(is_news=is_news)
+        if is_news:
+            self._log_event(wait, now)
+        execution.replans.wait()
+        execution.phase, execution.waiting_to_retry, execution.retry_at = Phase.WAITING, wait, wait.next_attempt
+        execution.replan_because = None
+        self._context.touched[self._scope.state.id] = None
+        yield SetTimer(RetryDue(self._scope.state.id), execution.retry_at)
+        yield from self._context.requests.follow_arrivals(now)
+        return None
+
+    @property
+    def _may_wait(self) -> bool:
+        return self._execution.kind is GoalKind.TASK and self._scope.state.task.waits
+
+    @property
+    def _passing_hindrances(self) -> dict[str, str]:
+        """The hindrances for which the goal may wait."""
+        return self._services.passing_hindrances() if self._may_wait else {}
+
+    def hasten(self, now: float) -> Effects:
+        """Try again soon: there is news that may concern the reasons for the wait."""
+        execution = self._execution
+        if execution.retry_at is not None and execution.waiting_to_retry is not None:
+            execution.waiting_to_retry = hastened(execution.waiting_to_retry, now)
+            execution.retry_at = execution.waiting_to_retry.next_attempt
+            yield SetTimer(RetryDue(self._scope.state.id), execution.retry_at)
+
+    def retry(self, now: float) -> Effects:
+        """Try again: ask for a plan with the services whose reasons may have passed."""
+        execution = self._execution
+        if execution.retry_at is None:
+            return
+        execution.retry_at = None
+        self._scope.begin_attempt()
+        self._services.readmit_refused()
+        yield from self._plan(now)
+
+    def _end_wait(self, now: float) -> None:
+        """The goal's plan is arranged after a wait."""
+        waited, self._execution.waiting_to_retry = self._execution.waiting_to_retry, None
+        if waited is not None:
+            self._scope.end_attempt(is_news=True)
+            self._log_event(events.WaitOver(attempts=waited.attempts, seconds=now - waited.since), now)
 
     def _adopt_plan(self, plan: Plan, now: float) -> EffectsReturning[NextAction | None]:
         execution = self._execution
@@ -157,7 +228,10 @@ class GoalExecutor:
             yield from self._requester(execution.request).withdraw()
             execution.request = None
         execution.waiting_for, execution.resumed = None, False
+        execution.waiting_to_retry = execution.retry_at = None
         if execution.kind is GoalKind.TASK:
+            self._scope.end_attempt(is_news=True)
+            yield SetTimer(RetryDue(self._scope.state.id), None)
             self._context.reservations.stop_waiting(self._scope.state.id)
         yield from execution.calls.close_all()
 
@@ -167,7 +241,7 @@ class GoalExecutor:
         """Do what comes next; nothing while a plan is being made or the goal waits for other tasks."""
         execution = self._execution
         workflow = execution.workflow
-        if execution.request is not None or execution.waiting_for is not None:
+        if execution.request is not None or execution.waiting_for is not None or execution.retry_at is not None:
             return None
         if execution.resumed:
             execution.resumed = False
@@ -179,6 +253,7 @@ class GoalExecutor:
         elif (failed := workflow.failed) is not None:
             return (yield from self._begin_recovery(failed, (failed.failure or "",), now))
         elif workflow.is_completed:
+            self._end_wait(now)
             return (yield from self._finish(now))
         elif not execution.fixed and (redefined := self._redefined_types(workflow)):
             return (yield from self._replan(now, tuple(f"{name} is defined anew" for name in redefined)))
@@ -189,6 +264,7 @@ class GoalExecutor:
                 if not stands:
                     return action
         elif workflow.arranged:
+            self._end_wait(now)
             execution.phase = Phase.EXECUTING
             for run in workflow.ready:
                 if reasons := (yield from StepExecutor(execution, self._scope).begin(run, now)):
@@ -334,12 +410,15 @@ class GoalExecutor:
         assert execution.workflow is not None or execution.replan_because is not None
         if execution.fixed:
             return (yield from self._fail(reasons, now))
-        if execution.replans.is_exhausted:
-            return (yield from self._fail((*reasons, str(execution.replans)), now))
+        reasons_to_stop = (*reasons, str(execution.replans))
+        if execution.replans.is_exhausted and not self._passing_hindrances:
+            return (yield from self._fail(reasons_to_stop, now))
         yield from self._withdraw("the plan changed", now)
         if execution.workflow is not None and execution.workflow.busy:
             execution.replan_because, execution.phase = reasons, Phase.RECOVERING
             return None
+        if execution.replans.is_exhausted:
+            return (yield from self._wait_or_fail(reasons_to_stop, now))
         execution.replan_because = None
         execution.replans.count()
         self._log_event(events.Replanned(reasons=reasons), now)

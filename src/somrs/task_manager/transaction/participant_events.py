@@ -39,6 +39,7 @@ class ParticipantEvents:
         if received is None:
             return None
         member, transition = received
+        self._scope.services.returned((member.offer.service,))
         if transition.moved:
             return (yield from self._process_message(member, message, now))
         if member.lost_version is not None:
@@ -72,8 +73,9 @@ class ParticipantEvents:
                     return None
                 action = yield from self._executor(execution).terms_received(member, terms, message.header.message_id, now)
                 return (execution, action) if action is not None else None
-            case frp.Refuse(reason=reason):
-                self._log_event(events.ServiceRefused(service=name, reason=reason), run, now)
+            case frp.Refuse(reason=reason, not_now=not_now):
+                self._scope.services.refused(name, not_now=not_now)
+                self._log_event(events.ServiceRefused(service=name, reason=reason, not_now=not_now), run, now)
                 return (yield from self._participant_left(member, reason, now))
             case frp.Progress() as progress:
                 yield from self._progressed(member, run, progress, now)

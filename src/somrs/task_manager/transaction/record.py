@@ -30,6 +30,7 @@ def record(state: TaskState) -> TaskRecord:
         events=tuple(event_view(number, noted) for number, noted in enumerate(state.events, 1)),
         messages=tuple(message_view(entry.at, entry.message) for entry in state.messages),
         priority=task.priority,
+        waits=task.waits,
         time_value=task.time_value,
         handlers=task.handlers,
     )

@@ -8,7 +8,8 @@ from msgspec import Struct, field
 
 from somrs.protocol.messages.clients import Phase, Submit
 from somrs.protocol.messages.envelope import Message
-from somrs.protocol.messages.events import Event, EventKind, GoalKind, WaitsForTasks, kind_of
+from somrs.protocol.messages.event_text import retry_text, waiting_text
+from somrs.protocol.messages.events import Event, EventKind, GoalKind, WaitsForTasks, WaitsToRetry, kind_of
 from somrs.protocol.messages.frp import Outcome
 from somrs.task_manager.arrangement.available_services import KnownServices
 from somrs.task_manager.arrangement.call_for_proposals import OpenCalls
@@ -45,6 +46,10 @@ class GoalExecution(Struct, kw_only=True, eq=False):
     """Limits how often the goal is replanned."""
     waiting_for: WaitsForTasks | None = field(default=None, name="waits")
     """The tasks that the goal waits for, and the objects that they hold."""
+    waiting_to_retry: WaitsToRetry | None = None
+    """Why there was no way to reach the goal when this was last tried."""
+    retry_at: float | None = None
+    """When it is tried again; None while it is being tried."""
     resumed: bool = field(default=False, name="goes_on")
     """It has stopped waiting, and requests its plan next."""
     fixed: bool = False
@@ -65,6 +70,13 @@ class GoalExecution(Struct, kw_only=True, eq=False):
         return "" if self.kind is GoalKind.TASK else f"{self.kind}{self.number}."
 
 
+def waiting_texts(execution: GoalExecution) -> tuple[str, ...]:
+    """What the goal waits for, for people."""
+    if execution.waiting_for is not None:
+        return (waiting_text(execution.waiting_for),)
+    return (retry_text(execution.waiting_to_retry),) if execution.waiting_to_retry is not None else ()
+
+
 class LoggedEvent(Struct, frozen=True):
     """An event of a task. `step` is the label of the step that it concerns, `goal` the kind of goal of that step."""
 
@@ -83,6 +95,18 @@ class LoggedMessage(Struct, frozen=True):
 
     at: float
     message: Message
+
+
+class Attempt(Struct, kw_only=True):
+    """A further attempt of a task that waits.
+
+    It is quiet: its events and messages are held back, and dropped if it fails for the same reasons as the attempt before. `first_number`
+    is the number of its first participant.
+    """
+
+    first_number: int
+    events: list[LoggedEvent] = []
+    messages: list[LoggedMessage] = []
 
 
 class TaskState(Struct, kw_only=True, eq=False):
@@ -116,6 +140,7 @@ class TaskState(Struct, kw_only=True, eq=False):
     services: KnownServices = field(default_factory=KnownServices)
     reports: Reports = field(default_factory=Reports)
     look_queue: LookQueue = field(default_factory=LookQueue, name="looks")
+    attempt: Attempt | None = None
     undoing: Undoing | None = None
     blocked: tuple[str, ...] = ()
     """Why there is no plan, while interrupted work is being compensated."""

@@ -9,6 +9,7 @@ compensates the work of a task that is not accomplished (`recovery/compensation.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from collections.abc import Set as AbstractSet
 
 from somrs.entish.parse import parse
 from somrs.kernel.component import Effects, EffectsReturning, Record, SetTimer
@@ -18,7 +19,6 @@ from somrs.protocol.messages import events
 from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.envelope import Message
-from somrs.protocol.messages.event_text import waiting_text
 from somrs.protocol.messages.events import GoalKind
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.task_manager.context import TaskManagerContext
@@ -29,13 +29,13 @@ from somrs.task_manager.recovery.handlers import fitting_handlers
 from somrs.task_manager.recovery.observation import Look, LookPlan, Observation
 from somrs.task_manager.requests import ForLook, ForPlan
 from somrs.task_manager.reservations import Reservation
-from somrs.task_manager.timers import Answer, BidsDue, DeadlineDue, OverdueDue, PlanWanted, SilenceDue, StopDue
+from somrs.task_manager.timers import Answer, BidsDue, DeadlineDue, OverdueDue, PlanWanted, RetryDue, SilenceDue, StopDue
 from somrs.task_manager.transaction.goal_executor import GoalExecutor
 from somrs.task_manager.transaction.next_action import GoalReached, GoalUnreachable, NextAction, NoPlanFound, Proceed, StepLost
 from somrs.task_manager.transaction.participant_events import GoalAction, ParticipantEvents
 from somrs.task_manager.transaction.record import record
 from somrs.task_manager.transaction.scope import TaskScope
-from somrs.task_manager.transaction.state import GoalExecution, TaskState
+from somrs.task_manager.transaction.state import GoalExecution, TaskState, waiting_texts
 
 STOP_TIME = 60.0
 """Seconds that participants have to stop safely. Those that have not stopped by then are given up."""
@@ -107,12 +107,13 @@ class Transaction:
                 self._observation.assumed(subject, problems, now)
             case subject:
                 self._participants.settled(subject, problems, now)
+        yield from self._executor(self.state.goal).hasten(now)
         if reports.settle_first():
             yield from self.proceed(now)
         else:
             yield from reports.send_next(self.state.id, self._context, now)
 
-    def timer_fired(self, timer: BidsDue | SilenceDue | OverdueDue | DeadlineDue | StopDue, now: float) -> Effects:
+    def timer_fired(self, timer: BidsDue | SilenceDue | OverdueDue | DeadlineDue | RetryDue | StopDue, now: float) -> Effects:
         """Handle a timer of the task."""
         match timer:
             case BidsDue(goal=goal):
@@ -125,6 +126,8 @@ class Transaction:
                 yield from self._apply_goal_action((yield from self._participants.overdue(participant, now)), now)
             case DeadlineDue():
                 yield from self._stop(now, Outcome.FAILED, (f"the deadline of {self.state.task.deadline:g} s is over",))
+            case RetryDue():
+                yield from self._executor(self.state.goal).retry(now)
             case StopDue():
                 yield from self._stop_overdue(now)
 
@@ -138,6 +141,16 @@ class Transaction:
         """The objects that the task waits for are free."""
         self._executor(self.state.goal).freed(now)
         yield from self.proceed(now)
+
+    def services_joined(self, services: Iterable[str], now: float) -> Effects:
+        """Handle the arrival of services: a task that waits tries again."""
+        self._scope.services.returned(services)
+        yield from self._executor(self.state.goal).hasten(now)
+
+    def objects_changed(self, objects: AbstractSet[str], now: float) -> Effects:
+        """Handle a change of the map: a task that waits for a device which changed tries again."""
+        if self.state.goal.retry_at is not None and not objects.isdisjoint(self._scope.services.excluded_providers):
+            yield from self._executor(self.state.goal).hasten(now)
 
     def cancel(self, now: float, reason: str) -> Effects:
         """Cancel the task for its client."""
@@ -280,10 +293,11 @@ class Transaction:
                 yield from self._end(now, state.ending)
             case True:
                 state.undoing = None
+                executor = self._executor(state.goal)
                 if undoing.restored or self._scope.services.readmit_failed():
-                    yield from self._executor(state.goal).plan_anew(now)
+                    yield from executor.plan_anew(now)
                 else:
-                    yield from self._stop(now, Outcome.FAILED, state.blocked)
+                    yield from self._apply_action(state.goal, (yield from executor.without_plan(state.blocked, now)), now)
 
     # Observation
 
@@ -316,7 +330,7 @@ class Transaction:
         if state.outcome is not None or state.ending is not None:
             return
         state.ending = outcome
-        state.reasons = (*reasons, f"it was {waiting_text(state.goal.waiting_for)}") if state.goal.waiting_for is not None else reasons
+        state.reasons = (*reasons, *(f"it was {text}" for text in waiting_texts(state.goal)))
         if outcome is Outcome.CANCELLED:
             self._scope.log_event(events.Stopping(reason=reasons[0]), now)
         for execution in state.executions:

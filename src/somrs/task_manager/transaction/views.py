@@ -10,12 +10,13 @@ from somrs.planner.model.plan import NoPlan, Plan, Step
 from somrs.protocol.frp.states import WORKING
 from somrs.protocol.messages.clients import ContractView, MessageView, Obstacle, Previewed, StepView, TaskEvent, TaskRow, TaskView, WorkView
 from somrs.protocol.messages.envelope import Message
-from somrs.protocol.messages.event_text import join_reasons, sentence, waiting_text
+from somrs.protocol.messages.event_text import join_reasons, sentence
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.paging import fit_page
+from somrs.task_manager.arrangement.plan_request import ServicesUnknown
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.workflow import Progress, StepRun
-from somrs.task_manager.transaction.state import LoggedEvent, TaskState
+from somrs.task_manager.transaction.state import LoggedEvent, TaskState, waiting_texts
 
 STEP_STATE = {
     Progress.OPEN: State.NEW,
@@ -49,7 +50,9 @@ def view(task: TaskState) -> TaskView:
         deadline=task.task.deadline,
         handlers=task.task.handlers,
         priority=task.task.priority,
+        waits=task.task.waits,
         waiting_for=task.goal.waiting_for,
+        waiting_to_retry=task.goal.waiting_to_retry,
     )
 
 
@@ -92,6 +95,7 @@ def row(task: TaskState) -> TaskRow:
         setbacks=task.setbacks,
         services=tuple(member.offer.service for member in working),
         waiting_for=task.goal.waiting_for,
+        waiting_to_retry=task.goal.waiting_to_retry,
     )
 
 
@@ -149,7 +153,7 @@ def preview_reply(result: object) -> Previewed:
             return Previewed(steps=(), explanation=result.explanation, reasons=result.reasons, obstacles=obstacles)
         case FormulaError():
             return Previewed(steps=(), explanation=str(result), reasons=(str(result),))
-        case str(reason):
+        case ServicesUnknown(reason) | str(reason):
             return Previewed(steps=(), explanation=reason, reasons=(reason,))
         case _:
             reason = f"planning failed: {result}"
@@ -179,7 +183,7 @@ def contract_view(member: Member) -> ContractView:
 
 def _reasons(task: TaskState) -> tuple[str, ...]:
     """Why the task ended or is ending, or what it waits for."""
-    return task.reasons or ((waiting_text(task.goal.waiting_for),) if task.goal.waiting_for is not None else ())
+    return task.reasons or waiting_texts(task.goal)
 
 
 def event_view(number: int, noted: LoggedEvent) -> TaskEvent:

@@ -14,6 +14,11 @@ from somrs.protocol.messages.frp import Outcome
 
 S, TWO = "Robot1.Carry", ("no", "never")
 
+HINDRANCES = tuple(
+    events.Hindrance(subject=f"Robot{number}.Carry", reason=reason, since=0.0)
+    for number, reason in enumerate(("no oil", "it charges", "no oil"), 1)
+)
+
 FAILURES: list[tuple[ServiceFailure, str]] = [
     (events.NotBegun(service=S, description="no oil"), "did not begin: no oil"),
     (events.StepFailed(service=S, description="no oil", situation="A isOn B"), "failed: no oil"),
@@ -45,6 +50,16 @@ SENTENCES: list[tuple[Event, str]] = [
         ),
         "waiting for task 1a2b3c4d (A isOn B), which has reserved A, and for task t2 (C isOn D), which waits for C, D too and comes first",
     ),
+    (
+        events.WaitsToRetry(hindrances=HINDRANCES, since=0.0, next_attempt=2.0, pause=2.0),
+        "waiting to try again: Robot1.Carry, Robot3.Carry: no oil; Robot2.Carry: it charges",
+    ),
+    (
+        events.WaitsToRetry(hindrances=HINDRANCES[:1], since=0.0, next_attempt=6.0, pause=4.0, attempts=2),
+        "waiting to try again (2 attempts): Robot1.Carry: no oil",
+    ),
+    (events.WaitOver(attempts=1, seconds=2.4), "continuing after 2 s and 1 attempt"),
+    (events.WaitOver(attempts=3, seconds=14.0), "continuing after 14 s and 3 attempts"),
     (events.GoesOn(), "continuing: the objects it waited for are free"),
     (events.Replanned(reasons=TWO), "replanning: no; never"),
     (events.TriedOnceMore(services=("R.A", "R.B")), "there is no plan without R.A, R.B; they may try again"),
@@ -54,6 +69,7 @@ SENTENCES: list[tuple[Event, str]] = [
     (events.ServicesAsked(services=("R.A", "R.B")), "asking R.A, R.B"),
     (events.TermsOffered(service=S, price=4.0, currency="EUR", duration=29.6), "Robot1.Carry offers 4 EUR, 30 s"),
     (events.ServiceRefused(service=S, reason="too heavy"), "Robot1.Carry refuses: too heavy"),
+    (events.ServiceRefused(service=S, reason="it charges", not_now=True), "Robot1.Carry refuses for now: it charges"),
     (events.ServiceChosen(service=S, price=4.5, currency="PLN", duration=29.4), "Robot1.Carry does it for 4.5 PLN, in 29 s"),
     (events.WaitsForDevice(device="Robot1"), "waiting for its turn at Robot1"),
     (events.StepStarted(service=S), "Robot1.Carry starts"),
@@ -131,7 +147,7 @@ def test_what_an_event_is_in_the_life_of_its_task() -> None:
         EventKind.HANDLER: {"HandlerBegun"},
         EventKind.REPLACE: {"ServiceReplaced"},
         EventKind.REPLAN: {"Replanned", "TriedOnceMore"},
-        EventKind.WAIT: {"WaitsForTasks", "GoesOn", "WaitsForDevice"},
+        EventKind.WAIT: {"WaitsForTasks", "WaitsToRetry", "WaitOver", "GoesOn", "WaitsForDevice"},
         EventKind.LOOK: {"LookBegun", "LookFound", "NobodyLooks", "KnownOtherwise"},
         EventKind.UNDO: {"FailuresUndone", "UndoneByHandler", "UndoneByService", "UndoneByOthers", "Compensated", "WorkUndone"},
         EventKind.END: {"TaskEnded"},

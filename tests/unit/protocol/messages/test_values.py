@@ -59,6 +59,7 @@ def test_what_is_left_out_of_a_message_is_false_or_empty_but_for_these() -> None
         "StandingOrder.skip": True,
         "OrderSaved.enabled": True,
         "OrderSaved.skip": True,
+        **dict.fromkeys(("Submit.waits", "TaskView.waits", "TaskRecord.waits"), True),
         **dict.fromkeys(("Submit.policy", "Preview.policy", "TaskView.policy", "TaskRecord.policy"), "price"),
         **dict.fromkeys(("WorkView.goal",), "task"),
         **dict.fromkeys(("TaskEvent.kind",), "news"),

@@ -14,7 +14,7 @@ from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.directory import Discover, Offer
 from somrs.protocol.messages.events import Holder
 from somrs.task_manager.arrangement.available_services import AvailableServices, KnownServices
-from somrs.task_manager.arrangement.plan_request import PlanRequest, PlanRequester
+from somrs.task_manager.arrangement.plan_request import PlanRequest, PlanRequester, ServicesUnknown
 from somrs.task_manager.context import Quotes, TaskManagerContext
 from somrs.task_manager.device_queue import DeviceQueues
 from somrs.task_manager.execution.workflow import Progress, Workflow
@@ -92,7 +92,10 @@ def test_first_the_services_on_offer_are_asked_for() -> None:
     assert [effect.message.body for effect in effects if isinstance(effect, Send)] == [Discover()]
     (request,) = harness.context.requests.pending.values()
     assert (request.purpose, request.expires_at) == (ForPlan("task1", 3, 2), 35.0)
-    assert run_effects(harness.requester.discovered("the registry is out of order")) == ([], "the registry is out of order")
+    assert run_effects(harness.requester.discovered("the registry is out of order")) == (
+        [],
+        ServicesUnknown("the registry is out of order"),
+    )
     assert [*harness.requester.withdraw()] == [], "the planner was not asked"
 
 

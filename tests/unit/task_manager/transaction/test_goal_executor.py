@@ -135,7 +135,7 @@ def test_why_services_are_not_asked_belongs_to_why_there_is_no_plan() -> None:
 
 
 def test_when_the_registry_cannot_say_who_is_there_the_task_fails() -> None:
-    harness = TaskManagerHarness("Robot1")
+    harness = TaskManagerHarness("Robot1", waits=False)
     harness.registry = frp.Fault(code="env:Receiver", text="it is full")
     harness.service_says(frp.Refuse(reason="too heavy"), 1.0)
     assert harness.task.reasons == ("the Service Registry answered: it is full",)

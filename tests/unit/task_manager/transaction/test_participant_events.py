@@ -288,7 +288,7 @@ def test_a_report_that_is_rejected_counts_as_a_failure() -> None:
 
 
 def test_one_that_falls_silent_is_lost_and_nothing_is_known_of_what_it_left() -> None:
-    harness = TaskManagerHarness("Robot1", "Robot2")
+    harness = TaskManagerHarness("Robot1", "Robot2", waits=False)
     harness.executing()
     member = harness.member()
     harness.replica.version = 4

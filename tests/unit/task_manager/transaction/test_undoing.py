@@ -146,7 +146,7 @@ def test_without_a_plan_who_failed_undoes_what_it_left_and_then_there_may_be_one
 
 
 def test_when_who_failed_cannot_undo_it_and_nobody_is_left_the_task_fails() -> None:
-    harness = TaskManagerHarness()
+    harness = TaskManagerHarness(waits=False)
     harness.executing()
     harness.service_says(frp.Failed(description="stuck", situation=BROKEN), 61.0)
     event_count, blocked = len(harness.task.events), harness.task.blocked
@@ -157,7 +157,7 @@ def test_when_who_failed_cannot_undo_it_and_nobody_is_left_the_task_fails() -> N
 
 
 def test_whoever_is_lost_is_not_told_to_undo_anything() -> None:
-    harness = TaskManagerHarness()
+    harness = TaskManagerHarness(waits=False)
     harness.executing()
     event_count, member = len(harness.task.events), harness.member()
     harness.service_says(frp.Progress(fraction=0.5, situation=ELSEWHERE), 30.0)

@@ -16,7 +16,7 @@ async def _able(device: FixedCamera, task: Task) -> None:
     await device.check_working()
     object = str(task.inputs["Object"])
     if object not in await device.view():
-        raise Refusal(f"{device.name} does not see {object}")
+        raise Refusal(f"{device.name} does not see {object}", not_now=True)
 
 
 async def _price(device: FixedCamera, task: Task) -> float | str:
@@ -35,7 +35,7 @@ class FixedCamera(SimulatedDevice):
         try:
             return {state.object: state for state in (await self.retry_when_link_lost(self._link.sense)).object_states}
         except RemoteError as error:
-            raise Refusal(f"{self.name} does not answer: {error}") from None
+            raise Refusal(f"{self.name} does not answer: {error}", not_now=True) from None
 
     @service("RecognizeSituation", price=_price, duration="1 s", able=_able)
     async def recognize(self, task: Task) -> Situation:

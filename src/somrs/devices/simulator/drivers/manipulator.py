@@ -36,7 +36,7 @@ async def _able(device: Manipulator, task: Task) -> None:
     state = await device.check_working()
     object = str(task.inputs["Object"])
     if state.holding not in (None, object, device.carrying):
-        raise Refusal(f"{device.name} holds {state.holding}")
+        raise Refusal(f"{device.name} holds {state.holding}", not_now=True)
     if await task.map.holds(f"{object}.Weight > {device.name}.Payload"):
         (row, *_) = await task.map.query(f"{object}.Weight = ?Weight AND {device.name}.Payload = ?Payload")
         raise Refusal(f"{object} is too heavy for {device.name}: it weighs {row['Weight']}, the payload is {row['Payload']}")
@@ -73,7 +73,7 @@ class Manipulator(SimulatedDevice):
         try:
             legs = await self.legs_through(task, first_stop, destination)
         except RemoteError as error:
-            raise Refusal(f"{self.name} does not answer: {error}") from None
+            raise Refusal(f"{self.name} does not answer: {error}", not_now=True) from None
         except UsageError as error:
             raise Refusal(f"{self.name} cannot determine the path: {error}") from None
         first, second = legs.lengths if not legs.shut else (None, None)

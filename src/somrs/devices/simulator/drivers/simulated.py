@@ -123,14 +123,14 @@ class SimulatedDevice(Device):
     async def check_working(self) -> RobotState:
         """Return the device's state. Raises Refusal when it cannot work."""
         if self._link.silent or not await self._link.wait_reconnected(self.reconnect_timeout):
-            raise Refusal(f"{self.name} does not answer")
+            raise Refusal(f"{self.name} does not answer", not_now=True)
         try:
             state = (await self.retry_when_link_lost(self._link.status)).state
         except RemoteError as error:
-            raise Refusal(f"{self.name} does not answer: {error}") from None
+            raise Refusal(f"{self.name} does not answer: {error}", not_now=True) from None
         if state.faults:
             broken = " and ".join(_DISABLING.get(fault, fault) for fault in state.faults)
-            raise Refusal(f"{self.name} is out of order: {broken}")
+            raise Refusal(f"{self.name} is out of order: {broken}", not_now=True)
         return state
 
     async def retry_when_link_lost(self, work: Callable[[], Awaitable[T]]) -> T:
