@@ -5,14 +5,20 @@ Each test makes definitions of its own, below types that the scenario does not u
 
 from __future__ import annotations
 
+import asyncio
 import json
 import re
 import urllib.request
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Coroutine, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
+import msgspec
 import pytest
 from playwright.sync_api import Locator, Page, expect
+
+from somrs.client.client import Client
+from somrs.protocol.messages.directory import Offer, Publish, Published, Retract, Retracted
 
 from .conftest import WIDTHS, RunningSystem, every_look, fits, take_screenshot
 
@@ -573,3 +579,40 @@ def test_who_is_quicker_than_the_server_goes_on_typing_where_they_are(system: Ru
     page.keyboard.type("2 l")
     expect(value).to_have_value("2 l")
     form.get_by_role("button", name="Discard").click()
+
+
+def run(work: Coroutine[Any, Any, None]) -> None:
+    """Run a client's work in a thread of its own: Playwright has an event loop in this one."""
+    with ThreadPoolExecutor() as threads:
+        threads.submit(asyncio.run, work).result()
+
+
+def test_a_service_type_shows_who_offers_it_and_whose_program_has_another_definition(system: RunningSystem, window: OpenPage) -> None:
+    async def publish(*, again: bool) -> None:
+        async with Client(system.addresses) as client:
+            transfer = (await client.ontology()).services["TransferObject"]
+            old = msgspec.structs.replace(transfer, effect="?Object isIn ?Destination")
+            offer = Offer(
+                service="OldArm.TransferObject", provider="OldArm", provider_type="Device", address=client.addresses.api, service_type=old
+            )
+            offers = (msgspec.structs.replace(offer, service_type=transfer if again else old),)
+            await client.ask(client.addresses.registry, Publish(provider="OldArm", offers=offers, lease=600), Published)
+
+    async def retract() -> None:
+        async with Client(system.addresses) as client:
+            await client.ask(client.addresses.registry, Retract(provider="OldArm"), Retracted)
+
+    run(publish(again=False))
+    try:
+        page = window(f"{system.url}/ontology?service=TransferObject")
+        sheet = page.get_by_role("article")
+        expect(sheet.get_by_role("link", name="Robot1")).to_be_visible()
+        outdated = sheet.get_by_role("row", name="OldArm")
+        expect(outdated).to_contain_text("its effect is ?Object isIn ?Destination, not ?Object isOn ?Destination")
+        expect(outdated).to_contain_text("Robot1 and Robot2 offer it so")
+        take_screenshot(page, "ontology-offered-by-1280-light")
+        run(publish(again=True))
+        expect(sheet.get_by_role("link", name="OldArm")).to_be_visible()
+        expect(outdated).to_have_count(0)
+    finally:
+        run(retract())

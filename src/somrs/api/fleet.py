@@ -41,8 +41,16 @@ TICK = 1.0
 BUSY = (State.EXECUTING, State.STOPPING, State.COMPENSATING)
 
 
+class WithheldOffer(msgspec.Struct, frozen=True, kw_only=True):
+    """A service that its device publishes and the Registry does not list, because the definition of its type is not the one in use."""
+
+    offer: Offer
+    reason: str
+
+
 class Services(msgspec.Struct, frozen=True, kw_only=True):
     offers: tuple[Offer, ...]
+    withheld: tuple[WithheldOffer, ...] = ()
 
 
 class Presence(StrEnum):
@@ -131,7 +139,9 @@ class FleetService:
     @operation("GET", "/services")
     async def services(self, type: str | None = None, effect: str | None = None) -> Services:
         """The services on offer now: all, those of a service type, or those that can achieve an effect."""
-        return Services(offers=await self._context.client.services(Discover(service_type=type, effect=effect)))
+        client, query = self._context.client, Discover(service_type=type, effect=effect)
+        withheld = tuple(WithheldOffer(offer=offer, reason=reason) for offer, reason in await client.withheld_services(query))
+        return Services(offers=await client.services(query), withheld=withheld)
 
     @operation("GET", "/fleet")
     async def devices(self) -> Devices:

@@ -118,11 +118,14 @@ async def services(type: str | None, effect: str | None, attributes: Sequence[st
             raise UsageError(f"--attribute takes NAME=VALUE, such as Payload=2, not {attribute!r}")
         required_values[name.strip()] = python_value(text.strip())
     async with Client(Addresses.read(data)) as client:
-        offers = await client.services(Discover(service_type=type, effect=effect, attributes=required_values))
+        discover = Discover(service_type=type, effect=effect, attributes=required_values)
+        offers, withheld = await client.services(discover), await client.withheld_services(discover)
     if json:
         terminal.print_json(offers)
-    else:
-        terminal.console().print(terminal.services(offers) if offers else "no matching service is on offer")
+        return
+    terminal.console().print(terminal.services(offers) if offers else "no matching service is on offer")
+    for offer, reason in withheld:
+        terminal.console().print(f"not on offer: {offer.service}: {reason}", highlight=False, markup=False)
 
 
 async def query(formula: str, limit: int, data: Path, *, json: bool) -> int:

@@ -203,14 +203,22 @@ class Client:
     # The Service Registry
 
     async def services(self, request: directory.Discover | None = None) -> tuple[directory.Offer, ...]:
-        question = request or directory.Discover()
-        offers: list[directory.Offer] = []
+        return tuple([offer async for page in self._discover(request or directory.Discover()) for offer in page.offers])
+
+    async def withheld_services(self, request: directory.Discover | None = None) -> list[tuple[directory.Offer, str]]:
+        """The matching services that are published and not listed, with the reasons."""
+        question = msgspec.structs.replace(request or directory.Discover(), withheld=True)
+        pages = [page async for page in self._discover(question)]
+        reasons = {entry.service: entry.reason for page in pages for entry in page.withheld}
+        return [(offer, reasons.get(offer.service, "")) for page in pages for offer in page.offers]
+
+    async def _discover(self, question: directory.Discover) -> AsyncIterator[directory.Discovered]:
         while True:
             page = await self.ask(self.addresses.registry, question, directory.Discovered)
-            offers += page.offers
+            yield page
             if not page.more:
-                return tuple(offers)
-            question = msgspec.structs.replace(question, after=offers[-1].service)
+                return
+            question = msgspec.structs.replace(question, after=page.offers[-1].service)
 
     async def presence(self) -> tuple[directory.PresenceChange, ...]:
         """The latest arrivals and departures of devices, newest first."""

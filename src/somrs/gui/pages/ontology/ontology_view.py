@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
+from somrs.api.fleet import Services
 from somrs.api.ontology import Consequences
 from somrs.entish.formula import Attribute, Relation, literals, terms, variables
 from somrs.entish.parse import parse
@@ -30,12 +31,22 @@ class TypeAttribute:
 
 @dataclass(slots=True)
 class OntologyView:
-    """`objects`: names of the map's objects by exact type. `system_definitions`: definitions that SO-MRS requires, by section and name."""
+    """`objects`: names of the map's objects by exact type. `system_definitions`: definitions that SO-MRS requires, by section and name.
+    `providers`: the devices that offer each service type; `withheld`: the devices whose program has another definition of it, and why."""
 
     ontology: Ontology = field(default_factory=Ontology)
     version: int = -1
     objects: dict[str, list[str]] = field(default_factory=dict)
     system_definitions: frozenset[tuple[str, str]] = frozenset()
+    providers: dict[str, list[str]] = field(default_factory=dict)
+    withheld: dict[str, list[tuple[str, str]]] = field(default_factory=dict)
+
+    def set_services(self, services: Services) -> None:
+        self.providers, self.withheld = {}, {}
+        for offer in services.offers:
+            self.providers.setdefault(offer.service_type.name, []).append(offer.provider)
+        for entry in services.withheld:
+            self.withheld.setdefault(entry.offer.service_type.name, []).append((entry.offer.provider, entry.reason))
 
     def set_objects(self, objects: Iterable[Object]) -> None:
         self.objects = {}

@@ -28,7 +28,7 @@ from somrs.gui.pages.ontology.history_dialog import HistoryDialog
 from somrs.gui.pages.ontology.import_export import Import, export_menu
 from somrs.gui.pages.ontology.index import Index, IndexCallbacks
 from somrs.gui.pages.ontology.ontology_view import OntologyView
-from somrs.gui.pages.ontology.sections import ATTRIBUTES, SECTION, SECTIONS, TYPES, Section
+from somrs.gui.pages.ontology.sections import ATTRIBUTES, SECTION, SECTIONS, SERVICES, TYPES, Section
 from somrs.gui.shell import author, guarded, notify, page
 from somrs.ontology.objects import ObjectAdded, ObjectRemoved
 from somrs.ontology.types import Ontology
@@ -76,6 +76,7 @@ class OntologyPage:
         follow(api.context.hub, "ontology", self._refresh, self._handle_news)
         # The Repository refuses changes that break a rule, but the initial map or ontology may break one.
         follow(api.context.hub, "map", self._look_for_problems, self._handle_map_news)
+        follow(api.context.hub, "services", self._read_services, self._handle_services_news)
 
     def _frame(self) -> None:
         with ui.element("div").classes("somrs-onto"):
@@ -155,7 +156,7 @@ class OntologyPage:
         if draft is None and definition is not None:
             shown_heading = heading.Heading.of(definition, self._marks.get((section.key, definition.name), ""), view)
             self._heading.show(shown_heading, lambda: shown_heading.build(self._definition_actions()))
-            content = (definition, [*view.ontology], view.objects)
+            content = (definition, [*view.ontology], view.objects, view.providers, view.withheld)
             self._content.show(content, lambda: sheet.show_definition(definition, view, self.open_definition))
         else:
             self._heading.clear()
@@ -316,6 +317,14 @@ class OntologyPage:
             (definition_name.section.value, definition_name.name) for definition_name in reply.required_definition_keys
         )
         self._view.set_objects((await self._api.map.read()).objects)
+
+    async def _read_services(self) -> None:
+        self._view.set_services(await self._api.fleet.services())
+        if self._editor is None and self._section is SERVICES:
+            self._render()
+
+    async def _handle_services_news(self, news: News) -> None:
+        await self._read_services()
 
     async def _handle_news(self, news: News) -> None:
         await self._refresh()

@@ -274,10 +274,33 @@ def _service(service: ServiceType, view: OntologyView, open_definition: OpenDefi
                         TextTag("code", handler.when or "always", "somrs-formula")
                     with cell():
                         TextTag("code", handler.effect, "somrs-formula")
+    _providers(service, view)
     subtypes = [subtype.name for subtype in view.ontology.services.values() if subtype.parent == service.name]
     if subtypes:
         with chapter("Service types directly below", len(subtypes)):
             definition_links(open_definition, SERVICES, sorted(subtypes))
+
+
+def _providers(service: ServiceType, view: OntologyView) -> None:
+    """The devices that offer the service, and those whose programs have another definition of it."""
+    providers, withheld = sorted(view.providers.get(service.name, ())), sorted(view.withheld.get(service.name, ()))
+    with chapter("Offered by", len(providers)):
+        if not providers:
+            note("No device offers services of this type now.")
+        with ui.element("span").classes("somrs-onto-ways"):
+            for name in providers[:MOST_OBJECTS]:
+                with ui.link(target=f"/map?object={quote(name)}").classes("somrs-onto-way"):
+                    TextTag("span", name)
+        if len(providers) > MOST_OBJECTS:
+            note(f"and {len(providers) - MOST_OBJECTS} more")
+    if withheld:
+        with chapter("Not on offer", len(withheld)):
+            note("The programs of these devices have another definition.")
+            with table("Device", "Why"):
+                for name, reason in withheld[:MOST_OBJECTS]:
+                    with row():
+                        TextTag("td", name)
+                        TextTag("td", reason)
 
 
 def _parameters(title: str, parameters: tuple[Parameter, ...], open_definition: OpenDefinition) -> None:
