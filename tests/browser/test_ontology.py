@@ -593,7 +593,11 @@ def test_a_service_type_shows_who_offers_it_and_whose_program_has_another_defini
             transfer = (await client.ontology()).services["TransferObject"]
             old = msgspec.structs.replace(transfer, effect="?Object isIn ?Destination")
             offer = Offer(
-                service="OldArm.TransferObject", provider="OldArm", provider_type="Device", address=client.addresses.api, service_type=old
+                service="OldArm.TransferObject",
+                provider="OldArm",
+                provider_type="Device",
+                address=client.addresses.registry,
+                service_type=old,
             )
             offers = (msgspec.structs.replace(offer, service_type=transfer if again else old),)
             await client.ask(client.addresses.registry, Publish(provider="OldArm", offers=offers, lease=600), Published)
