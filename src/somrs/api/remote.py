@@ -14,6 +14,7 @@ from somrs.api.map import MapService
 from somrs.api.map_news import MapNews
 from somrs.api.orders import OrderService
 from somrs.api.owl import OwlService
+from somrs.api.people import PeopleService
 from somrs.api.questions import QuestionService
 from somrs.api.records import RecordService
 from somrs.api.scene import SceneService
@@ -41,6 +42,7 @@ class Api:
     fleet: FleetService
     formulas: FormulaService
     orders: OrderService
+    people: PeopleService
     questions: QuestionService
     records: RecordService
     scene: SceneService

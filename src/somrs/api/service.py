@@ -14,6 +14,7 @@ from somrs.api.listener import Listener
 from somrs.api.map import MapService
 from somrs.api.orders import OrderService
 from somrs.api.owl import OwlService
+from somrs.api.people import PeopleService
 from somrs.api.questions import QuestionService
 from somrs.api.records import RecordService
 from somrs.api.scene import SceneService
@@ -41,6 +42,7 @@ class ApiService:
         self.fleet = FleetService(context)
         self.formulas = FormulaService(context)
         self.orders = orders
+        self.people = PeopleService(context)
         self.questions = QuestionService(context)
         self.records = RecordService(context)
         self.scene = SceneService(context)

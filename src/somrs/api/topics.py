@@ -7,6 +7,7 @@ from typing import Any
 
 from somrs.api.fleet import Devices
 from somrs.api.map_news import MapNews
+from somrs.api.people import People
 from somrs.api.questions import OpenQuestions
 from somrs.api.system import SystemView
 from somrs.api.task_feed import TaskChanged, TasksChanged
@@ -25,6 +26,7 @@ TOPICS: dict[str, tuple[Any, ...]] = {
     ONE_TASK: (TaskChanged,),
     "templates": (),
     "orders": (),
+    "people": (People,),
     "questions": (OpenQuestions,),
     "system": (SystemView,),
 }

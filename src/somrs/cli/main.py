@@ -149,6 +149,33 @@ def answer(
 
 
 @app.command()
+def people(data: Data = DEFAULT_FOLDER, json: Json = False) -> None:
+    """List the people who do steps of tasks, their pages, and what they are asked to do."""
+    from somrs.cli.people import people as run
+
+    guarded(lambda: run(data, json=json))
+
+
+@app.command()
+def reply(
+    number: Annotated[int, typer.Argument(help="The assignment's number.")],
+    kind: Annotated[str, typer.Argument(help="accept, decline, not-now, done or could-not.")],
+    because: Annotated[str, typer.Option("--because", help="The reason, for people.")] = "",
+    situation: Annotated[str | None, typer.Option(help="With could-not: what holds now, such as 'Jar002 isOn Floor001'.")] = None,
+    value: Annotated[list[str], typer.Option(help="With done: a value that the work has found out, such as Weight='1.2 kg'.")] = [],  # noqa: B006  # as above
+    data: Data = DEFAULT_FOLDER,
+) -> None:
+    """Reply to an assignment of a person."""
+    from somrs.cli.people import reply as run
+    from somrs.devices.person.assignments import ReplyKind
+
+    kinds = {kind.value.replace(" ", "-"): kind for kind in ReplyKind}
+    if kind not in kinds:
+        fail(f"a reply is {', '.join(kinds)}, and not {kind}", 2)
+    guarded(lambda: run(number, kinds[kind], because, situation, value, data))
+
+
+@app.command()
 def plan(
     formula: Formula,
     precondition: Annotated[str | None, typer.Option(help="A formula that has to hold initially.")] = None,

@@ -16,11 +16,12 @@ from somrs.gui.shell import guarded, notify
 
 
 class QuestionPanel:
-    """The open questions, kept up to date. `object_names`: show only questions about these objects. A typed answer stays while other
+    """The open questions, kept up to date. `object_names`: show only questions about these objects; `person`: only those to this
+    person. A typed answer stays while other
     questions are added and removed."""
 
-    def __init__(self, api: LiveApi, object_names: frozenset[str] | None = None, empty_text: str = "") -> None:
-        self._api, self._object_names = api, object_names
+    def __init__(self, api: LiveApi, object_names: frozenset[str] | None = None, empty_text: str = "", person: str | None = None) -> None:
+        self._api, self._object_names, self._person = api, object_names, person
         self._cards: dict[int, _QuestionCard] = {}
         self._open_questions = OpenQuestions(questions=())
         with ui.element("div").classes("somrs-asked").props('aria-live="polite"') as self.element:
@@ -50,7 +51,7 @@ class QuestionPanel:
         questions = {
             question.number: question
             for question in open_questions.questions
-            if self._object_names is None or question.about in self._object_names
+            if (self._object_names is None or question.about in self._object_names) and self._person in (None, question.person)
         }
         for number in [number for number in self._cards if number not in questions]:
             self._cards.pop(number).element.delete()

@@ -55,7 +55,7 @@ def _application(api: LiveApi, data: Path) -> FastAPI:
     from fastapi import FastAPI
     from nicegui import app, ui
 
-    from somrs.gui.pages import define, fleet, history, map, missing, ontology, start, tasks
+    from somrs.gui.pages import define, fleet, history, map, missing, ontology, person, start, tasks
     from somrs.gui.shell import LOOK
 
     pages = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
@@ -63,7 +63,7 @@ def _application(api: LiveApi, data: Path) -> FastAPI:
     for file in ("look.css", "portals.js"):
         app.add_static_file(local_file=str(resources.files("somrs.gui").joinpath(file)), url_path=f"{LOOK}/{file}")
     app.config.quasar_config["loadingBar"]["skipHijack"] = True  # no bar for requests: it has no name, and no page waits for one
-    for page_module in (start, map, ontology, define, tasks, fleet, history, missing):
+    for page_module in (start, map, ontology, define, tasks, fleet, history, person, missing):
         page_module.register(api)
     ui.run_with(
         pages,

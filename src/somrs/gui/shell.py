@@ -58,25 +58,21 @@ ui.menu_item.default_props("role=menuitem")  # Quasar's is a list item, which no
 
 
 @contextmanager
-def page(title: str, path: str, api: LiveApi, parameters: Collection[str] = ()) -> Iterator[AddressBanner]:
+def page(title: str, path: str, api: LiveApi, parameters: Collection[str] = (), *, navigation: bool = True) -> Iterator[AddressBanner]:
     """Add the frame of a page; the elements made inside are its content. `path`: the navigation entry to highlight; `parameters`: those
-    that the page takes in its address. Yields the banner for problems with the address.
+    that the page takes in its address. Without `navigation`, the header has no links to other pages. Yields the banner for problems with
+    the address.
 
     The main landmark takes the focus when the page has loaded, so that the keyboard and screen readers begin at the content."""
     ui.page_title(f"{title} · SO-MRS")
     ui.add_head_html(f'<link rel="stylesheet" href="{LOOK}/look.css"><script type="module" src="{LOOK}/portals.js"></script>')
     dark = ui.dark_mode(value=app.storage.user.get("dark"))
     with ui.header(elevated=False).classes("somrs-header"), ui.element("nav").classes("somrs-nav").props('aria-label="Pages"'):
-        ui.link("SO-MRS", "/").classes("somrs-home")
-        window = ""
-        for place in PAGE_LINKS:
-            if place.window != window:
-                ui.label(window := place.window).classes("somrs-window")
-            _page_link(place, is_current=place.path == path)
-        ui.space()
-        with ui.link(target="/api/", new_tab=True).classes("somrs-way").props('aria-label="The API"'):
-            ui.icon("api")
-            ui.label("API").classes("somrs-way-label")
+        if navigation:
+            _page_links(path)
+        else:
+            ui.label("SO-MRS").classes("somrs-home")
+            ui.space()
         button = ui.button().props("flat round dense").classes("somrs-turn")
         button.props(f"icon={_icon(dark.value)} aria-label='Colour theme'").tooltip("Colour theme: light, dark, or as in the system")
         button.on_click(lambda: _switch_theme(dark, button))
@@ -87,6 +83,19 @@ def page(title: str, path: str, api: LiveApi, parameters: Collection[str] = ()) 
     main.props(f'tabindex="-1" aria-label="{title}"')
     ui.run_javascript(f"if (document.activeElement === document.body) getHtmlElement({main.id}).focus({{preventScroll: true}})")
     ui.skip_link("Skip to the content", target=main)
+
+
+def _page_links(path: str) -> None:
+    ui.link("SO-MRS", "/").classes("somrs-home")
+    window = ""
+    for place in PAGE_LINKS:
+        if place.window != window:
+            ui.label(window := place.window).classes("somrs-window")
+        _page_link(place, is_current=place.path == path)
+    ui.space()
+    with ui.link(target="/api/", new_tab=True).classes("somrs-way").props('aria-label="The API"'):
+        ui.icon("api")
+        ui.label("API").classes("somrs-way-label")
 
 
 def _page_link(place: PageLink, *, is_current: bool) -> None:

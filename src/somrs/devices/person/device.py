@@ -1,23 +1,36 @@
-"""A person as a device: its service asks where an object is, and waits for an answer in Entish.
+"""A person as a device: one service asks where an object is, and the others have the person do a step of a plan.
 
-The person lists open questions with `somrs questions`, and answers with `somrs answer`. An answer must state facts in terms of the
-ontology and the map. Other answers are rejected with a caret under the error, and the question stays open.
+Questions are answered with a formula, by `somrs answer` or in the windows. An answer must state facts in terms of the ontology and the
+map; other answers are rejected with a caret under the error, and the question stays open. `working.py` has the steps.
 """
 
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Mapping
 
+from msgspec import structs
+
+from somrs.devices.person.answers import check_answer
+from somrs.devices.person.assignments import Assignments, Work
 from somrs.devices.person.questions import Questions
-from somrs.entish.formula import Attribute, Comparison, Formula, Name, Not, Or, Relation, Truth, conjuncts, names, variables
-from somrs.entish.parse import read
+from somrs.devices.person.simulated_hands import put_in_place
+from somrs.devices.person.working import check_available, do_work
+from somrs.entish.formula import Formula, names, variables
+from somrs.entish.parse import parse
 from somrs.errors import FormulaError, RemoteError
-from somrs.ontology.types import UNKNOWN
-from somrs.service_manager.sdk.device import Device, Situation, Task, service
+from somrs.service_manager.sdk.device import Device, Result, Service, Situation, Task, service
 from somrs.service_manager.sdk.orders import ServiceFailed
 
 DEFAULT_PRICE = "20 EUR"
 """The price of an observation. It is high, so that robots and cameras are preferred."""
+
+
+RECOGNIZE = "RecognizeSituation"
+OFFERS = "Offers"
+"""The attribute of a person with the names of the service types that the person offers."""
+WORK_TIME = "10 min"
+"""The duration that a person's terms state for a step."""
 
 
 async def _price(device: Person, task: Task) -> float | str:
@@ -26,25 +39,44 @@ async def _price(device: Person, task: Task) -> float | str:
 
 
 class Person(Device):
-    """A person who answers questions at a screen."""
+    """A person who answers questions, and does the steps that the attribute `Offers` of the person's object names."""
 
     type = "Person"
     capacity = 5
-    """The number of questions that may be open at the same time."""
+    """The number of questions and assignments that may be open at the same time."""
     patience: float = 300.0
     """Seconds for which a question stays open."""
     glance: float = 0.3
     """Seconds between two checks for an answer."""
+    heartbeat = 5.0
+
+    def __init__(self, name: str, simulator: str | None = None) -> None:
+        super().__init__(name, simulator)
+        self._offered: dict[str, Service] = {}
 
     async def open(self) -> None:
-        self._questions = Questions(self.data)
-        self._questions.end_all(self.name, f"the program of {self.name} was restarted")
+        self._questions, self.assignments = Questions(self.data), Assignments(self.data)
+        self.assignments.code_of(self.name)
+        for end_all in (self._questions.end_all, self.assignments.end_all):
+            end_all(self.name, f"the program of {self.name} was restarted")
+        self._offered = {f"do_{name}": _step(name) for name in await self._offered_types()}
+
+    async def _offered_types(self) -> list[str]:
+        """The service types that the person offers besides RecognizeSituation, as the map says."""
+        person = await self.map.object(self.name)
+        text = person.values.get(OFFERS) if person is not None else None
+        return [name for name in dict.fromkeys(str(text or "").replace(",", " ").split()) if name != RECOGNIZE]
+
+    def services(self) -> Mapping[str, Service]:
+        return {**super().services(), **self._offered}
 
     async def close(self) -> None:
         self._questions.end_all(self.name, f"the program of {self.name} ended")
+        self.assignments.end_all(self.name, f"the program of {self.name} ended")
         self._questions.close()
+        self.assignments.close()
 
-    @service("RecognizeSituation", price=_price, duration="2 min")
+    @service(RECOGNIZE, price=_price, duration="2 min", able=check_available)
     async def recognize(self, task: Task) -> Situation:
         object = str(task.inputs["Object"])
         number = self._questions.ask(self.name, object, await _question(task, object), self.patience)
@@ -57,7 +89,7 @@ class Person(Device):
                     assert question is not None, "questions are kept"
                     if question.answer is not None:
                         try:
-                            situation = await _check_answer(task, object, question.answer) if question.answer else ""
+                            situation = await check_answer(task, object, question.answer) if question.answer else ""
                         except (FormulaError, RemoteError) as error:
                             self._questions.reject(number, str(error))
                         else:
@@ -79,6 +111,35 @@ class Person(Device):
         return f"{self.name}.Working = TRUE"
 
 
+def _step(service_type: str) -> Service:
+    """The service with which a person does the steps of a type."""
+
+    async def do(person: Person, task: Task) -> Result | Situation:
+        result = await do_work(person, task, _work(task, service_type, task.effect))
+        situation = await put_in_place(person.name, person.simulator, task.map, parse(str(result.situation)))
+        return structs.replace(result, situation=situation)
+
+    async def undo(person: Person, task: Task, situation: Formula) -> Situation:
+        await do_work(person, task, structs.replace(_work(task, service_type, situation), undoes=True))
+        return await put_in_place(person.name, person.simulator, task.map, situation)
+
+    step = Service(do, service_type, _price, WORK_TIME, check_available)
+    step.compensation(undo)
+    step.name = f"do_{service_type}"
+    return step
+
+
+def _work(task: Task, service_type: str, effect: Formula) -> Work:
+    return Work(
+        transaction=task.order.transaction,
+        service_type=service_type,
+        inputs=dict(task.order.inputs),
+        effect=str(effect),
+        objects=tuple(dict.fromkeys([*(text for text in task.order.inputs.values() if text.isidentifier()), *names(effect)])),
+        open_variables=tuple(variables(effect)),
+    )
+
+
 async def _question(task: Task, object: str) -> str:
     """The text of the question, with the facts on the map about the object's position."""
     known_facts = [
@@ -87,24 +148,3 @@ async def _question(task: Task, object: str) -> str:
     return f"Where is {object}, and how is it?" + (
         f" The map says {' and '.join(known_facts)}, which may be outdated." if known_facts else ""
     )
-
-
-async def _check_answer(task: Task, object: str, answer: str) -> str:
-    """Check an answer, and return it as a situation. Raises FormulaError, or the Repository's RemoteError, with the problem."""
-    reading = read(answer)
-    for part in conjuncts(reading.formula):
-        if isinstance(part, Or):
-            raise FormulaError(answer, 0, "an answer with OR does not say which part is true", "state facts, joined by AND")
-        atom = part.atom if isinstance(part, Not) else part
-        assert isinstance(atom, Relation | Comparison), "a conjunct contains no AND"
-        for variable in variables(atom).values():
-            raise reading.error(atom, variable, f"?{variable.name} is unbound", "write the name of the object")
-        if isinstance(atom, Comparison) and (isinstance(part, Not) or atom.operator != "=" or not isinstance(atom.left, Attribute)):
-            raise reading.error(atom, None, f"{part} does not state a value", "write Object.Attribute = value")
-        if atom == Comparison(Attribute(Name(object), UNKNOWN), "=", Truth(True)):
-            raise reading.error(atom, None, f"this says that {object} is unknown", "if you cannot tell, answer with --cannot-tell")
-    if not any(object in names(part) for part in conjuncts(reading.formula)):
-        raise FormulaError(answer, 0, f"this does not mention {object}", f"state where it is: `{object} isOn` and the name of an object")
-    await task.map.query(reading.formula, limit=1)  # the Repository knows all objects, types and units
-    known_atom = Comparison(Attribute(Name(object), UNKNOWN), "=", Truth(False))
-    return str(reading.formula) if known_atom in conjuncts(reading.formula) else f"{reading.formula} AND {known_atom}"

@@ -14,6 +14,7 @@ from somrs.errors import SomrsError
 from somrs.gui.device_card import LEAVING, DeviceCard
 from somrs.gui.icons import format_time, join_names
 from somrs.gui.news import follow
+from somrs.gui.people_panel import PeoplePanel
 from somrs.gui.question_panel import QuestionPanel
 from somrs.gui.shell import guarded, notify, page
 from somrs.protocol.messages.directory import PresenceChange
@@ -51,6 +52,9 @@ class _Fleet:
                 with ui.element("section").classes("somrs-sheet").props('aria-label="Questions"'):
                     ui.label("Questions to people").classes("somrs-fleet-subtitle").props('role="heading" aria-level="2"')
                     QuestionPanel(api, empty_text="No open questions.")
+                with ui.element("section").classes("somrs-sheet").props('aria-label="People"'):
+                    ui.label("People").classes("somrs-fleet-subtitle").props('role="heading" aria-level="2"')
+                    PeoplePanel(api)
                 with ui.element("section").classes("somrs-sheet").props('aria-label="Arrivals and departures"'):
                     ui.label("Arrivals and departures").classes("somrs-fleet-subtitle").props('role="heading" aria-level="2"')
                     self._log_list = ui.element("div").classes("somrs-fleet-log").props('role="log"')

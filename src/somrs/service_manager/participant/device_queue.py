@@ -120,7 +120,7 @@ class DeviceWork:
             return
         if isinstance(value, Failure):
             job.situation = value.situation or job.situation
-            job.verdict = failure(activity, value.description, job.situation)
+            job.verdict = failure(activity, value.description, job.situation, tried=value.tried)
             yield from self._conclude(job, now)
             return
         if job.verdict is None and isinstance(value, AnswerLost) and job.session.state in WORKING:

@@ -94,10 +94,10 @@ class Jobs(Struct):
             del self.ended[next(iter(self.ended))]
 
 
-def failure(activity: Activity, description: str, situation: str | None) -> frp.Failed | frp.Stranded:
+def failure(activity: Activity, description: str, situation: str | None, *, tried: bool = True) -> frp.Failed | frp.Stranded:
     if activity is Activity.UNDO:
-        return frp.Stranded(description=description, situation=situation)
-    return frp.Failed(description=description, situation=situation)
+        return frp.Stranded(description=description, situation=situation, tried=tried)
+    return frp.Failed(description=description, situation=situation, tried=tried)
 
 
 def interruption(state: State, reason: str) -> Verdict:

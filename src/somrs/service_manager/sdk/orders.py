@@ -124,10 +124,11 @@ class WorkDone(Struct, frozen=True, kw_only=True, tag="Done"):
 
 
 class Failure(Struct, frozen=True, tag=True):
-    """The effect does not hold. `situation` holds instead, as far as it is known."""
+    """The effect does not hold. `situation` holds instead, as far as it is known. `tried` False: nothing was begun or changed."""
 
     description: str
     situation: str | None = None
+    tried: bool = True
 
 
 Answer = Quoted | Refused | Advance | WorkDone | Failure | ErrorAnswer | AnswerLost | None
@@ -145,10 +146,13 @@ class Refusal(SomrsError):
 
 
 class ServiceFailed(SomrsError):
-    """Raised by an author's service: the effect does not hold. `situation` holds instead, as far as it is known."""
+    """Raised by an author's service: the effect does not hold. `situation` holds instead, as far as it is known.
 
-    def __init__(self, description: str, situation: str | None = None) -> None:
-        self.description, self.situation = description, situation
+    `tried` False: nothing was begun or changed, so that another service can do the step at once.
+    """
+
+    def __init__(self, description: str, situation: str | None = None, *, tried: bool = True) -> None:
+        self.description, self.situation, self.tried = description, situation, tried
         super().__init__(description, situation)
 
     def __str__(self) -> str:
@@ -160,8 +164,8 @@ def answer_of(error: BaseException) -> Refused | Failure | ErrorAnswer:
     match error:
         case Refusal(reason=reason, not_now=not_now):
             return Refused(reason, not_now)
-        case ServiceFailed(description=description, situation=situation):
-            return Failure(description, situation)
+        case ServiceFailed(description=description, situation=situation, tried=tried):
+            return Failure(description, situation, tried)
         case InputError():
             return ErrorAnswer(str(error))
         case _:

@@ -1,0 +1,239 @@
+"""A person who does steps of plans: what is offered, the replies, and what the Task Manager hears of them."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+
+from somrs.client.people import put_reply
+from somrs.devices.person.assignments import Assignment, Assignments, Reply, ReplyKind
+from somrs.devices.person.device import Person
+from somrs.errors import UsageError
+from somrs.ontology.objects import Object, ObjectAdded
+from somrs.protocol.messages.knowledge import Updated, UpdateMap
+from somrs.repository.component import Repository
+from somrs.repository.state import Contents
+from somrs.service_manager.sdk.device import MapReader
+from somrs.service_manager.sdk.orders import Order, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo, WorkDone
+from somrs.service_manager.sdk.service_runner import carry_out
+from tests.support.command import somrs
+from tests.support.lab import lab
+from tests.support.robot_lab import run
+from tests.support.virtual_devices import make_ask
+
+CARRY = Order(
+    participant="p",
+    method="do_TransferObject",
+    inputs={"Object": "Jar1", "Destination": "Table2"},
+    effect="?Object isOn ?Destination",
+    transaction="t1",
+)
+WEIGH = Order(participant="p", method="do_Weigh", inputs={"Object": "Jar1"}, effect="?Object.Weight = ?Weight", transaction="t2")
+
+
+class Worker:
+    """A person's device, and the assignments that the person sees."""
+
+    def __init__(self, folder: Path, offers: str) -> None:
+        ontology, map = lab()
+        anna = Object(name="Anna", type="Person", values={"Offers": offers, "PositionX": 1.0, "PositionY": 1.0, "PositionZ": 0.0})
+        contents = Contents(ontology=ontology, map=map.changed([ObjectAdded(anna)]))
+        self.ask = make_ask(Repository("http://here/repository", contents), lambda: 0.0)
+        self.folder, self.reported = folder, [""]
+        self.person = Person("Anna")
+        self.person.map, self.person.data, self.person.glance = MapReader(self.ask), folder, 0.01
+        self.person.observer = self.reported.append
+        self.notes: list[object] = []
+
+    async def carry_out(self, work: Quote | Perform | Undo) -> object:
+        return await carry_out(self.person, work, self.ask, self.notes.append)
+
+    async def next_assignment(self) -> Assignment:
+        while not (open_assignments := self.person.assignments.open("Anna")):
+            await asyncio.sleep(0.01)
+        return open_assignments[0]
+
+    async def reply(self, reply: Reply) -> None:
+        await asyncio.to_thread(put_reply, (await self.next_assignment()).number, reply, self.folder)
+
+    async def command(self, *arguments: str) -> tuple[int, str]:
+        result = await asyncio.to_thread(somrs, *arguments, "--data", self.folder)
+        return result.returncode, result.stdout + result.stderr
+
+
+@asynccontextmanager
+async def worker(folder: Path, offers: str = "TransferObject, Weigh") -> AsyncIterator[Worker]:
+    harness = Worker(folder, offers)
+    await harness.person.open()
+    try:
+        yield harness
+    finally:
+        await harness.person.close()
+
+
+def test_a_person_offers_what_the_map_says(tmp_path: Path) -> None:
+    async def test() -> None:
+        async with worker(tmp_path, "TransferObject,OpenDoor  TransferObject") as harness:
+            types = [capability.type_name for capability in harness.person.profile().capabilities]
+            assert types == ["RecognizeSituation", "TransferObject", "OpenDoor"]
+        async with worker(tmp_path, "") as harness:
+            assert [capability.type_name for capability in harness.person.profile().capabilities] == ["RecognizeSituation"]
+
+    run(test())
+
+
+def test_a_step_is_accepted_and_done(tmp_path: Path) -> None:
+    async def test() -> None:
+        async with worker(tmp_path) as harness:
+            quoted = await harness.carry_out(Quote(CARRY))
+            assert isinstance(quoted, Quoted)
+            assert (quoted.price, quoted.duration) == (20, 600)
+            working = asyncio.create_task(harness.carry_out(Perform(CARRY)))
+            assignment = await harness.next_assignment()
+            assert assignment.work.effect == "Jar1 isOn Table2"
+            assert assignment.work.objects == ("Jar1", "Table2")
+            await harness.reply(Reply(kind=ReplyKind.ACCEPT))
+            assert (await harness.next_assignment()).accepted is not None
+            with pytest.raises(UsageError, match="is accepted already"):
+                await harness.reply(Reply(kind=ReplyKind.DECLINE))
+            await harness.reply(Reply(kind=ReplyKind.DONE))
+            assert await working == WorkDone(situation="Jar1 isOn Table2")
+            assert harness.person.assignments.open() == []
+
+    run(test())
+
+
+def test_a_person_who_declines_has_begun_nothing_and_is_not_asked_for_the_same_again(tmp_path: Path) -> None:
+    async def test() -> None:
+        async with worker(tmp_path) as harness:
+            working = asyncio.create_task(harness.carry_out(Perform(CARRY)))
+            await harness.reply(Reply(kind=ReplyKind.DECLINE, reason="too heavy for me"))
+            with pytest.raises(ServiceFailed, match="Anna declined: too heavy for me") as declined:
+                await working
+            assert not declined.value.tried
+            with pytest.raises(Refusal, match="has declined this step"):
+                await harness.carry_out(Quote(CARRY))
+            other_task = Order(
+                participant="p", method=CARRY.method, inputs=CARRY.inputs, effect=CARRY.effect, transaction="another transaction"
+            )
+            assert isinstance(await harness.carry_out(Quote(other_task)), Quoted)
+
+    run(test())
+
+
+def test_not_now_makes_the_person_unavailable_until_they_say_otherwise(tmp_path: Path) -> None:
+    async def test() -> None:
+        async with worker(tmp_path) as harness:
+            working = asyncio.create_task(harness.carry_out(Perform(CARRY)))
+            await harness.reply(Reply(kind=ReplyKind.NOT_NOW))
+            with pytest.raises(ServiceFailed, match="has no time now") as postponed:
+                await working
+            assert not postponed.value.tried
+            assert harness.reported[-1] == "Anna.Working = FALSE"
+            assert isinstance(await harness.ask(UpdateMap(situation="Anna.Working = FALSE")), Updated)
+            with pytest.raises(Refusal, match="Anna is not available now"):
+                await harness.carry_out(Quote(CARRY))
+            assert isinstance(await harness.ask(UpdateMap(situation="Anna.Working = TRUE")), Updated)
+            assert isinstance(await harness.carry_out(Quote(CARRY)), Quoted)
+
+    run(test())
+
+
+def test_work_that_could_not_be_done_says_what_is_left(tmp_path: Path) -> None:
+    async def test() -> None:
+        async with worker(tmp_path) as harness:
+            working = asyncio.create_task(harness.carry_out(Perform(CARRY)))
+            await harness.reply(Reply(kind=ReplyKind.ACCEPT))
+            with pytest.raises(UsageError, match="Tabel1") as mistake:
+                await harness.reply(Reply(kind=ReplyKind.COULD_NOT, reason="the jar broke", situation="Jar1 isOn Tabel1"))
+            assert "the assignment is still open" in str(mistake.value)
+            await harness.reply(Reply(kind=ReplyKind.COULD_NOT, reason="the way is blocked", situation="Jar1 isOn Table1"))
+            with pytest.raises(ServiceFailed, match="could not do it: the way is blocked") as failed:
+                await working
+            assert failed.value.situation == "Jar1 isOn Table1"
+            assert failed.value.tried
+
+    run(test())
+
+
+def test_values_that_the_work_finds_out_are_asked_for(tmp_path: Path) -> None:
+    async def test() -> None:
+        async with worker(tmp_path) as harness:
+            working = asyncio.create_task(harness.carry_out(Perform(WEIGH)))
+            assert (await harness.next_assignment()).work.open_variables == ("Weight",)
+            for values, problem in (({}, "the value of .Weight is missing"), ({"Weight": "?Much"}, "is not a value")):
+                with pytest.raises(UsageError, match=problem):
+                    await harness.reply(Reply(kind=ReplyKind.DONE, values=values))
+            await harness.reply(Reply(kind=ReplyKind.DONE, values={"Weight": "1.5 kg"}))
+            done = await working
+            assert isinstance(done, WorkDone)
+            assert done.situation == "Jar1.Weight = 1.5 kg"
+
+    run(test())
+
+
+def test_undoing_is_an_assignment_too(tmp_path: Path) -> None:
+    async def test() -> None:
+        async with worker(tmp_path) as harness:
+            undoing = asyncio.create_task(harness.carry_out(Undo(CARRY, "Jar1 isOn Table1")))
+            assignment = await harness.next_assignment()
+            assert assignment.work.undoes
+            assert assignment.work.effect == "Jar1 isOn Table1"
+            await harness.reply(Reply(kind=ReplyKind.DONE))
+            assert await undoing == WorkDone(situation="Jar1 isOn Table1")
+
+    run(test())
+
+
+def test_an_assignment_that_nobody_needs_any_more_is_closed(tmp_path: Path) -> None:
+    async def test() -> None:
+        async with worker(tmp_path) as harness:
+            working = asyncio.create_task(harness.carry_out(Perform(CARRY)))
+            number = (await harness.next_assignment()).number
+            working.cancel()
+            await asyncio.wait({working})
+            with pytest.raises(UsageError, match="it is closed: it is no longer needed"):
+                put_reply(number, Reply(kind=ReplyKind.DONE), tmp_path)
+
+    run(test())
+
+
+def test_the_command_line_lists_and_replies(tmp_path: Path) -> None:
+    async def test() -> None:
+        async with worker(tmp_path) as harness:
+            working = asyncio.create_task(harness.carry_out(Perform(CARRY)))
+            number = str((await harness.next_assignment()).number)
+            code, output = await harness.command("people", "--json")
+            assert code == 0
+            listing = json.loads(output)
+            assert [*listing["codes"]] == ["Anna"]
+            assert listing["assignments"][0]["work"]["effect"] == "Jar1 isOn Table2"
+            code, output = await harness.command("people")
+            assert f"/person/{listing['codes']['Anna']}" in output
+            assert "TransferObject: Jar1 isOn Table2" in output
+            assert (await harness.command("reply", number, "perhaps"))[0] == 2
+            assert await harness.command("reply", number, "accept") == (0, "reply accepted\n")
+            code, output = await harness.command("reply", number, "could-not", "--because", "blocked", "--situation", "Jar1 isOn")
+            assert code == 2
+            assert "^" in output
+            assert (await harness.command("reply", number, "done"))[0] == 0
+            assert isinstance(await working, WorkDone)
+            code, output = await harness.command("reply", number, "done")
+            assert code == 2
+            assert "it is closed: done" in output
+
+    run(test())
+
+
+def test_codes_stay_and_differ(tmp_path: Path) -> None:
+    store = Assignments(tmp_path)
+    codes = {store.code_of(name) for name in ("Anna", "Berta", "Carla")}
+    assert len(codes) == 3
+    assert all(len(code) == 6 and code.isalnum() for code in codes)
+    assert {store.code_of(name) for name in ("Anna", "Berta", "Carla")} == codes
+    store.close()
