@@ -133,16 +133,22 @@ relations:
 def edited(name: str) -> OwlImport:
     """`teapots` with a map, as the OWL API that Protégé is made with wrote it anew after these edits: a new class Vase below Jar, a new
     property Temperature of it, an individual Vase7, and another label for Cup; and Vase and Cup were made disjoint."""
-    return read((FOLDER / name).read_text("utf-8"), name, load_text(EDITED).ontology)
+    return read((FOLDER / name).read_text("utf-8"), name, before_editing())
+
+
+def before_editing() -> Ontology:
+    """The ontology that the editor had: `teapots` on the upper ontology of version 0.3.0."""
+    base = load_text((ROOT / "tests/data/upper-0.3.0.yaml").read_text("utf-8"), base=Ontology()).ontology
+    return load_text(EDITED, base=base).ontology
 
 
 @pytest.mark.parametrize("name", ["edited.ttl", "edited.rdf"])
 def test_an_editor_may_write_it_anew_and_change_it(name: str) -> None:
-    original, owl_import = load_text(EDITED), edited(name)
+    original, owl_import = before_editing(), edited(name)
     assert owl_import.renamings == (Renaming(section=Section.TYPES, name="Cup", to="Mug"),)
     temperature = AttributeType(name="Temperature", kind=Kind.NUMBER)
     vase = ObjectType(name="Vase", parent="Jar", attributes=("Temperature",))
-    original_definitions = {(type(definition), definition.name): definition for definition in original.ontology}
+    original_definitions = {(type(definition), definition.name): definition for definition in original}
     assert {(type(definition), definition.name): definition for definition in owl_import.ontology} == {
         **original_definitions,
         (AttributeType, "Temperature"): temperature,
