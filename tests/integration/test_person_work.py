@@ -136,8 +136,9 @@ def test_not_now_makes_the_person_unavailable_until_they_say_otherwise(tmp_path:
             assert not postponed.value.tried
             assert harness.reported[-1] == "Anna.Working = FALSE"
             assert isinstance(await harness.ask(UpdateMap(situation="Anna.Working = FALSE")), Updated)
-            with pytest.raises(Refusal, match="Anna is not available now"):
+            with pytest.raises(Refusal, match="Anna is not available now") as refused:
                 await harness.carry_out(Quote(CARRY))
+            assert refused.value.not_now
             assert isinstance(await harness.ask(UpdateMap(situation="Anna.Working = TRUE")), Updated)
             assert isinstance(await harness.carry_out(Quote(CARRY)), Quoted)
 

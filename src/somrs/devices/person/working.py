@@ -40,7 +40,7 @@ class Worker(Protocol):
 async def check_available(person: Worker, task: Task) -> None:
     """Raise Refusal if the person is not available, or has declined this step."""
     if await task.map.holds(f"{person.name}.{WORKING} = FALSE"):
-        raise Refusal(f"{person.name} is not available now")
+        raise Refusal(f"{person.name} is not available now", not_now=True)
     if person.assignments.has_declined(person.name, task.order.transaction, str(task.effect)):
         raise Refusal(f"{person.name} has declined this step")
 
