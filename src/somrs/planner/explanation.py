@@ -5,17 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
-from somrs.entish import Name, Relation, Variable
-from somrs.entish.formula import Literal, Substitution, alternatives, conjunction, conjuncts, names, substitute, variables
+from somrs.entish import Attribute, Comparison, Name, Not, Relation, Truth, Variable
+from somrs.entish.formula import Literal, Substitution, alternatives, conjunction, conjuncts, names, substitute, terms, variables
 from somrs.entish.parse import nearest, parse
 from somrs.ontology.matching import achieving_bindings, can_achieve, unifiers
-from somrs.ontology.services import PROVIDER, ServiceType
+from somrs.ontology.services import PROVIDER, ServiceKind, ServiceType
 from somrs.ontology.truth import bindings, formula_holds
+from somrs.ontology.types import UNKNOWN
+from somrs.ontology.values import value_of
 from somrs.planner.grounding.grounding import Grounding, TooLarge
 from somrs.planner.grounding.relevance import demands
 from somrs.planner.model.operators import Inexpressible, goal_operators
 from somrs.planner.model.plan import NoPlan, Obstacle
 from somrs.planner.model.problem import AvailableService, LostService, Problem
+from somrs.planner.model.reading import outputs_in_effect, tells
 from somrs.planner.model.world import World
 from somrs.planner.search.conflict import find_minimal_conflict, find_torn_object, is_impossible
 
@@ -109,18 +112,63 @@ class _Reasons:
         if self._unknown_objects(literal):
             return
         offered = [available for available in self.problem.services if self.world.providers[available.service_type.name]]
-        helpful = [offer for offer in offered if can_achieve(offer.service_type, literal, self.problem.ontology, self.problem.map)]
+        helpful = [offer for offer in offered if self._can_bring_about(offer.service_type, literal)]
         if not helpful:
             self._explain_no_provider(literal, {available.service_type.name for available in offered})
             return
         for available in helpful:
             service = available.service_type
+            if tells(service):
+                outputs = " and ".join(f"?{name}" for name in outputs_in_effect(service))
+                self.texts[f"{service.name} could bring about {_format_literal(literal)}, but its {outputs} is known only when it is done"] = (
+                    None
+                )
+                continue
             unexpressed = [i for i in self.world.repertoire.omissions if str(i.formula).startswith(f"{service.name}: ")]
             self.texts.update(
                 (f"{literal} could be brought about by {service.name}, which cannot be planned with: {i}", None) for i in unexpressed
             )
             if not unexpressed:
                 self._explain_lacking(available, literal, depth)
+
+    def _can_bring_about(self, service: ServiceType, literal: Literal) -> bool:
+        """Whether the service changes something in a way that can make the literal true."""
+        return service.kind is ServiceKind.PHYSICAL and can_achieve(service, literal, self.problem.ontology, self.problem.map)
+
+    def _explain_unknown_values(self, literal: Literal) -> bool:
+        """Explain which values in the literal are not known, and who could find them out. Returns whether anyone could."""
+        map, ontology = self.problem.map, self.problem.ontology
+        unknown = [
+            term
+            for term in terms(literal.atom if isinstance(literal, Not) else literal)
+            if isinstance(term, Attribute) and isinstance(term.owner, Name) and term.owner.name in map.objects
+            if value_of(term.owner.name, term.path, map, ontology) is None
+        ]
+        finders = {str(term): text for term in unknown if (text := self._who_finds_out(Comparison(term, "=", Variable("value"))))}
+        for name, text in finders.items():
+            self.missing[name] = None
+            self.obstacles.add(Obstacle.UNKNOWN)
+            self.texts[f"{name} is not known{text}"] = None
+        return bool(finders)
+
+    def _who_finds_out(self, literal: Literal) -> str:
+        """Text for the services that could find out the literal; empty if there are none."""
+        services = {offer.service_type.name: offer.service_type for offer in self.problem.services}
+        finders = [
+            name
+            for name, service in {**self.problem.ontology.services, **services}.items()
+            if service.kind is not ServiceKind.PHYSICAL and can_achieve(service, literal, self.problem.ontology, self.problem.map)
+        ]
+        if not finders:
+            return ""
+        offered = [name for name in finders if self.world.providers.get(name)]
+        if not offered:
+            return f"; {' or '.join(finders)}, which no device offers now, could find it out"
+        uses = [use for name in offered for _, use in self.problem.fruitless if use.startswith(f"{name}(")]
+        in_vain = sorted({device for device, use in self.problem.fruitless if use in uses and names(literal)[0] in use})
+        if in_vain:
+            return f"; {' and '.join(in_vain)} tried in vain to find it out"
+        return f", and {' and '.join(offered)} cannot find it out now"
 
     def _unknown_objects(self, literal: Literal) -> bool:
         unknown = [name for name in self._objects(literal) if name not in self.problem.map.objects]
@@ -131,7 +179,11 @@ class _Reasons:
         excluded_names = [name for name in names(literal) if name in self.problem.excluded]
         if excluded_names:
             self.obstacles.update(exclusion_obstacles(excluded_names, self.problem))
-            self.texts[f"{literal}: {exclusion_text(excluded_names, self.problem)}"] = None
+            unknown_names = [name for name in excluded_names if name in self.problem.unknown]
+            finders = "".join(
+                dict.fromkeys(self._who_finds_out(Comparison(Attribute(Name(name), UNKNOWN), "=", Truth(False))) for name in unknown_names)
+            )
+            self.texts[f"{literal}: {exclusion_text(excluded_names, self.problem)}{finders}"] = None
         return bool(unknown or excluded_names)
 
     def _objects(self, literal: Literal) -> Iterator[str]:
@@ -146,7 +198,7 @@ class _Reasons:
         absent = [
             name
             for name, service in service_types.items()
-            if name not in offered_names and can_achieve(service, literal, self.problem.ontology, self.problem.map)
+            if name not in offered_names and self._can_bring_about(service, literal)
         ]
         busy = {
             offer.service_type.name: offer.providers
@@ -171,7 +223,7 @@ class _Reasons:
             self.texts[
                 f"{_format_literal(literal)} could be brought about by {' or '.join(unoffered_names)}, which no device offers now"
             ] = None
-        if not absent:
+        if not absent and not self._explain_unknown_values(literal):
             self.obstacles.add(Obstacle.NO_SERVICE_TYPE)
             self.missing[_format_literal(literal)] = None
             unfit = next((f": {misfit}" for service in service_types.values() for misfit in self._find_misfits(service, literal)), "")

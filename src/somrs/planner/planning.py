@@ -20,6 +20,7 @@ from somrs.planner.model.problem import Problem
 from somrs.planner.model.provider_choice import generalize_providers
 from somrs.planner.model.quality import best
 from somrs.planner.model.world import World
+from somrs.planner.optimism import optimistic
 from somrs.planner.repair import prefer_repaired, prefer_shorter
 from somrs.planner.search import counting
 from somrs.planner.search.counting import Counters, CountingFailed, search_with_counters
@@ -63,7 +64,17 @@ class _Engines:
 
 
 def plan_quickly(problem: Problem) -> Plan | NoPlan | None:
-    """The result that can be found within a few milliseconds; None when the problem needs a search."""
+    """The result that can be found within a few milliseconds; None when the problem needs a search, or an optimistic reading."""
+    result = _plan_quickly(problem)
+    return None if isinstance(result, NoPlan) and _may_be_told(problem) else result
+
+
+def _may_be_told(problem: Problem) -> bool:
+    """Whether what a plan lacks may be a matter of knowledge."""
+    return unmet_precondition(problem) is None and next(optimistic(problem), None) is not None
+
+
+def _plan_quickly(problem: Problem) -> Plan | NoPlan | None:
     try:
         result = _check_map(problem)
         if result is not None:
@@ -83,10 +94,18 @@ def plan(
     numeric: NumericEngine | None = None,
     improver: Improver | None = None,
 ) -> Plan | NoPlan:
-    """A plan that makes the goal true on the map, or why there is none. Prefers the rest of the previous plan if it is as short."""
-    if (result := plan_quickly(problem)) is not None:
-        return result
-    return generalize_providers(problem, prefer_shorter(problem, _plan(problem, _Engines(engine, numeric, improver, limit))))
+    """A plan that makes the goal true on the map, or why there is none. Prefers the rest of the previous plan if it is as short.
+
+    A plan that assumes what services have to tell first (`model/reading.py`) is the last resort.
+    """
+    engines = _Engines(engine, numeric, improver, limit)
+    result = _plan_quickly(problem)
+    if result is None:
+        result = generalize_providers(problem, prefer_shorter(problem, _plan(problem, engines)))
+    for reading in optimistic(problem) if isinstance(result, NoPlan) and unmet_precondition(problem) is None else ():
+        if isinstance(optimistic_plan := _plan(reading, engines), Plan):
+            return generalize_providers(reading, optimistic_plan)
+    return result
 
 
 def _plan(problem: Problem, engines: _Engines) -> Plan | NoPlan:
@@ -142,7 +161,12 @@ def _search_plan(problem: Problem, world: World, goals: list[Operator], engines:
         if not world.vocabulary.calculates:
             raise
         return _plan_with_counters(problem, engines)
-    return explain_failure(problem, world, grounding.guessed)
+    return _explain(problem, world, grounding.guessed)
+
+
+def _explain(problem: Problem, world: World, guessed: bool) -> NoPlan:
+    """Why there is no plan. Nobody asks it of an optimistic reading."""
+    return explain_failure(problem, world, guessed) if problem.reading is None else NoPlan(explanation="")
 
 
 def _improve_plan(problem: Problem, first_plan: Plan, task: Task, engines: _Engines) -> Plan:
@@ -168,7 +192,7 @@ def _plan_with_counters(problem: Problem, engines: _Engines) -> Plan | NoPlan:
             moves = _solve_with_counters(task, counters, engines)
             if moves is not None:
                 return build_plan(problem, counting.remove_redundant_moves(moves, task, counters))
-    return explain_failure(problem, world, grounding.guessed)
+    return _explain(problem, world, grounding.guessed)
 
 
 def _solve_with_counters(task: Task, counters: Counters, engines: _Engines) -> list[Move] | None:

@@ -47,7 +47,11 @@ def repair_plan(problem: Problem) -> Plan | None:
 
 
 def _adapt_step(old: Step, map: Map, problem: Problem, available_services: Mapping[str, AvailableService]) -> Step | None:
-    """The step as it is applicable on the map, or None. Variables that its inputs do not bind may be bound anew."""
+    """The step as it is applicable on the map, or None. Variables that its inputs do not bind may be bound anew.
+
+    A step that tells something is not kept: it may have told it."""
+    if old.tells:
+        return None
     offered = available_services.get(old.service_type)
     if offered is None or (old.provider is not None and old.provider not in offered.providers):
         return None

@@ -183,7 +183,7 @@ def missed(goal: str, *losses: tuple[ServiceType, str, str], services: tuple[Ser
         ),
         (
             structs.replace(make_problem(GOAL, TRANSFER, excluded=frozenset({"Platform001"})), unknown=frozenset({"Platform001"})),
-            [f"{GOAL}: the place and state of Platform001 are unknown"],
+            [f"{GOAL}: the place and state of Platform001 are unknown; RecognizeSituation, which no device offers now, could find it out"],
             {"obstacles": (Obstacle.UNKNOWN,)},
         ),
         (
@@ -297,14 +297,16 @@ def test_of_alternatives_the_one_that_lacks_least_is_explained() -> None:
 
 
 def test_services_that_cannot_be_planned_with_are_named_where_they_matter_and_elsewhere() -> None:
-    place = Parameter(name="Place", type="Object")
-    find_service = ServiceType(name="Find", inputs=WASH.inputs, outputs=(place,), effect="?Jar isOn ?Place")
-    reason = "Find: ?Jar: Jar isOn ?Place: ?Place is known only when the service is done"
-    near_result = refused(make_problem(GOAL, find_service))
-    assert near_result.separate_reasons == (f"{GOAL} could be brought about by Find, which cannot be planned with: {reason}",)
+    effect = '?Jar isOn Platform001 AND (?Jar.Clean = TRUE OR ?Jar.Label = "dirty")'
+    doubtful_service = ServiceType(name="Drop", inputs=WASH.inputs, effect=effect)
+    near_result = refused(make_problem(GOAL, doubtful_service))
+    (near_reason,) = near_result.separate_reasons
+    assert near_reason.startswith(f"{GOAL} could be brought about by Drop, which cannot be planned with: Drop: ")
+    assert near_reason.endswith("an effect with OR does not say what becomes true")
+    reason = near_reason.partition("planned with: ")[2]
     assert near_result.undecided
-    far_result = refused(make_problem("Jar001.Clean = TRUE", find_service))
-    assert far_result.separate_reasons == (f"Jar001.Clean = TRUE {DENIED}", f"not considered: {reason}")
+    far_result = refused(make_problem("Jar001.Weight = 1", doubtful_service))
+    assert far_result.separate_reasons == (f"Jar001.Weight = 1 {DENIED}", f"not considered: {reason}")
     assert far_result.undecided
 
 

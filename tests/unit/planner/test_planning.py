@@ -183,7 +183,7 @@ def test_what_cannot_be_expressed_is_named() -> None:
     )
     result = plan(make_problem("Jar001 isOn Platform001", find_service))
     assert isinstance(result, NoPlan)
-    assert "?Place is known only when the service is done" in result.explanation
+    assert "its ?Place is known only when it is done" in result.explanation
 
 
 def test_where_the_likely_places_will_not_do_all_places_are_tried() -> None:

@@ -11,13 +11,13 @@ from itertools import islice
 
 from somrs.entish import Attribute, Comparison, Name, Not, Number, Relation, Term, Text, Truth, Variable
 from somrs.entish.formula import Constant, Literal, substitute, substitute_term, variables
-from somrs.ontology.services import PROVIDER
+from somrs.ontology.services import PROVIDER, ServiceKind
 from somrs.ontology.types import AttributeType, Kind
 from somrs.ontology.units import convert_unit
 from somrs.ontology.values import attribute_at, constant, measure
 from somrs.planner.grounding.relevance import Demand
 from somrs.planner.model.facts import Facts
-from somrs.planner.model.operators import EXISTS_SUFFIX, GOAL, Argument, Fact, NegativePrecondition, Operator, Pattern, Test
+from somrs.planner.model.operators import EXISTS_SUFFIX, GOAL, KNOWN, Argument, Fact, NegativePrecondition, Operator, Pattern, Test
 from somrs.planner.model.world import Binding, World, as_term
 
 ACTIONS = 100_000
@@ -179,11 +179,13 @@ class Grounding:
         return None
 
     def _count(self, condition: Pattern | Literal, binding: Binding) -> int | None:
-        """An estimate of the number of matching facts; None for a comparison."""
+        """An estimate of the number of matching facts; None for what is only tested: a comparison, or that an object is known."""
         partial_fact = self._partial_fact(condition, binding)
         if partial_fact is None:
             return None
         predicate, known_arguments = partial_fact
+        if predicate == KNOWN:
+            return None
         count = self.world.count if isinstance(condition, Relation) else self.facts.count
         backwards = count(predicate, known_arguments[::-1]) if self.world.vocabulary.is_symmetric(predicate) else 0
         return count(predicate, known_arguments) + backwards
@@ -243,6 +245,8 @@ class Grounding:
 
     def _domain(self, demand: Demand, name: str) -> list[Argument]:
         types = self._types(demand, name)
+        if name in demand.operator.found_values:
+            return self.world.favourable_values(demand.operator.found_values[name])
         if "truth" in types:
             return [Truth(True), Truth(False)]
         if types & {"number", "text"}:
@@ -280,6 +284,11 @@ class Grounding:
         add_effects = [self._effect(pattern, binding) for pattern in operator.add_effects]
         if any(fact is None for fact in add_effects):
             return
+        if operator.tells and operator.service is not None:
+            if operator.service.kind is not ServiceKind.PHYSICAL:
+                add_effects = [fact for fact in add_effects if fact is not None and self.world.is_open(fact)]
+            if not add_effects or self.world.is_fruitless(operator.service, binding):
+                return
         self.actions.append(action := self._action(operator, binding, [fact for fact in add_effects if fact is not None]))
         if len(self.actions) > self._max_actions:
             raise TooLarge(f"there are more than {self._max_actions} ways to use services, the last one of them {_operator_name(operator)}")

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from somrs.entish import Attribute, Comparison, Name, Number, Relation, Text, Truth, Variable
 from somrs.entish.formula import terms, variables
 from somrs.ontology.services import PROVIDER
-from somrs.planner.model.operators import EXISTS_SUFFIX, Argument, Operator, Pattern, strip_type
+from somrs.planner.model.operators import EXISTS_SUFFIX, KNOWN, Argument, Operator, Pattern, strip_type
 from somrs.planner.model.world import World
 
 Kinds = frozenset[str]
@@ -183,8 +183,9 @@ def _name(item: tuple[str, object]) -> str:
 
 def _fact_bound_variables(operator: Operator) -> Iterator[str]:
     """The variables that the operator's preconditions and static relations bind."""
-    for _, arguments in operator.preconditions:
-        yield from (argument.name for argument in arguments if isinstance(argument, Variable))
+    for predicate, arguments in operator.preconditions:
+        if predicate != KNOWN:
+            yield from (argument.name for argument in arguments if isinstance(argument, Variable))
     for literal in operator.static_conditions:
         if isinstance(literal, Relation):
             yield from variables(literal)

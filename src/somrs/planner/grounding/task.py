@@ -188,8 +188,11 @@ class Task:
         if predicate.startswith("."):
             displaced_predicates = [predicate]
         else:
-            relation = self.vocabulary.ontology.relations[predicate]
-            displaced_predicates = [*self.vocabulary.excluded_by(predicate), *([predicate] if relation.functional else [])]
+            relation = self.vocabulary.ontology.relations.get(predicate)
+            displaced_predicates = [
+                *self.vocabulary.excluded_by(predicate),
+                *([predicate] if relation is not None and relation.functional else []),
+            ]
             for displaced_predicate in self.vocabulary.excluded_by(predicate):
                 if (existential_fact := (displaced_predicate + EXISTS_SUFFIX, arguments[:1])) in self.place:
                     effects[self.place[existential_fact][0]] = (), 0

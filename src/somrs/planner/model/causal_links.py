@@ -17,7 +17,7 @@ from somrs.planner.model.plan import Link, Step
 from somrs.planner.model.problem import Problem
 
 
-def derive_links(steps: Sequence[Step], maps: Sequence[Map], problem: Problem, written: Sequence[Formula] = ()) -> tuple[Link, ...]:
+def derive_links(steps: Sequence[Step], maps: Sequence[Map], problem: Problem, written: Sequence[Formula | None] = ()) -> tuple[Link, ...]:
     """The links among steps that can be executed in the given order. `maps` are the map before the first step and the map after each step,
     `written` the steps' effects before their terms were evaluated.
 
@@ -30,7 +30,7 @@ def derive_links(steps: Sequence[Step], maps: Sequence[Map], problem: Problem, w
     support_table = _SupportTable(steps, maps, problem.ontology)
     causal: dict[tuple[int, int], dict[str, None]] = {}
     protections: dict[tuple[int, int], Literal] = {}
-    for place, condition in _conditions(steps, maps, problem, written or [step.effect for step in steps]):
+    for place, condition in _conditions(steps, maps, problem, written or _outcomes(steps)):
         support = support_table.find_support(condition)
         supporter = support.supporter(place)
         if supporter >= 0 and place < len(steps):
@@ -55,7 +55,7 @@ def find_useful_steps(steps: Sequence[Step], maps: Sequence[Map], problem: Probl
     """The places of the steps that the goal needs, directly or for other needed steps."""
     support_table = _SupportTable(steps, maps, problem.ontology)
     conditions_by_place: dict[int, list[Literal]] = {}
-    for place, condition in _conditions(steps, maps, problem, [step.effect for step in steps]):
+    for place, condition in _conditions(steps, maps, problem, _outcomes(steps)):
         conditions_by_place.setdefault(place, []).append(condition)
     useful_places: set[int] = set()
     waiting = [len(steps)]
@@ -87,7 +87,7 @@ class _SupportTable:
 
     def __init__(self, steps: Sequence[Step], maps: Sequence[Map], ontology: Ontology) -> None:
         self._maps, self._ontology = maps, ontology
-        self._effects: list[list[Formula]] = [[*conjuncts(step.effect)] for step in steps]
+        self._effects: list[list[Formula]] = [[*conjuncts(step.outcome)] if step.outcome is not None else [] for step in steps]
         self._steps_by_subject: dict[object, list[int]] = {}
         for number, effect in enumerate(self._effects):
             for subject in dict.fromkeys(subject for part in effect for subject in self._subjects(part)):
@@ -148,7 +148,9 @@ def _pair_topics(topics: Iterable[object], objects: Sequence[Term]) -> Iterator[
         yield topic, None
 
 
-def _conditions(steps: Sequence[Step], maps: Sequence[Map], problem: Problem, written: Sequence[Formula]) -> Iterator[tuple[int, Literal]]:
+def _conditions(
+    steps: Sequence[Step], maps: Sequence[Map], problem: Problem, written: Sequence[Formula | None]
+) -> Iterator[tuple[int, Literal]]:
     """Every condition, with the place of the step that needs it; the goal's conditions have the place after the last step."""
     for place, step in enumerate(steps):
         if step.precondition is not None:
@@ -167,10 +169,14 @@ def _conditions(steps: Sequence[Step], maps: Sequence[Map], problem: Problem, wr
             return
 
 
-def _readings(effect: Formula) -> Iterator[Term]:
+def _outcomes(steps: Sequence[Step]) -> list[Formula | None]:
+    return [step.outcome for step in steps]
+
+
+def _readings(effect: Formula | None) -> Iterator[Term]:
     """The attributes and functions that an effect reads: in `?A.Level = ?B.Level + 2`, the level of ?B. Their values are conditions of the
     step."""
-    for part in conjuncts(effect):
+    for part in conjuncts(effect) if effect is not None else ():
         if isinstance(part, Comparison):
             source = part.right if isinstance(part.left, Attribute) else part.left
             yield from (term for term in terms(source) if isinstance(term, Attribute | Call))

@@ -12,11 +12,12 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from somrs.entish import Arithmetic, Attribute, Call, Comparison, Formula, Name, Not, Or, Relation, Term, Variable
-from somrs.entish.formula import Constant, Literal, alternatives, conjuncts, count_alternatives, terms, variables, with_types
+from somrs.entish.formula import Constant, Literal, alternatives, conjuncts, count_alternatives, names, terms, variables, with_types
 from somrs.entish.parse import parse
 from somrs.ontology.services import PROVIDER, ServiceType
 from somrs.ontology.types import Kind, Ontology
 from somrs.ontology.values import attribute_at
+from somrs.planner.model.reading import Reading, found_in, outputs_in_effect, tells
 
 Argument = str | Constant
 """The name of an object, or a value."""
@@ -28,6 +29,8 @@ GOAL: Fact = ("", ())
 """The fact that the goal is reached, which the goal's operators add."""
 EXISTS_SUFFIX = " *"
 """The fact `isOn *` of an object: it is on any object. Only for relations in which an object has one partner at a time."""
+KNOWN = "is known"
+"""The predicate of an object that a step can use. It holds for all objects but those that are unknown in the reading of the problem."""
 ALTERNATIVES = 256
 """The maximum number of alternatives (conjunctions of the disjunctive normal form) of a formula."""
 
@@ -79,6 +82,10 @@ class Operator:
     """For each variable, the types that its value must all have."""
     variables: tuple[str, ...]
     """The variables to bind, with `Provider` if the formulas use it."""
+    tells: bool = False
+    """Whether the result of the service is known only when it is done; the add effects are then what the plan assumes."""
+    found_values: Mapping[str, str]
+    """For each variable that stands for a value that the service finds out, the path of the attribute."""
 
 
 class Vocabulary:
@@ -87,8 +94,8 @@ class Vocabulary:
     With `counting`, the numbers that services can change are counters instead of facts with a value each.
     """
 
-    def __init__(self, ontology: Ontology, effects: Iterable[Formula], counting: bool = False) -> None:
-        self.ontology = ontology
+    def __init__(self, ontology: Ontology, effects: Iterable[Formula], counting: bool = False, reading: Reading | None = None) -> None:
+        self.ontology, self.reading = ontology, reading
         self.calculates = False
         """Whether effects calculate numbers, so that there may be too many values to enumerate."""
         self.relations: set[str] = set()
@@ -168,24 +175,31 @@ def providers_of(service: str) -> str:
 
 
 def operators(service: ServiceType, vocabulary: Vocabulary) -> Iterator[Operator]:
-    """The operators of a service type. Raises Inexpressible."""
+    """The operators of a service type; none if its result is known only when it is done, and the reading assumes nothing. Raises
+    Inexpressible."""
     inputs = {parameter.name: parameter.type for parameter in service.inputs}
-    effect = with_types(parse(service.effect), inputs)
+    outputs = {parameter.name: parameter.type for parameter in service.outputs if parameter.name in outputs_in_effect(service)}
+    effect = with_types(parse(service.effect), inputs | outputs)
     precondition = with_types(parse(service.precondition), inputs) if service.precondition is not None else None
     formula_variables = {**variables(effect), **(variables(precondition) if precondition is not None else {})}
-    for output in service.outputs:
-        if output.name in variables(effect) and output.name not in inputs:
-            raise Inexpressible(effect, f"?{output.name} is known only when the service is done")
     if PROVIDER in formula_variables:
         inputs[PROVIDER] = providers_of(service.name)
-    for branch in _branches(precondition) if precondition is not None else [()]:
-        yield _Compiler(vocabulary, inputs).operator(service, branch, effect)
+    for parts in outcomes(service, effect, vocabulary):
+        for branch in _branches(precondition) if precondition is not None else [()]:
+            yield _Compiler(vocabulary, inputs, tells(service)).operator(service, branch, effect, parts)
+
+
+def outcomes(service: ServiceType, effect: Formula, vocabulary: Vocabulary) -> Iterable[tuple[Formula, ...]]:
+    """The alternatives of what the service may bring about or tell, each as parts of an effect."""
+    if not tells(service):
+        return [conjuncts(effect)]
+    return vocabulary.reading.outcomes(service, effect, vocabulary.ontology) if vocabulary.reading is not None else []
 
 
 def goal_operators(goal: Formula, vocabulary: Vocabulary) -> Iterator[Operator]:
     """One operator for each alternative of the goal, which adds `GOAL`. Raises Inexpressible."""
     for branch in _branches(goal):
-        yield _Compiler(vocabulary, {}).operator(None, branch, None)
+        yield _Compiler(vocabulary, {}).operator(None, branch, None, ())
 
 
 def _branches(formula: Formula) -> list[tuple[Literal, ...]]:
@@ -203,8 +217,8 @@ def _branches(formula: Formula) -> list[tuple[Literal, ...]]:
 class _Compiler:
     """Compiles one operator."""
 
-    def __init__(self, vocabulary: Vocabulary, inputs: Mapping[str, str]) -> None:
-        self.vocabulary, self.inputs = vocabulary, inputs
+    def __init__(self, vocabulary: Vocabulary, inputs: Mapping[str, str], tells: bool = False) -> None:
+        self.vocabulary, self.inputs, self.tells = vocabulary, inputs, tells
         self._occurrences: Counter[str] = Counter(inputs.keys())
         self.preconditions: dict[Pattern, None] = {}
         self.negative_preconditions: list[NegativePrecondition] = []
@@ -215,9 +229,11 @@ class _Compiler:
         self.numeric_conditions: list[Literal] = []
         self.numeric_effects: list[tuple[Attribute, Term]] = []
         self.types: dict[str, frozenset[str]] = {}
+        self.found_values: dict[str, str] = {}
 
-    def operator(self, service: ServiceType | None, precondition: tuple[Literal, ...], effect: Formula | None) -> Operator:
-        parts = conjuncts(effect) if effect is not None else ()
+    def operator(
+        self, service: ServiceType | None, precondition: tuple[Literal, ...], effect: Formula | None, parts: tuple[Formula, ...]
+    ) -> Operator:
         for part in (*precondition, *parts):
             self._occurrences.update(term.name for term in terms(part) if isinstance(term, Variable))
             self._note_types(part)
@@ -227,6 +243,7 @@ class _Compiler:
             self._condition(literal)
         for part in parts:
             self._effect(part)
+        self._knowledge(precondition, parts)
         if service is None:
             self.add_effects.append(GOAL)
         return Operator(
@@ -243,6 +260,8 @@ class _Compiler:
             numeric_effects=tuple(self.numeric_effects),
             types=self.types,
             variables=tuple(dict.fromkeys([*self.inputs, *self._to_bind()])),
+            tells=self.tells,
+            found_values=self.found_values,
         )
 
     def _to_bind(self) -> Iterator[str]:
@@ -341,6 +360,29 @@ class _Compiler:
     def _pattern(self, atom: Relation) -> Pattern:
         return atom.relation, tuple(map(strip_type, atom.arguments))
 
+    # Knowledge
+
+    def _knowledge(self, precondition: tuple[Literal, ...], parts: tuple[Formula, ...]) -> None:
+        """Objects that are unknown in the reading have to be known before the operator uses them, but for those that it finds or makes."""
+        reading, ontology = self.vocabulary.reading, self.vocabulary.ontology
+        if reading is None or not reading.unknown:
+            return
+        found = {strip_type(owner) for owner in found_in(parts, ontology)} | reading.fresh if self.tells else set()
+        mentioned = {name for part in (*precondition, *parts) for name in names(part)}
+        for name in sorted(mentioned & reading.unknown_objects.keys() - found):
+            self.preconditions[KNOWN, (name,)] = None
+        for name in dict.fromkeys([*self.inputs, *self._to_bind()]):
+            types = self.types.get(name, frozenset())
+            if Variable(name) not in found and any(self._fits(type, types) for type in reading.unknown_objects.values()):
+                self.preconditions[KNOWN, (Variable(name),)] = None
+        if self.tells:
+            own = [name for name in reading.unknown_objects if name in mentioned and name in reading.fresh]
+            self.add_effects += [(KNOWN, (argument,)) for argument in dict.fromkeys([*own, *sorted(found - reading.fresh, key=str)])]
+
+    def _fits(self, type: str, types: frozenset[str]) -> bool:
+        """Whether an object of the type may be one of all these types. No unknown object is a provider or a value."""
+        return all(name in self.vocabulary.ontology.types and self.vocabulary.ontology.is_subtype(type, name) for name in types)
+
     # Effects
 
     def _effect(self, part: Formula) -> None:
@@ -355,6 +397,8 @@ class _Compiler:
                 self.numeric_effects.append((target, source))
             case Comparison(Attribute() as target, "=", source) | Comparison(source, "=", Attribute() as target):
                 patterns: list[Pattern] = []
+                if self.tells and isinstance(source, Variable) and source.name not in self.inputs:
+                    self.found_values[source.name] = target.path
                 new_value = self._hide(source, {}, patterns)
                 self.preconditions.update(dict.fromkeys(patterns))
                 self.add_effects.append(("." + target.path, (strip_type(target.owner), new_value)))

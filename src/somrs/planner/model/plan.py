@@ -14,7 +14,7 @@ from msgspec import Struct, field
 
 from somrs.entish import Formula, Name, Term
 from somrs.entish.formula import Substitution
-from somrs.ontology.services import PROVIDER
+from somrs.ontology.services import PROVIDER, ServiceKind
 
 
 class Step(Struct, frozen=True):
@@ -22,7 +22,10 @@ class Step(Struct, frozen=True):
 
     `provider` is the device that has to execute the step, if the service type's formulas use `?Provider`; None means any provider. One of
     the `alternative_providers` can take its place, if it executes all steps of the same `device_group`. `precondition` and `effect` are
-    without variables."""
+    without variables, but for outputs. `kind` is the kind of the service type.
+
+    What a step tells is known when it is done: what a cognitive service finds out, and what the outputs of a service are. `finds` are the
+    objects that are known only from then on, `assumed` the facts that the plan assumes."""
 
     id: str
     service_type: str
@@ -32,6 +35,24 @@ class Step(Struct, frozen=True):
     provider: str | None = None
     device_group: str | None = field(default=None, name="same")
     alternative_providers: tuple[str, ...] = field(default=(), name="alike")
+    kind: ServiceKind = ServiceKind.PHYSICAL
+    assumed: Formula | None = None
+    finds: tuple[str, ...] = ()
+
+    @property
+    def tells(self) -> bool:
+        """Whether the result of the step is known only when it is done."""
+        return self.assumed is not None or bool(self.finds)
+
+    @property
+    def outcome(self) -> Formula | None:
+        """What holds after the step, as far as the plan knows or assumes it."""
+        return self.assumed if self.tells else self.effect
+
+    @property
+    def use(self) -> str:
+        """What is asked of a service, whichever device does it."""
+        return describe_use(self.service_type, self.inputs)
 
     @property
     def bindings(self) -> Substitution:
@@ -39,9 +60,13 @@ class Step(Struct, frozen=True):
         return self.inputs if self.provider is None else {**self.inputs, PROVIDER: Name(self.provider)}
 
     def __str__(self) -> str:
-        inputs_text = ", ".join(f"{name}: {term}" for name, term in self.inputs.items())
         devices = " or ".join((self.provider, *self.alternative_providers)) if self.provider is not None else ""
-        return f"{self.service_type}({inputs_text})" + (f" by {devices}" if devices else "")
+        return self.use + (f" by {devices}" if devices else "")
+
+
+def describe_use(service_type: str, inputs: Mapping[str, Term]) -> str:
+    """A service type with its inputs: `TransferObject(Object: Jar1, Destination: Table1)`."""
+    return f"{service_type}({', '.join(f'{name}: {term}' for name, term in inputs.items())})"
 
 
 class Link(Struct, frozen=True):
@@ -92,6 +117,22 @@ class Plan(Struct, frozen=True, dict=True, tag=True):
     def successors(self, id: str) -> tuple[str, ...]:
         """The ids of the steps that are linked directly after this step."""
         return tuple(dict.fromkeys(link.after for link in self._outgoing_links.get(id, ())))
+
+    @cached_property
+    def certain_part(self) -> Plan:
+        """The part to execute before the rest can be planned with what is known then: the first steps that tell something, and those that
+        enable them. The plan itself, if no step tells anything."""
+        if not any(step.tells for step in self.steps):
+            return self
+        before: dict[str, frozenset[str]] = {}
+        for step in self.topological():
+            before[step.id] = frozenset(self.predecessors(step.id)).union(*(before[id] for id in self.predecessors(step.id)))
+        telling = {step.id for step in self.steps if step.tells}
+        kept = frozenset[str]().union(*(before[id] | {id} for id in telling if before[id].isdisjoint(telling)))
+        return Plan(
+            tuple(step for step in self.steps if step.id in kept),
+            tuple(link for link in self.links if link.before in kept and link.after in kept),
+        )
 
     def topological(self) -> tuple[Step, ...]:
         """The steps in topological order; unordered steps keep the plan's order. Raises ValueError if the links have a cycle."""

@@ -9,6 +9,7 @@ from somrs.ontology.objects import Map
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Ontology
 from somrs.planner.model.plan import Step
+from somrs.planner.model.reading import Reading
 
 
 class AvailableService(Struct, frozen=True):
@@ -46,6 +47,10 @@ class Problem(Struct, frozen=True, kw_only=True, tag=True):
     excluded: frozenset[str] = frozenset()
     unknown: frozenset[str] = frozenset()
     """The excluded objects whose state is unknown; other tasks have reserved the others."""
+    fruitless: frozenset[tuple[str, str]] = frozenset()
+    """Devices and uses of services (as `Step.use`) that told nothing a short time ago. They are not planned for again."""
+    reading: Reading | None = None
+    """What the planner assumes beyond the map; None: nothing."""
     rest: tuple[Step, ...] = ()
     promised: frozenset[str] = frozenset()
     hurry: bool = False

@@ -6,11 +6,12 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
-from somrs.entish import Term, Variable
+from somrs.entish import Formula, Term, Variable
 from somrs.entish.parse import parse
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Ontology
 from somrs.planner.model.operators import EXISTS_SUFFIX, Argument, Inexpressible, Operator, Pattern, Vocabulary, operators, strip_type
+from somrs.planner.model.reading import Reading, tells
 
 Outcome = tuple[bool, str]
 """Facts of a predicate become true (True) or false (False)."""
@@ -27,8 +28,8 @@ class Repertoire:
 
 
 @lru_cache(maxsize=32)  # an ontology is immutable, so its identity can be the key
-def repertoire(ontology: Ontology, services: tuple[ServiceType, ...], counting: bool = False) -> Repertoire:
-    vocabulary = Vocabulary(ontology, [parse(service.effect) for service in services], counting)
+def repertoire(ontology: Ontology, services: tuple[ServiceType, ...], counting: bool = False, reading: Reading | None = None) -> Repertoire:
+    vocabulary = Vocabulary(ontology, _effects(services, ontology, reading), counting, reading)
     achievers: dict[Outcome, list[tuple[Operator, Pattern]]] = {}
     omissions: list[Inexpressible] = []
     for service in services:
@@ -45,6 +46,15 @@ def repertoire(ontology: Ontology, services: tuple[ServiceType, ...], counting: 
         achievers={key: tuple(dict.fromkeys(entries)) for key, entries in achievers.items()},
         omissions=tuple(omissions),
     )
+
+
+def _effects(services: Iterable[ServiceType], ontology: Ontology, reading: Reading | None) -> Iterator[Formula]:
+    """What the services bring about and, in an optimistic reading, tell."""
+    for service in services:
+        if not tells(service):
+            yield parse(service.effect)
+        elif reading is not None:
+            yield from (part for parts in reading.outcomes(service, parse(service.effect), ontology) for part in parts)
 
 
 def _find_outcomes(operator: Operator, vocabulary: Vocabulary) -> Iterator[tuple[bool, Pattern]]:

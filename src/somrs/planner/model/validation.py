@@ -32,5 +32,5 @@ def validate(plan: Plan, problem: Problem) -> list[str]:
 
 
 def apply_step(step: Step, map: Map, problem: Problem) -> Map:
-    """The map after the step."""
-    return apply_effect(step.effect, map, problem.ontology)
+    """The map after the step, as far as the plan knows or assumes it."""
+    return apply_effect(step.outcome, map, problem.ontology) if step.outcome is not None else map

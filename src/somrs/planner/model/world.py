@@ -6,13 +6,15 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from somrs.entish import Formula, Name, Number, Term, Text, Truth, Variable
 from somrs.entish.formula import Constant, Literal, substitute, variables
-from somrs.entish.parse import parse_term
+from somrs.entish.parse import parse, parse_term
 from somrs.ontology.objects import Map
 from somrs.ontology.services import PROVIDER, ServiceType
 from somrs.ontology.truth import bindings
-from somrs.ontology.types import ROOT, Ontology
+from somrs.ontology.types import ROOT, UNKNOWN, Ontology
 from somrs.ontology.values import MeasuredValue, attribute_at, compare, constant, measure, value_of
-from somrs.planner.model.operators import EXISTS_SUFFIX, Argument, Fact, Test, providers_of
+from somrs.planner.model.favourable_values import favourable_values
+from somrs.planner.model.operators import EXISTS_SUFFIX, KNOWN, Argument, Fact, Test, providers_of
+from somrs.planner.model.plan import describe_use
 from somrs.planner.model.problem import Problem
 from somrs.planner.model.repertoire import repertoire
 
@@ -28,9 +30,12 @@ class World:
     def __init__(self, problem: Problem, counting: bool = False) -> None:
         self.map: Map = problem.map
         self.ontology: Ontology = problem.ontology
-        self.repertoire = repertoire(problem.ontology, tuple(available.service_type for available in problem.services), counting)
+        self.reading = problem.reading
+        self._goal = problem.goal
+        self._service_types = tuple(available.service_type for available in problem.services)
+        self.repertoire = repertoire(problem.ontology, self._service_types, counting, problem.reading)
         self.vocabulary = self.repertoire.vocabulary
-        self.excluded, self.hurry = problem.excluded, problem.hurry
+        self.excluded, self.hurry, self.fruitless = problem.excluded, problem.hurry, problem.fruitless
         self.providers: Mapping[str, tuple[str, ...]] = {
             available.service_type.name: tuple(name for name in available.providers if name not in problem.excluded)
             for available in problem.services
@@ -46,6 +51,7 @@ class World:
         self._subtype_cache: dict[tuple[str, str], bool] = {}
         self._settled: dict[tuple[Literal, tuple[tuple[str, Argument], ...]], bool] = {}
         self._paths: dict[str, frozenset[str]] = {}
+        self._favourable_values: dict[str, list[Argument]] = {}
         self._match_cache: dict[tuple[str, int, Argument] | str, list[tuple[Argument, ...]]] = {}
 
     @property
@@ -130,6 +136,8 @@ class World:
         if predicate.startswith("."):
             return self._value(arguments[0], predicate[1:]) == arguments[1]
         names = self._names(arguments)
+        if predicate == KNOWN:
+            return self.reading is None or names[0] not in self.reading.unknown_objects
         if predicate.endswith(EXISTS_SUFFIX):
             return bool(self.map.facts_with(predicate.removesuffix(EXISTS_SUFFIX), 0, names[0]))
         return self.map.has_fact(predicate, names) or (
@@ -138,6 +146,8 @@ class World:
 
     def count(self, predicate: str, known_arguments: Sequence[Argument | None]) -> int:
         """An upper bound of the number of facts that `find_facts` returns."""
+        if predicate == KNOWN:
+            return len(self.map.objects)
         if predicate.startswith("."):
             return (
                 1
@@ -174,6 +184,9 @@ class World:
         return len(self.map.facts_with(predicate.removesuffix(EXISTS_SUFFIX), place, value)) if isinstance(value, str) else 0
 
     def _scan_facts(self, predicate: str, place: int | None, value: Argument | None) -> Iterator[tuple[Argument, ...]]:
+        if predicate == KNOWN:
+            yield from ((name,) for name in self.map.objects if value in (None, name) and self.fact_holds((KNOWN, (name,))))
+            return
         if predicate.startswith("."):
             for name in self._owners(predicate[1:], place, value):
                 if (current_value := self._value(name, predicate[1:])) is not None:
@@ -210,6 +223,44 @@ class World:
     def _value(self, owner: Argument, path: str) -> Constant | None:
         value = value_of(owner, path, self.map, self.ontology) if isinstance(owner, str) else None
         return constant(value, attribute_at(path, self.ontology)) if value is not None else None
+
+    def is_open(self, fact: Fact) -> bool:
+        """Whether the map does not say whether the fact holds: the object is unknown or an output, the attribute has no value, or the map
+        does not say where the object is."""
+        predicate, arguments = fact
+        if predicate == KNOWN:
+            return not self.fact_holds(fact)
+        if self.reading is not None and not self.reading.fresh.isdisjoint(self._names(arguments)):
+            return True
+        if predicate == "." + UNKNOWN:
+            return self._value(arguments[0], UNKNOWN) != arguments[1]
+        if predicate.startswith("."):
+            return self._value(arguments[0], predicate[1:]) is None
+        if self.ontology.relations[predicate].excludes is None:
+            return False
+        group = (predicate, *self.vocabulary.excluded_by(predicate))
+        return not any(self.map.facts_with(relation, 0, name) for relation in group for name in self._names(arguments[:1]))
+
+    def is_fruitless(self, service: ServiceType, binding: Binding) -> bool:
+        """Whether all devices that could tell it told nothing a short time ago."""
+        if not self.fruitless:
+            return False
+        use = describe_use(service.name, {parameter.name: as_term(binding[parameter.name]) for parameter in service.inputs})
+        providers = (provider,) if isinstance(provider := binding.get(PROVIDER), str) else self.providers[service.name]
+        return all((provider, use) in self.fruitless for provider in providers)
+
+    def favourable_values(self, path: str) -> list[Argument]:
+        """The values that the plan may assume for an attribute that a service finds out."""
+        if path not in self._favourable_values:
+            values = favourable_values(path, self._formulas(), self.map, self.ontology)
+            self._favourable_values[path] = list(values)
+        return self._favourable_values[path]
+
+    def _formulas(self) -> Iterator[Formula]:
+        yield self._goal
+        for service in self._service_types:
+            if service.precondition is not None:
+                yield parse(service.precondition)
 
     def _names(self, arguments: tuple[Argument, ...]) -> tuple[str, ...]:
         return tuple(argument if isinstance(argument, str) else "" for argument in arguments)

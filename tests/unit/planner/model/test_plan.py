@@ -9,6 +9,7 @@ from msgspec import structs
 
 from somrs.entish import Name, Number, Term
 from somrs.entish.parse import parse
+from somrs.ontology.services import ServiceKind
 from somrs.planner.model.plan import Link, NoPlan, Plan, Step, linearisations
 
 
@@ -105,4 +106,4 @@ def test_the_reasons_are_the_explanation_if_there_are_no_others() -> None:
 def test_what_is_not_said_is_nothing() -> None:
     assert structs.astuple(NoPlan(explanation="a")) == ("a", (), (), (), False, (), (), ())
     assert structs.astuple(Link("a", "b", "fact")) == ("a", "b", "fact", False)
-    assert structs.astuple(make_step("a"))[4:] == (None, None, None, ())
+    assert structs.astuple(make_step("a"))[4:] == (None, None, None, (), ServiceKind.PHYSICAL, None, ())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from somrs.ontology.services import Parameter, ServiceType
+from somrs.ontology.services import ServiceType
 from somrs.planner.model.facts import Facts
 from somrs.planner.model.operators import Pattern
 from somrs.planner.model.repertoire import Repertoire, repertoire
@@ -74,10 +74,12 @@ def test_each_alternative_of_each_service_brings_it_about() -> None:
 
 
 def test_services_that_cannot_be_expressed_are_left_out() -> None:
-    find_service = ServiceType(name="Find", outputs=(Parameter(name="P", type="Object"),), effect="T1 on ?P")
-    compiled_repertoire = repertoire(ONTOLOGY, (find_service, service("Mark", None, "marked(?T)", T="Thing")))
+    vague = "T1 on P1 AND (marked(T1) OR marked(T2))"
+    doubtful_service = ServiceType(name="Drop", effect=vague)
+    compiled_repertoire = repertoire(ONTOLOGY, (doubtful_service, service("Mark", None, "marked(?T)", T="Thing")))
+    reason = "an effect with OR does not say what becomes true"
     assert [(str(omission), omission.formula, omission.reason) for omission in compiled_repertoire.omissions] == [
-        ("Find: T1 on ?P: ?P is known only when the service is done", "Find: T1 on ?P", "?P is known only when the service is done")
+        (f"Drop: marked(T1) OR marked(T2): {reason}", "Drop: marked(T1) OR marked(T2)", reason)
     ]
     assert set(describe_repertoire(compiled_repertoire)) == {"marked", "marked *"}
     assert compiled_repertoire.vocabulary.relations == {"on", "heldBy", "marked"}
