@@ -120,9 +120,8 @@ class _Reasons:
             service = available.service_type
             if tells(service):
                 outputs = " and ".join(f"?{name}" for name in outputs_in_effect(service))
-                self.texts[f"{service.name} could bring about {_format_literal(literal)}, but its {outputs} is known only when it is done"] = (
-                    None
-                )
+                known_late = f"but its {outputs} is known only when it is done"
+                self.texts[f"{service.name} could bring about {_format_literal(literal)}, {known_late}"] = None
                 continue
             unexpressed = [i for i in self.world.repertoire.omissions if str(i.formula).startswith(f"{service.name}: ")]
             self.texts.update(
@@ -195,11 +194,7 @@ class _Reasons:
         types = {loss.service_type.name: loss.service_type for loss in self.problem.lost}
         types |= {available.service_type.name: available.service_type for available in self.problem.services}
         service_types = {**self.problem.ontology.services, **types}
-        absent = [
-            name
-            for name, service in service_types.items()
-            if name not in offered_names and self._can_bring_about(service, literal)
-        ]
+        absent = [name for name, service in service_types.items() if name not in offered_names and self._can_bring_about(service, literal)]
         busy = {
             offer.service_type.name: offer.providers
             for offer in self.problem.services

@@ -7,13 +7,16 @@ from itertools import count
 
 from msgspec import structs
 
-from somrs.entish.formula import conjuncts
+from somrs.entish.formula import conjuncts, literals
 from somrs.entish.parse import parse
 from somrs.ontology.objects import Change, Fact, FactRemoved, Map, Object, ObjectAdded
 from somrs.ontology.types import ROOT
 from somrs.planner.model.problem import Problem
 from somrs.planner.model.reading import Reading, looked_for_in, tells
 from somrs.planner.model.world import VALUES
+
+MOST_USES = 8
+"""The maximum number of uses of a service with outputs in one plan."""
 
 
 def optimistic(problem: Problem) -> Iterator[Problem]:
@@ -29,14 +32,15 @@ def optimistic(problem: Problem) -> Iterator[Problem]:
     looks = any(looked_for_in(part) is not None for service in telling for part in conjuncts(parse(service.effect)))
     place_types = dict.fromkeys(type for relation in exclusive for type in relation.joins[1:]) if looks else {}
     places = tuple((type, names.new("Somewhere" if type == ROOT else f"Some-{type}")) for type in place_types)
+    uses = min(MOST_USES, sum(1 for _ in literals(problem.goal)))
     outputs = tuple(
-        ((service.name, output.name), names.new(f"Some-{output.name}"))
+        ((service.name, output.name), tuple(names.new(f"Some-{output.name}") for _ in range(uses)))
         for service in telling
         for output in service.outputs
         if output.type not in VALUES
     )
     types = {(service.name, output.name): output.type for service in telling for output in service.outputs}
-    fresh = [Object(name=name, type=types[key]) for key, name in outputs]
+    fresh = [Object(name=name, type=types[key]) for key, fresh_names in outputs for name in fresh_names]
     changes: list[Change] = [ObjectAdded(object) for object in (*fresh, *(Object(name=name, type=type) for type, name in places))]
     changes += [
         FactRemoved(Fact(relation.name, arguments))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from somrs.entish.formula import names
+from somrs.entish.formula import alternatives, conjunction, names
 from somrs.errors import RemoteError, SomrsError
 from somrs.ontology.truth import formula_holds
 from somrs.planner.encodings.sas import decode_moves, encode_sas
@@ -127,10 +127,12 @@ def _check_map(problem: Problem) -> Plan | NoPlan | None:
     unmet = unmet_precondition(problem)
     if unmet is not None:
         return unmet
-    if not formula_holds(problem.goal, problem.map, problem.ontology):
+    branches = [conjunction(*branch) for branch in alternatives(problem.goal)]
+    reached = [branch for branch in branches if formula_holds(branch, problem.map, problem.ontology)]
+    if not reached:
         return None
     doubtful = [name for name in names(problem.goal) if name in problem.excluded]
-    if doubtful:
+    if all(not problem.excluded.isdisjoint(names(branch)) for branch in reached):
         explanation = f"{problem.goal}: {exclusion_text(doubtful, problem)}"
         return NoPlan(explanation=explanation, obstacles=exclusion_obstacles(doubtful, problem))
     return Plan()

@@ -9,7 +9,7 @@ from types import MappingProxyType
 from msgspec import Struct
 
 from somrs.entish import Formula
-from somrs.entish.formula import names
+from somrs.entish.formula import alternatives, conjunction, names
 from somrs.entish.parse import nearest
 from somrs.errors import FormulaError
 from somrs.kernel.replica import Replica
@@ -101,7 +101,7 @@ def planning_problem(
         if isinstance(price, float | int):
             prices.setdefault(offer.service_type.name, {})[offer.provider] = price
     types = {offer.service_type.name: offer.service_type for offer in offers}
-    unknown = frozenset(replica.map.with_value(UNKNOWN, True))
+    unknown = frozenset(replica.map.with_value(UNKNOWN, True)) - avoided
     return Problem(
         ontology=replica.ontology,
         map=replica.map,
@@ -120,12 +120,15 @@ def planning_problem(
 
 
 def known_to_hold(formula: Formula, replica: Replica) -> bool:
-    """Whether the formula holds on the map; False if the map marks one of its objects as unknown or has lost it."""
+    """Whether an alternative of the formula holds on the map, none of whose objects is marked as unknown or lost."""
     map = replica.map
-    if any(map.objects[name].values.get(UNKNOWN) is True for name in names(formula) if name in map.objects):
-        return False
+
+    def is_known(part: Formula) -> bool:
+        return not any(map.objects[name].values.get(UNKNOWN) is True for name in names(part) if name in map.objects)
+
     try:
-        return formula_holds(formula, map, replica.ontology)
+        parts = (conjunction(*branch) for branch in alternatives(formula))
+        return any(is_known(part) and formula_holds(part, map, replica.ontology) for part in parts)
     except FormulaError:
         return False
 

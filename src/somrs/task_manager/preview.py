@@ -32,7 +32,7 @@ from somrs.task_manager.execution.participants import Members, Participants
 from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow
 from somrs.task_manager.reservations import BlockedPlan
 from somrs.task_manager.timers import Answer, BidsDue, PlanWanted, PreviewDue
-from somrs.task_manager.transaction.views import preview_reply, step_view
+from somrs.task_manager.transaction.views import foreseen_views, preview_reply, step_view
 
 MOST_TIME = 6.0
 """Maximum seconds for asking services for terms."""
@@ -58,6 +58,8 @@ class PreviewState(Struct, kw_only=True):
     services: KnownServices = field(default_factory=KnownServices)
     members: Members = field(default_factory=Members)
     workflow: Workflow = field(default_factory=lambda: Workflow.from_plan(Plan()))
+    outlook: Plan | None = None
+    """The whole plan, with steps that depend on what others find out; services are asked only for the others."""
     bidding_start: float = field(default=0.0, name="asked_at")
     waiting_for: WaitsForTasks | None = None
     quotations: dict[str, list[Quotation]] = {}
@@ -123,7 +125,8 @@ class PreviewExecutor:
             state.waiting_for, result = WaitsForTasks.on(result.holders), result.plan
         if not isinstance(result, Plan) or not state.query.quotes or not result.steps:
             return (yield from self._end(structs.replace(preview_reply(result), waits=state.waits, waiting_for=state.waiting_for)))
-        state.bidding_start, state.workflow = now, Workflow.from_plan(result)
+        state.bidding_start, state.workflow = now, Workflow.from_plan(result.certain_part)
+        state.outlook = result
         yield SetTimer(PreviewDue(state.id), now + MOST_TIME)
         return (yield from self._ask(now))
 
@@ -300,11 +303,12 @@ class PreviewExecutor:
 
     def _conclusion(self) -> Previewed:
         state = self._state
-        plan, runs = state.workflow.plan, [*state.workflow]
+        plan, runs = state.outlook or state.workflow.plan, [*state.workflow]
+        foreseen = tuple(foreseen_views(plan))
         quotations = tuple(chain.from_iterable(state.quotations.get(run.step.id, ()) for run in runs))
         chosen = {quotation.step: quotation for quotation in quotations if quotation.chosen}
         currencies = {quotation.currency for quotation in chosen.values()}
-        whole = not state.unserved
+        whole = not state.unserved and not foreseen
         return Previewed(
             steps=tuple(
                 step_view(
@@ -318,7 +322,8 @@ class PreviewExecutor:
                 if (chosen_quotation := chosen.get(run.label)) is not None
                 else step_view(run.step, plan)
                 for run in runs
-            ),
+            )
+            + foreseen,
             waits=state.waits,
             waiting_for=state.waiting_for,
             quotations=quotations,

@@ -8,12 +8,13 @@ comes first, then the one that was submitted first. A task that holds a reservat
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 
 from msgspec import Struct, field
 
 from somrs.entish import Attribute, Call, Comparison, Formula, Name, Not, Relation, Term
 from somrs.entish.formula import alternatives, literals, terms
+from somrs.ontology.services import ServiceKind
 from somrs.ontology.types import Ontology
 from somrs.planner.model.plan import Plan, Step
 from somrs.protocol.messages.events import Holder
@@ -27,6 +28,13 @@ class Reservation(Struct, frozen=True, kw_only=True):
 
     def __or__(self, reservation: Reservation) -> Reservation:
         return Reservation(changes=self.changes | reservation.changes, relies_on=self.relies_on | reservation.relies_on)
+
+    def within(self, objects: Container[str]) -> Reservation:
+        """The reservation of these objects only. A plan also names outputs, which no map has yet."""
+        return Reservation(
+            changes=frozenset(name for name in self.changes if name in objects),
+            relies_on=frozenset(name for name in self.relies_on if name in objects),
+        )
 
     def overlap(self, reservation: Reservation) -> frozenset[str]:
         """The objects on which the two reservations conflict."""
@@ -138,11 +146,14 @@ class Reservations(Struct, kw_only=True):
 
 
 def plan_reservation(steps: Iterable[Step], goal: Formula, ontology: Ontology) -> Reservation:
-    """The objects that a plan changes and relies on. A goal with OR adds none: it is not known which part will hold."""
+    """The objects that a plan changes and relies on. A service that only tells something changes nothing. A goal with OR adds none: it is
+    not known which part will hold."""
     changes: set[str] = set()
     relies: set[str] = set()
     for step in steps:
-        for literal in literals(step.effect):
+        if step.kind is not ServiceKind.PHYSICAL:
+            relies.update(_formula_objects(step.effect, ontology))
+        for literal in literals(step.effect) if step.kind is ServiceKind.PHYSICAL else ():
             atom = literal.atom if isinstance(literal, Not) else literal
             if isinstance(atom, Comparison):
                 target, source = (atom.left, atom.right) if isinstance(atom.left, Attribute) else (atom.right, atom.left)

@@ -189,7 +189,7 @@ def test_what_is_not_weighed_is_put_on_the_scale_before_a_light_robot_takes_it()
     result = planned(problem("Jar001 isOn Shelf2", WEIGH, light, map=on_scale))
     assert [step.service_type for step in result.steps] == ["Weigh", "CarryLight"]
     weighing = result.steps[0]
-    assert str(weighing.effect) == "Jar001.Weight = ?Weight: number"
+    assert str(weighing.effect) == "Jar001.Weight = ?Weight"
     assert weighing.provider == "Platform001"
     assert ("step1", "step2") in {(link.before, link.after) for link in result.links}
     weighed = on_scale.changed([ValueSet("Jar001", "Weight", 9.0)])
@@ -245,7 +245,7 @@ def test_an_output_stands_for_an_object_that_later_steps_use() -> None:
     result = planned(problem("Jar001 isOn ?Place AND ?Place isFreeFor Jar001", PICK_PLACE, STORE))
     assert names(result) == ["PickPlace(Object: Jar001)", "Store(Object: Jar001, Place: Some-Place)"]
     assert executed(result) == ["PickPlace(Object: Jar001)"]
-    assert str(result.steps[0].effect) == "?Place: Support isFreeFor Jar001"
+    assert str(result.steps[0].effect) == "?Place isFreeFor Jar001"
     assert str(result.steps[0].assumed) == "Some-Place isFreeFor Jar001"
 
 
@@ -269,3 +269,11 @@ def test_things_that_nobody_has_seen_yet_may_be_found() -> None:
     result = planned(stated)
     assert result.steps[0].service_type == "FindJars"
     assert len(executed(result)) == 1
+
+
+def test_each_use_of_a_service_has_an_output_of_its_own() -> None:
+    goal = "Jar001 isOn ?Place AND ?Place isFreeFor Jar001 AND Jar002 isOn ?Other AND ?Other isFreeFor Jar002"
+    result = planned(problem(goal, PICK_PLACE, STORE))
+    places = {str(step.inputs["Object"]): str(step.inputs["Place"]) for step in result.steps if step.service_type == "Store"}
+    assert set(places.values()) == {"Some-Place", "Some-Place-2"}
+    assert {str(step.assumed) for step in result.steps if step.tells} == {f"{place} isFreeFor {jar}" for jar, place in places.items()}

@@ -377,6 +377,10 @@ class _Compiler:
                 self.preconditions[KNOWN, (Variable(name),)] = None
         if self.tells:
             own = [name for name in reading.unknown_objects if name in mentioned and name in reading.fresh]
+            for name in own:  # each stands for the output of one use, and the uses are counted in their order
+                self.negative_preconditions.append(NegativePrecondition((KNOWN, (name,))))
+                if (before := reading.predecessor(name)) is not None:
+                    self.preconditions[KNOWN, (before,)] = None
             self.add_effects += [(KNOWN, (argument,)) for argument in dict.fromkeys([*own, *sorted(found - reading.fresh, key=str)])]
 
     def _fits(self, type: str, types: frozenset[str]) -> bool:

@@ -23,13 +23,13 @@ class Reading(Struct, frozen=True, kw_only=True, dict=True):
     """What the planner assumes beyond the map.
 
     `unknown` are the objects that no step can use before a service has found or made them, with their types: those whose place and state
-    are not known, and the outputs of services. `outputs` names the object that stands for an output, by service type and output;
-    `places` the object that stands for the place of an object that is found, by type. With `favourable`, an object can be found
-    anywhere; otherwise only at such a place, so that no plan relies on luck where it need not.
+    are not known, and the outputs of services. `outputs` names the objects that stand for an output, by service type and output: one for
+    each use of the service in a plan. `places` names the object that stands for the place of an object that is found, by type. With
+    `favourable`, an object can be found anywhere; otherwise only at such a place, so that no plan relies on luck where it need not.
     """
 
     unknown: tuple[tuple[str, str], ...] = ()
-    outputs: tuple[tuple[tuple[str, str], str], ...] = ()
+    outputs: tuple[tuple[tuple[str, str], tuple[str, ...]], ...] = ()
     places: tuple[tuple[str, str], ...] = ()
     favourable: bool = False
 
@@ -41,16 +41,23 @@ class Reading(Struct, frozen=True, kw_only=True, dict=True):
     @cached_property
     def fresh(self) -> frozenset[str]:
         """The objects that stand for outputs."""
-        return frozenset(name for _, name in self.outputs)
+        return frozenset(name for _, names in self.outputs for name in names)
+
+    def predecessor(self, fresh: str) -> str | None:
+        """The object that stands for the output in the use of the service before this one; None for the first."""
+        names = next(names for _, names in self.outputs if fresh in names)
+        number = names.index(fresh)
+        return names[number - 1] if number else None
 
     def outcomes(self, service: ServiceType, effect: Formula, ontology: Ontology) -> Iterator[tuple[Formula, ...]]:
         """The alternatives of what the planner may assume after the service, each as parts of an effect. `effect` is that of the service,
         with typed variables."""
-        outputs = dict(self.outputs)
-        made = {
-            output.name: Name(outputs[service.name, output.name]) for output in service.outputs if (service.name, output.name) in outputs
-        }
-        parts = conjuncts(substitute(effect, made))
+        made = {output: names for (service_type, output), names in self.outputs if service_type == service.name}
+        for number in range(max(map(len, made.values()), default=1)):
+            with_outputs = substitute(effect, {output: Name(names[number]) for output, names in made.items()})
+            yield from self._outcomes(service, conjuncts(with_outputs), ontology)
+
+    def _outcomes(self, service: ServiceType, parts: tuple[Formula, ...], ontology: Ontology) -> Iterator[tuple[Formula, ...]]:
         if service.kind is not ServiceKind.PHYSICAL:
             parts = tuple(part for part in parts if isinstance(part, Relation | Comparison))
         looked_for = [owner for part in parts if service.kind is ServiceKind.COGNITIVE and (owner := looked_for_in(part)) is not None]

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from msgspec import structs
 
-from somrs.entish import Attribute, Comparison, Formula, Name, Not, Relation, Term, Truth
+from somrs.entish import Attribute, Comparison, Formula, Name, Not, Relation, Term, Truth, Variable
 from somrs.entish.formula import conjunction, names, substitute, variables
 from somrs.ontology.effects import evaluate_effect
 from somrs.ontology.objects import Map
@@ -93,12 +93,12 @@ def _step(id: str, action: Action, map: Map, problem: Problem) -> Step:
         binding.update(row)
         precondition = substitute(condition, binding)
     assumed, finds = _assumed(action) if operator.tells else (None, ())
-    outputs = {output.name for output in operator.service.outputs}
+    outputs = {output.name: Variable(output.name) for output in operator.service.outputs}
     return Step(
         id=id,
         service_type=operator.service.name,
         inputs={parameter.name: binding[parameter.name] for parameter in operator.service.inputs},
-        effect=substitute(operator.effect, {name: term for name, term in binding.items() if name not in outputs}),
+        effect=substitute(operator.effect, {**binding, **outputs}),
         precondition=precondition,
         provider=action.provider,
         kind=operator.service.kind,

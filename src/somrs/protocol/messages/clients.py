@@ -6,7 +6,7 @@ from enum import StrEnum
 
 from msgspec import Struct
 
-from somrs.ontology.services import Handler
+from somrs.ontology.services import Handler, ServiceKind
 from somrs.protocol.messages.body import MessageBody
 from somrs.protocol.messages.events import Event, EventKind, GoalKind, WaitsForTasks, WaitsToRetry
 from somrs.protocol.messages.frp import Outcome, State
@@ -80,7 +80,11 @@ class StepView(Struct, frozen=True, kw_only=True):
     """A step of the plan.
 
     `after` are the ids of the steps that enable it, `because` the facts that these bring about, and `brought_by` the step for each of these
-    facts.
+    facts. `kind` is the kind of the service type.
+
+    `learns` is what a step finds out or computes: an object, an attribute, or a fact. `assumed` are the facts that the plan assumes it will
+    find; `outputs` are the values that the service returned, as Entish terms. A step that is `foreseen` depends on what an earlier step
+    learns, and is planned again when that is known.
     """
 
     step: str
@@ -95,6 +99,11 @@ class StepView(Struct, frozen=True, kw_only=True):
     currency: str = "EUR"
     duration: float | None = None
     fraction: float = 0.0
+    kind: ServiceKind = ServiceKind.PHYSICAL
+    learns: tuple[str, ...] = ()
+    assumed: tuple[str, ...] = ()
+    outputs: dict[str, str] = {}
+    foreseen: bool = False
 
 
 class WorkView(Struct, frozen=True, kw_only=True):

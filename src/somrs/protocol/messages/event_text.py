@@ -55,8 +55,9 @@ def sentence(event: Event) -> str:
             return f"task: {effect}"
         case events.Planned(steps=0):
             return "nothing to do: it is so already"
-        case events.Planned(steps=count):
-            return f"planned: {count} step{'s' if count != 1 else ''}"
+        case events.Planned(steps=count, foreseen=foreseen):
+            plan = f"planned: {count} step{'s' if count != 1 else ''}"
+            return f"{plan}; the last {foreseen} after the others have found out what is not known" if foreseen else plan
         case events.WaitsForTasks():
             return waiting_text(event)
         case events.WaitsToRetry():
@@ -95,6 +96,9 @@ def _of_step(event: Event) -> str:
             return f"{service}: {note}"
         case events.StepCompleted(service=service, situation=situation):
             return f"{service} completed: {situation}"
+        case events.FoundOut(service=service, situation=situation, outputs=outputs):
+            told = situation or ", ".join(f"{name} = {value}" for name, value in outputs.items())
+            return f"{service} found out: {told}"
         case events.StepStopped(service=service):
             return f"{service} stopped"
         case events.FoundSo():

@@ -57,9 +57,13 @@ class TaskStated(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True
 
 
 class Planned(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
-    """There is a plan with this number of steps; 0: the goal already holds."""
+    """There is a plan with this number of steps; 0: the goal already holds.
+
+    The last `foreseen` steps depend on what the others find out, and are planned again when that is known.
+    """
 
     steps: int
+    foreseen: int = 0
 
 
 class Holder(Struct, frozen=True, kw_only=True):
@@ -193,6 +197,14 @@ class ProgressNoted(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=T
 class StepCompleted(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
     service: str
     situation: str
+
+
+class FoundOut(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
+    """The step told what it had to: a cognitive service found it out, or a service returned outputs, as Entish terms by name."""
+
+    service: str
+    situation: str | None = None
+    outputs: dict[str, str] = {}
 
 
 class StepStopped(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
@@ -387,7 +399,7 @@ class TaskEnded(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True)
 Event = (
     TaskStated | Planned | WaitsForTasks | WaitsToRetry | WaitOver | GoesOn | Replanned | TriedOnceMore
     | ServicesAsked | TermsOffered | ServiceRefused | ServiceChosen
-    | WaitsForDevice | StepStarted | ProgressNoted | StepCompleted | StepStopped | FoundSo
+    | WaitsForDevice | StepStarted | ProgressNoted | StepCompleted | FoundOut | StepStopped | FoundSo
     | NotBegun | StepFailed | ServiceFaulted | ContractForgotten | ServiceSilent | ServiceOverdue | ServiceLost | ReportRejected
     | ServiceReplaced | MayTryAgain | HandlerBegun | GoalFailed | LookBegun | LookFound | NobodyLooks | KnownOtherwise
     | FailuresUndone | UndoneByHandler | UndoneByService | UndoneByOthers | Compensated | CompensationFailed | WorkUndone | WorkStranded
@@ -412,7 +424,7 @@ KINDS: dict[type[Event], EventKind] = {
     ),
     ServiceReplaced: EventKind.REPLACE,
     HandlerBegun: EventKind.HANDLER,
-    **dict.fromkeys((LookBegun, LookFound, NobodyLooks, KnownOtherwise), EventKind.LOOK),
+    **dict.fromkeys((FoundOut, LookBegun, LookFound, NobodyLooks, KnownOtherwise), EventKind.LOOK),
     **dict.fromkeys((FailuresUndone, UndoneByHandler, UndoneByService, UndoneByOthers, Compensated, WorkUndone), EventKind.UNDO),
     TaskEnded: EventKind.END,
 }  # fmt: skip

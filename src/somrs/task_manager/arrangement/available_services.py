@@ -36,6 +36,8 @@ class KnownServices(Struct, kw_only=True):
     """The service types that the latest plan lacked, because no device offered them."""
     failures: dict[str, int] = {}
     """The failures that each service has reported since it last completed a step."""
+    fruitless: set[tuple[str, str]] = set()
+    """Devices and uses of services (as `Step.use`) that told nothing in this task. They are not asked for the same again."""
     types: dict[str, ServiceType] = {}
     """The types of all offers so far. A type outlasts its offers, because a service may be committed to a step of it."""
     common_types: dict[str, ServiceType] = {}
@@ -84,7 +86,23 @@ class AvailableServices:
 
     def able_offers(self, run: StepRun) -> list[Offer]:
         """The offers of services that can be asked for the step."""
-        return able_offers(run.step, self._state.offers, self._service_types, {*run.excluded, *self.broken})
+        fruitless = self._state.fruitless
+        mute = {offer.service for offer in self._state.offers if fruitless and (offer.provider, run.step.use) in fruitless}
+        return able_offers(run.step, self._state.offers, self._service_types, {*run.excluded, *self.broken, *mute})
+
+    @property
+    def fruitless(self) -> frozenset[tuple[str, str]]:
+        """Devices and uses of services that told nothing in this task."""
+        return frozenset(self._state.fruitless)
+
+    def tells_nothing(self, provider: str, step: Step) -> None:
+        """Do not ask the device for this step again: a cognitive or software service had nothing to tell."""
+        self._state.fruitless.add((provider, step.use))
+
+    def tell_nothing(self, run: StepRun) -> None:
+        """Do not ask the services for the step again that failed in it or refused it."""
+        providers = (offer.provider for offer in self._state.offers if offer.service in run.excluded)
+        self._state.fruitless.update((provider, run.step.use) for provider in providers)
 
     def refused(self, service: str, *, not_now: bool) -> None:
         """Record whether a refusal is for good."""

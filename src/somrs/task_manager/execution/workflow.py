@@ -9,6 +9,7 @@ from enum import StrEnum
 from msgspec import Struct, field
 
 from somrs.entish import Formula
+from somrs.ontology.types import Value
 from somrs.planner.model.plan import Plan, Step
 from somrs.planner.model.provider_choice import assign_provider
 from somrs.protocol.messages.events import GoalKind
@@ -61,6 +62,8 @@ class StepRun(Struct, kw_only=True, eq=False):
     """Services whose terms expired once before the step could begin."""
     handled: set[str] = set()
     """The effects of the handlers that have been tried for its failure."""
+    outputs: dict[str, Value] = {}
+    """The outputs that the service reported at its end."""
     start: float = 0.0
     finish: float = 0.0
     is_waiting: bool = field(default=False, name="waits")

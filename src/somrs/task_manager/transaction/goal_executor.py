@@ -26,6 +26,7 @@ from somrs.task_manager.arrangement.available_services import service_names
 from somrs.task_manager.arrangement.call_for_proposals import MAX_OPEN_CALLS, Arrangement, CallForProposals
 from somrs.task_manager.arrangement.plan_request import PlanRequest, PlanRequester, PlanResult, ServicesUnknown
 from somrs.task_manager.context import known_to_hold
+from somrs.task_manager.execution.knowledge import told
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow
 from somrs.task_manager.recovery.ladder import RecoveryStep, next_recovery_step
@@ -205,11 +206,13 @@ class GoalExecutor:
         execution = self._execution
         execution.replans.planned(len(plan.steps))
         old = execution.workflow
-        execution.workflow = workflow = Workflow.from_plan(plan, f"{execution.number}.{execution.plans}/", execution.label, execution.kind)
+        part = plan.certain_part
+        execution.outlook = plan if len(part.steps) < len(plan.steps) else None
+        execution.workflow = workflow = Workflow.from_plan(part, f"{execution.number}.{execution.plans}/", execution.label, execution.kind)
         for member in workflow.adopt(old, self._scope.state.members) if old is not None else ():
             yield from self._participants.dismiss(member, "the plan changed", now)
         if not execution.fixed:
-            self._log_event(events.Planned(steps=len(plan.steps)), now)
+            self._log_event(events.Planned(steps=len(plan.steps), foreseen=len(plan.steps) - len(part.steps)), now)
         execution.phase = Phase.ARRANGING
         return Proceed()
 
@@ -400,7 +403,9 @@ class GoalExecutor:
                 self._log_event(events.ServiceReplaced(), now, run)
                 return Proceed()
             case RecoveryStep.REPLAN:
-                if not alternatives:
+                if not alternatives and harmless:
+                    services.tell_nothing(run)
+                elif not alternatives:
                     services.exclude(run.excluded)
                 return (yield from self._replan(now, reasons))
 
@@ -431,8 +436,20 @@ class GoalExecutor:
         execution = self._execution
         if execution.fixed or known_to_hold(parse(execution.goal), self._context.replica):
             return GoalReached()
+        if any(run.step.tells for run in execution):
+            return (yield from self._complete_plan(now))
         goal = "the goal" if execution.kind is GoalKind.TASK else execution.goal
         return (yield from self._replan(now, (f"every step was done, but {goal} does not hold",)))
+
+    def _complete_plan(self, now: float) -> EffectsReturning[NextAction | None]:
+        """Plan the rest: what the steps of the plan had to tell is known."""
+        replans, map, ontology = self._execution.replans, self._context.replica.map, self._context.replica.ontology
+        if not any(told(run, map, ontology) for run in self._execution if run.step.tells):
+            if replans.is_exhausted:
+                return (yield from self._fail((str(replans),), now))
+            replans.count()
+        yield from self._plan(now)
+        return None
 
     def _fail(self, reasons: tuple[str, ...], now: float) -> EffectsReturning[NextAction | None]:
         yield from self._withdraw("the plan was given up", now)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from somrs.entish.parse import parse
 from somrs.kernel.component import Effects, EffectsReturning
+from somrs.ontology.services import ServiceKind
 from somrs.protocol.messages import events, frp
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.event_text import join_reasons, loss_text
@@ -80,8 +81,10 @@ class ParticipantEvents:
             case frp.Progress() as progress:
                 yield from self._progressed(member, run, progress, now)
                 return None
-            case frp.Completed(situation=situation):
+            case frp.Completed(situation=situation, outputs=outputs):
                 member.fraction = 1.0
+                if run is not None:
+                    run.outputs = outputs
                 self._log_event(events.StepCompleted(service=name, situation=situation), run, now)
                 return (yield from self._reported(member, situation, None, now))
             case frp.Failed(description=description, tried=False) if member.lost_version is None:
@@ -152,7 +155,7 @@ class ParticipantEvents:
         for goal_execution in self._state.executions:
             yield from self._executor(goal_execution).invalidate_plan(f"{member.offer.service} reported during planning")
         if situation is None:
-            self._conclude_work(member, None, trouble)
+            self._conclude_work(member, None, trouble, now)
             return _PROCEED
         member.reporting = True
         yield from self._put_on_map(member, situation, WorkSubject(member.id, situation, trouble), now)
@@ -171,11 +174,11 @@ class ParticipantEvents:
             _, run = self._assignment(member)
             self._log_event(events.ReportRejected(service=member.offer.service, problems=problems), run, now)
         if isinstance(subject, WorkSubject) and problems:
-            self._conclude_work(member, None, subject.trouble or f"reported an impossible situation: {join_reasons(problems)}")
+            self._conclude_work(member, None, subject.trouble or f"reported an impossible situation: {join_reasons(problems)}", now)
         elif isinstance(subject, WorkSubject):
-            self._conclude_work(member, subject.situation, subject.trouble)
+            self._conclude_work(member, subject.situation, subject.trouble, now)
 
-    def _conclude_work(self, member: Member, situation: str | None, trouble: str | None) -> None:
+    def _conclude_work(self, member: Member, situation: str | None, trouble: str | None, now: float) -> None:
         """Record the result of a participant's work. The transaction then decides what to do next."""
         member.reporting = False
         state, services = self._state, self._scope.services
@@ -183,14 +186,17 @@ class ParticipantEvents:
         compensated = member.state in (State.COMPENSATED, State.STRANDED)
         was_cancelled = member.state is State.STOPPED and state.ending is not None
         if trouble is not None and not compensated and not was_cancelled:
-            services.failed(member.offer.service, trouble)
+            if work is not None and work.service_type.kind is not ServiceKind.PHYSICAL:
+                services.tells_nothing(member.offer.provider, work.step)  # it may well tell other things
+            else:
+                services.failed(member.offer.service, trouble)
             if work is not None and work.state is State.COMPLETED:
                 work.state, work.result, work.note = State.FAILED, State.FAILED, trouble  # its report was impossible
         elif member.state is State.COMPLETED:
             services.completed(member.offer.service)
         execution, run = self._assignment(member)
         if execution is not None and run is not None and run.progress is Progress.REPORTING:
-            StepExecutor(execution, self._scope).finish_step(run, situation, trouble)
+            StepExecutor(execution, self._scope).finish_step(run, situation, trouble, now)
         undo_tried = member.state is State.STRANDED and member.tried_to_undo
         silent_about = (
             work is not None and (undo_tried or not compensated) and (situation is None or not work.is_described_by(parse(situation)))

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from msgspec import Struct, field
 
+from somrs.planner.model.plan import Plan
 from somrs.protocol.messages.clients import Phase, Submit
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.event_text import retry_text, waiting_text
@@ -39,6 +40,8 @@ class GoalExecution(Struct, kw_only=True, eq=False):
     look: Look | None = None
     phase: Phase = Phase.PLANNING
     workflow: Workflow | None = None
+    outlook: Plan | None = None
+    """The whole plan, if only the part up to what its steps tell is executed; the rest is planned again when that is known."""
     request: PlanRequest | None = None
     plans: int = 0
     """The number of plans requested so far."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from somrs.entish.parse import parse
 from somrs.kernel.component import EffectsReturning
 from somrs.protocol.messages import events, frp
+from somrs.task_manager.execution.knowledge import output_texts, told, told_all
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow
 from somrs.task_manager.transaction.scope import TaskScope
@@ -46,15 +47,27 @@ class StepExecutor:
         """The step has ended, and its report goes to the map."""
         self._workflow.move(run, Progress.REPORTING)
 
-    def finish_step(self, run: StepRun, situation: str | None, failure: str | None) -> None:
+    def finish_step(self, run: StepRun, situation: str | None, failure: str | None, now: float) -> None:
         """Set the result of a step whose report is settled: completed, or failed and open again."""
         if failure is None:
             self._workflow.move(run, Progress.COMPLETED)
             self._execution.replans.step_completed()
+            self._note_what_is_told(run, situation, now)
             return
         run.excluded[self._member(run).offer.service] = failure
         run.reported = parse(situation) if situation is not None else None
         self._workflow.release(run, failure)
+
+    def _note_what_is_told(self, run: StepRun, situation: str | None, now: float) -> None:
+        """Log what the step has told. If it has not told all that it had to, its device is not asked for it again."""
+        map, ontology = self._scope.context.replica.map, self._scope.context.replica.ontology
+        if not run.step.tells:
+            return
+        if told(run, map, ontology):
+            event = events.FoundOut(service=self._member(run).offer.service, situation=situation, outputs=output_texts(run.outputs))
+            self._scope.log_event(event, now, run)
+        if not told_all(run, map, ontology):
+            self._scope.services.tells_nothing(self._member(run).offer.provider, run.step)
 
     def lost(self, run: StepRun, service: str, reason: str) -> None:
         """The service that executes the step is lost."""

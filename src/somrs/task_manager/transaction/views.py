@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
+
 import msgspec
 from msgspec import structs
 
+from somrs.entish import Attribute, Comparison, Formula, Name, Truth
+from somrs.entish.formula import conjuncts
 from somrs.errors import FormulaError
+from somrs.ontology.types import UNKNOWN
 from somrs.planner.model.plan import NoPlan, Plan, Step
 from somrs.protocol.frp.states import WORKING
 from somrs.protocol.messages.clients import ContractView, MessageView, Obstacle, Previewed, StepView, TaskEvent, TaskRow, TaskView, WorkView
@@ -14,6 +20,7 @@ from somrs.protocol.messages.event_text import join_reasons, sentence
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.paging import fit_page
 from somrs.task_manager.arrangement.plan_request import ServicesUnknown
+from somrs.task_manager.execution.knowledge import output_texts, subjects
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.workflow import Progress, StepRun
 from somrs.task_manager.transaction.state import LoggedEvent, TaskState, waiting_texts
@@ -31,7 +38,6 @@ STEP_STATE = {
 
 def view(task: TaskState) -> TaskView:
     """A task as clients see it."""
-    workflow = task.goal.workflow
     return TaskView(
         task=task.id,
         effect=task.task.effect,
@@ -41,7 +47,7 @@ def view(task: TaskState) -> TaskView:
         ended_at=task.ended_at,
         explanation=join_reasons(_reasons(task)),
         reasons=_reasons(task),
-        steps=tuple(_run_view(task, workflow.plan, run) for run in workflow) if workflow is not None else (),
+        steps=tuple(_step_views(task)),
         work=tuple(work.view() for work in task.log),
         client=task.client,
         precondition=task.task.precondition,
@@ -99,6 +105,22 @@ def row(task: TaskState) -> TaskRow:
     )
 
 
+def _step_views(task: TaskState) -> Iterator[StepView]:
+    """The steps of the plan of the task's goal, with those that are only foreseen."""
+    workflow, outlook = task.goal.workflow, task.goal.outlook
+    if workflow is None:
+        return
+    plan = outlook or workflow.plan
+    yield from (_run_view(task, plan, run) for run in workflow)
+    yield from foreseen_views(plan)
+
+
+def foreseen_views(plan: Plan) -> Iterator[StepView]:
+    """The steps that are planned again when it is known what the steps before them tell."""
+    certain = {step.id for step in plan.certain_part.steps}
+    yield from (step_view(step, plan, foreseen=True) for step in plan.topological() if step.id not in certain)
+
+
 def _run_view(task: TaskState, plan: Plan, run: StepRun) -> StepView:
     member = task.members.find_known_member(run.participant)
     return step_view(
@@ -110,6 +132,7 @@ def _run_view(task: TaskState, plan: Plan, run: StepRun) -> StepView:
         currency=member.bid.terms.currency if member and member.bid else "EUR",
         duration=member.bid.terms.duration if member and member.bid else None,
         fraction=member.fraction if member else 0.0,
+        outputs=output_texts(run.outputs),
     )
 
 
@@ -123,6 +146,8 @@ def step_view(
     currency: str = "EUR",
     duration: float | None = None,
     fraction: float = 0.0,
+    outputs: Mapping[str, str] = MappingProxyType({}),
+    foreseen: bool = False,
 ) -> StepView:
     """A step of a plan as clients see it."""
     links = plan.links_to(step.id)
@@ -139,14 +164,25 @@ def step_view(
         currency=currency,
         duration=duration,
         fraction=fraction,
+        kind=step.kind,
+        learns=subjects(step),
+        assumed=tuple(str(part) for part in _assumptions(step)),
+        outputs=dict(outputs),
+        foreseen=foreseen,
     )
+
+
+def _assumptions(step: Step) -> Iterator[Formula]:
+    """What the plan assumes that the step tells, without that an object is known then."""
+    known = (Comparison(Attribute(Name(name), UNKNOWN), "=", Truth(False)) for name in step.finds)
+    return (part for part in conjuncts(step.assumed) if part not in [*known]) if step.assumed is not None else iter(())
 
 
 def preview_reply(result: object) -> Previewed:
     """The planner's result as the reply to a preview."""
     match result:
         case Plan():
-            steps = tuple(step_view(step, result) for step in result.topological())
+            steps = (*(step_view(step, result) for step in result.certain_part.topological()), *foreseen_views(result))
             return Previewed(steps=steps, explanation="" if result.steps else "nothing to do: it is so already")
         case NoPlan():
             obstacles = tuple(Obstacle(obstacle.value) for obstacle in result.obstacles)

@@ -77,6 +77,12 @@ SENTENCES: list[tuple[Event, str]] = [
     (events.StepCompleted(service=S, situation="A isOn B"), "Robot1.Carry completed: A isOn B"),
     (events.StepStopped(service=S), "Robot1.Carry stopped"),
     (events.FoundSo(), "the effect of the step holds after all"),
+    (events.FoundOut(service="a", situation="Jar1 isOn Shelf1"), "a found out: Jar1 isOn Shelf1"),
+    (events.FoundOut(service="a", outputs={"Weight": "2.5"}), "a found out: Weight = 2.5"),
+    (
+        events.Planned(steps=3, foreseen=2),
+        "planned: 3 steps; the last 2 after the others have found out what is not known",
+    ),
     (events.ServiceFaulted(service=S, text="no oil"), "Robot1.Carry: no oil"),
     (events.ReportRejected(service=S, problems=TWO), "the Repository rejects what Robot1.Carry reports: no; never"),
     (events.NotBegun(service=S, description="no oil"), "Robot1.Carry did not begin: no oil"),
@@ -148,7 +154,7 @@ def test_what_an_event_is_in_the_life_of_its_task() -> None:
         EventKind.REPLACE: {"ServiceReplaced"},
         EventKind.REPLAN: {"Replanned", "TriedOnceMore"},
         EventKind.WAIT: {"WaitsForTasks", "WaitsToRetry", "WaitOver", "GoesOn", "WaitsForDevice"},
-        EventKind.LOOK: {"LookBegun", "LookFound", "NobodyLooks", "KnownOtherwise"},
+        EventKind.LOOK: {"FoundOut", "LookBegun", "LookFound", "NobodyLooks", "KnownOtherwise"},
         EventKind.UNDO: {"FailuresUndone", "UndoneByHandler", "UndoneByService", "UndoneByOthers", "Compensated", "WorkUndone"},
         EventKind.END: {"TaskEnded"},
     }  # fmt: skip

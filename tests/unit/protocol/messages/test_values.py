@@ -64,6 +64,7 @@ def test_what_is_left_out_of_a_message_is_false_or_empty_but_for_these() -> None
         **dict.fromkeys(("WorkView.goal",), "task"),
         **dict.fromkeys(("TaskEvent.kind",), "news"),
         **dict.fromkeys(("StepView.state",), "New"),
+        **dict.fromkeys(("StepView.kind",), "physical"),
     }
 
 

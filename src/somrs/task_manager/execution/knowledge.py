@@ -1,0 +1,54 @@
+"""What a step tells: what a cognitive service finds out, and what the outputs of a service are (paper, "Services")."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from somrs.entish import Attribute, Comparison, Formula, Name, Relation
+from somrs.entish.formula import conjuncts, names
+from somrs.ontology.objects import Map
+from somrs.ontology.types import UNKNOWN, Ontology, Value
+from somrs.ontology.values import constant, value_of
+from somrs.planner.model.plan import Step
+from somrs.task_manager.execution.workflow import StepRun
+
+
+def told(run: StepRun, map: Map, ontology: Ontology) -> bool:
+    """Whether the step has told anything that it had to tell."""
+    return any(_answers(run, map, ontology))
+
+
+def told_all(run: StepRun, map: Map, ontology: Ontology) -> bool:
+    """Whether the step has told all that it had to tell."""
+    return all(_answers(run, map, ontology))
+
+
+def subjects(step: Step) -> tuple[str, ...]:
+    """What the step is to tell: objects whose place and state it finds out, attributes, and facts about outputs."""
+    return tuple(dict.fromkeys(_subject(part) for part in conjuncts(step.effect))) if step.tells else ()
+
+
+def output_texts(outputs: Mapping[str, Value]) -> dict[str, str]:
+    """Outputs as text: the names of objects and texts as they are, numbers and truth values as in Entish."""
+    return {name: value if isinstance(value, str) else str(constant(value, None)) for name, value in outputs.items()}
+
+
+def _subject(part: Formula) -> str:
+    match part:
+        case Comparison(Attribute(owner, path)):
+            return str(owner) if path == UNKNOWN else f"{owner}.{path}"
+    return str(part)
+
+
+def _answers(run: StepRun, map: Map, ontology: Ontology) -> Iterator[bool]:
+    if any(name not in map.objects for name in run.step.finds):
+        yield bool(run.outputs)
+    for part in conjuncts(run.step.assumed) if run.step.assumed is not None else ():
+        match part:
+            case Comparison(Attribute(Name(name), path)) if name in map.objects:
+                value = value_of(name, path, map, ontology)
+                yield value is not True if path == UNKNOWN else value is not None
+            case Relation(relation, arguments) if names(part) and arguments[0].name in map.objects:
+                excluded = ontology.relations[relation].excludes
+                group = [other.name for other in ontology.relations.values() if excluded is not None and other.excludes == excluded]
+                yield not group or any(map.facts_with(other, 0, arguments[0].name) for other in group)

@@ -1,0 +1,224 @@
+"""Tasks that have to know before they act: objects that have to be found, values that have to be measured, outputs that later steps use."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from somrs.ontology.objects import ValueSet
+from somrs.ontology.services import Parameter, ServiceKind, ServiceType
+from somrs.ontology.types import RelationType, Value
+from somrs.protocol.messages import events
+from somrs.protocol.messages.clients import Preview, Previewed, TaskView
+from somrs.protocol.messages.envelope import Header, Message, message_id
+from somrs.protocol.messages.frp import Outcome, State
+from somrs.protocol.messages.knowledge import Definitions, UpdateMap
+from somrs.runtime.virtual_time import Work
+from somrs.service_manager.sdk.orders import Capability, Order, Profile, ServiceFailed, WorkDone
+from tests.support.virtual_system import SITE, Robot, VirtualSystem
+
+OBJECT = Parameter(name="Object", type="Graspable")
+WEIGH = ServiceType(
+    name="WeighObject",
+    kind=ServiceKind.COGNITIVE,
+    inputs=(OBJECT,),
+    outputs=(Parameter(name="Weight", type="number"),),
+    effect="?Object.Weight = ?Weight",
+)
+CARRY = ServiceType(
+    name="CarryWithinPayload",
+    inputs=(OBJECT, Parameter(name="Destination", type="Object")),
+    precondition="?Object isOn ?Source AND ?Object.Weight <= ?Provider.Payload",
+    effect="?Object isOn ?Destination",
+)
+PICK_PLACE = ServiceType(
+    name="PickPlace",
+    kind=ServiceKind.SOFTWARE,
+    inputs=(OBJECT,),
+    outputs=(Parameter(name="Place", type="Support"),),
+    effect="?Place isFreeFor ?Object",
+)
+FREE = RelationType(name="isFreeFor", joins=("Support", "Graspable"))
+Script = Callable[[Order], Work]
+
+
+def finds(situation: str) -> Script:
+    def work(order: Order) -> Work:
+        yield 3.0, WorkDone(situation=situation)
+
+    return work
+
+
+def finds_nothing(order: Order) -> Work:
+    yield 3.0, ServiceFailed(f"{order.inputs['Object']} is nowhere to be seen")
+
+
+class KnowingSystem(VirtualSystem):
+    """A system in which observers, scales and programs can join."""
+
+    def observe(self, name: str, script: Script, service: str | ServiceType = "RecognizeSituation", price: float = 1.0) -> Robot:
+        observer = Robot(name, price, 3, works=script)
+        capability = Capability(type=service, method="work", stoppable=True)
+        types = Definitions(services=(service,) if isinstance(service, ServiceType) else (), relations=(FREE,))
+        values: dict[str, Value] = {"PositionX": 5.0, "PositionY": 5.0, "PositionZ": 0.0}
+        profile = Profile(name=name, type="StationaryDevice", capabilities=(capability,), definitions=types, values=values, lease=3600)
+        self._join(observer, profile)
+        self.world.run(5)
+        return observer
+
+    def forget(self, object: str) -> None:
+        """Mark an object as unknown, as a person does who does not see it where the map says."""
+        self.update(ValueSet(object, "Unknown", True))
+
+    def update(self, *changes: ValueSet) -> None:
+        self._question_count += 1
+        header = Header(sender="client", recipient="repository", message_id=message_id("client", self._question_count), reply_to="client")
+        self.world.send(Message(header=header, body=UpdateMap(changes=changes, author="test")))
+        self.world.run(2)
+
+    def events_of(self, task: str, kind: type) -> list[object]:
+        return [logged.event for logged in self.manager.state.tasks[task].events if isinstance(logged.event, kind)]
+
+
+def work_of(view: TaskView) -> list[str]:
+    return [f"{work.service}: {work.state}" for work in view.work]
+
+
+def test_an_object_of_which_nothing_is_known_is_looked_for_and_then_carried() -> None:
+    system = KnowingSystem(Robot("Robot1", 4, 20))
+    system.observe("Camera9", finds("Jar002 isOn Floor001 AND Jar002.Unknown = FALSE"))
+    system.forget("Jar002")
+    preview = system.ask(Preview(effect="Jar002 isOn Platform001", quotes=True))
+    assert isinstance(preview, Previewed)
+    assert [(step.service_type, step.foreseen, step.learns) for step in preview.steps] == [
+        ("RecognizeSituation", False, ("Jar002",)),
+        ("TransferObject", True, ()),
+    ]
+    assert preview.price is None, "what the rest costs is known when it is known what there is to do"
+    task = system.submit("Jar002 isOn Platform001")
+    system.world.run(1.0)
+    first, second = system.view(task).steps
+    assert (first.kind, first.foreseen, second.foreseen, second.after) == (ServiceKind.COGNITIVE, False, True, ("step1",))
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.ACCOMPLISHED, view.reasons
+    assert work_of(view) == ["Camera9.RecognizeSituation: Completed", "Robot1.TransferObject: Completed"]
+    assert system.events_of(task, events.Planned) == [events.Planned(steps=2, foreseen=1), events.Planned(steps=1)]
+    (found,) = system.events_of(task, events.FoundOut)
+    assert found == events.FoundOut(service="Camera9.RecognizeSituation", situation="Jar002 isOn Floor001 AND Jar002.Unknown = FALSE")
+    assert not system.events_of(task, events.Replanned), "it is the same plan, completed"
+
+
+def test_that_an_object_be_known_is_a_task() -> None:
+    system = KnowingSystem(Robot("Robot1", 4, 20))
+    system.observe("Camera9", finds("Jar002 isOn Floor001 AND Jar002.Unknown = FALSE"))
+    system.forget("Jar002")
+    (view,) = system.finish(system.submit("Jar002.Unknown = FALSE"))
+    assert view.outcome is Outcome.ACCOMPLISHED
+    assert [step.state for step in view.steps] == [State.COMPLETED]
+
+
+def test_looking_at_a_place_puts_nothing_there() -> None:
+    see = ServiceType(
+        name="SeeWhetherOn",
+        kind=ServiceKind.COGNITIVE,
+        inputs=(Parameter(name="Thing", type="PhysicalObject"), Parameter(name="Place", type="Object")),
+        effect="?Thing isOn ?Place",
+    )
+    system = KnowingSystem(Robot("Robot1", 4, 20))
+    observer = system.observe("Camera9", finds("Jar002 isOn Cupboard001"), see)
+    (view,) = system.finish(system.submit("Jar002 isOn Platform001"))
+    assert view.outcome is Outcome.ACCOMPLISHED
+    assert work_of(view) == ["Robot1.TransferObject: Completed"]
+    assert observer.orders == []
+
+
+def test_who_finds_nothing_is_asked_once_and_then_another() -> None:
+    system = KnowingSystem(Robot("Robot1", 4, 20))
+    blind = system.observe("Camera9", finds_nothing, price=0.5)
+    system.observe("Camera10", finds("Jar002 isOn Floor001 AND Jar002.Unknown = FALSE"), price=9)
+    system.forget("Jar002")
+    (view,) = system.finish(system.submit("Jar002 isOn Platform001"))
+    assert view.outcome is Outcome.ACCOMPLISHED, view.reasons
+    assert len(blind.orders) == 1
+    assert [entry for entry in work_of(view) if entry.startswith("Camera")] == [
+        "Camera9.RecognizeSituation: Failed",
+        "Camera10.RecognizeSituation: Completed",
+    ]
+
+
+@pytest.mark.parametrize("script", [finds_nothing, finds("Cupboard001 isOn Floor001")])
+def test_what_nobody_finds_is_said(script: Script) -> None:
+    system = KnowingSystem(Robot("Robot1", 4, 20))
+    blind = system.observe("Camera9", script)
+    system.forget("Jar002")
+    (view,) = system.finish(system.submit("Jar002 isOn Platform001"))
+    assert view.outcome is Outcome.FAILED
+    assert "Camera9 tried in vain to find it out" in view.explanation
+    assert len(blind.orders) == 1
+
+
+def test_one_that_did_not_find_one_thing_is_still_asked_for_another() -> None:
+    def works(order: Order) -> Work:
+        if order.inputs["Object"] == "Jar001":
+            yield from finds_nothing(order)
+        yield 3.0, WorkDone(situation="Jar002 isOn Floor001 AND Jar002.Unknown = FALSE")
+
+    system = KnowingSystem(Robot("Robot1", 4, 20))
+    system.observe("Camera9", works)
+    system.forget("Jar001")
+    system.forget("Jar002")
+    (view,) = system.finish(system.submit("Jar001 isOn Platform001 OR Jar002 isOn Platform001"))
+    assert view.outcome is Outcome.ACCOMPLISHED, view.reasons
+
+
+@pytest.mark.parametrize(("weight", "carrier"), [(1.5, "Robot1"), (4.0, "Robot2"), (4.9, None)])
+def test_who_carries_it_depends_on_what_the_scale_says(weight: float, carrier: str | None) -> None:
+    site = SITE.replace("  Tin001: {type: Jar,", "  Tin001: {type: Graspable, Shape: {Form: Cylinder, Radius: 0.04, Height: 0.1},").replace(
+        "Robot2: {type: PioneerP3DX,", "Robot2: {type: PioneerP3DX, Payload: 4.5,"
+    )
+    system = KnowingSystem(site=site)
+
+    def weighs(order: Order) -> Work:
+        yield 2.0, WorkDone(situation=f"{order.inputs['Object']}.Weight = {weight} kg", outputs={"Weight": weight})
+
+    def carries(order: Order) -> Work:
+        yield 20.0, WorkDone(situation=f"{order.inputs['Object']} isOn {order.inputs['Destination']}")
+
+    system.observe("Scale1", weighs, WEIGH)
+    for name, price in (("Robot1", 2), ("Robot2", 8)):
+        system.join(Robot(name, price, 20, works=carries), service=CARRY)
+    system.world.run(5)
+    task = system.submit("Tin001 isOn Platform001")
+    system.world.run(0.6)
+    assert [step.learns for step in system.view(task).steps] == [("Tin001.Weight",), ()]
+    (view,) = system.finish(task)
+    assert system.events_of(task, events.FoundOut)
+    if carrier is None:
+        assert view.outcome is Outcome.FAILED
+        assert "Tin001.Weight <= " in view.explanation
+    else:
+        assert view.outcome is Outcome.ACCOMPLISHED, view.reasons
+        assert work_of(view) == ["Scale1.WeighObject: Completed", f"{carrier}.CarryWithinPayload: Completed"]
+    assert system.map.objects["Tin001"].values["Weight"] == weight
+
+
+def test_a_program_picks_the_place_to_which_a_robot_carries() -> None:
+    system = KnowingSystem(Robot("Robot1", 4, 20))
+
+    def picks(order: Order) -> Work:
+        yield 0.5, WorkDone(situation=f"Platform001 isFreeFor {order.inputs['Object']}", outputs={"Place": "Platform001"})
+
+    system.observe("Planner1", picks, PICK_PLACE)
+    task = system.submit("Jar002 isOn ?Place AND ?Place isFreeFor Jar002")
+    system.world.run(0.6)
+    pick, carry = system.view(task).steps
+    assert (pick.kind, pick.learns, pick.assumed) == (ServiceKind.SOFTWARE, ("?Place isFreeFor Jar002",), ("Some-Place isFreeFor Jar002",))
+    assert (carry.foreseen, carry.inputs) == (True, {"Object": "Jar002", "Destination": "Some-Place"})
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.ACCOMPLISHED, view.reasons
+    (found,) = system.events_of(task, events.FoundOut)
+    assert found == events.FoundOut(
+        service="Planner1.PickPlace", situation="Platform001 isFreeFor Jar002", outputs={"Place": "Platform001"}
+    )
+    assert [fact.arguments for fact in system.map.facts("isOn") if fact.arguments[0] == "Jar002"] == [("Jar002", "Platform001")]
