@@ -104,7 +104,7 @@ class RobotState(Struct, frozen=True, kw_only=True):
 
 
 class ObjectState(Struct, frozen=True, kw_only=True):
-    """An observed object: the middle of its underside, its yaw, its support (None if it is held or this is unknown), and its holder."""
+    """An observed object: the middle of its underside, its yaw, and its support, its container or its holder, as far as they are known."""
 
     object: str
     x: float
@@ -113,6 +113,7 @@ class ObjectState(Struct, frozen=True, kw_only=True):
     yaw: float
     support: str | None = field(default=None, name="on")
     held_by: str | None = None
+    container: str | None = field(default=None, name="in")
 
 
 class CommandDone(Struct, frozen=True, kw_only=True):

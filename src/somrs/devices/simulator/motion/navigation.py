@@ -16,6 +16,7 @@ from scipy import ndimage
 
 from somrs.devices.simulator.motion.clearance import FAR, Disc, Grid, clearances
 from somrs.devices.simulator.motion.wayfinding import costs_from, search
+from somrs.devices.simulator.world.leaves import open_leaves
 from somrs.devices.simulator.world.solids import Point, Role, Solid, path_length, solid_of
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
@@ -48,9 +49,10 @@ class Navigator:
         solids = [solid for object in map.objects.values() if (solid := solid_of(object, ontology)) is not None]
         self.solids = {solid.name: solid for solid in solids if _stands(solid) and solid.z < level + height and solid.top > level + 0.02}
         floors = [solid for solid in solids if solid.role is Role.FLOOR and abs(solid.top - level) < 0.1]
+        leaves = [leaf for solid in self.solids.values() for leaf in open_leaves(solid)]
         passages = [solid for solid in solids if ontology.is_subtype(solid.type, "Passage")]
         self.grid = Grid.enclosing(floors or solids, margin=0.5 if floors else 4.0)
-        self._clearance = clearances(self.grid, list(self.solids.values()), floors, passages if floors else [])
+        self._clearance = clearances(self.grid, [*self.solids.values(), *leaves], floors, passages if floors else [])
 
     def clearance(self, point: Point, discs: Sequence[Disc] = ()) -> float:
         """Distance from the point to the nearest obstacle, at most `FAR`; negative inside an obstacle or off the floor."""

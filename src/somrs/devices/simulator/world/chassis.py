@@ -21,7 +21,8 @@ GROUND = 0.02
 LIFT_TOP = 1.75
 """Largest height of the boom, m: enough to take a tall bottle from a top at 1.2 m."""
 # Collision bits: static bodies collide with robots and things, robots with everything, static bodies never with each other.
-STATIC_BIT, ROBOT_BIT, THING_BIT = 1, 2, 4
+# Handles collide with fingers only.
+STATIC_BIT, ROBOT_BIT, THING_BIT, HANDLE_BIT = 1, 2, 4, 8
 _DARK, _STEEL, _RUBBER, _TIP = (0.13, 0.14, 0.16, 1), (0.72, 0.74, 0.77, 1), (0.06, 0.06, 0.07, 1), (0.95, 0.55, 0.1, 1)
 _JOINTS = ("x", "y", "yaw", "turret", "lift", "reach", "wrist", "left", "right")
 BASE_JOINTS = _JOINTS[:3]
@@ -30,7 +31,7 @@ ARM_SEEN = ("turret", "lift", "reach", "wrist", "left")
 
 
 def add_robot(spec: mujoco.MjSpec, solid: Solid, colour: tuple[float, float, float, float]) -> None:
-    """Add a robot's bodies, joints, servos and gripper weld, all named `<robot>/<part>`."""
+    """Add a robot's bodies, joints, servos, and the equalities for what it grips, all named `<robot>/<part>`."""
     size, name = dimensions_of(solid), solid.name
     base = spec.worldbody.add_body(name=name, pos=[solid.x, solid.y, solid.z], gravcomp=1)
     for axis, joint in enumerate("xy"):
@@ -51,7 +52,7 @@ def _geom(
     """Add a part of a robot. A part with mass collides; a part without is only visible."""
     bits = {"contype": ROBOT_BIT, "conaffinity": STATIC_BIT | ROBOT_BIT} if mass else {"contype": 0, "conaffinity": 0, "group": 1}
     form = getattr(mujoco.mjtGeom, f"mjGEOM_{kind.upper()}")
-    body.add_geom(type=form, size=size, pos=pos, rgba=list(rgba), mass=mass, **bits, **options)
+    body.add_geom(type=form, size=size, pos=pos, rgba=list(rgba), mass=mass, **(bits | options))
 
 
 def _add_base(base: mujoco.MjsBody, size: Dimensions, mass: float, colour: tuple[float, ...]) -> None:
@@ -98,7 +99,8 @@ def _add_arm(spec: mujoco.MjSpec, base: mujoco.MjsBody, name: str, size: Dimensi
     _geom(palm, "box", [0.018, OPENING + 0.014, 0.012], [0, 0, 0.012], _DARK, 0.2)
     for key, side in (("left", 1), ("right", -1)):
         finger = part(key, "wrist", [0, 0, 0], [0, side, 0], (0.0, OPENING), 0.1)
-        _geom(finger, "box", [0.014, 0.006, FINGER / 2], [0, side * 0.006, -FINGER / 2], _TIP, 0.08, friction=[1.2, 0.02, 0.001], condim=4)
+        grip = {"friction": [1.2, 0.02, 0.001], "condim": 4, "conaffinity": STATIC_BIT | ROBOT_BIT | HANDLE_BIT}
+        _geom(finger, "box", [0.014, 0.006, FINGER / 2], [0, side * 0.006, -FINGER / 2], _TIP, 0.08, **grip)
     gains = {
         "turret": (600, 90, 80),
         "lift": (9000, 500, 400),
@@ -117,6 +119,8 @@ def _add_arm(spec: mujoco.MjSpec, base: mujoco.MjsBody, name: str, size: Dimensi
             spec.add_exclude(bodyname1=first_body.name, bodyname2=second_body.name)
     grasp = spec.add_equality(name=f"{name}/grasp", type=mujoco.mjtEq.mjEQ_WELD, objtype=mujoco.mjtObj.mjOBJ_BODY, active=False)
     grasp.name1, grasp.name2, grasp.solref = palm.name, base.name, [0.012, 1.0]
+    pull = spec.add_equality(name=f"{name}/pull", type=mujoco.mjtEq.mjEQ_CONNECT, objtype=mujoco.mjtObj.mjOBJ_BODY, active=False)
+    pull.name1, pull.name2, pull.solref = palm.name, base.name, [0.02, 1.0]
 
 
 class Joints:

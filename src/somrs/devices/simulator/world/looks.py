@@ -8,6 +8,7 @@ from collections.abc import Callable
 import mujoco
 
 from somrs.devices.simulator.world.colours import METAL, Colour, colour_of, shade
+from somrs.devices.simulator.world.leaves import HANDLE_LENGTH, Leaf, boards, panels
 from somrs.devices.simulator.world.solids import Role, Solid
 
 
@@ -73,17 +74,11 @@ def _table(body: mujoco.MjsBody, s: Solid, c: Colour) -> None:
 
 
 def _cupboard(body: mujoco.MjsBody, s: Solid, c: Colour) -> None:
-    plinth, top = min(0.06, s.height / 6), min(0.03, s.height / 6)
-    _part(body, (s.width - 0.04, s.depth - 0.04, plinth), (0, 0, plinth / 2), shade(c, 0.4))
-    _part(body, (s.width - 0.01, s.depth - 0.01, s.height - plinth - top), (0, 0, (s.height - top + plinth) / 2), c)
-    _part(body, (s.width, s.depth, top), (0, 0, s.height - top / 2), shade(c, 1.25))
-    doors = max(1, round(s.depth / 0.5))
-    wide, tall = s.depth / doors - 0.02, s.height - plinth - top - 0.03
-    for i in range(doors):
-        y = (i + 0.5) * s.depth / doors - s.depth / 2
-        _part(body, (0.012, wide, tall), (s.width / 2 - 0.003, y, (s.height - top + plinth) / 2), shade(c, 1.1))
-        knob = y + (wide / 2 - 0.05) * (1 if i % 2 == 0 else -1)
-        _part(body, (0.02, 0.015, 0.10), (s.width / 2 + 0.008, knob, 0.65 * s.height), METAL)
+    plinth, _ = boards(s)
+    _part(body, (s.width - 0.04, s.depth - 0.04, plinth - 0.01), (0, 0, plinth / 2 - 0.005), shade(c, 0.4))
+    for panel in panels(s):
+        colour = shade(c, 1.25) if panel.z + panel.height >= s.height else c
+        _part(body, (panel.width, panel.depth, panel.height), (panel.x, panel.y, panel.z + panel.height / 2), colour)
 
 
 def _shelf(body: mujoco.MjsBody, s: Solid, c: Colour) -> None:
@@ -124,7 +119,7 @@ def _plant(body: mujoco.MjsBody, s: Solid, c: Colour) -> None:
 
 
 def _door(body: mujoco.MjsBody, s: Solid, c: Colour) -> None:
-    """Draw a frame in the wall, and the leaf: in the frame if the door is closed, otherwise turned aside."""
+    """Draw a frame in the wall."""
     along_y = s.depth >= s.width
     length, thick = (s.depth, s.width) if along_y else (s.width, s.depth)
 
@@ -135,11 +130,21 @@ def _door(body: mujoco.MjsBody, s: Solid, c: Colour) -> None:
     for side in (-1, 1):
         piece(side * (length / 2 - 0.02), 0, s.height / 2, (0.04, thick + 0.03, s.height), shade(c, 0.6))
     piece(0, 0, s.height - 0.02, (length, thick + 0.03, 0.04), shade(c, 0.6))
-    if s.open:
-        piece(-length / 2 + 0.03, thick / 2 + length / 2 - 0.04, s.height / 2 - 0.02, (0.04, length - 0.1, s.height - 0.06), c)
-    else:
-        piece(0, 0, s.height / 2 - 0.02, (length - 0.08, 0.045, s.height - 0.05), c)
-        piece(length / 2 - 0.12, 0, 1.0, (0.10, 0.13, 0.02), METAL)
+
+
+def draw_leaf(body: mujoco.MjsBody, leaf: Leaf) -> None:
+    """Draw the leaf of a door or container in the leaf's frame: x along the leaf, from its `end`; y against its front."""
+    colour, middle = shade(colour_of(leaf.owner), 1.1), (leaf.bottom + leaf.top) / 2
+    if leaf.slides:
+        _part(body, (leaf.width - 0.08, 0.03, leaf.top - 0.05), (leaf.width / 2, 0, leaf.top / 2 - 0.02), colour)
+        return
+    _part(body, (leaf.width - 0.006, leaf.thickness, leaf.top - leaf.bottom - 0.006), (leaf.width / 2, 0, middle), colour)
+
+
+def draw_handle(body: mujoco.MjsBody, x: float, y: float, z: float, surface: float) -> None:
+    """Draw the two brackets between an upright handle and the surface of its leaf, at `surface` on the y axis."""
+    for end in (-1, 1):
+        _part(body, (0.012, abs(y - surface), 0.012), (x, (y + surface) / 2, z + end * (HANDLE_LENGTH / 2 - 0.008)), METAL)
 
 
 def _jar(body: mujoco.MjsBody, s: Solid, c: Colour) -> None:

@@ -6,15 +6,17 @@ Controllers read and drive it; it makes no decisions. Objects can be added and r
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 
 from somrs.devices.simulator.link.commands import ObjectState
-from somrs.devices.simulator.world.chassis import Joints
+from somrs.devices.simulator.world.chassis import HANDLE_BIT, Joints
 from somrs.devices.simulator.world.dimensions import dimensions_of
 from somrs.devices.simulator.world.distances import Array, distances_from
+from somrs.devices.simulator.world.leaves import Leaf, inside, leaves_of
 from somrs.devices.simulator.world.solids import Role, Solid
 from somrs.devices.simulator.world.world import STEP, World, build
 from somrs.errors import SimulationError
@@ -30,7 +32,7 @@ SLEEP = int(mujoco.mjtEnableBit.mjENBL_SLEEP)
 
 
 class Scene:
-    """The state of the world. `held`: the thing that is welded to each robot's hand, by robot.
+    """The state of the world. `held`: the thing that is welded to each robot's hand, by robot. `pulled`: the leaf whose handle it holds.
 
     `disturbed`: simulated time at which an object was last added, removed, moved or released, so that objects at rest may move.
     """
@@ -44,10 +46,11 @@ class Scene:
         self.data: mujoco.MjData = mujoco.MjData(self.model)
         self.joints: dict[str, Joints] = {}
         self.held: dict[str, str] = {}
+        self.pulled: dict[str, str] = {}
         self.time = 0.0
         self.disturbed, self._awake = 0.0, True
         self._bind()
-        for solid in self.world.by_role(Role.ROBOT):
+        for solid in self.world.solids.values():
             self._start(solid)
         self._settle()
 
@@ -65,8 +68,16 @@ class Scene:
         self._motion = {thing: int(model.body_dofadr[body]) for thing, body in self._things.items()}
         self._asleep = np.asarray(self.data.tree_asleep)
         self._tree = {thing: int(model.body_treeid[body]) for thing, body in self._things.items()}
+        self._leaves = {
+            leaf.name: int(model.jnt_qposadr[model.joint(leaf.name).id]) for solid in self.world.solids.values() for leaf in leaves_of(solid)
+        }
 
     def _start(self, solid: Solid) -> None:
+        """Set the joints of a robot, a door or a container that is added."""
+        for leaf in leaves_of(solid):
+            self.set_leaf(leaf, leaf.travel if solid.open else 0.0)
+        if solid.role is not Role.ROBOT:
+            return
         joints, size = self.joints[solid.name], dimensions_of(solid)
         joints.start("yaw", solid.yaw)
         if size.gripper:
@@ -108,8 +119,7 @@ class Scene:
         solid = self.world.add(object)
         if solid is not None:
             self._recompile()
-            if solid.role is Role.ROBOT:
-                self._start(solid)
+            self._start(solid)
             mujoco.mj_forward(self.model, self.data)
         return solid
 
@@ -117,6 +127,8 @@ class Scene:
         for robot, thing in list(self.held.items()):
             if name in (robot, thing):
                 self.release(robot)
+        for robot in [robot for robot, leaf in self.pulled.items() if name in (robot, leaf.split("/")[0])]:
+            self.let_go(robot)
         self.world.remove(name)
         self._recompile()
         mujoco.mj_forward(self.model, self.data)
@@ -130,6 +142,7 @@ class Scene:
         self._disturb()
         controls = {self.model.actuator(i).name: float(self.data.ctrl[i]) for i in range(self.model.nu)}
         welds = {robot: self.model.eq_data[self._weld(robot)].copy() for robot in self.held}
+        pulls = {robot: self.model.eq_data[self._pull(robot)].copy() for robot in self.pulled}
         self.model, self.data = self.world.spec.recompile(self.model, self.data)
         for i in range(self.model.nu):
             self.data.ctrl[i] = controls.get(self.model.actuator(i).name, 0.0)
@@ -139,6 +152,11 @@ class Scene:
             self.model.eq_obj2id[weld] = self._things[thing]
             self.model.eq_data[weld] = welds[robot]
             self.data.eq_active[weld] = 1
+        for robot, leaf in self.pulled.items():
+            pull = self._pull(robot)
+            self.model.eq_obj2id[pull] = self.model.body(leaf).id
+            self.model.eq_data[pull] = pulls[robot]
+            self.data.eq_active[pull] = 1
 
     def place_thing(self, thing: str, x: float, y: float, z: float, yaw: float) -> None:
         """Move a thing to another pose, upright and at rest. A robot that held it releases it."""
@@ -151,6 +169,27 @@ class Scene:
         self.data.qvel[speed : speed + 6] = 0
         self._disturb()
         mujoco.mj_forward(self.model, self.data)
+
+    # Doors and containers
+
+    def leaves(self, owner: str) -> tuple[Leaf, ...]:
+        return leaves_of(self.world.solids[owner])
+
+    def leaf_position(self, leaf: Leaf) -> float:
+        """The position of a leaf's joint, m or rad."""
+        return float(self._position[self._leaves[leaf.name]])
+
+    def set_leaf(self, leaf: Leaf, position: float) -> None:
+        """Set a leaf's joint without motion."""
+        self._position[self._leaves[leaf.name]] = position
+
+    def note_open(self, owner: str, is_open: bool) -> None:
+        """Record whether a door or container counts as open."""
+        self.world.solids[owner] = replace(self.world.solids[owner], open=is_open)
+
+    def container_at(self, x: float, y: float, z: float) -> Solid | None:
+        """The container in which a point is."""
+        return next((solid for solid in self.world.by_role(Role.SUPPORT) if solid.container and _is_inside(solid, x, y, z)), None)
 
     # Poses and contacts
 
@@ -185,7 +224,10 @@ class Scene:
     def observe(self, name: str) -> ObjectState:
         """The true state of an object. `support` is None while a robot holds it."""
         x, y, z, yaw = self.pose(name)
-        return ObjectState(object=name, x=x, y=y, z=z, yaw=yaw, support=self._carrier(name), held_by=self.holder(name))
+        holder, container = self.holder(name), self.container_at(x, y, z) if name in self._things else None
+        if container is not None and holder is None:
+            return ObjectState(object=name, x=x, y=y, z=z, yaw=yaw, container=container.name)
+        return ObjectState(object=name, x=x, y=y, z=z, yaw=yaw, support=self._carrier(name), held_by=holder)
 
     def _carrier(self, name: str) -> str | None:
         """What the object stands on: an object that touches it from below or, if there is no contact, the solid directly below it.
@@ -251,10 +293,19 @@ class Scene:
 
     def touching_fingers(self, robot: str, thing: str) -> set[str]:
         """The fingers of the robot that touch the thing: a subset of `left` and `right`."""
+        return self._touching(robot, [geom for geom, owner in enumerate(self._owner) if owner == thing])
+
+    def fingers_at_handle(self, robot: str, leaf: Leaf) -> set[str]:
+        """The fingers of the robot that touch a handle of the leaf."""
+        body = leaf.name
+        handles = [geom for geom, name in enumerate(self._geom_body) if name == body and self.model.geom_contype[geom] == HANDLE_BIT]
+        return self._touching(robot, handles)
+
+    def _touching(self, robot: str, geoms: Collection[int]) -> set[str]:
         fingers = set()
         for first_geom, second_geom in self.data.contact.geom:
-            for finger_geom, thing_geom in ((first_geom, second_geom), (second_geom, first_geom)):
-                if self._owner[thing_geom] == thing and self._geom_body[finger_geom] in (f"{robot}/left", f"{robot}/right"):
+            for finger_geom, touched_geom in ((first_geom, second_geom), (second_geom, first_geom)):
+                if touched_geom in geoms and self._geom_body[finger_geom] in (f"{robot}/left", f"{robot}/right"):
                     fingers.add(self._geom_body[finger_geom].rsplit("/", 1)[1])
         return fingers
 
@@ -265,6 +316,7 @@ class Scene:
             first_name, second_name = sorted((self._owner[first_geom], self._owner[second_geom]))
             if (
                 first_name != second_name
+                and HANDLE_BIT not in (self.model.geom_contype[first_geom], self.model.geom_contype[second_geom])
                 and (first_name in self.joints or second_name in self.joints)
                 and self.held.get(first_name) != second_name
                 and self.held.get(second_name) != first_name
@@ -295,6 +347,27 @@ class Scene:
         self._disturb()
         self.held.pop(robot, None)
 
+    def _pull(self, robot: str) -> int:
+        return int(mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_EQUALITY, f"{robot}/pull"))
+
+    def hold_handle(self, robot: str, leaf: Leaf) -> None:
+        """Join the robot's hand to the leaf where it is; the hand can still turn. The caller has checked that both fingers touch a handle."""
+        pull, hand, body = self._pull(robot), self.model.body(f"{robot}/wrist").id, self.model.body(leaf.name).id
+        anchor, inverse = np.zeros(3), np.zeros(4)
+        mujoco.mju_negQuat(inverse, self.data.xquat[body])
+        mujoco.mju_rotVecQuat(anchor, self.data.xpos[hand] - self.data.xpos[body], inverse)
+        self.model.eq_obj2id[pull] = body
+        self.model.eq_data[pull] = [0, 0, 0, *anchor, *([0] * (self.model.eq_data.shape[1] - 6))]
+        self.data.eq_active[pull] = 1
+        self.pulled[robot] = leaf.name
+        self._disturb()
+
+    def let_go(self, robot: str) -> None:
+        """Release the handle that the robot holds, if it does."""
+        if self.pulled.pop(robot, None) is not None:
+            self.data.eq_active[self._pull(robot)] = 0
+            self._disturb()
+
     def is_unobstructed(self, start: tuple[float, float, float], end: tuple[float, float, float], ignored: Iterable[str]) -> bool:
         """Whether no solid except the ignored objects is between two points."""
         vector = np.array(end) - np.array(start)
@@ -310,3 +383,8 @@ class Scene:
                 return False
             origin, remaining = origin + vector / length * (distance + 1e-4), remaining - distance - 1e-4
         return False
+
+
+def _is_inside(container: Solid, x: float, y: float, z: float) -> bool:
+    space = inside(container)
+    return space.z - 0.02 <= z < space.top and space.distance(x, y) < 0

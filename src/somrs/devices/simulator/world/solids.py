@@ -77,6 +77,8 @@ class Solid:
     color: str | None = None
     weight: float = 0.3
     open: bool = False
+    container: bool = False
+    """Whether things can be put into it, through doors in its front."""
     speed: float = 0.8
     gripper: bool = False
     pitch: float = 0.0
@@ -179,6 +181,7 @@ def solid_of(object: Object, ontology: Ontology) -> Solid | None:
         color=None if color is None else str(color),
         weight=number("Weight", 0.3),
         open=bool(value("Open")),
+        container=ontology.is_subtype(object.type, "Container"),
         speed=number("Speed", 0.8),
         gripper=gripper,
         pitch=number("RotationY"),

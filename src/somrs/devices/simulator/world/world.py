@@ -11,9 +11,10 @@ from dataclasses import dataclass, field
 
 import mujoco
 
-from somrs.devices.simulator.world.chassis import ROBOT_BIT, STATIC_BIT, THING_BIT, add_robot
-from somrs.devices.simulator.world.colours import colour_of
-from somrs.devices.simulator.world.looks import add_surroundings, draw
+from somrs.devices.simulator.world.chassis import HANDLE_BIT, ROBOT_BIT, STATIC_BIT, THING_BIT, add_robot
+from somrs.devices.simulator.world.colours import METAL, colour_of
+from somrs.devices.simulator.world.leaves import EDGE, HANDLE, HANDLE_LENGTH, JAMB, STANDOFF, Leaf, leaves_of, open_leaves, panels
+from somrs.devices.simulator.world.looks import add_surroundings, draw, draw_handle, draw_leaf
 from somrs.devices.simulator.world.solids import Point, Role, Solid, solid_of
 from somrs.errors import SimulationError
 from somrs.ontology.objects import Map, Object
@@ -36,8 +37,9 @@ class World:
         return [solid for solid in self.solids.values() if solid.role in roles]
 
     def blocks(self) -> list[Solid]:
-        """The static obstacles, without open doors."""
-        return [solid for solid in self.by_role(*_STATICS) if not (solid.role is Role.DOOR and solid.open)]
+        """The static obstacles, with the leaves of open containers, and without open doors."""
+        solids = [solid for solid in self.by_role(*_STATICS) if not (solid.role is Role.DOOR and solid.open)]
+        return [*solids, *(leaf for solid in solids for leaf in open_leaves(solid))]
 
     def add(self, object: Object) -> Solid | None:
         """Add an object to the description. Returns None if it takes up no space. Raises SimulationError if it exists already."""
@@ -70,14 +72,22 @@ class World:
             self._add_prisms(body, solid)
         else:
             draw(body, solid, list(self.ontology.ancestors(solid.type)))
+        leaves = leaves_of(solid)
+        for leaf in leaves:
+            _add_leaf(body, leaf)
         if solid.role is Role.THING:
             body.add_freejoint(name=solid.name)
             bits = {"contype": THING_BIT, "conaffinity": STATIC_BIT | ROBOT_BIT | THING_BIT, "mass": max(solid.weight, 0.01), "condim": 4}
         else:
             bits = {"contype": STATIC_BIT, "conaffinity": 0}
+        if solid.container and leaves:
+            for panel in panels(solid):
+                size, middle = [panel.width / 2, panel.depth / 2, panel.height / 2], [panel.x, panel.y, panel.z + panel.height / 2]
+                body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=size, pos=middle, group=3, friction=[0.9, 0.01, 0.001], **bits)
+            return
         if (
             solid.role is Role.MARK
-            or (solid.role is Role.DOOR and solid.open)
+            or (solid.role is Role.DOOR and leaves)
             or (solid.form == "Polygon" and solid.role is not Role.FLOOR)
         ):
             return
@@ -93,6 +103,33 @@ class World:
             mesh.uservert = [value for z in (0.0, solid.height) for x, y in triangle for value in (x, y, z)]
             colour, look = list(colour_of(solid)), "matt"
             body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, rgba=colour, material=look, contype=bit, conaffinity=0)
+
+
+def _add_leaf(body: mujoco.MjsBody, leaf: Leaf) -> None:
+    """Add a leaf with its joint and its handles to the body of its owner. The leaf's frame has its origin at `end`, and x along the leaf."""
+    turn = [math.cos(leaf.along / 2), 0, 0, math.sin(leaf.along / 2)]
+    part = body.add_body(name=leaf.name, pos=[*leaf.end, 0], quat=turn, gravcomp=1)
+    joint = part.add_joint(name=leaf.name, axis=[-1, 0, 0] if leaf.slides else [0, 0, leaf.turn])
+    joint.type = mujoco.mjtJoint.mjJNT_SLIDE if leaf.slides else mujoco.mjtJoint.mjJNT_HINGE
+    joint.limited, joint.range = 1, [0, leaf.travel]
+    damping, joint.frictionloss = (8.0, 2.0) if leaf.slides else (1.0, 0.4)
+    joint.damping = [damping, 0, 0]
+    box, middle, tall = mujoco.mjtGeom.mjGEOM_BOX, (leaf.bottom + leaf.top) / 2, (leaf.top - leaf.bottom) / 2
+    width = leaf.width - JAMB if leaf.slides else leaf.width
+    thick = min(leaf.thickness, 0.045) / 2
+    part.add_geom(type=box, size=[width / 2, thick, tall], pos=[width / 2, 0, middle], group=3, mass=10, contype=STATIC_BIT, conaffinity=0)
+    if leaf.slides:  # nothing collides with the strip that stays in the doorway, but nobody sees through it
+        strip = [width + JAMB / 2, 0, middle]
+        part.add_geom(type=box, size=[JAMB / 2, thick, tall], pos=strip, group=3, mass=0, contype=0, conaffinity=0)
+    draw_leaf(part, leaf)
+    z, surface = leaf.handle_height - leaf.owner.z, 0.015 if leaf.slides else leaf.thickness / 2
+    for side in (-1, 1) if leaf.slides else (1,):
+        x, y = leaf.width - (JAMB * 0.6 if leaf.slides else EDGE), side * leaf.turn * (leaf.thickness / 2 + STANDOFF)
+        part.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[HANDLE, HANDLE_LENGTH / 2, 0], pos=[x, y, z], rgba=list(METAL), mass=0,
+            contype=HANDLE_BIT, conaffinity=0, friction=[1.2, 0.02, 0.001], condim=4, material="satin",
+        )  # fmt: skip
+        draw_handle(part, x, y, z, math.copysign(surface, y))
 
 
 def _hull(solid: Solid) -> tuple[mujoco.mjtGeom, list[float], Point]:
