@@ -39,6 +39,24 @@ class Place(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
     y: float | None = None
 
 
+class Insert(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
+    """Put the held object into a container that is open, release it, and withdraw the arm."""
+
+    container: str = field(name="into")
+
+
+class Open(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
+    """Open the doors of the object by their handles, after driving within reach."""
+
+    object: str
+
+
+class Close(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
+    """Close the doors of the object by their handles, after driving within reach."""
+
+    object: str
+
+
 class PutDown(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
     """Put the held object down within reach of the current position, and release it. Works without the drive."""
 
@@ -75,7 +93,7 @@ class Status(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
     """Report the current state."""
 
 
-Command = DriveTo | Approach | Grip | Place | PutDown | Sense | LookAt | LookAround | Stop | Status
+Command = DriveTo | Approach | Grip | Place | Insert | Open | Close | PutDown | Sense | LookAt | LookAround | Stop | Status
 
 
 class Fault(StrEnum):
@@ -127,7 +145,7 @@ class CommandGivenUp(Struct, frozen=True, kw_only=True):
     """A command was given up. `reason` is for programs, `description` for people.
 
     Reasons: `drive-dead`, `gripper-stuck`, `blocked` (no free path at present), `unreachable` (no path at all),
-    `slipped` (the object is not in the gripper), `unknown-object`, `not-holding`, `holding`, `no-space`, `stopped`, `not-possible`.
+    `slipped` (the object is not in the gripper), `unknown-object`, `not-holding`, `holding`, `no-space`, `shut` (the container), `stopped`, `not-possible`.
     """
 
     reason: str

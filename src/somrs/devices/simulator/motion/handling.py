@@ -9,11 +9,13 @@ import numpy as np
 
 from somrs.devices.simulator.link.commands import Fault
 from somrs.devices.simulator.motion.driving import PATIENCE, ask_aside, drive_to
-from somrs.devices.simulator.motion.placement import ARM, Stand, free_spots, order, reachable_now, spots_here, stands, thing_distances
-from somrs.devices.simulator.motion.robot import PERIOD, GivenUp, Robot, Routine, wait
+from somrs.devices.simulator.motion.placement import ARM, Stand, free_spots, order, reachable_now, spots_here, spots_inside, stands, thing_distances
+from somrs.devices.simulator.motion.robot import PERIOD, GivenUp, Robot, Routine, nearest_half_turn, wait
 from somrs.devices.simulator.motion.traffic import Capsule
+from somrs.devices.simulator.world.chassis import LIFT_TOP
 from somrs.devices.simulator.world.dimensions import FINGER, OPENING
 from somrs.devices.simulator.world.distances import Array, distances_from
+from somrs.devices.simulator.world.leaves import HANDLE_LENGTH, inside
 from somrs.devices.simulator.world.solids import Point, Role, Solid
 
 SLOWLY = 0.08
@@ -29,12 +31,29 @@ def withdraw(robot: Robot) -> Routine:
     """Bring the arm, with what it holds, to the transport position: up, in, and to the front."""
     if not robot.size.gripper:
         return
+    yield from let_go(robot)
     if robot.arm_out:
         yield from _open_loose_grip(robot)
-        yield from robot.arm(lift=min(max(robot.joints["lift"] + 0.02, _lift_over(robot, robot.hand())), 1.74))
+        container = _container_around(robot)
+        yield from robot.arm(lift=min(max(robot.joints["lift"] + 0.02, _lift_over(robot, robot.hand(), container=container)), 1.74))
         yield from robot.arm(reach=robot.size.drawn_in)
     robot.arm_claim = None
     yield from robot.arm(turret=0.0, lift=_transport(robot))
+
+
+def _container_around(robot: Robot) -> Solid | None:
+    """The container into which the hand reaches."""
+    tip = robot.joints["lift"] + robot.solid.z - robot.size.hang
+    return robot.scene.container_at(*robot.hand(), tip)
+
+
+def let_go(robot: Robot) -> Routine:
+    """Release the handle of a door, if the hand holds one, and lift the hand above it."""
+    if robot.name in robot.scene.pulled:
+        robot.scene.let_go(robot.name)
+        if Fault.GRIPPER not in robot.faults:
+            yield from _open_clear(robot)
+        yield from robot.arm(lift=min(robot.joints["lift"] + HANDLE_LENGTH, LIFT_TOP - 0.01))
 
 
 def _open_loose_grip(robot: Robot) -> Routine:
@@ -62,35 +81,43 @@ def _drop(robot: Robot) -> float:
     return max(0.0, robot.joints["lift"] + robot.solid.z - robot.size.hang - z)
 
 
-def _lift_over(robot: Robot, spot: Point, at_least: float = 0.0) -> float:
-    """The lift's height, m, at which the hand and what it holds pass above everything between the base and a spot."""
+def _lift_over(robot: Robot, spot: Point, at_least: float = 0.0, container: Solid | None = None) -> float:
+    """The lift's height, m, at which the hand and what it holds pass above everything between the base and a spot, in a container or not."""
     x, y, _ = robot.pose()
     line = np.array([(x + s * (spot[0] - x), y + s * (spot[1] - y)) for s in np.linspace(0, 1.1, 12)])
     top = max(robot.solid.z, at_least)
     for thing in robot.scene.things():
         px, py, z, _ = robot.scene.pose(thing)
         solid = robot.scene.world.solids[thing]
+        if (container is not None) != (robot.scene.container_at(px, py, z) is not None):
+            continue  # a board or a leaf is between the thing and the arm
         if robot.scene.holder(thing) is None and np.hypot(line[:, 0] - px, line[:, 1] - py).min() < solid.extent + 0.13:
             top = max(top, z + solid.height)
     for block in robot.scene.world.blocks():
+        if container is not None and block.name.split("/")[0] == container.name:
+            continue
         if block.top < robot.solid.z + 1.4 and distances_from(block, line).min() < 0.12:
             top = max(top, block.top)
+    if container is not None:
+        top = max(top, inside(container).z)
     return max(top - robot.solid.z + CLEAR, robot.size.clear) + robot.size.hang + _drop(robot)
 
 
-def get_within_reach(robot: Robot, target_name: str, spots: Spots, top: float, ignored: Collection[str] = ()):  # type: ignore[no-untyped-def]
-    """Drive, if necessary, to a place from which one of the spots is in reach. Returns the spot. Raises GivenUp."""
+def get_within_reach(  # type: ignore[no-untyped-def]
+    robot: Robot, target_name: str, spots: Spots, top: float, ignored: Collection[str] = (), container: Solid | None = None
+):
+    """Drive, if necessary, to a place from which one of the spots, in a container or not, is in reach. Returns the spot. Raises GivenUp."""
     waited = 0.0
     while True:
         candidates, penalties = order(*spots())
         if not len(candidates):
             raise GivenUp("no-space", f"{robot.name} finds no free spot on {target_name}")
-        reachable_index = reachable_now(robot, candidates, top)
+        reachable_index = reachable_now(robot, candidates, top, container)
         if reachable_index is not None:
             return float(candidates[reachable_index][0]), float(candidates[reachable_index][1])
         robot.need_drive()
-        ranked = stands(robot, candidates, top, penalties, ignored)
-        preferred = ranked or _stands_without_others(robot, candidates, top, penalties, ignored)
+        ranked = stands(robot, candidates, top, penalties, ignored, container)
+        preferred = ranked or _stands_without_others(robot, candidates, top, penalties, ignored, container)
         if not preferred:
             raise GivenUp("unreachable", f"there is no place for {robot.name} from which it could reach {target_name}")
         started = robot.scene.time
@@ -111,10 +138,12 @@ def get_within_reach(robot: Robot, target_name: str, spots: Spots, top: float, i
             raise problem
 
 
-def _stands_without_others(robot: Robot, spots: Array, top: float, penalties: Array, ignored: Collection[str]) -> list[Stand]:
+def _stands_without_others(
+    robot: Robot, spots: Array, top: float, penalties: Array, ignored: Collection[str], container: Solid | None
+) -> list[Stand]:
     """The stands that the robot would have if there were no other robots."""
     lone_robot = Robot(robot.solid, robot.scene, robot.navigator, {})
-    return stands(lone_robot, spots, top, penalties, ignored)
+    return stands(lone_robot, spots, top, penalties, ignored, container)
 
 
 def _claim_arm(robot: Robot, spot: Point) -> Routine:
@@ -138,14 +167,16 @@ def pick(robot: Robot, thing: str) -> Routine:
     if scene.holder(thing) is not None or math.dist((x, y), robot.arm_claim.end if robot.arm_claim else (x, y)) > 0.05:
         robot.arm_claim = None
         raise GivenUp("slipped", f"{thing} was taken away before {robot.name} could grip it")
-    angle, half = _grasp_angle(robot, thing)
+    container = scene.container_at(x, y, z)
+    angle, half = _grasp_angle(robot, thing, container)
     opening = min(OPENING, half + 0.018)
     tip = z - robot.solid.z + max(0.012, solid.height - FINGER + 0.025)
-    travel_lift = _lift_over(robot, (x, y), z + solid.height)
+    travel_lift = _lift_over(robot, (x, y), z + solid.height, container)
+    _check_ceiling(robot, travel_lift, container)
     turret, reach = robot.aim((x, y))
     yield from robot.arm(lift=travel_lift, left=opening, right=opening)
     yaw = robot.pose()[2]
-    yield from robot.arm(turret=turret, wrist=_nearest_half_turn(angle - yaw - turret))
+    yield from robot.arm(turret=turret, wrist=nearest_half_turn(angle - yaw - turret))
     yield from robot.arm(reach=reach)
     turret, reach = robot.aim(scene.pose(thing)[:2])  # again, because the base has moved a little
     yield from robot.arm(turret=turret, reach=reach)
@@ -153,18 +184,13 @@ def pick(robot: Robot, thing: str) -> Routine:
     yield from robot.arm(lift=tip + robot.size.hang)
     yield from _close(robot, thing)
     scene.hold(robot.name, thing)
-    yield from robot.arm(lift=_lift_over(robot, (x, y), z))
+    yield from robot.arm(lift=_lift_over(robot, (x, y), z, container))
     yield from withdraw(robot)
     if robot.holding != thing:
         raise GivenUp("slipped", f"{thing} is no longer in the gripper of {robot.name}")
 
 
-def _nearest_half_turn(angle: float) -> float:
-    """The equivalent wrist angle nearest to zero: the fingers are symmetric, so half turns make no difference."""
-    return (angle + math.pi / 2) % math.pi - math.pi / 2
-
-
-def _grasp_angle(robot: Robot, thing: str) -> tuple[float, float]:
+def _grasp_angle(robot: Robot, thing: str, container: Solid | None) -> tuple[float, float]:
     """The wrist angle on the map with most space for the fingers beside a thing, and half the thing's width along the closing axis.
 
     The fingers move along the y axis of the wrist. Raises GivenUp if the thing is too wide, or if there is not enough space.
@@ -185,7 +211,7 @@ def _grasp_angle(robot: Robot, thing: str) -> tuple[float, float]:
         room = (
             min(
                 thing_distances(robot, fingers, z + 0.02, z + solid.height, [thing]).min(),
-                scene.clearances(fingers, z + 0.02, z + 1.0).min(),
+                scene.clearances(fingers, z + 0.02, z + 1.0).min() if container is None else -distances_from(inside(container), fingers).max(),
             )
             - 0.02
         )
@@ -229,12 +255,31 @@ def place(robot: Robot, support: Solid, position: Point | None) -> Routine:
     yield from _put_on_spot(robot, spot, top)
 
 
-def _put_on_spot(robot: Robot, spot: Point, top: float) -> Routine:
+def put_into(robot: Robot, container: Solid) -> Routine:
+    """Put what is held into an open container, at a free spot on its bottom."""
+    thing = robot.holding
+    assert thing is not None
+    radius, bottom = robot.scene.world.solids[thing].extent, inside(container).z
+    spot = yield from get_within_reach(
+        robot, container.name, lambda: spots_inside(robot, container, radius), bottom, container=container
+    )
+    yield from _claim_arm(robot, spot)
+    _check_ceiling(robot, _lift_over(robot, spot, bottom, container), container)
+    yield from _put_on_spot(robot, spot, bottom, container)
+
+
+def _check_ceiling(robot: Robot, lift: float, container: Solid | None) -> None:
+    """Raise GivenUp if the boom does not fit under the top of the container."""
+    if container is not None and lift + robot.solid.z + 0.05 > inside(container).top:
+        raise GivenUp("no-space", f"the inside of {container.name} is too low for the arm of {robot.name}")
+
+
+def _put_on_spot(robot: Robot, spot: Point, top: float, container: Solid | None = None) -> Routine:
     """Put what is held on a spot in the space that the arm has claimed, release it, and withdraw the arm."""
     thing = robot.holding
     assert thing is not None
     robot.need_gripper()
-    yield from robot.arm(lift=_lift_over(robot, spot, top))
+    yield from robot.arm(lift=_lift_over(robot, spot, top, container))
     turret, reach = robot.aim(spot)
     yield from robot.arm(turret=turret)
     yield from robot.arm(reach=reach)

@@ -8,15 +8,16 @@ coarse grid guide A* on the fine grid, and lines of sight straighten its path (`
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from scipy import ndimage
 
 from somrs.devices.simulator.motion.clearance import FAR, Disc, Grid, clearances
 from somrs.devices.simulator.motion.wayfinding import costs_from, search
-from somrs.devices.simulator.world.leaves import open_leaves
+from somrs.devices.simulator.world.leaves import leaf_obstacles
 from somrs.devices.simulator.world.solids import Point, Role, Solid, path_length, solid_of
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
@@ -43,13 +44,18 @@ class Pose:
 
 
 class Navigator:
-    """Plans paths on one level of a map. `height`: the height of the robots; solids above it are not obstacles."""
+    """Plans paths on one level of a map. `height`: the height of the robots; solids above it are not obstacles.
 
-    def __init__(self, map: Map, ontology: Ontology, *, level: float = 0.0, height: float = 1.85) -> None:
+    `leaf_positions`: where the leaves of doors and containers are, if not where the map says.
+    """
+
+    def __init__(
+        self, map: Map, ontology: Ontology, *, level: float = 0.0, height: float = 1.85, leaf_positions: Mapping[str, float] = MappingProxyType({})
+    ) -> None:
         solids = [solid for object in map.objects.values() if (solid := solid_of(object, ontology)) is not None]
         self.solids = {solid.name: solid for solid in solids if _stands(solid) and solid.z < level + height and solid.top > level + 0.02}
         floors = [solid for solid in solids if solid.role is Role.FLOOR and abs(solid.top - level) < 0.1]
-        leaves = [leaf for solid in self.solids.values() for leaf in open_leaves(solid)]
+        leaves = [leaf for solid in self.solids.values() for leaf in leaf_obstacles(solid, leaf_positions)]
         passages = [solid for solid in solids if ontology.is_subtype(solid.type, "Passage")]
         self.grid = Grid.enclosing(floors or solids, margin=0.5 if floors else 4.0)
         self._clearance = clearances(self.grid, [*self.solids.values(), *leaves], floors, passages if floors else [])

@@ -13,6 +13,7 @@ from somrs.devices.simulator.motion.driving import MARGIN, floor_things
 from somrs.devices.simulator.motion.robot import Robot
 from somrs.devices.simulator.motion.traffic import GAP, Capsule
 from somrs.devices.simulator.world.distances import Array, distances_from
+from somrs.devices.simulator.world.leaves import inside
 from somrs.devices.simulator.world.solids import Point, Role, Solid
 
 EDGE = 0.02
@@ -21,6 +22,8 @@ FINGERS = 0.05
 """Space that the open fingers and the palm need beside a thing, m."""
 ARM = 0.11
 """Half the width of the space that the arm needs while it works, m."""
+PALM = 0.1
+"""Half the width of the palm, with some space, m."""
 DOORWAY = 0.6
 """Distance of things on a floor from a door, so that robots can pass, m."""
 COMFORTABLE = 0.5
@@ -36,8 +39,13 @@ class Stand:
     cost: float
 
 
-def stands(robot: Robot, spots: Array, top: float, penalties: Array, ignored: Collection[str] = ()) -> list[Stand]:
-    """The stands from which the robot reaches one of the spots at height `top`, best first. Paths to the stands are not checked."""
+def stands(
+    robot: Robot, spots: Array, top: float, penalties: Array, ignored: Collection[str] = (), container: Solid | None = None
+) -> list[Stand]:
+    """The stands from which the robot reaches one of the spots at height `top`, best first. Paths to the stands are not checked.
+
+    `container`: the container in which the spots are.
+    """
     size, level = robot.size, robot.solid.z
     reaches = np.linspace(size.nearest + 0.015, size.farthest - 0.015, 6)
     angles = np.arange(24) * (math.pi / 12)
@@ -49,7 +57,7 @@ def stands(robot: Robot, spots: Array, top: float, penalties: Array, ignored: Co
     costs = costs + np.hypot(bases[:, 0] - x, bases[:, 1] - y) * 0.3
     mask = robot.scene.clearances(bases, level + 0.02, level + 1.85) >= size.radius + MARGIN + 0.015
     bases, target_spots, costs = bases[mask], target_spots[mask], costs[mask]
-    mask = _boom_clear(robot, bases, target_spots, top)
+    mask = _boom_clear(robot, bases, target_spots, top, container)
     bases, target_spots, costs = bases[mask], target_spots[mask], costs[mask]
     obstacles = [Capsule((d.x, d.y), (d.x, d.y), d.radius) for d in floor_things(robot, ignored)]
     claims = [claim for other_robot in robot.other_robots() for claim in other_robot.claims()]
@@ -68,14 +76,32 @@ def stands(robot: Robot, spots: Array, top: float, penalties: Array, ignored: Co
     return ranked_stands
 
 
-def _boom_clear(robot: Robot, bases: Array, spots: Array, top: float) -> npt.NDArray[np.bool_]:
-    """For each pair of base and spot, whether the boom passes above all static solids between them when the hand is at `top`."""
+def _boom_clear(robot: Robot, bases: Array, spots: Array, top: float, container: Solid | None = None) -> npt.NDArray[np.bool_]:
+    """For each pair of base and spot, whether the boom passes above all static solids between them when the hand is at `top`.
+
+    Into a container, it passes through the open front.
+    """
     boom = top + robot.size.hang - 0.05
+    ignored = [container.name] if container is not None else []
     clear = np.ones(len(bases), dtype=bool)
     for share in (0.4, 0.6, 0.8, 1.0, 1.08):
         points = bases + share * (spots - bases)
-        clear &= robot.scene.clearances(points, boom, boom + 0.1) > 0.05
-    return clear & (robot.scene.clearances(spots, top + 0.03, boom) > 0.03)
+        clear &= robot.scene.clearances(points, boom, boom + 0.1, ignored) > 0.05
+    if container is not None:
+        clear &= _through_front(container, bases, spots)
+    return clear & (robot.scene.clearances(spots, top + 0.03, boom, ignored) > 0.03)
+
+
+def _through_front(container: Solid, bases: Array, spots: Array) -> npt.NDArray[np.bool_]:
+    """For each pair of base and spot, whether the line between them passes through the front of the container, away from its sides."""
+    space, (c, s) = inside(container), (math.cos(container.yaw), math.sin(container.yaw))
+    front, half = space.width / 2, space.depth / 2 - PALM
+    (base_u, base_v), (spot_u, spot_v) = (
+        (c * (p[:, 0] - space.x) + s * (p[:, 1] - space.y), c * (p[:, 1] - space.y) - s * (p[:, 0] - space.x)) for p in (bases, spots)
+    )
+    ahead = base_u > front
+    share = np.where(ahead, (front - spot_u) / np.where(ahead, base_u - spot_u, 1.0), 0.0)
+    return np.asarray(ahead & (np.abs(spot_v + share * (base_v - spot_v)) < half))
 
 
 def thing_distances(robot: Robot, spots: Array, low: float, high: float, ignored: Collection[str]) -> Array:
@@ -87,6 +113,17 @@ def thing_distances(robot: Robot, spots: Array, low: float, high: float, ignored
         if thing not in ignored and z < high and z + solid.height > low and robot.scene.holder(thing) is None:
             distances = np.minimum(distances, np.hypot(spots[:, 0] - x, spots[:, 1] - y) - solid.extent)
     return distances
+
+
+def spots_inside(robot: Robot, container: Solid, radius: float) -> tuple[Array, Array]:
+    """Spots on the bottom of a container where a thing of this radius can be put, with penalties for those near other things."""
+    space, ignored = inside(container), [robot.holding] if robot.holding else []
+    u, v = np.meshgrid(np.linspace(-0.5, 0.5, 15) * space.width, np.linspace(-0.5, 0.5, 41) * space.depth)
+    spots = np.array([space.world(float(x), float(y)) for x, y in zip(u.ravel(), v.ravel(), strict=True)])
+    edge = -distances_from(space, spots) - radius
+    room = thing_distances(robot, spots, space.z - 0.05, space.z + 0.4, ignored) - radius
+    mask = (edge >= FINGERS) & (room >= FINGERS)
+    return spots[mask], (1.5 * np.maximum(0.0, 0.15 - room) + np.maximum(0.0, 0.1 - edge))[mask]
 
 
 def free_spots(robot: Robot, support: Solid, radius: float, position: Point | None = None) -> tuple[Array, Array]:
@@ -212,12 +249,12 @@ def outline_spots(solid: Solid) -> Array:
     return np.array(points or [(solid.x, solid.y)])
 
 
-def reachable_now(robot: Robot, spots: Array, top: float) -> int | None:
+def reachable_now(robot: Robot, spots: Array, top: float, container: Solid | None = None) -> int | None:
     """The index of the first spot that the arm reaches from the robot's current position; None if there is none."""
     x, y, _ = robot.pose()
     base = np.tile(np.array([[x, y]]), (len(spots), 1))
     distance = np.hypot(spots[:, 0] - x, spots[:, 1] - y)
-    fine = (distance >= robot.size.nearest) & (distance <= robot.size.farthest) & _boom_clear(robot, base, spots, top)
+    fine = (distance >= robot.size.nearest) & (distance <= robot.size.farthest) & _boom_clear(robot, base, spots, top, container)
     ready = np.flatnonzero(fine)
     return int(ready[0]) if len(ready) else None
 

@@ -47,6 +47,11 @@ def wrap(angle: float) -> float:
     return math.atan2(math.sin(angle), math.cos(angle))
 
 
+def nearest_half_turn(angle: float) -> float:
+    """The equivalent wrist angle nearest to zero: the fingers are symmetric, so half turns make no difference."""
+    return (angle + math.pi / 2) % math.pi - math.pi / 2
+
+
 class Robot:
     """A robot in the scene. `fleet`: all robots by name, including this robot."""
 
@@ -59,6 +64,8 @@ class Robot:
         self.plan: list[Point] = []
         """The remaining path while it drives."""
         self.arm_claim: Capsule | None = None
+        self.sweep_claim: Capsule | None = None
+        """The space through which a door moves that this robot opens or closes."""
         self.asking_robot: Robot | None = None
         """A robot that has asked this robot to make way."""
         self.speed, self._turning, self.heading = 0.0, 0.0, (1.0, 0.0)
@@ -133,8 +140,8 @@ class Robot:
         return Capsule((x, y), (x + way * direction[0], y + way * direction[1]), self.size.radius)
 
     def claims(self) -> list[Capsule]:
-        """The space that this robot claims: for its base, and for its arm while that is extended."""
-        return [self.base_claim()] + ([self.arm_claim] if self.arm_claim is not None else [])
+        """The space that this robot claims: for its base, for its arm while that is extended, and for a door that it moves."""
+        return [self.base_claim(), *(claim for claim in (self.arm_claim, self.sweep_claim) if claim is not None)]
 
     def other_robots(self) -> list[Robot]:
         """The other robots on the same floor."""
@@ -170,6 +177,10 @@ class Robot:
         self._targets[joint] = current + max(-step, min(step, target - current))
         self.joints.drive(joint, self._targets[joint])
         return abs(target - self._targets[joint]) < 1e-9
+
+    def lead_turret(self, target: float) -> None:
+        """Move the set point of the turret for one period, by the shorter way."""
+        self.lead("turret", self._targets["turret"] + wrap(target - self._targets["turret"]))
 
     def hold_joint(self, joint: str) -> None:
         """Hold a joint at its current position."""

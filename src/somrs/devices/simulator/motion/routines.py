@@ -4,9 +4,24 @@ from __future__ import annotations
 
 import numpy as np
 
-from somrs.devices.simulator.link.commands import Approach, Command, DriveTo, Grip, LookAround, LookAt, ObjectState, Place, PutDown, Stop
+from somrs.devices.simulator.link.commands import (
+    Approach,
+    Close,
+    Command,
+    DriveTo,
+    Grip,
+    Insert,
+    LookAround,
+    LookAt,
+    ObjectState,
+    Open,
+    Place,
+    PutDown,
+    Stop,
+)
 from somrs.devices.simulator.motion.driving import drive_to
-from somrs.devices.simulator.motion.handling import get_within_reach, pick, place, set_down, spots_on, top_of, withdraw
+from somrs.devices.simulator.motion.handling import get_within_reach, pick, place, put_into, set_down, spots_on, top_of, withdraw
+from somrs.devices.simulator.motion.leaves import move_leaves
 from somrs.devices.simulator.motion.placement import outline_spots
 from somrs.devices.simulator.motion.robot import GivenUp, Robot, Routine, stand
 from somrs.devices.simulator.motion.searching import look_around, look_at
@@ -27,6 +42,10 @@ def make_routine(command: Command, robot: Robot, scene: Scene, observations: dic
             return _grip(robot, scene, name)
         case Place():
             return _place(robot, scene, command)
+        case Insert(container=name):
+            return _insert(robot, scene, name)
+        case Open(object=name) | Close(object=name):
+            return _move_leaves(robot, scene, name, opening=isinstance(command, Open))
         case LookAt(x=x, y=y, z=z, object=name):
             return look_at(robot, (x, y, z), name, observations)
         case LookAround(object=name):
@@ -43,7 +62,7 @@ def concerned_objects(command: Command, robot: Robot) -> tuple[str, ...]:
     match command:
         case Approach(object=name) | Grip(object=name):
             return (name,)
-        case Place() | PutDown() if robot.holding is not None:
+        case Place() | Insert() | PutDown() if robot.holding is not None:
             return (robot.holding,)
     return ()
 
@@ -56,7 +75,7 @@ def _drive(robot: Robot, x: float, y: float, yaw: float | None) -> Routine:
 def _approach(robot: Robot, scene: Scene, name: str) -> Routine:
     solid = _solid(scene, name)
     if solid.role is Role.THING:
-        yield from get_within_reach(robot, name, lambda: _spot_of(scene, name), scene.pose(name)[2], [name])
+        yield from get_within_reach(robot, name, lambda: _spot_of(scene, name), scene.pose(name)[2], [name], _container_of(scene, name))
         return
     if solid.role in (Role.SUPPORT, Role.FLOOR, Role.MARK):
         yield from get_within_reach(robot, name, spots_on(robot, solid, None), top_of(solid))
@@ -77,7 +96,8 @@ def _grip(robot: Robot, scene: Scene, name: str) -> Routine:
     if holder is not None:
         raise GivenUp("not-possible", f"{name} is held by {holder}")
     robot.need_gripper()
-    yield from get_within_reach(robot, name, lambda: _spot_of(scene, name), scene.pose(name)[2], [name])
+    container = _container_of(scene, name)
+    yield from get_within_reach(robot, name, lambda: _spot_of(scene, name), scene.pose(name)[2], [name], container)
     yield from pick(robot, name)
 
 
@@ -93,11 +113,47 @@ def _place(robot: Robot, scene: Scene, command: Place) -> Routine:
     yield from place(robot, solid, position)
 
 
+def _insert(robot: Robot, scene: Scene, name: str) -> Routine:
+    _need_a_gripper(robot)
+    solid = _solid(scene, name)
+    if robot.holding is None:
+        raise GivenUp("not-holding", f"{robot.name} holds nothing that it could put into {name}")
+    if not solid.container:
+        raise GivenUp("not-possible", f"nothing can be put into {name}, which is a {solid.type}")
+    _need_open(solid)
+    robot.need_gripper()
+    yield from put_into(robot, solid)
+
+
+def _container_of(scene: Scene, thing: str) -> Solid | None:
+    """The container in which a thing is. Raises GivenUp if that is shut."""
+    x, y, z, _ = scene.pose(thing)
+    container = scene.container_at(x, y, z) if scene.holder(thing) is None else None
+    if container is not None:
+        _need_open(container)
+    return container
+
+
+def _need_open(container: Solid) -> None:
+    if not container.open:
+        raise GivenUp("shut", f"{container.name} is shut")
+
+
 def _put_down_object(robot: Robot) -> Routine:
     _need_a_gripper(robot)
     if robot.holding is None:
         raise GivenUp("not-holding", f"{robot.name} holds nothing that it could put down")
     yield from set_down(robot)
+
+
+def _move_leaves(robot: Robot, scene: Scene, name: str, *, opening: bool) -> Routine:
+    _need_a_gripper(robot)
+    solid = _solid(scene, name)
+    if not scene.leaves(name):
+        raise GivenUp("not-possible", f"{name} is a {solid.type} without doors that could move")
+    if robot.holding is not None:
+        raise GivenUp("holding", f"{robot.name} holds {robot.holding}, and needs its gripper for the door of {name}")
+    yield from move_leaves(robot, name, opening=opening)
 
 
 def _need_a_gripper(robot: Robot) -> None:

@@ -61,6 +61,8 @@ class Simulation:
         """Everything with a robot link: robots and cameras."""
         self._work: dict[str, _Work] = {}
         self._dropped: dict[str, str] = {}
+        self._pulled: set[str] = set()
+        """The leaves that robots held by their handles in the last period."""
         self._last_motion = 0.0
         """Simulated time of the last motion that was observed."""
         for solid in self.scene.world.by_role(Role.ROBOT, Role.CAMERA):
@@ -104,7 +106,17 @@ class Simulation:
                 if robot.mobile:
                     self._work[name] = _Work(_chain_routines(withdraw(robot), make_way(robot, asking_robot)), None, None)
             robot.end_period()
+        pulled = set(self.scene.pulled.values())
+        for owner in {leaf.split("/")[0] for leaf in self._pulled - pulled}:
+            self._note_leaves(owner)
+        self._pulled = pulled
         self.scene.step(round(PERIOD / STEP))
+
+    def _note_leaves(self, owner: str) -> None:
+        """Record whether a door or container whose leaf was moved is open, and let the robots plan with where its leaves are."""
+        if owner in self.scene.world.solids:
+            self._map = self._map.changed([ValueSet(owner, "Open", self.scene.note_leaves(owner))])
+            self._renew_navigators()
 
     # Commands
 
@@ -318,11 +330,18 @@ class Simulation:
                 self.scene.hold(holder, object.name)
 
     def renew(self, object: Object) -> None:
-        """Rebuild a door whose attributes have changed; other objects are ignored."""
-        solid = self.scene.world.solids.get(object.name)
-        if solid is not None and solid.role is Role.DOOR:
+        """Open or close a door or container as the map says, if somebody else than a robot did; other objects are ignored."""
+        solid, renewed = self.scene.world.solids.get(object.name), solid_of(object, self._ontology)
+        if solid is None or renewed is None or not (solid.role is Role.DOOR or solid.container) or solid.open == renewed.open:
+            return
+        leaves = self.scene.leaves(object.name)
+        if not leaves:
             self.remove(object.name)
             self.add(object)
+            return
+        for leaf in leaves:
+            self.scene.set_leaf(leaf, leaf.travel if renewed.open else 0.0)
+        self._note_leaves(object.name)
 
     def move(self, thing: str, x: float, y: float, z: float, yaw: float = 0.0) -> None:
         """Move a thing to another pose without a robot. Raises UsageError."""
@@ -343,7 +362,9 @@ class Simulation:
             while len(self._navigators) >= MOST_NAVIGATORS:
                 del self._navigators[next(iter(self._navigators))]
             changes = [ValueSet(door, "Open", is_open) for door, is_open in doors if door in self._map.objects]
-            self._navigators[key] = Navigator(self._map.changed(changes), self._ontology, level=level)
+            promised, positions = dict(doors), self.scene.world.positions
+            positions = {leaf: position for leaf, position in positions.items() if leaf.split("/")[0] not in promised}
+            self._navigators[key] = Navigator(self._map.changed(changes), self._ontology, level=level, leaf_positions=positions)
         return self._navigators[key]
 
     def navigator_of(self, robot: Robot, doors: Mapping[str, bool]) -> Navigator:

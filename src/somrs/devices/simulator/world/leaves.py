@@ -8,6 +8,7 @@ shut; its unit is metres for a sliding leaf, and radians for a hinged one.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from somrs.devices.simulator.world.solids import Point, Role, Solid
@@ -32,8 +33,10 @@ LARGEST_LEAF = 0.7
 """Width above which the front of a container has two leaves, m."""
 HIGHEST_HANDLE = 0.95
 """Largest height of the middle of a handle above the floor, m: robots reach it."""
-OPENED = 0.97
-"""Part of its travel from which on a leaf counts as open; below the same distance from 0 it counts as shut."""
+OPENED_DOOR, OPENED_LEAF = 0.95, 0.75
+"""Part of its travel from which on a sliding and a hinged leaf count as open. Beside a wall, a robot cannot open a hinged leaf further."""
+SHUT = 0.03
+"""Part of its travel up to which a leaf counts as shut."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,10 +76,10 @@ class Leaf:
         return self.owner.z + min(1.0 if self.slides else 0.65 * self.owner.height, HIGHEST_HANDLE)
 
     def is_open(self, position: float) -> bool:
-        return position >= OPENED * self.travel
+        return position >= (OPENED_DOOR if self.slides else OPENED_LEAF) * self.travel
 
     def is_shut(self, position: float) -> bool:
-        return position <= (1 - OPENED) * self.travel
+        return position <= SHUT * self.travel
 
     def direction(self, position: float) -> float:
         """The direction from `end` to the free edge, in the owner's frame, rad."""
@@ -129,9 +132,13 @@ def leaves_of(solid: Solid) -> tuple[Leaf, ...]:
     return _hinged(solid) if solid.container else ()
 
 
-def open_leaves(solid: Solid) -> list[Solid]:
-    """The obstacles that the leaves of an open container are. Those of an open door are in its wall."""
-    return [leaf.solid(leaf.travel) for leaf in leaves_of(solid) if not leaf.slides and solid.open]
+def leaf_obstacles(solid: Solid, positions: Mapping[str, float]) -> list[Solid]:
+    """The obstacles that the leaves of a container are while they are not shut. Those of a door are in its wall, or in the doorway.
+
+    `positions`: the known positions of joints, by name; by default they are as the container says.
+    """
+    hinged = [(leaf, positions.get(leaf.name, leaf.travel if solid.open else 0.0)) for leaf in leaves_of(solid) if not leaf.slides]
+    return [leaf.solid(position) for leaf, position in hinged if not leaf.is_shut(position)]
 
 
 def _sliding(door: Solid) -> Leaf:

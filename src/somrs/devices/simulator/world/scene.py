@@ -181,11 +181,16 @@ class Scene:
 
     def set_leaf(self, leaf: Leaf, position: float) -> None:
         """Set a leaf's joint without motion."""
-        self._position[self._leaves[leaf.name]] = position
+        self._position[self._leaves[leaf.name]] = self.world.positions[leaf.name] = position
+        self._disturb()
 
-    def note_open(self, owner: str, is_open: bool) -> None:
-        """Record whether a door or container counts as open."""
+    def note_leaves(self, owner: str) -> bool:
+        """Record where the leaves of a door or container came to rest. Returns whether it is open now: whether all of them are."""
+        leaves = self.leaves(owner)
+        self.world.positions.update({leaf.name: self.leaf_position(leaf) for leaf in leaves})
+        is_open = all(leaf.is_open(self.leaf_position(leaf)) for leaf in leaves)
         self.world.solids[owner] = replace(self.world.solids[owner], open=is_open)
+        return is_open
 
     def container_at(self, x: float, y: float, z: float) -> Solid | None:
         """The container in which a point is."""

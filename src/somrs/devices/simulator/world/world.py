@@ -13,7 +13,7 @@ import mujoco
 
 from somrs.devices.simulator.world.chassis import HANDLE_BIT, ROBOT_BIT, STATIC_BIT, THING_BIT, add_robot
 from somrs.devices.simulator.world.colours import METAL, colour_of
-from somrs.devices.simulator.world.leaves import EDGE, HANDLE, HANDLE_LENGTH, JAMB, STANDOFF, Leaf, leaves_of, open_leaves, panels
+from somrs.devices.simulator.world.leaves import EDGE, HANDLE, HANDLE_LENGTH, JAMB, STANDOFF, Leaf, leaf_obstacles, leaves_of, panels
 from somrs.devices.simulator.world.looks import add_surroundings, draw, draw_handle, draw_leaf
 from somrs.devices.simulator.world.solids import Point, Role, Solid, solid_of
 from somrs.errors import SimulationError
@@ -32,6 +32,8 @@ class World:
     spec: mujoco.MjSpec
     ontology: Ontology
     solids: dict[str, Solid] = field(default_factory=dict)
+    positions: dict[str, float] = field(default_factory=dict)
+    """The positions of the leaves of doors and containers when they came to rest, by name."""
 
     def by_role(self, *roles: Role) -> list[Solid]:
         return [solid for solid in self.solids.values() if solid.role in roles]
@@ -39,7 +41,12 @@ class World:
     def blocks(self) -> list[Solid]:
         """The static obstacles, with the leaves of open containers, and without open doors."""
         solids = [solid for solid in self.by_role(*_STATICS) if not (solid.role is Role.DOOR and solid.open)]
-        return [*solids, *(leaf for solid in solids for leaf in open_leaves(solid))]
+        return [*solids, *self.leaf_obstacles()]
+
+    def leaf_obstacles(self) -> list[Solid]:
+        """The leaves of containers that are not shut."""
+        containers = (solid for solid in self.by_role(Role.SUPPORT) if solid.container)
+        return [leaf for solid in containers for leaf in leaf_obstacles(solid, self.positions)]
 
     def add(self, object: Object) -> Solid | None:
         """Add an object to the description. Returns None if it takes up no space. Raises SimulationError if it exists already."""
@@ -58,6 +65,8 @@ class World:
     def remove(self, name: str) -> None:
         """Remove an object from the description."""
         solid = self.solids.pop(name)
+        for leaf in leaves_of(solid):
+            self.positions.pop(leaf.name, None)
         if solid.role is Role.ROBOT:
             for element in (*self.spec.actuators, *self.spec.equalities, *self.spec.excludes):
                 owner = element.bodyname1 if isinstance(element, mujoco.MjsExclude) else element.name
@@ -87,7 +96,7 @@ class World:
             return
         if (
             solid.role is Role.MARK
-            or (solid.role is Role.DOOR and leaves)
+            or (solid.role is Role.DOOR and (leaves or solid.open))
             or (solid.form == "Polygon" and solid.role is not Role.FLOOR)
         ):
             return
@@ -111,7 +120,7 @@ def _add_leaf(body: mujoco.MjsBody, leaf: Leaf) -> None:
     part = body.add_body(name=leaf.name, pos=[*leaf.end, 0], quat=turn, gravcomp=1)
     joint = part.add_joint(name=leaf.name, axis=[-1, 0, 0] if leaf.slides else [0, 0, leaf.turn])
     joint.type = mujoco.mjtJoint.mjJNT_SLIDE if leaf.slides else mujoco.mjtJoint.mjJNT_HINGE
-    joint.limited, joint.range = 1, [0, leaf.travel]
+    joint.limited, joint.range = 1, [0, leaf.travel if leaf.slides else math.degrees(leaf.travel)]
     damping, joint.frictionloss = (8.0, 2.0) if leaf.slides else (1.0, 0.4)
     joint.damping = [damping, 0, 0]
     box, middle, tall = mujoco.mjtGeom.mjGEOM_BOX, (leaf.bottom + leaf.top) / 2, (leaf.top - leaf.bottom) / 2

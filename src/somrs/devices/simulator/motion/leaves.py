@@ -1,0 +1,223 @@
+"""Opening and closing doors and containers: the hand takes a leaf by its handle, and leads it along the path of its joint.
+
+The base stands while the leaf moves. Where the arm does not reach far enough, the robot lets go, drives on, and takes the handle again.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from somrs.devices.simulator.motion.driving import MARGIN, PATIENCE, drive_to, floor_things
+from somrs.devices.simulator.motion.handling import let_go, withdraw
+from somrs.devices.simulator.motion.robot import PERIOD, GivenUp, Robot, Routine, nearest_half_turn, wrap
+from somrs.devices.simulator.motion.traffic import GAP, Capsule
+from somrs.devices.simulator.world.dimensions import OPENING
+from somrs.devices.simulator.world.distances import Array, distances_from
+from somrs.devices.simulator.world.leaves import HANDLE, HANDLE_LENGTH, Leaf
+from somrs.devices.simulator.world.solids import Point
+
+LEAF_SPEED = 0.15
+"""Speed of a handle while a leaf is moved, m/s."""
+LAG = 0.12
+"""Distance by which a handle may be behind the hand before the leaf counts as stuck, m."""
+BOOM = 0.03
+"""Distance that the boom keeps from the leaf, m."""
+SHARES = tuple(i / 15 for i in range(2, 16))
+"""Points of the boom, as parts of its length, that are checked for the distance from the leaf."""
+SAMPLES = 25
+"""Number of positions of a leaf for which a stand is checked."""
+ATTEMPTS = 4
+"""Number of stands to which the robot tries to drive."""
+STAGES = 6
+"""How often a robot takes a handle again before it gives up."""
+
+Mask = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class _Stand:
+    """A place for the base, and the position to which the robot can bring the leaf from there."""
+
+    base: Point
+    end: float
+
+
+def move_leaves(robot: Robot, owner: str, *, opening: bool) -> Routine:
+    """Open or close all leaves of a door or container. Raises GivenUp."""
+    robot.need_gripper()
+    for leaf in robot.scene.leaves(owner):
+        for _ in range(STAGES):
+            position = robot.scene.leaf_position(leaf)
+            if leaf.is_open(position) if opening else leaf.is_shut(position):
+                break
+            yield from _move_part(robot, leaf, leaf.travel if opening else 0.0)
+        else:
+            raise GivenUp("blocked", f"{robot.name} cannot move the door of {owner} any further")
+
+
+def _move_part(robot: Robot, leaf: Leaf, goal: float) -> Routine:
+    """Drive to a stand, and bring the leaf as near to the goal as the arm reaches from there."""
+    yield from withdraw(robot)
+    side = leaf.nearer_side(robot.pose()[:2])
+    stand = yield from _drive_to_stand(robot, leaf, side, goal)
+    try:
+        yield from _claim_sweep(robot, leaf)
+        yield from _grip_handle(robot, leaf, side)
+        yield from _lead(robot, leaf, side, stand.end)
+        yield from let_go(robot)
+        yield from withdraw(robot)
+    finally:
+        robot.sweep_claim = None
+
+
+def _drive_to_stand(robot: Robot, leaf: Leaf, side: int, goal: float):  # type: ignore[no-untyped-def]
+    """Drive to a place from which the handle is in reach. Returns the stand. Raises GivenUp."""
+    problem = GivenUp("unreachable", f"there is no place from which {robot.name} could move the door of {leaf.owner.name}")
+    candidates = _stands(robot, leaf, side, goal)
+    for stand in [*candidates[:1], *candidates[6:7], *candidates[18:19], *candidates[-1:]][:ATTEMPTS]:
+        try:
+            yield from drive_to(robot, stand.base, patience=8.0)
+            return stand
+        except GivenUp as failure:
+            if failure.reason not in ("blocked", "unreachable"):
+                raise
+            problem = failure
+    raise problem
+
+
+def _stands(robot: Robot, leaf: Leaf, side: int, goal: float) -> list[_Stand]:
+    """The stands from which the handle is in reach, best first: those from which the leaf gets furthest, then the nearest."""
+    size, level, scene = robot.size, robot.solid.z, robot.scene
+    positions = np.linspace(scene.leaf_position(leaf), goal, SAMPLES)
+    handles = np.array([leaf.handle(float(position), side) for position in positions])
+    radii = np.linspace(size.nearest + 0.015, size.farthest - 0.015, 7)
+    angles = np.arange(32) * (math.pi / 16)
+    bases = handles[0] + np.array([(r * math.cos(angle), r * math.sin(angle)) for r in radii for angle in angles])
+    mask = scene.clearances(bases, level + 0.02, level + 1.85, [leaf.name]) >= size.radius + MARGIN + 0.015
+    bases = bases[mask]
+    obstacles = [Capsule((d.x, d.y), (d.x, d.y), d.radius) for d in floor_things(robot)]
+    obstacles += [claim for other_robot in robot.other_robots() for claim in other_robot.claims()]
+    reached = np.zeros(len(bases), dtype=int)
+    going = np.ones(len(bases), dtype=bool)
+    for position, handle in zip(positions, handles, strict=True):
+        going &= _serves(robot, leaf, float(position), handle, bases)
+        reached += going
+    x, y, _ = robot.pose()
+    costs = np.hypot(bases[:, 0] - x, bases[:, 1] - y) * 0.3 - reached * 6.0 / SAMPLES
+    ranked: list[_Stand] = []
+    for i in np.argsort(costs, kind="stable").tolist():
+        base = (float(bases[i][0]), float(bases[i][1]))
+        footprint = Capsule(base, base, size.radius + MARGIN + GAP + 0.01)
+        if reached[i] < 3 or any(footprint.gap(obstacle) < 0 for obstacle in obstacles):
+            continue
+        if robot.navigator.free(base, size.radius + MARGIN + 0.01):
+            ranked.append(_Stand(base, float(positions[reached[i] - 1])))
+    return ranked
+
+
+def _serves(robot: Robot, leaf: Leaf, position: float, handle: Array, bases: Array) -> Mask:
+    """For each base, whether the robot reaches the handle at a position of the leaf, and nothing but the hand is near the leaf."""
+    size, solid = robot.size, leaf.solid(position)
+    distance = np.hypot(*(bases - handle).T)
+    fine = (distance >= size.nearest) & (distance <= size.farthest - 0.005)
+    fine &= distances_from(solid, bases) >= size.radius + MARGIN
+    boom = _tip(robot, leaf) + robot.solid.z + size.hang
+    if not leaf.slides:  # from the other side, the hand could not withdraw past the edge of the leaf
+        angle = leaf.front(position, 1)
+        fine &= (bases - handle) @ np.array([math.cos(angle), math.sin(angle)]) >= -BOOM
+    for share in SHARES:
+        points = bases + share * (handle - bases)
+        if boom - BOOM < solid.top:
+            fine &= distances_from(solid, points) > BOOM
+        fine &= robot.scene.clearances(points, boom - 0.05, boom + 0.1, [leaf.name, leaf.owner.name]) > 0.05
+    return np.asarray(fine)
+
+
+def _tip(robot: Robot, leaf: Leaf) -> float:
+    """Height of the finger tips above the robot's floor while they hold the handle, m."""
+    return leaf.handle_height - 0.03 - robot.solid.z
+
+
+def _claim_sweep(robot: Robot, leaf: Leaf) -> Routine:
+    """Claim the space through which the leaf and the arm move, once no other robot is in it. Raises GivenUp."""
+    claim, waited = _sweep(leaf), 0.0
+    for thing in robot.scene.things():
+        x, y, z, _ = robot.scene.pose(thing)
+        in_way = Capsule((x, y), (x, y), robot.scene.world.solids[thing].extent).gap(claim) < 0
+        if in_way and leaf.bottom - 0.1 < z - leaf.owner.z < leaf.top and robot.scene.container_at(x, y, z) is None:
+            raise GivenUp("blocked", f"{thing} stands in the way of the door of {leaf.owner.name}")
+    while any(claim.gap(other) < 0 for other_robot in robot.other_robots() for other in other_robot.claims()):
+        if waited > PATIENCE:
+            raise GivenUp("blocked", f"another robot stands in the way of the door of {leaf.owner.name}")
+        yield
+        waited += PERIOD
+    robot.sweep_claim = claim
+
+
+def _sweep(leaf: Leaf) -> Capsule:
+    """A capsule around the space through which a leaf moves, seen from above."""
+    if leaf.slides:
+        x, y = leaf.end
+        far = leaf.owner.world(x + leaf.width * math.cos(leaf.along), y + leaf.width * math.sin(leaf.along))
+        return Capsule(leaf.owner.world(x, y), far, leaf.thickness / 2 + 0.08)
+    angle = leaf.direction(leaf.travel / 2)
+    middle = leaf.owner.world(leaf.end[0] + 0.6 * leaf.width * math.cos(angle), leaf.end[1] + 0.6 * leaf.width * math.sin(angle))
+    return Capsule(middle, middle, 0.5 * leaf.width)
+
+
+def _grip_handle(robot: Robot, leaf: Leaf, side: int) -> Routine:
+    """Close the fingers around the handle, from above. Raises GivenUp."""
+    robot.need_gripper()
+    position, opening = robot.scene.leaf_position(leaf), min(OPENING, HANDLE + 0.02)
+    handle, tip = leaf.handle(position, side), _tip(robot, leaf) + robot.size.hang
+    turret, reach = robot.aim(handle)
+    robot.arm_claim = Capsule(robot.pose()[:2], handle, 0.11)
+    yield from robot.arm(lift=tip + HANDLE_LENGTH, left=opening, right=opening)
+    yield from robot.arm(turret=turret, wrist=_wrist(robot, leaf, side, position, turret))
+    yield from robot.arm(reach=reach)
+    turret, reach = robot.aim(handle)  # again, because the base has moved a little
+    yield from robot.arm(turret=turret, reach=reach)
+    yield from robot.arm(lift=tip)
+    for _ in range(100):
+        touching = robot.scene.fingers_at_handle(robot.name, leaf)
+        for finger in ("left", "right"):
+            if finger in touching:
+                robot.hold_joint(finger)
+            else:
+                robot.lead(finger, 0.0)
+        if len(touching) == 2:
+            robot.scene.hold_handle(robot.name, leaf)
+            return
+        yield
+    raise GivenUp("slipped", f"the fingers of {robot.name} close without the handle of {leaf.owner.name} between them")
+
+
+def _wrist(robot: Robot, leaf: Leaf, side: int, position: float, turret: float) -> float:
+    """The wrist's angle at which the fingers close along the leaf, so that both have space between the leaf and the palm."""
+    return nearest_half_turn(leaf.front(position, side) - robot.pose()[2] - turret)
+
+
+def _lead(robot: Robot, leaf: Leaf, side: int, end: float) -> Routine:
+    """Lead the held handle to a position of the leaf. Raises GivenUp if the leaf does not follow."""
+    position = robot.scene.leaf_position(leaf)
+    step = LEAF_SPEED * PERIOD / leaf.radius
+    wrist = robot.joints["wrist"]
+    settling = 0
+    while settling < 40:
+        robot.need_gripper()
+        actual = robot.scene.leaf_position(leaf)
+        if abs(position - actual) * leaf.radius > LAG:
+            raise GivenUp("blocked", f"something keeps the door of {leaf.owner.name} from moving")
+        position += max(-step, min(step, end - position))
+        turret, reach = robot.aim(leaf.handle(position, side))
+        turn = _wrist(robot, leaf, side, position, robot.joints["turret"])
+        wrist += (turn - wrist + math.pi / 2) % math.pi - math.pi / 2
+        robot.lead_turret(turret)
+        robot.lead("reach", reach)
+        robot.lead("wrist", wrist)
+        yield
+        settling = settling + 1 if abs(position - end) < 1e-9 else 0
