@@ -26,8 +26,9 @@ def thing(name: str, type: str, x: float, y: float, z: float, **values: Value) -
     return Object(name=name, type=type, values={"PositionX": x, "PositionY": y, "PositionZ": z, **values})
 
 
-def robot(name: str, start: Start, speed: float = 0.8, type: str = "PioneerP3DX") -> Object:
-    return Object(name=name, type=type, values={"PositionX": start[0], "PositionY": start[1], "RotationZ": start[2], "Speed": speed})
+def robot(name: str, start: Start, speed: float = 0.8, type: str = "PioneerP3DX", **values: Value) -> Object:
+    pose: dict[str, Value] = {"PositionX": start[0], "PositionY": start[1], "RotationZ": start[2]}
+    return Object(name=name, type=type, values={**pose, "Speed": speed, **values})
 
 
 def shell() -> list[Object]:

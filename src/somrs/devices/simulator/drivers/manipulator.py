@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Coroutine, Iterable
 from dataclasses import dataclass
 
-from somrs.devices.simulator.drivers.simulated import SimulatedDevice, format_number, is_of_type
+from somrs.devices.simulator.drivers.opening import OpeningRobot
+from somrs.devices.simulator.drivers.simulated import format_number, is_of_type
 from somrs.devices.simulator.link.commands import CommandDone, Fault, ObjectState, RobotState
 from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.entish.formula import Attribute, Comparison, Formula, Name, Number, Relation, conjuncts
@@ -28,12 +29,22 @@ class Spot:
     """The position of a thing, or its destination, as far as a formula states it."""
 
     support: str | None = None
+    container: str | None = None
     position: tuple[float, float] | None = None
+
+    @property
+    def name(self) -> str | None:
+        """The object on or in which the thing is."""
+        return self.support if self.support is not None else self.container
+
+    @property
+    def label(self) -> str:
+        return f"on {self.support}" if self.support is not None else f"into {self.container}"
 
 
 async def _able(device: Manipulator, task: Task) -> None:
     """Check that the robot works, and that the thing is not too heavy for it. Raises Refusal."""
-    state = await device.check_working()
+    state = await device.check_able(task)
     object = str(task.inputs["Object"])
     if state.holding not in (None, object, device.carrying):
         raise Refusal(f"{device.name} holds {state.holding}", not_now=True)
@@ -50,7 +61,11 @@ async def _duration(device: Manipulator, task: Task) -> float:
     return round(HANDLING_TIME + await device.driving_time(task, sum(await device.legs(task))), 1)
 
 
-class Manipulator(SimulatedDevice):
+def _destination(task: Task) -> str:
+    return str(task.inputs["Destination"] if "Destination" in task.inputs else task.inputs["Container"])
+
+
+class Manipulator(OpeningRobot):
     """A mobile robot with a gripper in the simulator."""
 
     type = "MobileManipulator"
@@ -63,7 +78,7 @@ class Manipulator(SimulatedDevice):
 
     async def legs(self, task: Task) -> tuple[float, float]:
         """Driving distances to the thing, and from there to its destination, m. Raises Refusal when there is no path."""
-        object, destination = str(task.inputs["Object"]), str(task.inputs["Destination"])
+        object, destination = str(task.inputs["Object"]), _destination(task)
         spot = read_spot(object, task.precondition)
         first_stop: str | tuple[float, float] = object
         if spot.position is not None:
@@ -79,7 +94,7 @@ class Manipulator(SimulatedDevice):
         first, second = legs.lengths if not legs.shut else (None, None)
         if first is None or second is None:
             raise Refusal(f"{self.name} finds no path to {object if first is None else destination}")
-        if not any([await is_of_type(task, destination, kind) for kind in SUPPORTING]):
+        if "Destination" in task.inputs and not any([await is_of_type(task, destination, kind) for kind in SUPPORTING]):
             raise Refusal(f"nothing can be put on {destination}")
         return first, second
 
@@ -88,7 +103,17 @@ class Manipulator(SimulatedDevice):
         object, destination = str(task.inputs["Object"]), str(task.inputs["Destination"])
         return await self._carry(task, object, Spot(support=destination))
 
+    @service("PutInto", price=_price, duration=_duration, able=_able)
+    async def put_into(self, task: Task) -> Situation:
+        return await self._carry(task, str(task.inputs["Object"]), Spot(container=str(task.inputs["Container"])))
+
+    @service("TakeOutOf", price=_price, duration=_duration, able=_able)
+    async def take_out(self, task: Task) -> Situation:
+        return await self._carry(task, str(task.inputs["Object"]), Spot(support=str(task.inputs["Destination"])))
+
     @transfer.stopping
+    @put_into.stopping
+    @take_out.stopping
     async def stop_and_put_down(self, task: Task) -> Situation:
         """Stop, put down what is held, and report the resulting situation."""
         object = str(task.inputs["Object"])
@@ -105,16 +130,17 @@ class Manipulator(SimulatedDevice):
         return await self._run_and_record(self._link.put_down_object()) if result.state.holding is not None else result
 
     @transfer.compensation
+    @put_into.compensation
+    @take_out.compensation
     async def compensate_transfer(self, task: Task, situation: Formula) -> Situation:
         """Put the thing back to where it was."""
         object = str(task.inputs["Object"])
         spot = read_spot(object, situation)
-        if spot.support is None:
-            raise ServiceFailed(f"{situation} does not say on what {object} was")
+        if spot.name is None:
+            raise ServiceFailed(f"{situation} does not say on what, or in what, {object} was")
         return await self._carry(task, object, spot)
 
     async def _carry(self, task: Task, object: str, target: Spot) -> Situation:
-        assert target.support is not None, "the callers name a support"
         self._last_observations.pop(object, None)
         self.carrying = object
         try:
@@ -125,26 +151,29 @@ class Manipulator(SimulatedDevice):
             self.carrying = None
         object_state = self._last_observations.get(object)
         situation = self._situation(result.state, object, (), on_first=True)
-        if object_state is None or object_state.support is None:
-            raise ServiceFailed(f"{self.name} put {object} on {target.support}, and does not see it there", situation)
-        if object_state.support != target.support:
-            raise ServiceFailed(f"{self.name} put {object} on {target.support}, and sees it on {object_state.support}", situation)
+        seen = Spot() if object_state is None else Spot(support=object_state.support, container=object_state.container)
+        if seen.name is None:
+            raise ServiceFailed(f"{self.name} put {object} {target.label}, and does not see it there", situation)
+        if seen.name != target.name:
+            raise ServiceFailed(f"{self.name} put {object} {target.label}, and sees it {seen.label}", situation)
+        situation = " AND ".join([situation, *await self.left_places(task, result.state)])
         if await task.map.holds(f"{self.name}.Working = FALSE"):
             return f"{situation} AND {self.name}.Working = TRUE"
         return situation
 
     async def _carry_out_transfer(self, task: Task, object: str, target: Spot) -> CommandDone:
         """Grip the thing, unless the robot holds it already, and put it on the target."""
-        assert target.support is not None, "the callers name a support"
+        assert target.name is not None, "the callers name a support or a container"
         state = (await self._link.status()).state
         if state.holding != object:
             await self._driving(task, self._run_and_record(self._link.approach(object)), 0.05, 0.35, f"on the way to {object}")
             await self._run_and_record(self._link.grip(object))
         await task.progress(0.4, f"{object} isHeldBy {self.name}", f"{object} is gripped")
-        await self._driving(
-            task, self._run_and_record(self._link.approach(target.support)), 0.45, 0.85, f"carries {object} to {target.support}"
-        )
-        return await self._run_and_record(self._link.place(target.support, *(target.position or ())))
+        note = f"carries {object} to {target.name}"
+        if target.support is None:
+            return await self._driving(task, self._run_and_record(self._link.insert(target.name)), 0.45, 0.95, note)
+        await self._driving(task, self._run_and_record(self._link.approach(target.name)), 0.45, 0.85, note)
+        return await self._run_and_record(self._link.place(target.name, *(target.position or ())))
 
     async def _release_after_failure(self, failure: RobotGaveUp, object: str) -> str:
         """The situation after a command was given up. First puts down what the robot still holds, so that others can take it."""
@@ -181,6 +210,8 @@ class Manipulator(SimulatedDevice):
             ]
             if thing.support is not None:
                 parts.insert(0 if on_first else 3, f"{object} isOn {thing.support}")
+            if thing.container is not None:
+                parts.insert(0 if on_first else 3, f"{object} isIn {thing.container}")
         if state is not None:
             parts += self._own_pose(state)
         if state is None or state.faults or not self._link.connected:
@@ -191,12 +222,15 @@ class Manipulator(SimulatedDevice):
 def read_spot(object: str, formula: Formula | None) -> Spot:
     """The position of a thing that a formula states."""
     support_name: str | None = None
+    container_name: str | None = None
     values: dict[str, float] = {}
     for part in conjuncts(formula) if formula is not None else ():
         match part:
             case Relation(relation="isOn", arguments=(Name(name=thing), Name(name=support))) if thing == object:
                 support_name = support
+            case Relation(relation="isIn", arguments=(Name(name=thing), Name(name=container))) if thing == object:
+                container_name = container
             case Comparison(left=Attribute(owner=Name(name=thing), path=path), operator="=", right=Number(value=value)) if thing == object:
                 values[path] = value
     position = (values["PositionX"], values["PositionY"]) if {"PositionX", "PositionY"} <= values.keys() else None
-    return Spot(support=support_name, position=position)
+    return Spot(support=support_name, container=container_name, position=position)

@@ -10,8 +10,9 @@ import math
 from collections.abc import Coroutine
 from dataclasses import dataclass, replace
 
+from somrs.devices.simulator.drivers.mobile_robot import MobileRobot
 from somrs.devices.simulator.drivers.recognition import describe_recognition
-from somrs.devices.simulator.drivers.simulated import SimulatedDevice, is_of_type
+from somrs.devices.simulator.drivers.simulated import is_of_type
 from somrs.devices.simulator.link.commands import CommandDone, ObjectState
 from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.entish.formula import Formula, Number
@@ -44,7 +45,7 @@ class _Spot:
 
 
 async def _able(device: PatrolRobot, task: Task) -> None:
-    await device.check_working()
+    await device.check_able(task)
     if task.inputs["Object"] == device.name:
         raise Refusal(f"{device.name} cannot look at itself")
 
@@ -57,7 +58,7 @@ async def _duration(device: PatrolRobot, task: Task) -> float:
     return round(LOOKING_TIME + await device.driving_time(task, await device.way(task)), 1)
 
 
-class PatrolRobot(SimulatedDevice):
+class PatrolRobot(MobileRobot):
     """A mobile robot with a camera in the simulator."""
 
     type = "PatrolRobot"

@@ -187,10 +187,12 @@ class SimulatedDevice(Device):
             driving.cancel()
 
     def _own_pose(self, state: RobotState) -> list[str]:
-        """The device's pose as parts of a formula; records that it has been reported."""
+        """The device's pose, and the charge of its battery, as parts of a formula; records that the pose has been reported."""
         self._reported_pose = _pose(state)
-        pose = {"PositionX": state.x, "PositionY": state.y, "RotationZ": state.yaw}
-        return [f"{self.name}.{path} = {format_number(value)}" for path, value in pose.items()]
+        values = {"PositionX": state.x, "PositionY": state.y, "RotationZ": state.yaw}
+        if state.charge is not None:
+            values["Charge"] = round(state.charge, 1)
+        return [f"{self.name}.{path} = {format_number(value)}" for path, value in values.items()]
 
 
 def _pose(state: RobotState) -> Pose:
@@ -209,6 +211,13 @@ async def is_of_type(task: Task, object: str, kind: str) -> bool:
         return await task.map.holds(f"?It: {kind} = {object}")
     except RemoteError:  # the Repository rejects a formula that contradicts its types
         return False
+
+
+def metres(value: Value) -> float:
+    """A length from the map, in metres. The Repository returns it in the attribute's unit, with or without the unit's name."""
+    quantity = term(str(value))
+    assert isinstance(quantity, Number), "a length is a number"
+    return quantity.value
 
 
 def format_number(value: float) -> str:

@@ -57,6 +57,10 @@ class Close(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
     object: str
 
 
+class Charge(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
+    """Charge the battery until it is full, on the charger at the current position."""
+
+
 class PutDown(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
     """Put the held object down within reach of the current position, and release it. Works without the drive."""
 
@@ -86,14 +90,14 @@ class LookAround(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
 
 
 class Stop(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
-    """Stop at once, and keep what is held."""
+    """Stop at once, and keep the object that is held. The handle of a door is released."""
 
 
 class Status(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
     """Report the current state."""
 
 
-Command = DriveTo | Approach | Grip | Place | Insert | Open | Close | PutDown | Sense | LookAt | LookAround | Stop | Status
+Command = DriveTo | Approach | Grip | Place | Insert | Open | Close | Charge | PutDown | Sense | LookAt | LookAround | Stop | Status
 
 
 class Fault(StrEnum):
@@ -110,7 +114,7 @@ class Fault(StrEnum):
 
 
 class RobotState(Struct, frozen=True, kw_only=True):
-    """The state that a robot reports: time, pose, held object, command in progress, and faults as far as it can report them."""
+    """The state that a robot reports: time, pose, held object, command in progress, faults as far as it can report them, and battery."""
 
     time: float
     x: float
@@ -119,6 +123,8 @@ class RobotState(Struct, frozen=True, kw_only=True):
     holding: str | None = None
     activity: str | None = field(default=None, name="doing")
     faults: tuple[Fault, ...] = ()
+    charge: float | None = None
+    """Charge of its battery, percent; None for a device without one."""
 
 
 class ObjectState(Struct, frozen=True, kw_only=True):
@@ -132,6 +138,8 @@ class ObjectState(Struct, frozen=True, kw_only=True):
     support: str | None = field(default=None, name="on")
     held_by: str | None = None
     container: str | None = field(default=None, name="in")
+    open: bool | None = None
+    """Whether a door or a container stands open."""
 
 
 class CommandDone(Struct, frozen=True, kw_only=True):
@@ -144,8 +152,9 @@ class CommandDone(Struct, frozen=True, kw_only=True):
 class CommandGivenUp(Struct, frozen=True, kw_only=True):
     """A command was given up. `reason` is for programs, `description` for people.
 
-    Reasons: `drive-dead`, `gripper-stuck`, `blocked` (no free path at present), `unreachable` (no path at all),
-    `slipped` (the object is not in the gripper), `unknown-object`, `not-holding`, `holding`, `no-space`, `shut` (the container), `stopped`, `not-possible`.
+    Reasons: `drive-dead`, `battery-empty`, `gripper-stuck`, `blocked` (no free path at present), `unreachable` (no path at all),
+    `slipped` (the object is not in the gripper), `unknown-object`, `not-holding`, `holding`, `no-space`,
+    `shut` (the container), `stopped`, `not-possible`.
     """
 
     reason: str

@@ -12,14 +12,18 @@ from dataclasses import dataclass
 
 from somrs.devices.simulator.link.commands import (
     Approach,
+    Charge,
+    Close,
     Command,
     CommandDone,
     DriveTo,
     Fault,
     Grip,
+    Insert,
     LookAround,
     LookAt,
     ObjectState,
+    Open,
     Place,
     PutDown,
     RobotState,
@@ -117,6 +121,18 @@ class RobotLink(Link):
 
     async def place(self, support: str, x: float | None = None, y: float | None = None) -> CommandDone:
         return await self.command(Place(support=support, x=x, y=y))
+
+    async def insert(self, container: str) -> CommandDone:
+        return await self.command(Insert(container=container))
+
+    async def open_doors(self, object: str) -> CommandDone:
+        return await self.command(Open(object=object))
+
+    async def close_doors(self, object: str) -> CommandDone:
+        return await self.command(Close(object=object))
+
+    async def charge(self) -> CommandDone:
+        return await self.command(Charge())
 
     async def put_down_object(self) -> CommandDone:
         return await self.command(PutDown())

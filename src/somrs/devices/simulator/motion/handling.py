@@ -9,7 +9,17 @@ import numpy as np
 
 from somrs.devices.simulator.link.commands import Fault
 from somrs.devices.simulator.motion.driving import PATIENCE, ask_aside, drive_to
-from somrs.devices.simulator.motion.placement import ARM, Stand, free_spots, order, reachable_now, spots_here, spots_inside, stands, thing_distances
+from somrs.devices.simulator.motion.placement import (
+    ARM,
+    Stand,
+    free_spots,
+    order,
+    reachable_now,
+    spots_here,
+    spots_inside,
+    stands,
+    thing_distances,
+)
 from somrs.devices.simulator.motion.robot import PERIOD, GivenUp, Robot, Routine, nearest_half_turn, wait
 from somrs.devices.simulator.motion.traffic import Capsule
 from somrs.devices.simulator.world.chassis import LIFT_TOP
@@ -82,7 +92,7 @@ def _drop(robot: Robot) -> float:
 
 
 def _lift_over(robot: Robot, spot: Point, at_least: float = 0.0, container: Solid | None = None) -> float:
-    """The lift's height, m, at which the hand and what it holds pass above everything between the base and a spot, in a container or not."""
+    """The lift's height, m, at which the hand and what it holds pass above everything up to a spot, in a container or not."""
     x, y, _ = robot.pose()
     line = np.array([(x + s * (spot[0] - x), y + s * (spot[1] - y)) for s in np.linspace(0, 1.1, 12)])
     top = max(robot.solid.z, at_least)
@@ -211,7 +221,9 @@ def _grasp_angle(robot: Robot, thing: str, container: Solid | None) -> tuple[flo
         room = (
             min(
                 thing_distances(robot, fingers, z + 0.02, z + solid.height, [thing]).min(),
-                scene.clearances(fingers, z + 0.02, z + 1.0).min() if container is None else -distances_from(inside(container), fingers).max(),
+                scene.clearances(fingers, z + 0.02, z + 1.0).min()
+                if container is None
+                else -distances_from(inside(container), fingers).max(),
             )
             - 0.02
         )
@@ -260,9 +272,7 @@ def put_into(robot: Robot, container: Solid) -> Routine:
     thing = robot.holding
     assert thing is not None
     radius, bottom = robot.scene.world.solids[thing].extent, inside(container).z
-    spot = yield from get_within_reach(
-        robot, container.name, lambda: spots_inside(robot, container, radius), bottom, container=container
-    )
+    spot = yield from get_within_reach(robot, container.name, lambda: spots_inside(robot, container, radius), bottom, container=container)
     yield from _claim_arm(robot, spot)
     _check_ceiling(robot, _lift_over(robot, spot, bottom, container), container)
     yield from _put_on_spot(robot, spot, bottom, container)

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from somrs.devices.simulator.motion.driving import MARGIN, PATIENCE, drive_to, floor_things
 from somrs.devices.simulator.motion.handling import let_go, withdraw
-from somrs.devices.simulator.motion.robot import PERIOD, GivenUp, Robot, Routine, nearest_half_turn, wrap
+from somrs.devices.simulator.motion.robot import PERIOD, GivenUp, Robot, Routine, nearest_half_turn
 from somrs.devices.simulator.motion.traffic import GAP, Capsule
 from somrs.devices.simulator.world.dimensions import OPENING
 from somrs.devices.simulator.world.distances import Array, distances_from

@@ -50,7 +50,13 @@ class Navigator:
     """
 
     def __init__(
-        self, map: Map, ontology: Ontology, *, level: float = 0.0, height: float = 1.85, leaf_positions: Mapping[str, float] = MappingProxyType({})
+        self,
+        map: Map,
+        ontology: Ontology,
+        *,
+        level: float = 0.0,
+        height: float = 1.85,
+        leaf_positions: Mapping[str, float] = MappingProxyType({}),
     ) -> None:
         solids = [solid for object in map.objects.values() if (solid := solid_of(object, ontology)) is not None]
         self.solids = {solid.name: solid for solid in solids if _stands(solid) and solid.z < level + height and solid.top > level + 0.02}

@@ -29,6 +29,10 @@ RATES = {"turret": 1.3, "lift": 0.4, "reach": 0.4, "wrist": 2.5, "left": 0.08, "
 """Speeds at which the set points of the arm's joints approach their targets, rad/s and m/s."""
 STANDING = 0.01
 """Speed below which the base counts as standing, m/s and rad/s."""
+CONSUMPTION = 0.02
+"""Charge that the base uses for a metre of driving, percent: a full battery lasts for 5 km."""
+CHARGING = 0.05
+"""Charge that a charger adds in a second, percent: an empty battery is full after 33 minutes."""
 _TOLERANCES = {"turret": 0.01, "lift": 0.006, "reach": 0.004, "wrist": 0.05, "left": 0.006, "right": 0.006}
 
 Routine = Generator[None, None, None]
@@ -66,6 +70,8 @@ class Robot:
         self.arm_claim: Capsule | None = None
         self.sweep_claim: Capsule | None = None
         """The space through which a door moves that this robot opens or closes."""
+        self.charge = min(max(solid.charge, 0.0), 100.0)
+        """Charge of the battery, percent."""
         self.asking_robot: Robot | None = None
         """A robot that has asked this robot to make way."""
         self.speed, self._turning, self.heading = 0.0, 0.0, (1.0, 0.0)
@@ -95,7 +101,9 @@ class Robot:
     def state(self) -> RobotState:
         x, y, yaw = self.pose()
         faults = tuple(sorted(self.faults))
-        return RobotState(time=self.scene.time, x=x, y=y, yaw=yaw, holding=self.holding, activity=self.activity, faults=faults)
+        return RobotState(
+            time=self.scene.time, x=x, y=y, yaw=yaw, holding=self.holding, activity=self.activity, faults=faults, charge=self.charge
+        )
 
     # The base
 
@@ -106,6 +114,7 @@ class Robot:
         """Drive the base. Without a call of `move` in this period, it stops."""
         if not self._moved:
             self.speed = self._turning = 0.0
+        self.charge = max(0.0, self.charge - CONSUMPTION * self.speed * PERIOD)
         self.joints.drive("x", self.speed * self.heading[0])
         self.joints.drive("y", self.speed * self.heading[1])
         self.joints.drive("yaw", self._turning)
@@ -207,6 +216,8 @@ class Robot:
     def need_drive(self) -> None:
         if Fault.DRIVE in self.faults:
             raise GivenUp("drive-dead", f"the drive of {self.name} is dead")
+        if self.charge <= 0:
+            raise GivenUp("battery-empty", f"the battery of {self.name} is empty")
 
     @property
     def arm_out(self) -> bool:

@@ -6,6 +6,7 @@ import numpy as np
 
 from somrs.devices.simulator.link.commands import (
     Approach,
+    Charge,
     Close,
     Command,
     DriveTo,
@@ -20,10 +21,10 @@ from somrs.devices.simulator.link.commands import (
     Stop,
 )
 from somrs.devices.simulator.motion.driving import drive_to
-from somrs.devices.simulator.motion.handling import get_within_reach, pick, place, put_into, set_down, spots_on, top_of, withdraw
+from somrs.devices.simulator.motion.handling import get_within_reach, let_go, pick, place, put_into, set_down, spots_on, top_of, withdraw
 from somrs.devices.simulator.motion.leaves import move_leaves
 from somrs.devices.simulator.motion.placement import outline_spots
-from somrs.devices.simulator.motion.robot import GivenUp, Robot, Routine, stand
+from somrs.devices.simulator.motion.robot import CHARGING, PERIOD, GivenUp, Robot, Routine, stand
 from somrs.devices.simulator.motion.searching import look_around, look_at
 from somrs.devices.simulator.world.distances import Array
 from somrs.devices.simulator.world.scene import Scene
@@ -46,30 +47,40 @@ def make_routine(command: Command, robot: Robot, scene: Scene, observations: dic
             return _insert(robot, scene, name)
         case Open(object=name) | Close(object=name):
             return _move_leaves(robot, scene, name, opening=isinstance(command, Open))
+        case Charge():
+            return _charge(robot, scene)
         case LookAt(x=x, y=y, z=z, object=name):
             return look_at(robot, (x, y, z), name, observations)
         case LookAround(object=name):
             return look_around(robot, name, observations)
         case Stop():
-            return stand(robot)
+            return _stop(robot)
         case PutDown():
             return _put_down_object(robot)
     raise UsageError(f"a simulated robot cannot carry out {command!r}")
 
 
+def _stop(robot: Robot) -> Routine:
+    yield from stand(robot)
+    yield from let_go(robot)
+
+
 def concerned_objects(command: Command, robot: Robot) -> tuple[str, ...]:
     """The objects whose states the robot reports at the end of a command."""
     match command:
-        case Approach(object=name) | Grip(object=name):
+        case Approach(object=name) | Grip(object=name) | Open(object=name) | Close(object=name):
             return (name,)
         case Place() | Insert() | PutDown() if robot.holding is not None:
             return (robot.holding,)
+        case Stop() if (leaf := robot.scene.pulled.get(robot.name)) is not None:
+            return (leaf.split("/")[0],)
     return ()
 
 
 def _drive(robot: Robot, x: float, y: float, yaw: float | None) -> Routine:
     yield from withdraw(robot)
     yield from drive_to(robot, (x, y), yaw)
+    yield from stand(robot)
 
 
 def _approach(robot: Robot, scene: Scene, name: str) -> Routine:
@@ -83,6 +94,16 @@ def _approach(robot: Robot, scene: Scene, name: str) -> Routine:
     spots = outline_spots(solid)
     # The robot only has to be near: the arm does not reach into the object, so its height is no obstacle.
     yield from get_within_reach(robot, name, lambda: (spots, np.zeros(len(spots))), max(solid.top, 1.5), [name])
+
+
+def _charge(robot: Robot, scene: Scene) -> Routine:
+    x, y, _ = robot.pose()
+    marks = scene.world.by_role(Role.MARK)
+    if not any(mark.charger and abs(mark.z - robot.solid.z) < 0.1 and mark.distance(x, y) <= 0 for mark in marks):
+        raise GivenUp("not-possible", f"{robot.name} does not stand at a charger")
+    while robot.charge < 100.0:
+        robot.charge = min(100.0, robot.charge + CHARGING * PERIOD)
+        yield
 
 
 def _grip(robot: Robot, scene: Scene, name: str) -> Routine:

@@ -24,6 +24,8 @@ Flags = npt.NDArray[np.bool_]
 
 SMALLEST = 0.0005
 """Smallest change that counts as motion, in metres or radians: the physics is never completely still."""
+SMALLEST_CHARGE = 0.1
+"""Smallest change of a battery's charge that is sent, percent."""
 DIGITS = 4
 """Decimal digits of the values that are sent: a tenth of a millimetre."""
 SILENCE = 1.0
@@ -76,7 +78,15 @@ class Table:
 def is_same_state(first: RobotState, second: RobotState) -> bool:
     """Whether two states differ only in time."""
     same_pose = abs(first.x - second.x) < SMALLEST and abs(first.y - second.y) < SMALLEST and abs(first.yaw - second.yaw) < SMALLEST
-    return same_pose and (first.holding, first.activity, first.faults) == (second.holding, second.activity, second.faults)
+    return (
+        same_pose
+        and _is_same_charge(first.charge, second.charge)
+        and (first.holding, first.activity, first.faults) == (second.holding, second.activity, second.faults)
+    )
+
+
+def _is_same_charge(first: float | None, second: float | None) -> bool:
+    return first == second if first is None or second is None else abs(first - second) < SMALLEST_CHARGE
 
 
 def _faults(device: Robot | StationaryCamera) -> tuple[Fault, ...]:

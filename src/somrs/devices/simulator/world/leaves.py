@@ -177,7 +177,13 @@ def inside(container: Solid) -> Solid:
     depth = container.width - board - THICKNESS
     x, y = container.world(board / 2 - THICKNESS / 2, 0.0)
     return replace(
-        container, x=x, y=y, z=container.z + plinth, width=depth, depth=container.depth - 2 * board, height=container.height - plinth - board
+        container,
+        x=x,
+        y=y,
+        z=container.z + plinth,
+        width=depth,
+        depth=container.depth - 2 * board,
+        height=container.height - plinth - board,
     )
 
 

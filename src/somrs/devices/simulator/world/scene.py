@@ -69,7 +69,9 @@ class Scene:
         self._asleep = np.asarray(self.data.tree_asleep)
         self._tree = {thing: int(model.body_treeid[body]) for thing, body in self._things.items()}
         self._leaves = {
-            leaf.name: int(model.jnt_qposadr[model.joint(leaf.name).id]) for solid in self.world.solids.values() for leaf in leaves_of(solid)
+            leaf.name: int(model.jnt_qposadr[model.joint(leaf.name).id])
+            for solid in self.world.solids.values()
+            for leaf in leaves_of(solid)
         }
 
     def _start(self, solid: Solid) -> None:
@@ -232,7 +234,8 @@ class Scene:
         holder, container = self.holder(name), self.container_at(x, y, z) if name in self._things else None
         if container is not None and holder is None:
             return ObjectState(object=name, x=x, y=y, z=z, yaw=yaw, container=container.name)
-        return ObjectState(object=name, x=x, y=y, z=z, yaw=yaw, support=self._carrier(name), held_by=holder)
+        is_open = self.world.solids[name].open if self.leaves(name) else None
+        return ObjectState(object=name, x=x, y=y, z=z, yaw=yaw, support=self._carrier(name), held_by=holder, open=is_open)
 
     def _carrier(self, name: str) -> str | None:
         """What the object stands on: an object that touches it from below or, if there is no contact, the solid directly below it.
@@ -356,7 +359,7 @@ class Scene:
         return int(mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_EQUALITY, f"{robot}/pull"))
 
     def hold_handle(self, robot: str, leaf: Leaf) -> None:
-        """Join the robot's hand to the leaf where it is; the hand can still turn. The caller has checked that both fingers touch a handle."""
+        """Join the robot's hand to a leaf; it can still turn. The caller has checked that both fingers touch a handle."""
         pull, hand, body = self._pull(robot), self.model.body(f"{robot}/wrist").id, self.model.body(leaf.name).id
         anchor, inverse = np.zeros(3), np.zeros(4)
         mujoco.mju_negQuat(inverse, self.data.xquat[body])

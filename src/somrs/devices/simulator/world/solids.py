@@ -77,9 +77,12 @@ class Solid:
     color: str | None = None
     weight: float = 0.3
     open: bool = False
+    charger: bool = False
     container: bool = False
     """Whether things can be put into it, through doors in its front."""
     speed: float = 0.8
+    charge: float = 100.0
+    """Charge of its battery at the start, percent."""
     gripper: bool = False
     pitch: float = 0.0
     """Downward inclination of its front, rad."""
@@ -181,8 +184,10 @@ def solid_of(object: Object, ontology: Ontology) -> Solid | None:
         color=None if color is None else str(color),
         weight=number("Weight", 0.3),
         open=bool(value("Open")),
+        charger=ontology.is_subtype(object.type, "Charger"),
         container=ontology.is_subtype(object.type, "Container"),
         speed=number("Speed", 0.8),
+        charge=number("Charge", 100.0),
         gripper=gripper,
         pitch=number("RotationY"),
         view=number("FieldOfView", math.tau),

@@ -91,8 +91,8 @@ class World:
             bits = {"contype": STATIC_BIT, "conaffinity": 0}
         if solid.container and leaves:
             for panel in panels(solid):
-                size, middle = [panel.width / 2, panel.depth / 2, panel.height / 2], [panel.x, panel.y, panel.z + panel.height / 2]
-                body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=size, pos=middle, group=3, friction=[0.9, 0.01, 0.001], **bits)
+                half, centre = [panel.width / 2, panel.depth / 2, panel.height / 2], [panel.x, panel.y, panel.z + panel.height / 2]
+                body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=half, pos=centre, group=3, friction=[0.9, 0.01, 0.001], **bits)
             return
         if (
             solid.role is Role.MARK
@@ -115,14 +115,14 @@ class World:
 
 
 def _add_leaf(body: mujoco.MjsBody, leaf: Leaf) -> None:
-    """Add a leaf with its joint and its handles to the body of its owner. The leaf's frame has its origin at `end`, and x along the leaf."""
+    """Add a leaf, its joint and its handles to the body of its owner. Its frame has its origin at `end`, and x along the leaf."""
     turn = [math.cos(leaf.along / 2), 0, 0, math.sin(leaf.along / 2)]
     part = body.add_body(name=leaf.name, pos=[*leaf.end, 0], quat=turn, gravcomp=1)
     joint = part.add_joint(name=leaf.name, axis=[-1, 0, 0] if leaf.slides else [0, 0, leaf.turn])
     joint.type = mujoco.mjtJoint.mjJNT_SLIDE if leaf.slides else mujoco.mjtJoint.mjJNT_HINGE
     joint.limited, joint.range = 1, [0, leaf.travel if leaf.slides else math.degrees(leaf.travel)]
-    damping, joint.frictionloss = (8.0, 2.0) if leaf.slides else (1.0, 0.4)
-    joint.damping = [damping, 0, 0]
+    joint.damping = [8.0 if leaf.slides else 1.0, 0, 0]
+    joint.frictionloss = 2.0 if leaf.slides else 0.4
     box, middle, tall = mujoco.mjtGeom.mjGEOM_BOX, (leaf.bottom + leaf.top) / 2, (leaf.top - leaf.bottom) / 2
     width = leaf.width - JAMB if leaf.slides else leaf.width
     thick = min(leaf.thickness, 0.045) / 2

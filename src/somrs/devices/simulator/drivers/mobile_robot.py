@@ -1,0 +1,207 @@
+"""The common part of the drivers of simulated mobile robots: driving to places, and charging the battery."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Awaitable, Callable, Iterable
+
+from somrs.devices.simulator.drivers.simulated import SimulatedDevice, metres
+from somrs.devices.simulator.link.commands import CommandDone, ObjectState, RobotState
+from somrs.devices.simulator.link.connection import RobotGaveUp
+from somrs.devices.simulator.motion.robot import CHARGING
+from somrs.entish.formula import Formula, Name, Relation, conjuncts
+from somrs.errors import RemoteError, UsageError
+from somrs.service_manager.sdk.device import Situation, Task, service
+from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
+
+LOWEST_CHARGE = 5.0
+"""Charge in percent below which a robot only accepts to charge its battery."""
+ARRIVED = 0.1
+"""A robot stands at a place if its middle is at most this far outside of the place's circle, m."""
+
+
+class Spot:
+    """A named place on the map: its name, its middle and its radius in metres."""
+
+    def __init__(self, name: str, x: float, y: float, radius: float) -> None:
+        self.name, self.x, self.y, self.radius = name, x, y, radius
+
+    def distance(self, x: float, y: float) -> float:
+        """Distance of a point from the place's circle, m; negative inside it."""
+        return math.dist((self.x, self.y), (x, y)) - self.radius
+
+
+async def _able(device: MobileRobot, task: Task) -> None:
+    await device.check_able(task)
+
+
+async def _able_to_charge(device: MobileRobot, task: Task) -> None:
+    await device.check_working()
+
+
+async def _price(device: MobileRobot, task: Task) -> float | str:
+    return await device.price(task, (await device.way_to_place(task))[0] if device.price_per_metre else 0.0)
+
+
+async def _duration(device: MobileRobot, task: Task) -> float:
+    return round(await device.driving_time(task, (await device.way_to_place(task))[0]), 1)
+
+
+async def _charging_price(device: MobileRobot, task: Task) -> float | str:
+    return await device.price(task, (await device.way_to_charger(task))[0] if device.price_per_metre else 0.0)
+
+
+async def _charging_time(device: MobileRobot, task: Task) -> float:
+    way, _ = await device.way_to_charger(task)
+    charge = (await device.check_working()).charge
+    return round(await device.driving_time(task, way) + (100.0 - (charge if charge is not None else 100.0)) / CHARGING, 1)
+
+
+class MobileRobot(SimulatedDevice):
+    """A mobile robot in the simulator."""
+
+    async def check_able(self, task: Task) -> RobotState:
+        """Return the robot's state. Raises Refusal when it cannot work, also because its battery is almost empty."""
+        state = await self.check_working()
+        if state.charge is not None and state.charge < LOWEST_CHARGE:
+            raise Refusal(f"the battery of {self.name} is at {state.charge:.0f} %; it has to be charged first")
+        return state
+
+    # Driving to a place
+
+    async def way_to_place(self, task: Task) -> tuple[float, Spot]:
+        """The place that the task names, and the driving distance to it in metres. Raises Refusal when there is no path."""
+        name = str(task.inputs["Place"])
+        spot = next((spot for spot in await self._named_places(task, "Place") if spot.name == name), None)
+        if spot is None:
+            raise Refusal(f"the map does not say where {name} is")
+        (way,) = await self._distances(spot)
+        if way is None:
+            raise Refusal(f"{self.name} finds no path to {name}")
+        return way, spot
+
+    @service("MoveTo", price=_price, duration=_duration, able=_able)
+    async def move_to(self, task: Task) -> Situation:
+        try:
+            _, spot = await self.way_to_place(task)
+        except Refusal as refusal:
+            raise ServiceFailed(str(refusal)) from None
+        return await self._driven_to(task, spot)
+
+    @move_to.stopping
+    async def stop_moving(self, task: Task) -> Situation:
+        return await self._commanded(task, lambda: self._link.stop())
+
+    @move_to.compensation
+    async def move_back(self, task: Task, situation: Formula) -> Situation:
+        """Drive back to the place where the robot was."""
+        spots = {spot.name: spot for spot in await self._named_places(task, "Place")}
+        earlier_place = next((name for name in places_of(self.name, situation) if name in spots), None)
+        if earlier_place is None:
+            raise ServiceFailed(f"{situation} does not say at which place {self.name} was")
+        return await self._driven_to(task, spots[earlier_place])
+
+    async def _driven_to(self, task: Task, spot: Spot) -> str:
+        note = f"drives to {spot.name}"
+        return await self._commanded(task, lambda: self._driving(task, self._link.drive_to(spot.x, spot.y), 0.0, 0.95, note))
+
+    # The battery
+
+    async def way_to_charger(self, task: Task) -> tuple[float, Spot]:
+        """The nearest charger that is free, and the driving distance to it in metres. Raises Refusal if there is none."""
+        chargers = await self._named_places(task, "Charger")
+        robots = [spot for spot in await self._named_places(task, "MobileRobot") if spot.name != self.name]
+        free = [charger for charger in chargers if not any(charger.distance(robot.x, robot.y) <= 0 for robot in robots)]
+        if not free:
+            raise Refusal("there is no charger on the map" if not chargers else "all chargers are in use")
+        ways = [(await self._distances(charger))[0] for charger in free]
+        reachable = [(way, charger) for way, charger in zip(ways, free, strict=True) if way is not None]
+        if not reachable:
+            raise Refusal(f"{self.name} finds no path to {' or '.join(charger.name for charger in free)}")
+        return min(reachable, key=lambda option: option[0])
+
+    @service("ChargeBattery", price=_charging_price, duration=_charging_time, able=_able_to_charge)
+    async def charge(self, task: Task) -> Situation:
+        try:
+            _, charger = await self.way_to_charger(task)
+        except Refusal as refusal:
+            raise ServiceFailed(str(refusal)) from None
+        await self._driven_to(task, charger)
+        note = f"charges at {charger.name}"
+        return await self._commanded(task, lambda: self._driving(task, self._link.charge(), 0.2, 1.0, note))
+
+    @charge.stopping
+    async def stop_charging(self, task: Task) -> Situation:
+        return await self._commanded(task, lambda: self._link.stop())
+
+    @charge.compensation
+    async def keep_charge(self, task: Task, situation: Formula) -> Situation:
+        """A charged battery leaves nothing to undo."""
+        return await self._commanded(task, lambda: self._link.status())
+
+    # The map
+
+    async def _named_places(self, task: Task, kind: str) -> list[Spot]:
+        """The objects of a type with a position; their radius is 0 if the map states none."""
+        position = "?It.PositionX = ?X AND ?It.PositionY = ?Y"
+        rows = await task.map.query(f"?It: {kind} = ?It AND {position}")
+        radii = {str(row["It"]): metres(row["Radius"]) for row in await task.map.query(f"?It: {kind}.Shape.Radius = ?Radius")}
+        return [Spot(str(row["It"]), metres(row["X"]), metres(row["Y"]), radii.get(str(row["It"]), 0.0)) for row in rows]
+
+    async def _distances(self, spot: Spot) -> tuple[float | None, ...]:
+        try:
+            return await self.retry_when_link_lost(lambda: self._link.ways((spot.x, spot.y)))
+        except (RemoteError, UsageError) as error:
+            raise Refusal(f"{self.name} does not answer: {error}") from None
+
+    async def _commanded(self, task: Task, command: Callable[[], Awaitable[CommandDone]]) -> str:
+        """Carry out a command that moves no thing. Return where the robot is then, and whether doors that it moved are open.
+
+        Raises ServiceFailed.
+        """
+        try:
+            result = await self.retry_when_link_lost(command)
+        except RobotGaveUp as failure:
+            raise ServiceFailed(failure.description, await self._failed_at(task, failure)) from failure
+        return " AND ".join([*describe_doors(result.object_states), *await self.whereabouts(task, result.state)])
+
+    async def _failed_at(self, task: Task, failure: RobotGaveUp) -> str:
+        if failure.state is None or self._link.silent:
+            return self._out_of_order()
+        parts = [*describe_doors(failure.object_states), *await self.whereabouts(task, failure.state)]
+        return " AND ".join([*parts, *([self._out_of_order()] if failure.state.faults or not self._link.connected else [])])
+
+    async def whereabouts(self, task: Task, state: RobotState) -> list[str]:
+        """The robot's pose, the charge of its battery, and the place at which it stands, as parts of a formula."""
+        places = [place for place in await self._named_places(task, "Place") if place.distance(state.x, state.y) <= ARRIVED]
+        if not places:
+            return [*self._own_pose(state), *await self.left_places(task, state)]
+        nearest = min(places, key=lambda place: math.dist((place.x, place.y), (state.x, state.y)))
+        return [*self._own_pose(state), f"{self.name} isAt {nearest.name}"]
+
+    async def left_places(self, task: Task, state: RobotState) -> list[str]:
+        """That the robot is no longer at the place where it is according to the map, as parts of a formula; none if it is there."""
+        rows = await task.map.query(f"{self.name} isAt ?Place")
+        places = {place.name: place for place in await self._named_places(task, "Place")} if rows else {}
+        return [
+            f"NOT {self.name} isAt {name}"
+            for name in (str(row["Place"]) for row in rows)
+            if name not in places or places[name].distance(state.x, state.y) > ARRIVED
+        ]
+
+
+def describe_doors(object_states: Iterable[ObjectState]) -> list[str]:
+    """Whether the observed doors and containers are open, as parts of a formula."""
+    return [f"{state.object}.Open = {str(state.open).upper()}" for state in object_states if state.open is not None]
+
+
+def places_of(robot: str, situation: Formula) -> list[str]:
+    """The places at which a situation says that the robot is."""
+    return [
+        part.arguments[1].name
+        for part in conjuncts(situation)
+        if isinstance(part, Relation)
+        and part.relation == "isAt"
+        and part.arguments[0] == Name(robot)
+        and isinstance(part.arguments[1], Name)
+    ]

@@ -1,0 +1,88 @@
+"""The driver's part for a simulated robot with a gripper that opens and closes doors, and the doors of furniture."""
+
+from __future__ import annotations
+
+from somrs.devices.simulator.drivers.mobile_robot import MobileRobot
+from somrs.entish.formula import Comparison, Formula, Truth, conjuncts
+from somrs.errors import RemoteError, UsageError
+from somrs.service_manager.sdk.device import Situation, Task, service
+from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
+
+OPENING_TIME = 25.0
+"""Time to grip the handle of a leaf, to move it and to release it, s."""
+
+
+async def _able(device: OpeningRobot, task: Task) -> None:
+    """Check that the robot works, and that its gripper is free. Raises Refusal."""
+    state = await device.check_able(task)
+    if state.holding is not None:
+        raise Refusal(f"{device.name} holds {state.holding}, and needs its gripper for the handle")
+
+
+async def _price(device: OpeningRobot, task: Task) -> float | str:
+    return await device.price(task, await device.way_to_door(task) if device.price_per_metre else 0.0)
+
+
+async def _duration(device: OpeningRobot, task: Task) -> float:
+    return round(OPENING_TIME + await device.driving_time(task, await device.way_to_door(task)), 1)
+
+
+class OpeningRobot(MobileRobot):
+    """A mobile robot with a gripper that takes handles."""
+
+    async def way_to_door(self, task: Task) -> float:
+        """The driving distance to what is to be opened or closed, m. Raises Refusal when there is no path."""
+        name = _object_of(task)
+        try:
+            (way,) = await self.retry_when_link_lost(lambda: self._link.ways(name))
+        except RemoteError as error:
+            raise Refusal(f"{self.name} does not answer: {error}") from None
+        except UsageError as error:
+            raise Refusal(f"{self.name} cannot determine the path: {error}") from None
+        if way is None:
+            raise Refusal(f"{self.name} finds no path to {name}")
+        return way
+
+    @service("OpenDoor", price=_price, duration=_duration, able=_able)
+    async def open_door(self, task: Task) -> Situation:
+        return await self._move_doors(task, opening=True)
+
+    @service("CloseDoor", price=_price, duration=_duration, able=_able)
+    async def close_door(self, task: Task) -> Situation:
+        return await self._move_doors(task, opening=False)
+
+    @service("OpenContainer", price=_price, duration=_duration, able=_able)
+    async def open_container(self, task: Task) -> Situation:
+        return await self._move_doors(task, opening=True)
+
+    @service("CloseContainer", price=_price, duration=_duration, able=_able)
+    async def close_container(self, task: Task) -> Situation:
+        return await self._move_doors(task, opening=False)
+
+    @open_door.stopping
+    @close_door.stopping
+    @open_container.stopping
+    @close_container.stopping
+    async def let_go(self, task: Task) -> Situation:
+        """Stop, and release the handle."""
+        return await self._commanded(task, lambda: self._link.stop())
+
+    @open_door.compensation
+    @close_door.compensation
+    @open_container.compensation
+    @close_container.compensation
+    async def restore_door(self, task: Task, situation: Formula) -> Situation:
+        """Open or close it as it was."""
+        values = [part.right.value for part in conjuncts(situation) if isinstance(part, Comparison) and isinstance(part.right, Truth)]
+        if not values:
+            raise ServiceFailed(f"{situation} does not say whether {_object_of(task)} was open")
+        return await self._move_doors(task, opening=values[0])
+
+    async def _move_doors(self, task: Task, *, opening: bool) -> str:
+        name, command = _object_of(task), self._link.open_doors if opening else self._link.close_doors
+        note = f"{'opens' if opening else 'closes'} {name}"
+        return await self._commanded(task, lambda: self._driving(task, command(name), 0.05, 0.95, note))
+
+
+def _object_of(task: Task) -> str:
+    return str(task.inputs["Door"] if "Door" in task.inputs else task.inputs["Container"])
