@@ -194,7 +194,12 @@ class _Reasons:
         types = {loss.service_type.name: loss.service_type for loss in self.problem.lost}
         types |= {available.service_type.name: available.service_type for available in self.problem.services}
         service_types = {**self.problem.ontology.services, **types}
-        absent = [name for name, service in service_types.items() if name not in offered_names and self._can_bring_about(service, literal)]
+        capable = {
+            name: service
+            for name, service in service_types.items()
+            if name not in offered_names and self._can_bring_about(service, literal)
+        }
+        absent = [name for name, service in capable.items() if self._applies_now(service, literal)] or [*capable]
         busy = {
             offer.service_type.name: offer.providers
             for offer in self.problem.services
@@ -223,6 +228,17 @@ class _Reasons:
             self.missing[_format_literal(literal)] = None
             unfit = next((f": {misfit}" for service in service_types.values() for misfit in self._find_misfits(service, literal)), "")
             self.texts[f"{_format_literal(literal)} does not hold on the map, and no service type brings it about{unfit}"] = None
+
+    def _applies_now(self, service: ServiceType, literal: Literal) -> bool:
+        """Whether the map meets the precondition with which the service would achieve the literal: nothing has to be prepared."""
+        if service.precondition is None:
+            return True
+        precondition, map, ontology = parse(service.precondition), self.problem.map, self.problem.ontology
+        substitutions = (
+            {name: term for name, term in unifier.items() if not isinstance(term, Variable)}
+            for unifier in achieving_bindings(service, literal, ontology, map)
+        )
+        return any(next(bindings(substitute(precondition, substitution), map, ontology), None) is not None for substitution in substitutions)
 
     def _find_misfits(self, service: ServiceType, literal: Literal) -> Iterator[str]:
         """Texts for the inputs whose type does not admit the literal's objects, where the service has such an effect on other types."""

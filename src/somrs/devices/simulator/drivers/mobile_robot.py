@@ -75,7 +75,7 @@ class MobileRobot(SimulatedDevice):
         spot = next((spot for spot in await self._named_places(task, "Place") if spot.name == name), None)
         if spot is None:
             raise Refusal(f"the map does not say where {name} is")
-        (way,) = await self._distances(spot)
+        (way,) = await self._distances(task, spot)
         if way is None:
             raise Refusal(f"{self.name} finds no path to {name}")
         return way, spot
@@ -114,7 +114,7 @@ class MobileRobot(SimulatedDevice):
         free = [charger for charger in chargers if not any(charger.distance(robot.x, robot.y) <= 0 for robot in robots)]
         if not free:
             raise Refusal("there is no charger on the map" if not chargers else "all chargers are in use")
-        ways = [(await self._distances(charger))[0] for charger in free]
+        ways = [(await self._distances(task, charger))[0] for charger in free]
         reachable = [(way, charger) for way, charger in zip(ways, free, strict=True) if way is not None]
         if not reachable:
             raise Refusal(f"{self.name} finds no path to {' or '.join(charger.name for charger in free)}")
@@ -148,9 +148,11 @@ class MobileRobot(SimulatedDevice):
         radii = {str(row["It"]): metres(row["Radius"]) for row in await task.map.query(f"?It: {kind}.Shape.Radius = ?Radius")}
         return [Spot(str(row["It"]), metres(row["X"]), metres(row["Y"]), radii.get(str(row["It"]), 0.0)) for row in rows]
 
-    async def _distances(self, spot: Spot) -> tuple[float | None, ...]:
+    async def _distances(self, task: Task, stop: Spot | str) -> tuple[float | None, ...]:
+        """The driving distance to a place or an object, m; None if there is no path. Raises Refusal."""
         try:
-            return await self.retry_when_link_lost(lambda: self._link.ways((spot.x, spot.y)))
+            legs = await self.legs_through(task, (stop.x, stop.y) if isinstance(stop, Spot) else stop)
+            return legs.lengths if not legs.shut else (None,)
         except (RemoteError, UsageError) as error:
             raise Refusal(f"{self.name} does not answer: {error}") from None
 

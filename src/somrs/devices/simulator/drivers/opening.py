@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from somrs.devices.simulator.drivers.mobile_robot import MobileRobot
 from somrs.entish.formula import Comparison, Formula, Truth, conjuncts
-from somrs.errors import RemoteError, UsageError
 from somrs.service_manager.sdk.device import Situation, Task, service
 from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
 
@@ -33,12 +32,7 @@ class OpeningRobot(MobileRobot):
     async def way_to_door(self, task: Task) -> float:
         """The driving distance to what is to be opened or closed, m. Raises Refusal when there is no path."""
         name = _object_of(task)
-        try:
-            (way,) = await self.retry_when_link_lost(lambda: self._link.ways(name))
-        except RemoteError as error:
-            raise Refusal(f"{self.name} does not answer: {error}") from None
-        except UsageError as error:
-            raise Refusal(f"{self.name} cannot determine the path: {error}") from None
+        (way,) = await self._distances(task, name)
         if way is None:
             raise Refusal(f"{self.name} finds no path to {name}")
         return way

@@ -142,6 +142,8 @@ class _LegPlanner:
             return position
         if solid.role in (Role.THING, Role.MARK, Role.ROBOT, Role.FLOOR):
             object_state = self._simulation.observe(stop)
+            if object_state.container is not None:
+                return self._stand(navigator, position, object_state.container)
             poses = navigator.approach(position, (object_state.x, object_state.y), radius, reach, discs, object_state.z, limit=1)
         else:
             poses = navigator.approach_support(position, solid, radius, reach, discs, limit=1)
