@@ -73,9 +73,7 @@ class _Harness:
     def order(self, service: str, **inputs: str) -> Order:
         service_type: ServiceType = upper().services[service]
         method = next(name for name, offered in self.device.services().items() if offered.type == service)
-        return Order(
-            participant="p", method=method, inputs=inputs, effect=service_type.effect, precondition=service_type.precondition
-        )
+        return Order(participant="p", method=method, inputs=inputs, effect=service_type.effect, precondition=service_type.precondition)
 
 
 @asynccontextmanager
@@ -95,7 +93,8 @@ def test_a_robot_moves_to_a_place_and_back() -> None:
     async def test() -> None:
         async with _harness() as harness:
             quote = await harness.quote("MoveTo", Place="Entrance")
-            assert isinstance(quote, Quoted) and 1 < quote.duration < 20
+            assert isinstance(quote, Quoted)
+            assert 1 < quote.duration < 20
             map = await harness.perform("MoveTo", Place="Entrance")
             assert map.has_fact("isAt", ("Robot1", "Entrance"))
             state = (await harness.operator.robots())["Robot1"]
@@ -113,7 +112,8 @@ def test_a_robot_charges_at_the_charger_that_is_free() -> None:
     async def test() -> None:
         async with _harness() as harness:
             quote = await harness.quote("ChargeBattery")
-            assert isinstance(quote, Quoted) and 20 < quote.duration < 40, "one percent takes 20 s"
+            assert isinstance(quote, Quoted)
+            assert 20 < quote.duration < 40, "one percent takes 20 s"
             map = await harness.perform("ChargeBattery")
             assert map.has_fact("isAt", ("Robot1", "Charger1")), "Robot2 stands at the other one"
             assert map.objects["Robot1"].values["Charge"] == 100
@@ -128,7 +128,8 @@ def test_a_robot_with_an_almost_empty_battery_only_charges() -> None:
             with pytest.raises(Refusal, match="the battery of Robot2 is at 3 %; it has to be charged first"):
                 await harness.quote("MoveTo", Place="Entrance")
             quote = await harness.quote("ChargeBattery")
-            assert isinstance(quote, Quoted) and quote.duration > 0.9 * 97 / 0.05
+            assert isinstance(quote, Quoted)
+            assert quote.duration > 0.9 * 97 / 0.05
 
     run(test())
 
@@ -137,7 +138,8 @@ def test_a_door_is_opened_and_closed_again() -> None:
     async def test() -> None:
         async with _harness() as harness:
             quote = await harness.quote("OpenDoor", Door="Door1")
-            assert isinstance(quote, Quoted) and 20 < quote.duration < 60
+            assert isinstance(quote, Quoted)
+            assert 20 < quote.duration < 60
             map = await harness.perform("OpenDoor", Door="Door1")
             assert map.objects["Door1"].values["Open"] is True
             assert (await harness.operator.observe("Door1")).open is True

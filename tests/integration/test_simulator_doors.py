@@ -48,7 +48,8 @@ def _is_open(run: Run, owner: str) -> bool:
 def test_a_shut_door_is_opened_passed_and_closed_from_the_other_side() -> None:
     run = Run(_two_rooms())
     end = run.execute("Robot1", DriveTo(x=6, y=3))
-    assert isinstance(end, CommandGivenUp) and end.reason == "unreachable", "a shut door is an obstacle"
+    assert isinstance(end, CommandGivenUp)
+    assert end.reason == "unreachable", "a shut door is an obstacle"
     end = _done(run, Open(object="Door1"))
     (state,) = end.object_states
     assert (state.object, state.open) == ("Door1", True)
@@ -56,7 +57,8 @@ def test_a_shut_door_is_opened_passed_and_closed_from_the_other_side() -> None:
     assert not _is_open(run, "Door1")
     assert run.simulation.state("Robot1").x > 4, "it closed the door from the side on which it was"
     end = run.execute("Robot1", DriveTo(x=1.5, y=1.5))
-    assert isinstance(end, CommandGivenUp) and end.reason == "unreachable"
+    assert isinstance(end, CommandGivenUp)
+    assert end.reason == "unreachable"
     assert not run.collisions
 
 
@@ -96,12 +98,15 @@ def test_things_are_put_into_an_open_container_and_taken_out() -> None:
 def test_nothing_is_taken_out_of_a_shut_container_or_put_into_it() -> None:
     run = Run(_two_rooms(_cupboard(), thing("Jar1", "Jar", 0.4, 4.2, 0.06), thing("Jar2", "Jar", 0.4, 3.8, 0.8)))
     end = run.execute("Robot1", Grip(object="Jar1"))
-    assert isinstance(end, CommandGivenUp) and (end.reason, end.description) == ("shut", "Cupboard1 is shut")
+    assert isinstance(end, CommandGivenUp)
+    assert (end.reason, end.description) == ("shut", "Cupboard1 is shut")
     _done(run, Grip(object="Jar2"))
     end = run.execute("Robot1", Insert(container="Cupboard1"))
-    assert isinstance(end, CommandGivenUp) and end.reason == "shut"
+    assert isinstance(end, CommandGivenUp)
+    assert end.reason == "shut"
     end = run.execute("Robot1", Open(object="Cupboard1"))
-    assert isinstance(end, CommandGivenUp) and end.reason == "holding"
+    assert isinstance(end, CommandGivenUp)
+    assert end.reason == "holding"
 
 
 def test_a_robot_that_is_stopped_lets_the_handle_go_and_says_whether_it_is_open() -> None:
@@ -111,7 +116,8 @@ def test_a_robot_that_is_stopped_lets_the_handle_go_and_says_whether_it_is_open(
     run.run_until(lambda: run.simulation.scene.leaf_position(leaf) > 0.3)
     (state,) = _done(run, Stop()).object_states
     assert (state.object, state.open) == ("Door1", False)
-    assert isinstance(ends[0], CommandGivenUp) and ends[0].reason == "stopped"
+    assert isinstance(ends[0], CommandGivenUp)
+    assert ends[0].reason == "stopped"
     assert not run.simulation.scene.pulled
     _done(run, Open(object="Door1"))
     assert _is_open(run, "Door1"), "it goes on from where the door is"
@@ -120,7 +126,9 @@ def test_a_robot_that_is_stopped_lets_the_handle_go_and_says_whether_it_is_open(
 def test_a_door_does_not_close_on_a_robot_or_a_thing() -> None:
     run = Run(_two_rooms(thing("Jar1", "Jar", 4.0, 2.9, 0.0), door_open=True))
     end = run.execute("Robot1", Close(object="Door1"))
-    assert isinstance(end, CommandGivenUp) and end.reason == "blocked" and "Jar1 stands in the way" in end.description
+    assert isinstance(end, CommandGivenUp)
+    assert end.reason == "blocked"
+    assert "Jar1 stands in the way" in end.description
     run = Run(_two_rooms(robot("Robot2", (4.0, 2.9, 0.0)), door_open=True))
     run.start("Robot1", Close(object="Door1"))
     run.run_until(lambda: run.simulation.time > 30)
@@ -133,9 +141,14 @@ def test_a_door_does_not_close_on_a_robot_or_a_thing() -> None:
 def test_only_robots_with_a_gripper_move_doors_and_only_doors_move() -> None:
     patrol = robot("Patrol1", (2.5, 1.5, 0.0), type="PatrolRobot")
     run = Run(_two_rooms(patrol, box("Table1", "Table", (2.5, 5.4, 0), (1.4, 0.8, 0.74))))
-    for name, object, reason in (("Patrol1", "Door1", "not-possible"), ("Robot1", "Table1", "not-possible"), ("Robot1", "It", "unknown-object")):
+    for name, object, reason in (
+        ("Patrol1", "Door1", "not-possible"),
+        ("Robot1", "Table1", "not-possible"),
+        ("Robot1", "It", "unknown-object"),
+    ):
         end = run.execute(name, Open(object=object))
-        assert isinstance(end, CommandGivenUp) and end.reason == reason
+        assert isinstance(end, CommandGivenUp)
+        assert end.reason == reason
 
 
 def test_the_map_opens_and_closes_doors_too() -> None:
@@ -154,7 +167,8 @@ def test_a_battery_is_used_by_driving_and_filled_at_a_charger() -> None:
     used = 99.0 - (run.simulation.state("Robot2").charge or 0.0)
     assert used == pytest.approx(0.02 * math.dist((2.0, 3.0), (1.5, 4.5)), rel=0.1)
     end = run.execute("Robot2", Charge())
-    assert isinstance(end, CommandGivenUp) and end.description == "Robot2 does not stand at a charger"
+    assert isinstance(end, CommandGivenUp)
+    assert end.description == "Robot2 does not stand at a charger"
     _done(run, DriveTo(x=3.0, y=1.0), "Robot2")
     assert _done(run, Charge(), "Robot2").state.charge == 100.0
 
@@ -162,4 +176,5 @@ def test_a_battery_is_used_by_driving_and_filled_at_a_charger() -> None:
 def test_an_empty_battery_stops_a_robot() -> None:
     run = Run(Map([*shell(), robot("Robot1", (1.5, 1.5, 0.0), Charge=0.01)]))
     end = run.execute("Robot1", DriveTo(x=6, y=4))
-    assert isinstance(end, CommandGivenUp) and end.reason == "battery-empty"
+    assert isinstance(end, CommandGivenUp)
+    assert end.reason == "battery-empty"

@@ -18,20 +18,25 @@ REQUIRED_NAMES: Mapping[Section, frozenset[str]] = {
             "PositionX", "PositionY", "PositionZ", "RotationY", "RotationZ",
             "Shape", "Form", "Width", "Depth", "Height", "Radius", "Outline",
             "Weight", "Color", "Label", "Elevation", "Open",
-            "OperationRange", "FieldOfView", "Payload", "Speed", "Price", "Offers", "Unknown", "Working",
+            "OperationRange", "FieldOfView", "Payload", "Speed", "Price", "Charge", "Offers", "Unknown", "Working",
         )
     ),
-    Section.RELATIONS: frozenset(("isPartOf", "isOn", "isIn", "isHeldBy")),
+    Section.RELATIONS: frozenset(("isPartOf", "isOn", "isIn", "isHeldBy", "isAt")),
     Section.FUNCTIONS: frozenset(("distance",)),
     Section.TYPES: frozenset(
         (
             "Object", "PhysicalObject", "AbstractObject", "Storey", "Space",
-            "BuildingElement", "Wall", "Floor", "Ceiling", "Window", "Passage", "Opening", "Door", "Place",
-            "Furniture", "Support", "Graspable",
+            "BuildingElement", "Wall", "Floor", "Ceiling", "Window", "Passage", "Opening", "Door", "Place", "Charger",
+            "Furniture", "Support", "Container", "Graspable",
             "Device", "Person", "StationaryDevice", "Camera", "MobileRobot", "MobileManipulator", "PatrolRobot",
         )
     ),
-    Section.SERVICES: frozenset(("TransferObject", "RecognizeSituation")),
+    Section.SERVICES: frozenset(
+        (
+            "TransferObject", "RecognizeSituation", "MoveTo", "ChargeBattery",
+            "OpenDoor", "CloseDoor", "OpenContainer", "CloseContainer", "PutInto", "TakeOutOf",
+        )
+    ),
 }  # fmt: skip
 
 

@@ -238,7 +238,9 @@ class _Reasons:
             {name: term for name, term in unifier.items() if not isinstance(term, Variable)}
             for unifier in achieving_bindings(service, literal, ontology, map)
         )
-        return any(next(bindings(substitute(precondition, substitution), map, ontology), None) is not None for substitution in substitutions)
+        return any(
+            next(bindings(substitute(precondition, substitution), map, ontology), None) is not None for substitution in substitutions
+        )
 
     def _find_misfits(self, service: ServiceType, literal: Literal) -> Iterator[str]:
         """Texts for the inputs whose type does not admit the literal's objects, where the service has such an effect on other types."""

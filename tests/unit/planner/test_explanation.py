@@ -224,8 +224,11 @@ def missed(goal: str, *losses: tuple[ServiceType, str, str], services: tuple[Ser
         ),
         (
             make_problem("Robot1 isInside RoomB", DRIVE, map=SHUT),
-            ["DriveTo could bring about Robot1 isInside RoomB, but needs DoorAB.Open = TRUE", f"DoorAB.Open = TRUE {DENIED}"],
-            {"missing": ("DoorAB.Open = TRUE",), "obstacles": (Obstacle.NO_SERVICE_TYPE,)},
+            [
+                "DriveTo could bring about Robot1 isInside RoomB, but needs DoorAB.Open = TRUE",
+                "DoorAB.Open = TRUE could be brought about by OpenDoor, which no device offers now",
+            ],
+            {"missing": ("DoorAB.Open = TRUE",), "unoffered": ("OpenDoor",), "obstacles": (Obstacle.NOT_OFFERED,)},
         ),
         (make_problem("Jar001 isOn Jar001", TRANSFER), ["TransferObject has such effects, but not Jar001 isOn Jar001"], {}),
         (

@@ -211,3 +211,20 @@ def test_types_that_are_not_there_are_told_when_all_pages_are_read() -> None:
     assert joiner.answer(ontology(services=())) == [SetTimer(JoiningDue(), None), Ask(ReportWanted(), Report(expected_text, joined=False))]
     assert joiner.run_effects(joiner.joining.start(ME, NOW + 1))[1:] == [SetTimer(JoiningDue(), NOW + 6.0)]
     assert joiner.last_request() == (REPOSITORY, ReadOntology()), "from the beginning"
+
+
+def test_a_device_offers_the_types_that_are_there_and_the_others_when_they_come() -> None:
+    joiner = Joiner(TWO_SERVICES)
+    joiner.answer(ontology(services=(DRY,)))
+    joiner.answer(MapPage(objects=(Object(name="Washer1", type="Washer"),), facts=(), version=1, more=False))
+    _, publication = joiner.last_request()
+    assert isinstance(publication, Publish)
+    assert [offer.service for offer in publication.offers] == ["Washer1.Dry"]
+    effects = joiner.answer(Published(until=40.0, renew_within=10.0))
+    text = "Washer1 offers Washer1.Dry\nWasher1.Wash is not on offer: the common ontology has no service type Wash"
+    assert Ask(ReportWanted(), Report(text, joined=True)) in effects
+    joiner.run_effects(joiner.joining.timer_fired(NOW + 7.0))
+    joiner.answer(ontology(services=(DRY, WASH)))
+    _, publication = joiner.last_request()
+    assert isinstance(publication, Publish)
+    assert [offer.service for offer in publication.offers] == ["Washer1.Wash", "Washer1.Dry"]

@@ -133,7 +133,10 @@ class Joining(Struct, kw_only=True):
 
     def _published(self, withheld: tuple[Withheld, ...]) -> Effects:
         """Report which services are listed, when the device has joined and whenever this changes."""
-        reasons = {entry.service: entry.reason for entry in withheld}
+        offered_names = {capability.type_name for capability in self._offered_capabilities()}
+        undefined = [capability for capability in self.profile.capabilities if capability.type_name not in offered_names]
+        reasons = {self.profile.service(capability): self._undefined(capability.type_name) for capability in undefined}
+        reasons |= {entry.service: entry.reason for entry in withheld}
         if not self.joined or reasons != self.withheld:
             self.withheld = reasons
             listed = [offer.service for offer in self._offers() if offer.service not in reasons]
@@ -153,12 +156,18 @@ class Joining(Struct, kw_only=True):
             yield from self._take_step(JoinStep.READ, now)
             return
         self.ontology_offset = 0
-        brought_types = {capability.type_name for capability in self.profile.capabilities if isinstance(capability.type, ServiceType)}
-        if missing := sorted(needed_types - set(self.types) - brought_types):
-            hints = [f"the common ontology has no service type {name}. {nearest(name, self.seen_names)}".rstrip() for name in missing]
-            yield from self._report_problem("\n".join([*hints, "use one of its names, or pass a ServiceType to @service"]))
-        else:
+        if self._offered_capabilities():
             yield from self._take_step(JoinStep.PUBLISH if self.joined else JoinStep.LOOK, now)
+        else:
+            hints = [f"{self._undefined(name)}. {nearest(name, self.seen_names)}".rstrip() for name in sorted(needed_types)]
+            yield from self._report_problem("\n".join([*hints, "use one of its names, or pass a ServiceType to @service"]))
+
+    def _offered_capabilities(self) -> list[Capability]:
+        """The capabilities whose service types the ontology defines or the device brings."""
+        return [c for c in self.profile.capabilities if isinstance(c.type, ServiceType) or c.type_name in self.types]
+
+    def _undefined(self, service_type: str) -> str:
+        return f"the common ontology has no service type {service_type}"
 
     def _take_step(self, step: JoinStep, now: float) -> Effects:
         """Take a step: send its request, and set a timer to repeat it."""
@@ -196,7 +205,7 @@ class Joining(Struct, kw_only=True):
         return Publish(provider=profile.name, offers=self._offers(), lease=profile.lease, ontology_version=self.ontology_version)
 
     def _offers(self) -> tuple[Offer, ...]:
-        return tuple(self._offer(capability) for capability in self.profile.capabilities)
+        return tuple(self._offer(capability) for capability in self._offered_capabilities())
 
     def _offer(self, capability: Capability) -> Offer:
         return Offer(

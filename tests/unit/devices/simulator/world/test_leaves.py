@@ -40,7 +40,9 @@ def test_leaves_and_handles_are_where_the_joints_put_them(owner: Object) -> None
             mujoco.mj_kinematics(scene.model, scene.data)
             for side in (-1, 1) if leaf.slides else (1,):
                 x, y = leaf.handle(position, side)
-                handles = [_place(scene, geom) for geom in _geoms(scene, leaf) if scene.model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CYLINDER]
+                handles = [
+                    _place(scene, geom) for geom in _geoms(scene, leaf) if scene.model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CYLINDER
+                ]
                 assert any(math.dist((x, y, leaf.handle_height), handle) < 1e-6 for handle in handles)
                 ahead = x + STANDOFF * math.cos(leaf.front(position, side)), y + STANDOFF * math.sin(leaf.front(position, side))
                 assert _distance(leaf, position, ahead) > _distance(leaf, position, (x, y)) >= STANDOFF - 1e-6
