@@ -38,8 +38,8 @@ class PlanCache:
         self._answers: dict[Question, _Answer] = {}
 
     def store(self, problem: Problem, result: Plan | NoPlan) -> None:
-        """Store the result, unless it is undecided."""
-        if isinstance(result, NoPlan) and result.undecided:
+        """Store the result, unless it is undecided, or depends on bids."""
+        if problem.bids or (isinstance(result, NoPlan) and result.undecided):
             return
         self._answers.pop(_question(problem), None)
         self._answers[_question(problem)] = _Answer(problem.ontology, problem.map, frozenset(_find_subjects(problem)), result)
@@ -48,7 +48,7 @@ class PlanCache:
 
     def recall(self, problem: Problem) -> Plan | NoPlan | None:
         """The stored result, if all facts that it depends on are unchanged on the map; else None."""
-        answer = self._answers.get(_question(problem))
+        answer = self._answers.get(_question(problem)) if not problem.bids else None
         if answer is None or answer.ontology is not problem.ontology:
             return None
         is_unchanged = not any(_matters(change, answer.subjects) for change in differences(answer.map, problem.map))

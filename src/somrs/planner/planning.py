@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from somrs.entish.formula import alternatives, conjunction, names
 from somrs.errors import RemoteError, SomrsError
 from somrs.ontology.truth import formula_holds
+from somrs.planner.conditions import ConditionalUses
 from somrs.planner.encodings.sas import decode_moves, encode_sas
 from somrs.planner.explanation import exclusion_obstacles, exclusion_text, explain_failure, unmet_precondition
 from somrs.planner.grounding.grounding import Grounding, TooLarge
@@ -65,8 +66,9 @@ class _Engines:
 
 def plan_quickly(problem: Problem) -> Plan | NoPlan | None:
     """The result that can be found within a few milliseconds; None when the problem needs a search, or an optimistic reading."""
-    result = _plan_quickly(problem)
-    return None if isinstance(result, NoPlan) and _may_be_told(problem) else result
+    uses = ConditionalUses(problem)
+    result = _plan_quickly(uses.problem)
+    return None if result is None or (isinstance(result, NoPlan) and _may_be_told(uses.problem)) else uses.translate(result)
 
 
 def _may_be_told(problem: Problem) -> bool:
@@ -98,7 +100,11 @@ def plan(
 
     A plan that assumes what services have to tell first (`model/reading.py`) is the last resort.
     """
-    engines = _Engines(engine, numeric, improver, limit)
+    uses = ConditionalUses(problem)
+    return uses.translate(_plan_or_assume(uses.problem, _Engines(engine, numeric, improver, limit)))
+
+
+def _plan_or_assume(problem: Problem, engines: _Engines) -> Plan | NoPlan:
     result = _plan_quickly(problem)
     if result is None:
         result = generalize_providers(problem, prefer_shorter(problem, _plan(problem, engines)))

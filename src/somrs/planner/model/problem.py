@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from msgspec import Struct, field
 
-from somrs.entish import Formula
+from somrs.entish import Formula, Term
 from somrs.ontology.objects import Map
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Ontology
@@ -27,6 +27,20 @@ class LostService(Struct, frozen=True):
     service_type: ServiceType
     service: str
     reason: str = field(name="why")
+
+
+class StepBid(Struct, frozen=True, kw_only=True):
+    """The answer of a service that was asked for a step of an earlier plan: a service type and its inputs.
+
+    `condition`: the service does it only if this holds at the start (None: in any case). `price` is None if the service stated none.
+    """
+
+    service_type: str
+    inputs: tuple[tuple[str, Term], ...]
+    provider: str
+    service: str
+    condition: Formula | None = None
+    price: float | None = None
 
 
 class Problem(Struct, frozen=True, kw_only=True, tag=True):
@@ -55,3 +69,5 @@ class Problem(Struct, frozen=True, kw_only=True, tag=True):
     promised: frozenset[str] = frozenset()
     hurry: bool = False
     lost: tuple[LostService, ...] = ()
+    bids: tuple[StepBid, ...] = ()
+    """Answers of services that concern the plan, because one of those that were asked for the same stated a condition."""
