@@ -9,6 +9,7 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 
 import pytest
+from msgspec import structs
 
 from somrs.devices.simulator.drivers.manipulator import Manipulator, Spot, read_spot
 from somrs.devices.simulator.link.commands import Fault
@@ -24,7 +25,7 @@ from somrs.repository.component import Repository
 from somrs.service_manager.sdk.device import Ask, MapReader
 from somrs.service_manager.sdk.orders import Advance, Halt, Order, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo, WorkDone
 from tests.support.hang import HANG_TIME
-from tests.support.robot_lab import map_after, repository, run, run_work, simulator, site
+from tests.support.robot_lab import SITE, map_after, repository, run, run_work, simulator, site
 from tests.support.virtual_devices import make_ask
 
 
@@ -55,10 +56,10 @@ def order(object: str = "Jar1", destination: str = "Platform1", precondition: st
 
 @asynccontextmanager
 async def device_harness(
-    name: str = "Robot1", speed: float | None = None, kind: type[Manipulator] = Manipulator, reconnect_time: float = 0.3
+    name: str = "Robot1", speed: float | None = None, kind: type[Manipulator] = Manipulator, reconnect_time: float = 0.3, text: str = SITE
 ) -> AsyncIterator[DeviceHarness]:
-    async with simulator(speed) as server, OperatorLink(server.host, server.port) as operator:
-        rooms = repository()
+    async with simulator(speed, text) as server, OperatorLink(server.host, server.port) as operator:
+        rooms = repository(text)
         device = kind(name, f"{server.host}:{server.port}")
         device.reconnect_timeout = reconnect_time
         ask = make_ask(rooms, lambda: 0.0)
@@ -159,6 +160,33 @@ def test_a_quote_counts_with_where_the_thing_is_going_to_be() -> None:
             moved_duration = await quoted("Jar1.PositionX = 3 AND Jar1.PositionY = 2 AND Jar1.PositionZ = 0")
             assert moved_duration < now - 2
             assert await quoted("Jar1 isOn Platform1") == pytest.approx(now, abs=6)
+
+    run(test())
+
+
+WITH_DOOR = SITE.replace(
+    "facts:",
+    """  Door1: {type: Door, at: [4, 2.3, 0], Shape: {Form: Box, Width: 0.1, Depth: 1.4, Height: 2.1}, Open: false}
+  Wall2: {type: Wall, at: [4, 4.5, 0], Shape: {Form: Box, Width: 0.1, Depth: 3, Height: 2.5}}
+facts:""",
+)
+"""The jar and the platform are in two rooms, with a shut door between them."""
+
+
+def test_a_robot_that_finds_a_shut_door_on_its_only_way_offers_to_go_if_it_is_open() -> None:
+    async def test() -> None:
+        async with device_harness(text=WITH_DOOR) as harness:
+            shut = await harness.run_work(Quote(order()))
+            assert isinstance(shut, Quoted)
+            assert shut.condition == "Door1.Open = TRUE"
+            promised = await harness.run_work(Quote(structs.replace(order(), situation="Door1.Open = TRUE")))
+            assert promised == structs.replace(shut, condition=None), "the way is the same"
+            beside = await harness.run_work(Quote(structs.replace(order(), situation="Jar1 isOn Platform1")))
+            assert isinstance(beside, Quoted)
+            assert beside.condition == "Door1.Open = TRUE", "the jar will have been carried to the other room"
+            near = await harness.run_work(Quote(order(destination="Floor1")))
+            assert isinstance(near, Quoted)
+            assert near.condition is None
 
     run(test())
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import pytest
+
 from somrs.ontology.services import Parameter, ServiceType
-from somrs.protocol.messages.clients import TaskView
+from somrs.protocol.messages.clients import Preview, Previewed, TaskView
 from somrs.protocol.messages.frp import Arrange, Outcome
 from somrs.service_manager.sdk.device import Device, Situation, Task, service
 from somrs.service_manager.sdk.orders import Refusal
@@ -27,6 +29,7 @@ objects:
   Porter1: {type: PioneerP3DX, at: [3, 3]}
   Carrier1: {type: PioneerP3DX, at: [3, 5]}
   Carrier2: {type: PioneerP3DX, at: [3, 7]}
+  Climber1: {type: PioneerP3DX, at: [3, 9]}
 facts:
   - Carton001 isOn Table001
 """
@@ -91,3 +94,164 @@ def test_a_robot_quotes_with_the_door_open_that_is_shut_now() -> None:
     assert arranges(system) == {"OpenDoor": None, "CarryThrough": "Door001.Open = TRUE"}
     assert carrier.read == [True, True], "it read the promised map when it quoted, and the real one when it began"
     assert system.map.objects["Door001"].values["Open"] is True
+
+
+# Conditions
+
+CARRY_ANYWHERE = ServiceType(
+    name="CarryAnywhere", inputs=CARRY.inputs, precondition="?Object isOn ?Source", effect="?Object isOn ?Destination"
+)
+
+
+async def _demands_an_open_door(device: Cautious, task: Task) -> None:
+    if not await task.map.holds("Door001.Open = TRUE"):
+        task.demand("Door001.Open = TRUE")
+
+
+async def _refuses_at_a_shut_door(device: Cautious, task: Task) -> None:
+    if not await task.map.holds("Door001.Open = TRUE"):
+        raise Refusal("there is no way", condition="Door001.Open = TRUE")
+
+
+class Cautious(Device):
+    """Carries for 4 EUR, if the door is open."""
+
+    type = "PioneerP3DX"
+    able = staticmethod(_demands_an_open_door)
+
+    @service(CARRY_ANYWHERE, price="4 EUR", duration="30 s", able=lambda device, task: type(device).able(device, task))
+    async def carry(self, task: Task) -> Situation:
+        await Pause(30)
+        return None
+
+
+class Stubborn(Cautious):
+    """Refuses, and says that it would do it if the door were open."""
+
+    able = staticmethod(_refuses_at_a_shut_door)
+
+
+class Climber(Device):
+    """Carries without a condition, for more."""
+
+    type = "PioneerP3DX"
+    fee = 12.0
+
+    @service(CARRY_ANYWHERE, price=lambda device, task: device.fee, duration="30 s")
+    async def carry(self, task: Task) -> Situation:
+        await Pause(30)
+        return None
+
+
+@pytest.mark.parametrize("carrier", [Cautious, Stubborn])
+def test_a_condition_of_a_service_is_made_true_by_another_one(carrier: type[Device]) -> None:
+    system = VirtualSystem(site=SITE)
+    system.join_device(Porter("Porter1"))
+    system.join_device(carrier("Carrier1"))
+    system.join_device(carrier("Carrier2"))
+    view = finished(system, "Carton001 isOn Shelf001")
+    assert view.outcome is Outcome.ACCOMPLISHED, view.explanation
+    assert [step.service_type for step in view.steps] == ["OpenDoor", "CarryAnywhere"]
+    carry = view.steps[1]
+    assert carry.condition == "Door001.Open = TRUE"
+    assert carry.demanded_by == ("Carrier1.CarryAnywhere", "Carrier2.CarryAnywhere")
+    assert (carry.after, carry.because) == (("step1",), ("Door001.Open = TRUE",)), "the door is opened before, not beside"
+    assert arranges(system)["CarryAnywhere"] == "Door001.Open = TRUE"
+
+
+@pytest.mark.parametrize("carrier", [Cautious, Stubborn])
+def test_a_goal_that_names_the_door_is_reached_in_the_right_order(carrier: type[Device]) -> None:
+    system = VirtualSystem(site=SITE)
+    system.join_device(Porter("Porter1"))
+    system.join_device(carrier("Carrier1"))
+    view = finished(system, "Door001.Open = TRUE AND Carton001 isOn Shelf001")
+    assert view.outcome is Outcome.ACCOMPLISHED, view.explanation
+    carry = next(step for step in view.steps if step.service_type == "CarryAnywhere")
+    assert carry.because == ("Door001.Open = TRUE",)
+
+
+@pytest.mark.parametrize(("fee", "services"), [(12.0, ["Porter1.OpenDoor", "Carrier1.CarryAnywhere"]), (4.5, ["Climber1.CarryAnywhere"])])
+def test_the_total_decides(fee: float, services: list[str]) -> None:
+    """The door is opened for 1 EUR: 5 EUR in all against the fee of the robot that needs no open door."""
+    system, climber = VirtualSystem(site=SITE), Climber("Climber1")
+    climber.fee = fee
+    system.join_device(Porter("Porter1"))
+    system.join_device(Cautious("Carrier1"))
+    system.join_device(climber)
+    finished(system, "Door001.Open = TRUE")  # the price of opening is known from now on
+    system.change("Door001.Open = FALSE")
+    view = finished(system, "Carton001 isOn Shelf001")
+    assert view.outcome is Outcome.ACCOMPLISHED, view.explanation
+    assert [step.service for step in view.steps] == services
+
+
+def test_a_condition_that_nothing_makes_true_is_named() -> None:
+    system = VirtualSystem(site=SITE)
+    system.join_device(Cautious("Carrier1"))
+    (view,) = system.finish(system.submit("Carton001 isOn Shelf001", waits=False))
+    assert view.outcome is Outcome.FAILED
+    assert "CarryAnywhere(Carton001, Shelf001) if Door001.Open = TRUE" in view.explanation
+    assert len([body for message in system.world.messages if isinstance(body := message.body, Arrange)]) == 1, "it is not asked again"
+
+
+class Insatiable(Device):
+    """Demands more each time."""
+
+    type = "PioneerP3DX"
+    asked = 0
+
+    @service(CARRY_ANYWHERE, price="4 EUR", duration="30 s", able=lambda device, task: device.more(task))
+    async def carry(self, task: Task) -> Situation:
+        return None
+
+    def more(self, task: Task) -> None:
+        self.asked += 1
+        task.demand(f"Carton001.PositionX = {self.asked + 10} m")
+
+
+MOVE = ServiceType(
+    name="Shift", inputs=(Parameter(name="Object", type="Graspable"), Parameter(name="To", type="number")), effect="?Object.PositionX = ?To"
+)
+
+
+class Shifter(Device):
+    """Makes true whatever is demanded."""
+
+    type = "PioneerP3DX"
+
+    @service(MOVE, price="1 EUR", duration="1 s")
+    async def shift(self, task: Task) -> Situation:
+        return None
+
+
+def test_conditions_without_end_are_given_up() -> None:
+    system, greedy = VirtualSystem(site=SITE), Insatiable("Carrier1")
+    system.join_device(greedy)
+    system.join_device(Shifter("Porter1"))
+    (view,) = system.finish(system.submit("Carton001 isOn Shelf001", waits=False))
+    assert view.outcome is Outcome.FAILED
+    assert "needs Carton001.PositionX" in view.explanation
+    assert greedy.asked < 25
+
+
+def test_a_preview_has_the_plan_with_the_condition_and_its_total() -> None:
+    system = VirtualSystem(site=SITE)
+    system.join_device(Porter("Porter1"))
+    system.join_device(Cautious("Carrier1"))
+    preview = system.ask(Preview(effect="Carton001 isOn Shelf001", quotes=True))
+    assert isinstance(preview, Previewed)
+    assert [step.service_type for step in preview.steps] == ["OpenDoor", "CarryAnywhere"]
+    assert (preview.price, preview.unserved) == (5.0, {})
+    (view,) = system.finish(system.submit("Carton001 isOn Shelf001"))
+    assert [step.price for step in view.steps] == [1.0, 4.0]
+
+
+def test_a_preview_names_the_condition_that_the_plan_does_not_meet() -> None:
+    system = VirtualSystem(site=SITE)
+    system.join_device(Cautious("Carrier1"))
+    system.join_device(Climber("Climber1"))
+    preview = system.ask(Preview(effect="Carton001 isOn Shelf001", quotes=True))
+    assert isinstance(preview, Previewed)
+    quotations = {quotation.service: quotation for quotation in preview.quotations}
+    assert (quotations["Carrier1.CarryAnywhere"].condition, quotations["Carrier1.CarryAnywhere"].chosen) == ("Door001.Open = TRUE", False)
+    assert quotations["Climber1.CarryAnywhere"].chosen

@@ -13,7 +13,7 @@ from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
 from somrs.protocol.messages.clients import Submit, Submitted, TaskRejected, TaskView
 from somrs.protocol.messages.envelope import Header, Message, message_id
-from somrs.protocol.messages.knowledge import Definitions
+from somrs.protocol.messages.knowledge import Definitions, UpdateMap
 from somrs.protocol.messages.records import TaskRecord
 from somrs.registry.component import SCHEMA as REGISTRY
 from somrs.registry.component import Registry
@@ -250,6 +250,13 @@ class VirtualSystem:
 
         assert self.world.run(60, lambda: bool(answers())), f"no answer to {body}"
         return answers()[0].body
+
+    def change(self, situation: str) -> None:
+        """Somebody else makes the situation hold."""
+        id = message_id("client", "change", situation, self.world.now)
+        header = Header(sender="client", recipient="repository", message_id=id, reply_to="client")
+        self.world.send(Message(header=header, body=UpdateMap(situation=situation)))
+        self.world.run(1)
 
     def submit(self, effect: str, **options: object) -> str:
         answer = self.ask(Submit(effect=effect, **options))  # type: ignore[arg-type]  # keyword arguments of Submit

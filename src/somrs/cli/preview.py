@@ -45,7 +45,11 @@ def _quotations(offered_quotations: Iterable[Quotation]) -> RenderableType:
             Text(f"{'✔ ' if quotation.chosen else ''}{quotation.service}", "green" if quotation.chosen else ""),
             terminal.terms(quotation.price, quotation.currency, quotation.duration) or "-",
             f"{quotation.start:.0f} s to {quotation.finish:.0f} s" if quotation.start is not None and quotation.finish is not None else "-",
-            terminal.lines("an estimate: its last known terms" if quotation.estimate else "", quotation.reason),
+            terminal.lines(
+                "an estimate: its last known terms" if quotation.estimate else "",
+                f"only if {quotation.condition}" if quotation.condition is not None else "",
+                quotation.reason,
+            ),
         )
         for quotation in quotation_list
     )

@@ -81,6 +81,11 @@ def inputs(step: StepView | WorkView) -> str:
     return "\n".join(f"{name}: {value}" for name, value in step.inputs.items())
 
 
+def demand(step: StepView) -> str:
+    """What services demanded for a step."""
+    return f"demanded: {step.condition} ({', '.join(step.demanded_by)})" if step.condition is not None else ""
+
+
 def steps(title: str, step_views: Sequence[StepView], other_work: Sequence[WorkView] = ()) -> Table:
     """A plan with the state of each step, followed by `other_work`, which is not part of the plan (observation, compensation)."""
     is_ordered = any(step.after for step in step_views)
@@ -88,7 +93,7 @@ def steps(title: str, step_views: Sequence[StepView], other_work: Sequence[WorkV
     rows = [
         (
             step.step,
-            lines(step.service_type, inputs(step)),
+            lines(step.service_type, inputs(step), demand(step)),
             *((", ".join(step.after) or "-",) if is_ordered else ()),
             lines(step.service or "-", terms(step.price, step.currency, step.duration)),
             _step_progress(step),
@@ -131,7 +136,7 @@ def plan(step_views: Sequence[StepView]) -> Table:
         (
             (
                 step.step,
-                lines(step.service_type, inputs(step)),
+                lines(step.service_type, inputs(step), demand(step)),
                 ", ".join(step.after) or "-",
                 "\n".join(dict.fromkeys(step.because)) or "-",
             )

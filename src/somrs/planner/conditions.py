@@ -8,7 +8,7 @@ is translated before the search, and its result is translated back.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from msgspec import structs
@@ -19,7 +19,7 @@ from somrs.entish.parse import parse, parse_term
 from somrs.ontology.objects import Fact, FactAdded
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import RelationType
-from somrs.planner.model.plan import NoPlan, Plan, Step
+from somrs.planner.model.plan import NoPlan, Plan, Step, describe_use
 from somrs.planner.model.problem import AvailableService, Problem, StepBid
 from somrs.planner.model.world import VALUES
 
@@ -38,6 +38,8 @@ class _Use:
     service_type: str
     inputs: Inputs
     condition: Formula | None
+    services: tuple[str, ...]
+    """The services that demand the condition."""
     available: AvailableService
 
 
@@ -54,8 +56,13 @@ class ConditionalUses:
         self._uses = {
             use.available.service_type.name: use
             for (name, inputs), bids in self._requests.items()
-            for use in _uses(offers[name], inputs, bids)
+            for use in _uses(structs.replace(offers[name], providers=self._useful(offers[name], inputs)), inputs, bids)
         }
+
+    def _useful(self, available: AvailableService, inputs: Inputs) -> tuple[str, ...]:
+        """The providers without those that told nothing with these inputs a short time ago."""
+        use = describe_use(available.service_type.name, dict(inputs))
+        return tuple(provider for provider in available.providers if (provider, use) not in self._problem.fruitless)
 
     @property
     def problem(self) -> Problem:
@@ -109,18 +116,21 @@ class ConditionalUses:
         use = self._uses.get(step.service_type)
         if use is None:
             return step
-        return structs.replace(step, service_type=use.service_type, inputs=dict(use.inputs), condition=use.condition)
+        return structs.replace(
+            step, service_type=use.service_type, inputs=dict(use.inputs), condition=use.condition, demanded_by=use.services
+        )
 
 
 def _uses(available: AvailableService, inputs: Inputs, bids: Sequence[StepBid]) -> Iterator[_Use]:
     """The uses of a service type with these inputs: one for each condition, and one for the providers that stated none."""
-    conditional_providers = {bid.provider for bid in bids if bid.condition is not None}
-    for condition in dict.fromkeys(bid.condition for bid in bids if bid.condition is not None):
-        of_condition = [bid for bid in bids if bid.condition == condition]
+    offered = [bid for bid in bids if not bid.refuses]
+    for condition in dict.fromkeys(bid.condition for bid in offered if bid.condition is not None):
+        of_condition = [bid for bid in offered if bid.condition == condition]
         yield _use(available, inputs, condition, tuple(dict.fromkeys(bid.provider for bid in of_condition)), of_condition)
-    others = tuple(provider for provider in available.providers if provider not in conditional_providers)
+    restricted = {bid.provider for bid in bids if bid.refuses or bid.condition is not None}
+    others = tuple(provider for provider in available.providers if provider not in restricted)
     if others:
-        yield _use(available, inputs, None, others, [bid for bid in bids if bid.condition is None])
+        yield _use(available, inputs, None, others, [bid for bid in offered if bid.condition is None])
 
 
 def _use(
@@ -142,7 +152,8 @@ def _use(
         parent=None,
         handlers=(),
     )
-    return _Use(service.name, inputs, condition, AvailableService(use, providers, tuple(sorted(prices.items()))))
+    services = tuple(dict.fromkeys(bid.service for bid in bids)) if condition is not None else ()
+    return _Use(service.name, inputs, condition, services, AvailableService(use, providers, tuple(sorted(prices.items()))))
 
 
 def _without(service: ServiceType, requests: Sequence[Inputs]) -> tuple[ServiceType, RelationType | None, list[Fact]]:

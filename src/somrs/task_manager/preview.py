@@ -24,6 +24,7 @@ from somrs.protocol.messages.events import Event, WaitsForTasks
 from somrs.protocol.messages.frp import State
 from somrs.task_manager.arrangement.available_services import AvailableServices, KnownServices
 from somrs.task_manager.arrangement.call_for_proposals import MAX_OPEN_CALLS, Arrangement, CallForProposals, OpenCalls, make_call
+from somrs.task_manager.arrangement.conditions import Conditions, StatedConditions, condition_error
 from somrs.task_manager.arrangement.plan_request import PlanRequest, PlanRequester, PlanResult
 from somrs.task_manager.context import Commitments, Interval, TaskManagerContext
 from somrs.task_manager.execution.bids import Bid, choose_bid, fit_bid, make_bid
@@ -65,6 +66,7 @@ class PreviewState(Struct, kw_only=True):
     quotations: dict[str, list[Quotation]] = {}
     """By step."""
     unserved: dict[str, str] = {}
+    conditions: StatedConditions = field(default_factory=StatedConditions)
     ended: bool = field(default=False, name="over")
 
     @property
@@ -125,9 +127,12 @@ class PreviewExecutor:
             state.waiting_for, result = WaitsForTasks.on(result.holders), result.plan
         if not isinstance(result, Plan) or not state.query.quotes or not result.steps:
             return (yield from self._end(structs.replace(preview_reply(result), waits=state.waits, waiting_for=state.waiting_for)))
-        state.bidding_start, state.workflow = now, Workflow.from_plan(result.certain_part)
+        serial = state.planning.serial
+        state.workflow = Workflow.from_plan(result.certain_part, f"{serial}/" if serial else "")
         state.outlook = result
-        yield SetTimer(PreviewDue(state.id), now + MOST_TIME)
+        if not serial:
+            state.bidding_start = now
+            yield SetTimer(PreviewDue(state.id), now + MOST_TIME)
         return (yield from self._ask(now))
 
     # Calls for proposals
@@ -146,6 +151,9 @@ class PreviewExecutor:
         if call is None:
             return None
         match message.body:
+            case frp.Terms(condition=condition) if (error := condition_error(condition, self._context.replica)) is not None:
+                member.exit_reason = error
+                yield from self._participants.dismiss(member, error, now)
             case frp.Terms() as terms:
                 self._context.quotes.record_quote(member.offer.service, terms.price, terms.duration)
                 self._arrangement.add_bid(call, member, terms, message.header.message_id)
@@ -184,7 +192,9 @@ class PreviewExecutor:
         """Open calls for the next steps. The preview ends when there are no more."""
         state = self._state
         workflow, calls = state.workflow, state.calls
-        while True:
+        if state.conditions.pending and not len(calls):
+            return (yield from self._begin_again(now))
+        while not state.conditions.pending:
             runs = [run for run in workflow.open if not calls.settles(run.step)]
             call_count = len(calls)
             for run in runs[: MAX_OPEN_CALLS - call_count]:
@@ -200,11 +210,13 @@ class PreviewExecutor:
                 return (yield from self._end(self._conclusion()))
             if len(calls) or not runs:
                 return None
+        return None
 
     def _begin_again(self, now: float) -> EffectsReturning[Previewed | None]:
-        """Plan again, because service types of the plan are defined anew."""
+        """Plan again, because service types of the plan are defined anew, or with conditions that services stated."""
         state = self._state
-        state.planning = structs.replace(state.planning, serial=state.planning.serial + 1)
+        state.conditions.begin_plan()
+        state.planning = structs.replace(state.planning, serial=state.planning.serial + 1, bids=tuple(state.conditions.bids))
         state.quotations, state.unserved = {}, {}
         return (yield from self.begin(now))
 
@@ -219,6 +231,10 @@ class PreviewExecutor:
         """Close a call and choose the best bid, without accepting it."""
         state, run = self._state, self._arrangement.run(call)
         yield from state.calls.close(call)
+        conditions = Conditions(state.conditions, self._arrangement, self._context.quotes)
+        if now < state.bidding_start + MOST_TIME and conditions.consider(call, state.task, (), now):
+            yield from self._arrangement.withdraw(call, PREVIEW_ONLY, now)
+            return
         bids: dict[str, Bid] = {}
         quotations: list[Quotation] = []
         invited = self._arrangement.invited(call)
@@ -228,7 +244,11 @@ class PreviewExecutor:
                 bids[member.id] = fit_bid(member.bid, self._busy(member.offer))
             elif member.state in SILENT and (guess := self._estimate_bid(run, member, now)) is not None:
                 bids[member.id] = guess
-            quotations.append(self._quotation(member, bids.get(member.id), estimate=not offered))
+            quotation = self._quotation(member, bids.get(member.id), estimate=not offered)
+            condition = self._arrangement.unmet_condition(run, member)
+            if condition is not None:
+                bids.pop(member.id, None)
+            quotations.append(structs.replace(quotation, condition=str(condition) if condition is not None else None))
             yield from self._participants.dismiss(member, PREVIEW_ONLY, now)
         in_time = [candidate for candidate in bids.values() if self._latest_finish is None or candidate.finish <= self._latest_finish]
         best = choose_bid(in_time, state.task, state.bidding_start) if in_time else None
@@ -237,7 +257,7 @@ class PreviewExecutor:
             for member, quotation in zip(invited, quotations, strict=True)
         ]
         if best is None:
-            reasons = "; ".join(f"{quotation.service}: {quotation.reason}" for quotation in quotations if quotation.reason)
+            reasons = "; ".join(f"{quotation.service}: {text}" for quotation in quotations if (text := _why_not(quotation)))
             self._mark_unserved(run, now, f"no service takes it ({reasons})" if not bids else "no service would finish in time")
             return
         chosen = next(member for member in invited if member.id == best.participant)
@@ -345,3 +365,9 @@ class PreviewExecutor:
 
     def _ignore_message(self, now: float, message: Message) -> None:
         """A preview keeps no messages."""
+
+
+def _why_not(quotation: Quotation) -> str:
+    """Why the service would not get the step."""
+    needs = f"needs {quotation.condition}" if quotation.condition is not None else ""
+    return "; ".join(text for text in (quotation.reason, needs) if text)

@@ -6,13 +6,13 @@ import pytest
 
 from somrs.entish import Name, Number
 from somrs.entish.parse import parse
+from somrs.ontology.objects import Map, Object
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import AvailableService, Problem, StepBid
 from somrs.planner.model.validation import validate
 from somrs.planner.planning import plan, plan_quickly
 from tests.support.laboratory import FACTS, LABEL, MAP, OPEN, TRANSFER, laboratory
-from somrs.ontology.objects import Map, Object
 
 CLOSED = MAP.changed([])
 GOAL = "Jar001 isOn Shelf2"
@@ -30,7 +30,9 @@ def bid(provider: str, price: float | None, condition: str | None = None, inputs
     )
 
 
-def problem(*bids: StepBid, goal: str = GOAL, opening: float = 1.0, carriers: tuple[str, ...] = ("Robot1", "Robot2"), **fields: object) -> Problem:
+def problem(
+    *bids: StepBid, goal: str = GOAL, opening: float = 1.0, carriers: tuple[str, ...] = ("Robot1", "Robot2"), **fields: object
+) -> Problem:
     services = (
         AvailableService(OPEN, ("Porter1",), (("Porter1", opening),)),
         AvailableService(TRANSFER, carriers, tuple((name, 5.0) for name in carriers)),
@@ -122,9 +124,7 @@ def test_inputs_that_are_values_are_told_apart() -> None:
     fill = ServiceType(
         name="Fill", inputs=(Parameter(name="Jar", type="Jar"), Parameter(name="Level", type="number")), effect="?Jar.Weight = ?Level"
     )
-    condition = StepBid(
-        service_type="Fill", inputs=inputs, provider="Robot1", service="Robot1.Fill", condition=parse(DOOR_OPEN), price=1.0
-    )
+    condition = StepBid(service_type="Fill", inputs=inputs, provider="Robot1", service="Robot1.Fill", condition=parse(DOOR_OPEN), price=1.0)
     base = problem(carriers=("Robot1",))
     services = (*base.services, AvailableService(fill, ("Robot1",)))
 

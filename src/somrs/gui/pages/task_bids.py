@@ -52,7 +52,8 @@ def bid_status(contract: ContractView, chosen: Collection[str]) -> Sign:
 
 
 def _reason_text(contract: ContractView) -> str:
-    return contract.reason if contract.reason and contract.reason != "ended" else ""
+    condition = f"only if {contract.condition}" if contract.condition is not None else ""
+    return "; ".join(text for text in (condition, contract.reason if contract.reason != "ended" else "") if text)
 
 
 class BidPanel:

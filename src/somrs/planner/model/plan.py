@@ -22,8 +22,8 @@ class Step(Struct, frozen=True):
 
     `provider` is the device that has to execute the step, if the service type's formulas use `?Provider`; None means any provider. One of
     the `alternative_providers` can take its place, if it executes all steps of the same `device_group`. `precondition` and `effect` are
-    without variables, but for outputs. `kind` is the kind of the service type. `condition` is the part of the precondition that services
-    demanded for this step.
+    without variables, but for outputs. `kind` is the kind of the service type. `condition` is the part of the precondition that the
+    services `demanded_by` stated for this step.
 
     What a step tells is known when it is done: what a cognitive service finds out, and what the outputs of a service are. `finds` are the
     objects that are known only from then on, `assumed` the facts that the plan assumes."""
@@ -40,6 +40,7 @@ class Step(Struct, frozen=True):
     assumed: Formula | None = None
     finds: tuple[str, ...] = ()
     condition: Formula | None = None
+    demanded_by: tuple[str, ...] = ()
 
     @property
     def tells(self) -> bool:

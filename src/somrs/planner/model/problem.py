@@ -32,7 +32,8 @@ class LostService(Struct, frozen=True):
 class StepBid(Struct, frozen=True, kw_only=True):
     """The answer of a service that was asked for a step of an earlier plan: a service type and its inputs.
 
-    `condition`: the service does it only if this holds at the start (None: in any case). `price` is None if the service stated none.
+    `condition`: the service does it only if this holds at the start (None: in any case). `refuses`: not even then. `price` is None if it is
+    not known.
     """
 
     service_type: str
@@ -41,6 +42,7 @@ class StepBid(Struct, frozen=True, kw_only=True):
     service: str
     condition: Formula | None = None
     price: float | None = None
+    refuses: bool = False
 
 
 class Problem(Struct, frozen=True, kw_only=True, tag=True):

@@ -43,6 +43,11 @@ class CoordinatorSession(Session, tag="coordinator", kw_only=True):
         return body_of_type(self.received_messages, Terms)
 
     @property
+    def refusal(self) -> Refuse | None:
+        """The Refuse of the service."""
+        return body_of_type(self.received_messages, Refuse)
+
+    @property
     def terms_id(self) -> str | None:
         """The id of the Terms, which an Accept names."""
         return self.received_messages["Terms"].id if "Terms" in self.received_messages else None

@@ -80,7 +80,7 @@ class StepView(Struct, frozen=True, kw_only=True):
     """A step of the plan.
 
     `after` are the ids of the steps that enable it, `because` the facts that these bring about, and `brought_by` the step for each of these
-    facts. `kind` is the kind of the service type.
+    facts. `kind` is the kind of the service type. `condition` is the part of its precondition that the services `demanded_by` stated for it.
 
     `learns` is what a step finds out or computes: an object, an attribute, or a fact. `assumed` are the facts that the plan assumes it will
     find; `outputs` are the values that the service returned, as Entish terms. A step that is `foreseen` depends on what an earlier step
@@ -104,6 +104,8 @@ class StepView(Struct, frozen=True, kw_only=True):
     assumed: tuple[str, ...] = ()
     outputs: dict[str, str] = {}
     foreseen: bool = False
+    condition: str | None = None
+    demanded_by: tuple[str, ...] = ()
 
 
 class WorkView(Struct, frozen=True, kw_only=True):
@@ -273,6 +275,8 @@ class ContractView(Struct, frozen=True, kw_only=True):
     """The position in the order in which the services were requested."""
     refused: bool | None = None
     """Whether the service refused the step; None in records of SO-MRS 0.1."""
+    condition: str | None = None
+    """What it demanded at the start of the step, in its terms or when it refused."""
 
 
 class WatchTask(MessageBody, frozen=True, kw_only=True, tag=True):
@@ -327,7 +331,7 @@ class Quotation(Struct, frozen=True, kw_only=True):
     """The answer of a service to a request for terms: the terms, or the `reason` why there are none.
 
     `start` and `finish` are in seconds from the preview. `chosen`: it would get the step. `estimate`: it received no request now; these are
-    its latest terms.
+    its latest terms. `condition`: what it demands at the start of the step, and the plan does not meet.
     """
 
     step: str
@@ -340,6 +344,7 @@ class Quotation(Struct, frozen=True, kw_only=True):
     chosen: bool = False
     estimate: bool = False
     reason: str = ""
+    condition: str | None = None
 
 
 class Obstacle(StrEnum):

@@ -68,6 +68,8 @@ def sentence(event: Event) -> str:
             return "continuing: the objects it waited for are free"
         case events.Replanned(reasons=reasons):
             return f"replanning: {join_reasons(reasons)}"
+        case events.ConditionsAdopted(conditions=conditions):
+            return f"replanning with what services need: {', '.join(f'{condition} ({name})' for name, condition in conditions.items())}"
         case events.TriedOnceMore(services=services):
             return f"there is no plan without {', '.join(services)}; they may try again"
         case events.Stopping(reason=reason):
@@ -82,10 +84,11 @@ def _of_step(event: Event) -> str:
     match event:
         case events.ServicesAsked(services=services):
             return f"asking {', '.join(services)}"
-        case events.TermsOffered(service=service, price=price, currency=currency, duration=duration):
-            return f"{service} offers {price:g} {currency}, {duration:.0f} s"
-        case events.ServiceRefused(service=service, reason=reason, not_now=not_now):
-            return f"{service} refuses{' for now' if not_now else ''}: {reason}"
+        case events.TermsOffered(service=service, price=price, currency=currency, duration=duration, condition=condition):
+            return f"{service} offers {price:g} {currency}, {duration:.0f} s" + (f", if {condition}" if condition is not None else "")
+        case events.ServiceRefused(service=service, reason=reason, not_now=not_now, condition=condition):
+            possible = f"; it would do it if {condition}" if condition is not None else ""
+            return f"{service} refuses{' for now' if not_now else ''}: {reason}{possible}"
         case events.ServiceChosen(service=service, price=price, currency=currency, duration=duration):
             return f"{service} does it for {price:g} {currency}, in {duration:.0f} s"
         case events.WaitsForDevice(device=device):

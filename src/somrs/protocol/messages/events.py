@@ -151,18 +151,28 @@ class ServicesAsked(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=T
 
 
 class TermsOffered(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
+    """`condition`: what the service demands at the start of the step."""
+
     service: str
     price: float
     currency: str
     duration: float
+    condition: str | None = None
 
 
 class ServiceRefused(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
-    """`not_now`: the reason passes, and the service may do it later."""
+    """`not_now`: the reason passes, and the service may do it later. `condition`: what would make it possible."""
 
     service: str
     reason: str
     not_now: bool = False
+    condition: str | None = None
+
+
+class ConditionsAdopted(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
+    """A new plan takes the conditions of services into account. `conditions`: what each service demands for its step, by service."""
+
+    conditions: dict[str, str]
 
 
 class ServiceChosen(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
@@ -398,7 +408,7 @@ class TaskEnded(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True)
 
 Event = (
     TaskStated | Planned | WaitsForTasks | WaitsToRetry | WaitOver | GoesOn | Replanned | TriedOnceMore
-    | ServicesAsked | TermsOffered | ServiceRefused | ServiceChosen
+    | ServicesAsked | TermsOffered | ServiceRefused | ConditionsAdopted | ServiceChosen
     | WaitsForDevice | StepStarted | ProgressNoted | StepCompleted | FoundOut | StepStopped | FoundSo
     | NotBegun | StepFailed | ServiceFaulted | ContractForgotten | ServiceSilent | ServiceOverdue | ServiceLost | ReportRejected
     | ServiceReplaced | MayTryAgain | HandlerBegun | GoalFailed | LookBegun | LookFound | NobodyLooks | KnownOtherwise
@@ -414,7 +424,7 @@ ServiceFailure = (
 
 KINDS: dict[type[Event], EventKind] = {
     **dict.fromkeys((WaitsForTasks, WaitsToRetry, WaitOver, GoesOn, WaitsForDevice), EventKind.WAIT),
-    **dict.fromkeys((Replanned, TriedOnceMore), EventKind.REPLAN),
+    **dict.fromkeys((Replanned, TriedOnceMore, ConditionsAdopted), EventKind.REPLAN),
     **dict.fromkeys(
         (
             NotBegun, StepFailed, ServiceFaulted, ContractForgotten, ServiceSilent, ServiceOverdue, ServiceLost, ReportRejected, GoalFailed,

@@ -64,7 +64,11 @@ class Arrange(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class Terms(MessageBody, frozen=True, kw_only=True, tag=True):
-    """The terms of a service. `price` is in `currency`, `duration` in seconds."""
+    """The terms of a service. `price` is in `currency`, `duration` in seconds.
+
+    `condition`: the terms hold only if this formula holds when the service starts. Whoever accepts them makes it true before, by other
+    steps of the plan; otherwise nothing is started.
+    """
 
     effect: str
     price: float
@@ -74,17 +78,20 @@ class Terms(MessageBody, frozen=True, kw_only=True, tag=True):
     start_from: float | None = None
     start_until: float | None = None
     valid_until: float | None = None
+    condition: str | None = None
 
 
 class Refuse(MessageBody, frozen=True, kw_only=True, tag=True):
     """The service does not do the step.
 
     `not_now`: it may do it later, because the reason passes: it is busy, charging or broken, or did not answer in time. Otherwise it never
-    will, as things are: the thing is too heavy, the place is on another storey.
+    will, as things are: the thing is too heavy, the place is on another storey. `condition`: a formula; if it held at the start, the
+    service could do the step.
     """
 
     reason: str
     not_now: bool = False
+    condition: str | None = None
 
 
 class Accept(MessageBody, frozen=True, kw_only=True, tag=True):

@@ -105,8 +105,11 @@ class Negotiation:
             start_from=start,
             start_until=latest_start,
             valid_until=now + self._state.profile.valid_for,
+            condition=quoted.condition,
         )
 
 
 def _refusal(answer: Answer) -> frp.Refuse:
-    return frp.Refuse(reason=answer.reason, not_now=answer.not_now) if isinstance(answer, Refused) else frp.Refuse(reason=str(answer))
+    if isinstance(answer, Refused):
+        return frp.Refuse(reason=answer.reason, not_now=answer.not_now, condition=answer.condition)
+    return frp.Refuse(reason=str(answer))

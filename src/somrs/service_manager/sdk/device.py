@@ -105,7 +105,7 @@ class Task:
     """
 
     def __init__(self, provider: str, order: Order, ask: Ask, report: Callable[[object], None], *, quoting: bool = False) -> None:
-        self.order = order
+        self.provider, self.order = provider, order
         self.inputs: Mapping[str, Value] = {name: python_value(text) for name, text in order.inputs.items()}
         """The inputs by name: numbers, texts and truth values as Python values, objects by their names on the map."""
         self.effect: Formula = fill_in(order.effect, provider, order.inputs)
@@ -113,7 +113,16 @@ class Task:
         situation = order.situation if quoting else None
         self.situation: Formula | None = parse(situation) if situation is not None else None
         self.map = MapReader(ask, situation)
+        self.conditions: tuple[Formula, ...] = ()
+        """What has to hold when the service starts, as far as the author has demanded it."""
         self._report = report
+
+    def demand(self, condition: str | Formula) -> None:
+        """Offer the service on a condition: the formula has to hold when it starts. Call it in `price`, `duration` or `able`.
+
+        The Task Manager makes it true before, by other services, or chooses another service. Several demands have to hold together.
+        """
+        self.conditions = (*self.conditions, fill_in(str(condition), self.provider, self.order.inputs))
 
     async def progress(self, fraction: float, situation: Situation = None, note: str = "") -> None:
         """Report the fraction done (0 to 1), the situation if it changed, and a note for people."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from msgspec import Struct
 
+from somrs.entish.formula import Formula
 from somrs.errors import InputError, SomrsError
 from somrs.kernel.component import AnswerLost, ErrorAnswer, PartialAnswer
 from somrs.ontology.services import ServiceType
@@ -96,16 +97,20 @@ Work = Quote | Perform | Halt | Undo
 
 
 class Quoted(Struct, frozen=True, kw_only=True, tag=True):
+    """The device does the work for this price, if the `condition` holds at its start (None: in any case)."""
+
     price: float
     currency: str = "EUR"
     duration: float
+    condition: str | None = None
 
 
 class Refused(Struct, frozen=True, tag=True):
-    """The device does not do the work: never, or `not_now`."""
+    """The device does not do the work: never, or `not_now`; or only if the `condition` held at its start."""
 
     reason: str
     not_now: bool = False
+    condition: str | None = None
 
 
 class Advance(PartialAnswer, frozen=True, kw_only=True, tag=True):
@@ -137,11 +142,12 @@ Answer = Quoted | Refused | Advance | WorkDone | Failure | ErrorAnswer | AnswerL
 class Refusal(SomrsError):
     """Raised by an author's price, duration or `able` function: the device cannot, or will not, do the work.
 
-    `not_now`: the reason passes, such as work, charging or a defect; the Task Manager asks again later.
+    `not_now`: the reason passes, such as work, charging or a defect; the Task Manager asks again later. `condition`: a formula, in Entish;
+    if it held when the service starts, the device could do the work. The Task Manager looks for services that make it true.
     """
 
-    def __init__(self, reason: str, *, not_now: bool = False) -> None:
-        self.reason, self.not_now = reason, not_now
+    def __init__(self, reason: str, *, not_now: bool = False, condition: str | Formula | None = None) -> None:
+        self.reason, self.not_now, self.condition = reason, not_now, condition
         super().__init__(reason)
 
 
@@ -162,8 +168,8 @@ class ServiceFailed(SomrsError):
 def answer_of(error: BaseException) -> Refused | Failure | ErrorAnswer:
     """Return the answer for an exception of an author's code. Only exceptions that are written for people omit the class name."""
     match error:
-        case Refusal(reason=reason, not_now=not_now):
-            return Refused(reason, not_now)
+        case Refusal(reason=reason, not_now=not_now, condition=condition):
+            return Refused(reason, not_now, str(condition) if condition is not None else None)
         case ServiceFailed(description=description, situation=situation, tried=tried):
             return Failure(description, situation, tried)
         case InputError():

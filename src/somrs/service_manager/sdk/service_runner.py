@@ -6,7 +6,7 @@ import inspect
 import logging
 from collections.abc import Callable
 
-from somrs.entish.formula import variables
+from somrs.entish.formula import conjunction, variables
 from somrs.entish.parse import parse
 from somrs.errors import DeviceError, RemoteError
 from somrs.service_manager.sdk.device import AbilityCheck, Amount, Amounts, Ask, Device, Result, Service, Situation, Task
@@ -49,7 +49,9 @@ async def _quote(device: Device, service: Service, task: Task) -> Quoted:
     if service.able is not None:
         await _check_ability(service.able, device, task)
     price, currency = money(await _amount(service.price, device, task))
-    return Quoted(price=price, currency=currency, duration=seconds(await _amount(service.duration, device, task)))
+    duration = seconds(await _amount(service.duration, device, task))
+    condition = str(conjunction(*dict.fromkeys(task.conditions))) if task.conditions else None
+    return Quoted(price=price, currency=currency, duration=duration, condition=condition)
 
 
 async def _amount(amount: Amounts, device: Device, task: Task) -> Amount:

@@ -8,14 +8,17 @@ from msgspec import Struct
 
 from somrs.entish import Formula
 from somrs.entish.formula import conjunction
+from somrs.entish.parse import parse
 from somrs.kernel.replica import Replica
 from somrs.ontology.agreement import disagreements
 from somrs.ontology.services import ServiceType
+from somrs.ontology.truth import formula_holds
 from somrs.ontology.types import WORKING
 from somrs.planner.model.plan import Step
 from somrs.planner.model.problem import LostService
 from somrs.protocol.messages.directory import Offer
 from somrs.task_manager.execution.bids import able_offers, precondition_now, relevant_situation, service_types
+from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.workflow import StepRun
 
 MOST_FAILURES = 5
@@ -182,12 +185,20 @@ class AvailableServices:
                 self._state.failures.pop(service, None)
                 del self.broken[service]
 
-    def precondition(self, run: StepRun) -> Formula | None:
-        """The step's precondition on the current map, and the reported situation of its inputs. Raises LookupError if it does not hold."""
+    def precondition(self, run: StepRun, member: Member | None = None) -> Formula | None:
+        """The step's precondition on the current map, what services demanded for it, and the reported situation of its inputs.
+
+        `member` is committed to the step; its terms may have a condition. Raises LookupError if one of these does not hold.
+        """
         map, ontology = self._replica.map, self._replica.ontology
         service_type = self._service_types[run.step.service_type]
         parts = [precondition_now(run.step, service_type, map, ontology), relevant_situation(run.step, run.reported, map, ontology)]
-        conditions = [part for part in parts if part is not None]
+        terms = member.session.terms if member is not None else None
+        for condition in (run.step.condition, parse(terms.condition) if terms is not None and terms.condition is not None else None):
+            if condition is not None and not formula_holds(condition, map, ontology):
+                raise LookupError(f"{condition} does not hold, which the service demands")
+            parts.append(condition)
+        conditions = [*dict.fromkeys(part for part in parts if part is not None)]
         return conjunction(*conditions) if conditions else None
 
     def type_of(self, step: Step) -> ServiceType:

@@ -6,9 +6,12 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 
 from msgspec import Struct, field
 
+from somrs.entish import Formula
+from somrs.entish.parse import parse
 from somrs.kernel.component import Effects, EffectsReturning, SetTimer
 from somrs.kernel.replica import Replica
-from somrs.ontology.effects import net_effect
+from somrs.ontology.effects import apply_effect, net_effect
+from somrs.ontology.truth import formula_holds
 from somrs.planner.model.plan import Step
 from somrs.planner.model.provider_choice import assign_provider
 from somrs.protocol.messages import frp
@@ -104,6 +107,26 @@ class Arrangement:
     def invited(self, call: CallForProposals) -> list[Member]:
         return [self._members.by_id[id] for id in call.invited]
 
+    def asked(self, run: StepRun) -> list[Member]:
+        """The participants that were asked for the step in this plan."""
+        return [member for member in self._members if member.step == run.key]
+
+    @property
+    def step_count(self) -> int:
+        return self._workflow.step_count
+
+    def unmet_condition(self, run: StepRun, member: Member) -> Formula | None:
+        """The condition that the service states for the step, in its terms or its refusal, unless the plan meets it."""
+        refusal = member.refusal
+        stated = member.bid.terms.condition if member.bid is not None else refusal.condition if refusal is not None else None
+        if stated is None:
+            return None
+        map, ontology = self._replica.map, self._replica.ontology
+        situation = net_effect(self._workflow.promised_effects(run), map, ontology)
+        promised_map = apply_effect(situation, map, ontology) if situation is not None else map
+        condition = parse(stated)
+        return condition if not formula_holds(condition, promised_map, ontology) else None
+
     def is_answered(self, call: CallForProposals) -> bool:
         """Whether no answer is missing."""
         return all(member.state is not State.ARRANGING for member in self.invited(call))
@@ -135,6 +158,10 @@ class Arrangement:
             if member.state is State.ARRANGING:
                 member.exit_reason = run.excluded[member.offer.service] = "did not answer"
                 yield from participants.dismiss(member, "no answer in time", now)
+        for member in self.invited(call):
+            if member.bid is not None and member.state is State.OFFERED and (condition := self.unmet_condition(run, member)) is not None:
+                member.exit_reason = run.excluded[member.offer.service] = f"needs {condition}"
+                yield from participants.dismiss(member, f"the plan does not meet its condition: {condition}", now)
         bidders = {m.id: (m, m.bid) for m in self.invited(call) if m.bid is not None and m.state is State.OFFERED}
         bids = [fit_bid(bid, commitments.get(m.offer.provider, ())) for m, bid in bidders.values() if m.offer.service not in broken]
         if call.latest is not None:

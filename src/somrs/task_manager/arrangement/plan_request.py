@@ -13,6 +13,7 @@ from somrs.entish.parse import parse
 from somrs.errors import FormulaError
 from somrs.kernel.component import Ask, Effects, EffectsReturning, Withdraw
 from somrs.planner.model.plan import NoPlan, Plan
+from somrs.planner.model.problem import StepBid
 from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.directory import Offer
 from somrs.task_manager.arrangement.available_services import AvailableServices
@@ -47,6 +48,8 @@ class PlanRequest(Struct, kw_only=True):
     avoided: frozenset[str] = frozenset()
     ignores_reservations: bool = field(default=False, name="regardless")
     attempt: int = 0
+    bids: tuple[StepBid, ...] = ()
+    """What services answered when they were asked for steps of earlier plans, if a condition was stated."""
 
     @property
     def purpose(self) -> ForPlan:
@@ -100,6 +103,8 @@ class PlanRequester:
             remaining_runs = self._old_workflow.remaining
             promised = frozenset(run.step.id for run in remaining_runs if run.progress is Progress.ARRANGED)
             task = replace(task, rest=tuple(run.step for run in remaining_runs), promised=promised)
+        bids = tuple(bid for bid in request.bids if bid.service not in self._services.broken)
+        task = replace(task, bids=bids if any(bid.condition is not None for bid in bids) else ())
         request.attempt += 1
         yield Ask(request.question, task)
         return None

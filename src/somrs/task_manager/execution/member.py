@@ -49,6 +49,11 @@ class Member(Struct, kw_only=True, eq=False):
         return self.session.state
 
     @property
+    def refusal(self) -> frp.Refuse | None:
+        """Its refusal to do the step."""
+        return self.session.refusal
+
+    @property
     def tried_to_undo(self) -> bool:
         """Whether it tried to compensate and failed, so that the situation may have changed."""
         stranded = self.session.received_messages.get("Stranded")

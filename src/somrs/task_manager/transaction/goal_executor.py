@@ -24,6 +24,7 @@ from somrs.protocol.messages.events import GoalKind
 from somrs.protocol.messages.frp import State
 from somrs.task_manager.arrangement.available_services import service_names
 from somrs.task_manager.arrangement.call_for_proposals import MAX_OPEN_CALLS, Arrangement, CallForProposals
+from somrs.task_manager.arrangement.conditions import Conditions
 from somrs.task_manager.arrangement.plan_request import PlanRequest, PlanRequester, PlanResult, ServicesUnknown
 from somrs.task_manager.context import known_to_hold
 from somrs.task_manager.execution.knowledge import told
@@ -68,7 +69,11 @@ class GoalExecutor:
         # The client's precondition concerns only the initial situation.
         precondition = state.task.precondition if execution.kind is GoalKind.TASK and execution.plans == 0 else None
         task = structs.replace(state.task, effect=execution.goal, precondition=precondition)
-        execution.request = PlanRequest(owner=state.id, goal=execution.number, serial=execution.plans, task=task)
+        conditions = execution.conditions
+        if stated := conditions.begin_plan():
+            self._log_event(events.ConditionsAdopted(conditions=stated), now)
+        bids = tuple(conditions.bids)
+        execution.request = PlanRequest(owner=state.id, goal=execution.number, serial=execution.plans, task=task, bids=bids)
         execution.plans += 1
         yield from self._requester(execution.request).begin(now)
 
@@ -260,6 +265,10 @@ class GoalExecutor:
             return (yield from self._finish(now))
         elif not execution.fixed and (redefined := self._redefined_types(workflow)):
             return (yield from self._replan(now, tuple(f"{name} is defined anew" for name in redefined)))
+        elif execution.conditions.pending and not execution.calls and not workflow.busy:
+            yield from self._plan(now)
+        elif execution.conditions.pending:
+            execution.phase = Phase.ARRANGING
         elif (runs := workflow.open) or execution.calls:
             execution.phase = Phase.ARRANGING
             for run in runs[: MAX_OPEN_CALLS - len(execution.calls)]:
@@ -325,7 +334,9 @@ class GoalExecutor:
         call = self._execution.calls.find_call(member)
         if call is None:
             return None
-        offered = events.TermsOffered(service=service, price=terms.price, currency=terms.currency, duration=terms.duration)
+        offered = events.TermsOffered(
+            service=service, price=terms.price, currency=terms.currency, duration=terms.duration, condition=terms.condition
+        )
         arrangement = self._arrangement
         self._log_event(offered, now, arrangement.run(call))
         arrangement.add_bid(call, member, terms, id)
@@ -353,6 +364,10 @@ class GoalExecutor:
         """Close a call and accept the best bid. Without one, the step is open again, and the remaining services are asked."""
         yield from self._execution.calls.close(call)
         state = self._scope.state
+        conditions = Conditions(self._execution.conditions, self._arrangement, self._context.quotes)
+        if not self._execution.fixed and conditions.consider(call, state.task, self._services.broken, now):
+            yield from self._arrangement.withdraw(call, "the plan is to meet conditions", now)
+            return
         chosen = yield from self._arrangement.award(call, state.task, self._context.commitments(), self._services.broken, now)
         if chosen is not None and chosen.bid is not None:
             run, terms = self._arrangement.run(call), chosen.bid.terms
@@ -403,10 +418,12 @@ class GoalExecutor:
                 self._log_event(events.ServiceReplaced(), now, run)
                 return Proceed()
             case RecoveryStep.REPLAN:
-                if not alternatives and harmless:
+                conditions = self._execution.conditions
+                barred = {name: reason for name, reason in run.excluded.items() if not conditions.is_conditional(name)}
+                if not alternatives and harmless and len(barred) == len(run.excluded):
                     services.tell_nothing(run)
                 elif not alternatives:
-                    services.exclude(run.excluded)
+                    services.exclude(barred)
                 return (yield from self._replan(now, reasons))
 
     def _replan(self, now: float, reasons: tuple[str, ...]) -> EffectsReturning[NextAction | None]:

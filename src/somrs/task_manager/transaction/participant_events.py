@@ -13,6 +13,7 @@ from somrs.protocol.messages.event_text import join_reasons, loss_text
 from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.knowledge import UpdateMap
+from somrs.task_manager.arrangement.conditions import condition_error
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.reports import ProgressSubject, Report, ReportSubject, WorkSubject
 from somrs.task_manager.execution.workflow import Progress, StepRun
@@ -72,11 +73,16 @@ class ParticipantEvents:
             case frp.Terms() as terms:
                 if execution is None:
                     return None
+                if (error := condition_error(terms.condition, self._scope.context.replica)) is not None:
+                    self._log_event(events.ServiceRefused(service=name, reason=error), run, now)
+                    yield from self._scope.participants.dismiss(member, error, now)
+                    return (yield from self._participant_left(member, error, now))
                 action = yield from self._executor(execution).terms_received(member, terms, message.header.message_id, now)
                 return (execution, action) if action is not None else None
-            case frp.Refuse(reason=reason, not_now=not_now):
-                self._scope.services.refused(name, not_now=not_now)
-                self._log_event(events.ServiceRefused(service=name, reason=reason, not_now=not_now), run, now)
+            case frp.Refuse(reason=reason, not_now=not_now, condition=condition):
+                self._scope.services.refused(name, not_now=not_now or condition is not None)
+                refused = events.ServiceRefused(service=name, reason=reason, not_now=not_now, condition=condition)
+                self._log_event(refused, run, now)
                 return (yield from self._participant_left(member, reason, now))
             case frp.Progress() as progress:
                 yield from self._progressed(member, run, progress, now)

@@ -14,6 +14,7 @@ from somrs.protocol.messages.events import Event, EventKind, GoalKind, WaitsForT
 from somrs.protocol.messages.frp import Outcome
 from somrs.task_manager.arrangement.available_services import KnownServices
 from somrs.task_manager.arrangement.call_for_proposals import OpenCalls
+from somrs.task_manager.arrangement.conditions import StatedConditions
 from somrs.task_manager.arrangement.plan_request import PlanRequest
 from somrs.task_manager.execution.execution_log import ExecutionLog
 from somrs.task_manager.execution.participants import Members
@@ -55,6 +56,8 @@ class GoalExecution(Struct, kw_only=True, eq=False):
     """When it is tried again; None while it is being tried."""
     resumed: bool = field(default=False, name="goes_on")
     """It has stopped waiting, and requests its plan next."""
+    conditions: StatedConditions = field(default_factory=StatedConditions)
+    """What services demanded for steps."""
     fixed: bool = False
     """Its plan was given, and is never replaced."""
     replan_because: tuple[str, ...] | None = None

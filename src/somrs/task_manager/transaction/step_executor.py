@@ -29,7 +29,7 @@ class StepExecutor:
                 self._scope.log_event(events.WaitsForDevice(device=member.offer.provider), now, run)
             return ()
         try:
-            situation = self._scope.services.precondition(run)
+            situation = self._scope.services.precondition(run, member)
         except LookupError as error:
             yield from participants.dismiss(member, "its precondition does not hold any more", now)
             self._workflow.release(run)
@@ -49,6 +49,7 @@ class StepExecutor:
 
     def finish_step(self, run: StepRun, situation: str | None, failure: str | None, now: float) -> None:
         """Set the result of a step whose report is settled: completed, or failed and open again."""
+        self._execution.conditions.forget()
         if failure is None:
             self._workflow.move(run, Progress.COMPLETED)
             self._execution.replans.step_completed()

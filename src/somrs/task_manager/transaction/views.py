@@ -157,6 +157,8 @@ def step_view(
         inputs={name: str(term) for name, term in step.inputs.items()},
         after=tuple(dict.fromkeys(link.before for link in links)),
         because=tuple(link.fact for link in links),
+        condition=str(step.condition) if step.condition is not None else None,
+        demanded_by=step.demanded_by,
         brought_by=tuple(link.before for link in links),
         state=state,
         service=service,
@@ -198,7 +200,7 @@ def preview_reply(result: object) -> Previewed:
 
 def contract_view(member: Member) -> ContractView:
     """The contract of a participant, with its terms and its outcome."""
-    session, terms = member.session, member.session.terms
+    session, terms, refusal = member.session, member.session.terms, member.refusal
     return ContractView(
         number=member.number,
         participant=member.id,
@@ -214,6 +216,7 @@ def contract_view(member: Member) -> ContractView:
         start=member.bid.start if member.bid is not None else None,
         finish=member.bid.finish if member.bid is not None else None,
         reason=member.exit_reason or (session.reason if member.final_state in (None, State.ENDED) else ""),
+        condition=terms.condition if terms is not None else refusal.condition if refusal is not None else None,
     )
 
 

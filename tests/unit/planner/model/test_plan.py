@@ -106,4 +106,4 @@ def test_the_reasons_are_the_explanation_if_there_are_no_others() -> None:
 def test_what_is_not_said_is_nothing() -> None:
     assert structs.astuple(NoPlan(explanation="a")) == ("a", (), (), (), False, (), (), ())
     assert structs.astuple(Link("a", "b", "fact")) == ("a", "b", "fact", False)
-    assert structs.astuple(make_step("a"))[4:] == (None, None, None, (), ServiceKind.PHYSICAL, None, ())
+    assert structs.astuple(make_step("a"))[4:] == (None, None, None, (), ServiceKind.PHYSICAL, None, (), None, ())

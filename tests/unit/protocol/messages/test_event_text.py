@@ -69,6 +69,18 @@ SENTENCES: list[tuple[Event, str]] = [
     (events.ServicesAsked(services=("R.A", "R.B")), "asking R.A, R.B"),
     (events.TermsOffered(service=S, price=4.0, currency="EUR", duration=29.6), "Robot1.Carry offers 4 EUR, 30 s"),
     (events.ServiceRefused(service=S, reason="too heavy"), "Robot1.Carry refuses: too heavy"),
+    (
+        events.TermsOffered(service=S, price=4.0, currency="EUR", duration=30.0, condition="Door1.Open = TRUE"),
+        "Robot1.Carry offers 4 EUR, 30 s, if Door1.Open = TRUE",
+    ),
+    (
+        events.ServiceRefused(service=S, reason="no way", condition="Door1.Open = TRUE"),
+        "Robot1.Carry refuses: no way; it would do it if Door1.Open = TRUE",
+    ),
+    (
+        events.ConditionsAdopted(conditions={S: "Door1.Open = TRUE", "R.A": "B.C = 1"}),
+        "replanning with what services need: Door1.Open = TRUE (Robot1.Carry), B.C = 1 (R.A)",
+    ),
     (events.ServiceRefused(service=S, reason="it charges", not_now=True), "Robot1.Carry refuses for now: it charges"),
     (events.ServiceChosen(service=S, price=4.5, currency="PLN", duration=29.4), "Robot1.Carry does it for 4.5 PLN, in 29 s"),
     (events.WaitsForDevice(device="Robot1"), "waiting for its turn at Robot1"),
@@ -152,7 +164,7 @@ def test_what_an_event_is_in_the_life_of_its_task() -> None:
         EventKind.SETBACK: {event_type.__name__ for event_type in typing.get_args(ServiceFailure)} | {"GoalFailed", "WorkStranded"},
         EventKind.HANDLER: {"HandlerBegun"},
         EventKind.REPLACE: {"ServiceReplaced"},
-        EventKind.REPLAN: {"Replanned", "TriedOnceMore"},
+        EventKind.REPLAN: {"ConditionsAdopted", "Replanned", "TriedOnceMore"},
         EventKind.WAIT: {"WaitsForTasks", "WaitsToRetry", "WaitOver", "GoesOn", "WaitsForDevice"},
         EventKind.LOOK: {"FoundOut", "LookBegun", "LookFound", "NobodyLooks", "KnownOtherwise"},
         EventKind.UNDO: {"FailuresUndone", "UndoneByHandler", "UndoneByService", "UndoneByOthers", "Compensated", "WorkUndone"},

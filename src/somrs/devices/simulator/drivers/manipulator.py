@@ -91,7 +91,7 @@ class Manipulator(OpeningRobot):
             raise Refusal(f"{self.name} does not answer: {error}", not_now=True) from None
         except UsageError as error:
             raise Refusal(f"{self.name} cannot determine the path: {error}") from None
-        first, second = legs.lengths if not legs.shut else (None, None)
+        first, second = legs.lengths
         if first is None or second is None:
             raise Refusal(f"{self.name} finds no path to {object if first is None else destination}")
         if "Destination" in task.inputs and not any([await is_of_type(task, destination, kind) for kind in SUPPORTING]):

@@ -74,7 +74,7 @@ class PatrolRobot(MobileRobot):
             state = (await self.retry_when_link_lost(self._link.status)).state
         except (RemoteError, UsageError) as error:
             raise Refusal(f"{self.name} does not answer: {error}", not_now=True) from None
-        length = legs.lengths[0] if not legs.shut else None
+        (length,) = legs.lengths
         return length if length is not None else 2 * math.dist((state.x, state.y), (first.x, first.y))
 
     @service("RecognizeSituation", price=_price, duration=_duration, able=_able)

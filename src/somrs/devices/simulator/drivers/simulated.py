@@ -151,9 +151,12 @@ class SimulatedDevice(Device):
             self._working -= 1
 
     async def legs_through(self, task: Task, *stops: str | tuple[float, float]) -> Legs:
-        """The way through the stops in the situation in which the service is to start."""
+        """The way through the stops in the situation in which the service is to start. Demands that the shut doors on it are open then."""
         situation = str(task.situation) if task.situation is not None else None
-        return await self.retry_when_link_lost(lambda: self._link.legs(*stops, situation=situation))
+        legs = await self.retry_when_link_lost(lambda: self._link.legs(*stops, situation=situation))
+        for door in legs.shut:
+            task.demand(f"{door}.Open = TRUE")
+        return legs
 
     async def price(self, task: Task, way: float) -> float | str:
         """The device's Price on the map, plus the price of driving `way` metres."""

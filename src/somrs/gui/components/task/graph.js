@@ -206,6 +206,7 @@ export default {
         ...Object.entries(step.inputs),
         ...(this.task ? [["State", words(step, step.state)]] : []),
         ...(step.service ? [["Service", `${step.service}${step.price === null ? "" : `, ${step.price} EUR`}${step.duration === null ? "" : `, ${Math.round(step.duration)} s`}`]] : []),
+        ...(step.condition ? [["Demanded", `${step.condition}, by ${step.demanded_by.map(device).join(", ")}`]] : []),
         ...(before.length ? [["After", before.join(", ")]] : []),
         ...(after.length ? [["Enables", after.join(", ")]] : []),
         ...tried.map((one, index) => [`Try ${index + 1}`, `${one.service}: ${word(one.state)}${one.note ? `, ${one.note}` : ""}${one.situation ? `. Resulting situation: ${one.situation}` : ""}`]),

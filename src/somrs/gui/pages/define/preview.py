@@ -223,6 +223,8 @@ def _quote(quote: Quotation) -> None:
             ui.icon(icon).props('aria-hidden="true"')
             with ui.element("div"):
                 ui.label(word + (", estimated from earlier terms" if quote.estimate else "")).classes("somrs-terms-word")
+                if quote.condition is not None:
+                    ui.label(f"Only if {quote.condition}").classes("somrs-soft")
                 if quote.reason:
                     ui.label(quote.reason).classes("somrs-soft")
 

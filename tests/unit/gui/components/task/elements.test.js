@@ -164,6 +164,13 @@ test("a step of the graph is chosen by mouse and by keys, and told in full", asy
   assert.deepEqual(one.told.map(([, name]) => name), ["step2", "step1", null]);
 });
 
+test("a step tells who demanded what", async () => {
+  task.view.steps[1] = step("step2", ["step1"], { condition: "Door001.Open = TRUE", demanded_by: ["Robot1.Grip", "Robot2.Grip"] });
+  const element = await shown(graph);
+  await click(element.querySelectorAll(".somrs-node")[1]);
+  assert.match(text(element.querySelector(".somrs-graph-told")), /Demanded\s?Door001.Open = TRUE, by Robot1, Robot2/);
+});
+
 test("a mere plan has no states", async () => {
   one = await mounted(graph, { plan: [step("step1")], label: "The plan", empty: "No plan." });
   assert.equal(text(one.element.querySelector(".somrs-node-sign")), "");
