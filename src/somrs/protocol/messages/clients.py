@@ -80,7 +80,8 @@ class StepView(Struct, frozen=True, kw_only=True):
     """A step of the plan.
 
     `after` are the ids of the steps that enable it, `because` the facts that these bring about, and `brought_by` the step for each of these
-    facts. `kind` is the kind of the service type. `condition` is the part of its precondition that the services `demanded_by` stated for it.
+    facts. `kind` is the kind of the service type. `condition` is the part of its precondition that the services `demanded_by` stated for
+    it.
 
     `learns` is what a step finds out or computes: an object, an attribute, or a fact. `assumed` are the facts that the plan assumes it will
     find; `outputs` are the values that the service returned, as Entish terms. A step that is `foreseen` depends on what an earlier step

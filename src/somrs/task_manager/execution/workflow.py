@@ -270,14 +270,14 @@ class Workflow(Struct, dict=True, eq=False):
         return self._promised
 
     def promised_effects(self, run: StepRun) -> list[Formula]:
-        """The effects of the steps that have to be completed before this one and are not yet, in the order of the plan."""
+        """What the steps bring about that have to be completed before this one and are not yet, in the order of the plan."""
         waiting, ids = [*self.predecessors(run.step.id)], set[str]()
         while waiting:
             predecessor = waiting.pop()
             if predecessor.progress is not Progress.COMPLETED and predecessor.step.id not in ids:
                 ids.add(predecessor.step.id)
                 waiting += self.predecessors(predecessor.step.id)
-        return [predecessor.step.effect for predecessor in self._in_order(ids)]
+        return [outcome for predecessor in self._in_order(ids) if (outcome := predecessor.step.outcome) is not None]
 
     def earliest_start(self, run: StepRun, now: float) -> float:
         """The promised finish of all predecessors of the step; at least `now`."""
