@@ -21,6 +21,7 @@ from somrs.client.live_news import LiveHub
 from somrs.errors import UsageError
 from somrs.ontology.services import Handler
 from somrs.protocol.messages.clients import Phase, Policy, Preview, Previewed, Submit, TaskRow, TaskView
+from somrs.protocol.messages.findings import Findings
 
 DATA_FOLDER = Path(".somrs")
 """The default data folder of `somrs up`, which contains the addresses of the system."""
@@ -94,6 +95,28 @@ class Client:
             priority=priority,
         )
         return (await self.api.tasks.submit(task, once=idempotency_key)).task
+
+    async def look(self, formula: str, *, policy: Policy = Policy.PRICE, deadline: float | None = None) -> str:
+        """Submit a task that finds out for which objects and values the formula holds, and return its id at once; `findings` waits for the
+        answer. Cognitive services observe it; nothing is moved.
+
+        Args:
+            formula: an Entish formula, such as `?Jar: Jar isOn Table001` or `Jar001.Weight = ?Weight`.
+            policy: how services are chosen.
+            deadline: seconds within which it has to be found out.
+        """
+        task = Submit(effect=formula, policy=policy, deadline=deadline, waits=deadline is not None, recognise=True)
+        return (await self.api.tasks.submit(task)).task
+
+    async def findings(self, task: str) -> Findings:
+        """Wait until a task of `look` has ended, and return its findings: the answers, who saw them, and when.
+
+        Raises:
+            UsageError: the task is to make something so, and has no findings.
+        """
+        async for _ in self.watch(task):
+            pass
+        return await self.api.tasks.findings(task)
 
     async def watch(self, task: str) -> AsyncIterator[TaskView]:
         """Yield the task as it is now, and again after each change; the last view has the phase `ENDED` and an outcome.

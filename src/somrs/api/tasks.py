@@ -29,6 +29,7 @@ from somrs.protocol.messages.clients import (
 )
 from somrs.protocol.messages.envelope import message_id
 from somrs.protocol.messages.event_text import short_id
+from somrs.protocol.messages.findings import Findings
 from somrs.protocol.messages.records import ReadRecords
 from somrs.runtime.wire import Unanswered
 
@@ -90,6 +91,19 @@ class TaskService:
         """Read a running or ended task. `id` may be the beginning of the task's id."""
         task = await self._complete_id(id)
         return await self._read_current(task) or await self._read_recorded(task)
+
+    @operation("GET", "/tasks/{id}/findings")
+    async def findings(self, id: str) -> Findings:
+        """Read the answer to a task that asks what is so (`recognise`): for which objects and values the formula holds, who saw them, and
+        when. An error while the task runs, and for a task that makes something so."""
+        view = (await self.read(id)).view
+        if view.findings is not None:
+            return view.findings
+        raise UsageError(
+            f"task {short_id(view.task)} has not ended yet"
+            if view.recognise
+            else f"task {short_id(view.task)} makes {view.effect} so; only a task with `recognise` has findings"
+        )
 
     @operation("GET", "/tasks/{id}/messages")
     async def messages(self, id: str, after: int = 0) -> Messages:

@@ -43,7 +43,10 @@ def handlers(on_failure: list[str], on_compensation: list[str]) -> tuple[Handler
 
 
 async def run_task(task: Submit, data: Path, *, wait: bool, json: bool) -> int:
-    """Submit a task, and follow it if `wait`. Returns the exit status: 0 if it was accomplished, or submitted without `wait`."""
+    """Submit a task, and follow it if `wait`. Returns the exit status: 0 if it was accomplished, or submitted without `wait`.
+
+    With `json`, prints the task as it ended; of a task that asks what is so, its findings.
+    """
     console = terminal.console()
     async with Client(Addresses.read(data)) as client:
         id = await client.submit(task)
@@ -69,10 +72,13 @@ async def run_task(task: Submit, data: Path, *, wait: bool, json: bool) -> int:
             await client.cancel(id, "stopped at the command line")
             raise
         assert latest_news is not None, "a task that was accepted has news"
+        findings = latest_news.view.findings
         if json:
-            terminal.print_json(latest_news.view)
+            terminal.print_json(latest_news.view if findings is None else findings)
         else:
             console.print(terminal.live(latest_news.view))
+            if findings is not None:
+                console.print("", terminal.findings(findings), sep="\n")
         return 0 if latest_news.view.outcome is Outcome.ACCOMPLISHED else 1
 
 

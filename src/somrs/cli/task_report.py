@@ -26,6 +26,8 @@ def print_report(report: TaskReport, console: Console) -> None:
         parts.append(terminal.steps("Plan" if record is None else "Last plan", view.steps))
     if view.work:
         parts.append(_work(view.work))
+    if view.findings is not None:
+        parts.append(terminal.findings(view.findings))
     if report.contracts:
         parts.append(contracts(report.contracts))
     if report.events:

@@ -99,6 +99,26 @@ def do(
 
 
 @tasks_app.command()
+def look(
+    formula: Annotated[str, typer.Argument(help="What to find out, such as '?Jar: Jar isOn Table001' or 'Jar001.Weight = ?Weight'.")],
+    policy: Annotated[PolicyOption, typer.Option(help="How services are chosen.")] = PolicyOption.price,
+    deadline: Annotated[float | None, typer.Option(help="Seconds within which it has to be found out.")] = None,
+    unavailable: Unavailable = UnavailableOption.fail,
+    wait: Annotated[bool, typer.Option(help="Wait until the observations have ended.")] = True,
+    data: Data = DEFAULT_FOLDER,
+    json: Json = False,
+) -> None:
+    """Find out for which objects and values a formula holds. Cognitive services observe it; nothing is moved. Shows the answers, who saw
+    them, and when."""
+    from somrs.cli.task_commands import run_task as run
+    from somrs.protocol.messages.clients import Policy, Submit
+
+    waits = unavailable is UnavailableOption.wait
+    submission = Submit(effect=formula, policy=Policy(policy.value), deadline=deadline, waits=waits, recognise=True)
+    sys.exit(awaited(run(submission, data, wait=wait, json=json)))
+
+
+@tasks_app.command()
 def tasks(
     history: Annotated[bool, typer.Option("--history", help="List ended tasks, too.")] = False,
     limit: Annotated[int, typer.Option(min=1, help="Maximum number of ended tasks.")] = 20,

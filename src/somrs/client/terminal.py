@@ -25,6 +25,7 @@ from somrs.protocol.messages.clients import StepView, TaskEvent, TaskView, WorkV
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.event_text import short_id
 from somrs.protocol.messages.events import EventKind, TaskEnded
+from somrs.protocol.messages.findings import Findings
 from somrs.protocol.messages.frp import Outcome, State
 
 MARKS = {Outcome.ACCOMPLISHED: ("✔", "green"), Outcome.FAILED: ("✘", "red"), Outcome.CANCELLED: ("■", "yellow")}
@@ -86,6 +87,26 @@ def demand(step: StepView) -> str:
     return f"demanded: {step.condition} ({', '.join(step.demanded_by)})" if step.condition is not None else ""
 
 
+def learnt(step: StepView) -> str:
+    """What the step finds out, and the values that it returned."""
+    values = ", ".join(f"{name} = {value}" for name, value in step.outputs.items())
+    return lines(f"finds out: {', '.join(step.learns)}" if step.learns else "", f"found: {values}" if values else "")
+
+
+def findings(findings: Findings) -> Group:
+    """The answers to a question: what is so, who saw it, and when; and who did not find what."""
+    rows = [
+        (answer.situation, answer.sightings[0].service, moment(answer.sightings[0].at))
+        if answer.sightings
+        else (answer.situation, "(the map)", "-")
+        for answer in findings.answers
+    ]
+    answers = table("Findings", ("what is so", "seen by", "at"), rows) if rows else Text(f"not so: {findings.formula}", style="bold")
+    unseen = [Text(f"{entry.service} ({', '.join(entry.inputs.values())}): {entry.reason}", style="yellow") for entry in findings.unseen]
+    more = [Text("there are further answers")] if findings.more else []
+    return Group(answers, *more, *unseen)
+
+
 def steps(title: str, step_views: Sequence[StepView], other_work: Sequence[WorkView] = ()) -> Table:
     """A plan with the state of each step, followed by `other_work`, which is not part of the plan (observation, compensation)."""
     is_ordered = any(step.after for step in step_views)
@@ -93,7 +114,7 @@ def steps(title: str, step_views: Sequence[StepView], other_work: Sequence[WorkV
     rows = [
         (
             step.step,
-            lines(step.service_type, inputs(step), demand(step)),
+            lines(step.service_type, inputs(step), demand(step), learnt(step)),
             *((", ".join(step.after) or "-",) if is_ordered else ()),
             lines(step.service or "-", terms(step.price, step.currency, step.duration)),
             _step_progress(step),
@@ -115,6 +136,8 @@ def terms(price: float | None, currency: str, duration: float | None) -> str:
 
 def _step_progress(step: StepView) -> Group | Text:
     """The state of a step, with a progress bar while it executes."""
+    if step.foreseen:
+        return Text("foreseen", style="dim")
     if step.state is State.NEW:
         return Text("open", style="dim")
     if step.state is not State.EXECUTING:

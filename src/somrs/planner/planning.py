@@ -22,6 +22,7 @@ from somrs.planner.model.provider_choice import generalize_providers
 from somrs.planner.model.quality import best
 from somrs.planner.model.world import World
 from somrs.planner.optimism import optimistic
+from somrs.planner.recognition import plan_recognition
 from somrs.planner.repair import prefer_repaired, prefer_shorter
 from somrs.planner.search import counting
 from somrs.planner.search.counting import Counters, CountingFailed, search_with_counters
@@ -66,6 +67,8 @@ class _Engines:
 
 def plan_quickly(problem: Problem) -> Plan | NoPlan | None:
     """The result that can be found within a few milliseconds; None when the problem needs a search, or an optimistic reading."""
+    if problem.recognises:
+        return plan_recognition(problem)
     uses = ConditionalUses(problem)
     result = _plan_quickly(uses.problem)
     return None if result is None or (isinstance(result, NoPlan) and _may_be_told(uses.problem)) else uses.translate(result)
@@ -100,6 +103,8 @@ def plan(
 
     A plan that assumes what services have to tell first (`model/reading.py`) is the last resort.
     """
+    if problem.recognises:
+        return plan_recognition(problem)
     uses = ConditionalUses(problem)
     return uses.translate(_plan_or_assume(uses.problem, _Engines(engine, numeric, improver, limit)))
 

@@ -116,6 +116,7 @@ def planning_problem(
             for name, provider_names in sorted(providers.items())
         ),
         hurry=task.policy is Policy.TIME,
+        recognises=task.recognise,
     )
 
 

@@ -83,6 +83,7 @@ def new_preview(id: str, query: Preview, request: Message) -> PreviewState:
         time_value=query.time_value,
         deadline=query.deadline,
         priority=query.priority,
+        recognise=query.recognise,
     )
     planning = PlanRequest(owner=id, goal=0, serial=0, task=task)
     return PreviewState(id=id, query=query, request=request, task=task, planning=planning, calls=OpenCalls(timer=BidsDue(id, 0)))

@@ -45,7 +45,7 @@ class Step(Struct, frozen=True):
     @property
     def tells(self) -> bool:
         """Whether the result of the step is known only when it is done."""
-        return self.assumed is not None or bool(self.finds)
+        return self.kind is not ServiceKind.PHYSICAL or self.assumed is not None or bool(self.finds)
 
     @property
     def outcome(self) -> Formula | None:

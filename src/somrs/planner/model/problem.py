@@ -65,6 +65,10 @@ class Problem(Struct, frozen=True, kw_only=True, tag=True):
     """The excluded objects whose state is unknown; other tasks have reserved the others."""
     fruitless: frozenset[tuple[str, str]] = frozenset()
     """Devices and uses of services (as `Step.use`) that told nothing a short time ago. They are not planned for again."""
+    recognises: bool = False
+    """The client asks whether, and for which objects, the goal holds. Nothing is to be changed (`recognition.py`)."""
+    observed: frozenset[str] = frozenset()
+    """The uses of services that have told something in this task."""
     reading: Reading | None = None
     """What the planner assumes beyond the map; None: nothing."""
     rest: tuple[Step, ...] = ()

@@ -9,6 +9,7 @@ from msgspec import Struct
 from somrs.ontology.services import Handler, ServiceKind
 from somrs.protocol.messages.body import MessageBody
 from somrs.protocol.messages.events import Event, EventKind, GoalKind, WaitsForTasks, WaitsToRetry
+from somrs.protocol.messages.findings import Findings
 from somrs.protocol.messages.frp import Outcome, State
 
 
@@ -45,6 +46,7 @@ class Submit(MessageBody, frozen=True, kw_only=True, tag=True):
     second, in the currency of the terms, for the weighted policy. `handlers` take precedence over those of the service types. `priority`:
     among tasks that wait for the same objects or devices, the one with the higher number goes first; work under way is not interrupted.
     `waits`: if no service can do it now, for reasons that pass, the task waits and tries again, until its deadline; otherwise it fails.
+    `recognise`: find out whether, and for which objects and values, `effect` holds, instead of making it true (`findings.py`).
     """
 
     effect: str
@@ -55,6 +57,7 @@ class Submit(MessageBody, frozen=True, kw_only=True, tag=True):
     handlers: tuple[Handler, ...] = ()
     priority: int = 0
     waits: bool = True
+    recognise: bool = False
 
 
 class Submitted(MessageBody, frozen=True, kw_only=True, tag=True):
@@ -160,6 +163,9 @@ class TaskView(Struct, frozen=True, kw_only=True):
     """The tasks that it waits for now; also in the reasons, as text."""
     waiting_to_retry: WaitsToRetry | None = None
     """Why there is no way to do it now, and when the next attempt is; also in the reasons, as text."""
+    recognise: bool = False
+    findings: Findings | None = None
+    """The answer to a client that asks what is so, when the task has ended."""
 
 
 class TaskRow(Struct, frozen=True, kw_only=True):
@@ -191,6 +197,8 @@ class TaskRow(Struct, frozen=True, kw_only=True):
     """The tasks that it waits for now; also in the reasons, as text."""
     waiting_to_retry: WaitsToRetry | None = None
     """Why there is no way to do it now, and when the next attempt is; also in the reasons, as text."""
+    recognise: bool = False
+    """It asks what is so, and makes nothing so."""
 
 
 class ReadTasks(MessageBody, frozen=True, kw_only=True, tag=True):
@@ -326,6 +334,7 @@ class Preview(MessageBody, frozen=True, kw_only=True, tag=True):
     time_value: float = 0.01
     deadline: float | None = None
     priority: int = 0
+    recognise: bool = False
 
 
 class Quotation(Struct, frozen=True, kw_only=True):

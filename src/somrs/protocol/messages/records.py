@@ -7,6 +7,7 @@ from msgspec import Struct
 from somrs.ontology.services import Handler
 from somrs.protocol.messages.body import MessageBody
 from somrs.protocol.messages.clients import ContractView, MessageView, Policy, StepView, TaskEvent, WorkView
+from somrs.protocol.messages.findings import Findings
 from somrs.protocol.messages.frp import Outcome
 
 
@@ -34,6 +35,8 @@ class TaskRecord(Struct, frozen=True, kw_only=True, tag=True):
     waits: bool = True
     time_value: float = 0.01
     handlers: tuple[Handler, ...] = ()
+    recognise: bool = False
+    findings: Findings | None = None
 
 
 PARTS = ("steps", "work", "contracts", "events", "messages")

@@ -41,6 +41,8 @@ class KnownServices(Struct, kw_only=True):
     """The failures that each service has reported since it last completed a step."""
     fruitless: set[tuple[str, str]] = set()
     """Devices and uses of services (as `Step.use`) that told nothing in this task. They are not asked for the same again."""
+    told: set[str] = set()
+    """The uses of services that told something in this task."""
     types: dict[str, ServiceType] = {}
     """The types of all offers so far. A type outlasts its offers, because a service may be committed to a step of it."""
     common_types: dict[str, ServiceType] = {}
@@ -98,14 +100,26 @@ class AvailableServices:
         """Devices and uses of services that told nothing in this task."""
         return frozenset(self._state.fruitless)
 
+    @property
+    def told(self) -> frozenset[str]:
+        """The uses of services that told something in this task."""
+        return frozenset(self._state.told)
+
+    def tells(self, step: Step) -> None:
+        """Record that a cognitive or software service has told what it had to."""
+        self._state.told.add(step.use)
+
     def tells_nothing(self, provider: str, step: Step) -> None:
         """Do not ask the device for this step again: a cognitive or software service had nothing to tell."""
         self._state.fruitless.add((provider, step.use))
 
     def tell_nothing(self, run: StepRun) -> None:
-        """Do not ask the services for the step again that failed in it or refused it."""
-        providers = (offer.provider for offer in self._state.offers if offer.service in run.excluded)
-        self._state.fruitless.update((provider, run.step.use) for provider in providers)
+        """Do not ask the services for the step again that failed in it or refused it for good, nor the others before their reasons pass."""
+        for offer in self._state.offers:
+            if offer.service in self._state.unable & run.excluded.keys():
+                self.tells_nothing(offer.provider, run.step)
+            elif offer.service in run.excluded and (offer.provider, run.step.use) not in self._state.fruitless:
+                self.exclude({offer.service: run.excluded[offer.service]})
 
     def refused(self, service: str, *, not_now: bool) -> None:
         """Record whether a refusal is for good."""
@@ -176,7 +190,9 @@ class AvailableServices:
         return offer is None or not self._works(offer) or service not in self._state.failures
 
     def readmit_refused(self) -> None:
-        """Readmit the services whose reason may have passed, to ask them again; not those that are silent, or that do not work."""
+        """Readmit the services whose reason may have passed, to ask them again; not those that are silent, or that do not work. What told
+        nothing may tell something by now."""
+        self._state.fruitless.clear()
         offers = {offer.service: offer for offer in self._state.offers}
         for service in [*self.broken]:
             offer, failures = offers.get(service), self._state.failures.get(service, 0)

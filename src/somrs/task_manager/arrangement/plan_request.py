@@ -98,7 +98,7 @@ class PlanRequester:
             task = planning_problem(request.task, context.replica, self._services.usable, avoided, context.quotes.prices)
         except FormulaError as error:
             return f"the task does not fit the map any more: {error}"
-        task = replace(task, lost=tuple(self._services.excluded_services), fruitless=self._services.fruitless)
+        task = replace(task, lost=tuple(self._services.excluded_services), fruitless=self._services.fruitless, observed=self._services.told)
         if self._old_workflow is not None:
             remaining_runs = self._old_workflow.remaining
             promised = frozenset(run.step.id for run in remaining_runs if run.progress is Progress.ARRANGED)
@@ -121,6 +121,8 @@ class PlanRequester:
 
     def _plan_found(self, plan: Plan) -> EffectsReturning[PlanResult | None]:
         request, reservations = self._request, self._context.reservations
+        if request.task.recognise:
+            return plan  # who looks at an object does not hinder others
         replica = self._context.replica
         reservation = plan_reservation(plan.steps, parse(request.task.effect), replica.ontology).within(replica.map.objects)
         conflicts = reservations.conflicts(request.owner, reservation)

@@ -14,8 +14,9 @@ from somrs.task_manager.execution.workflow import StepRun
 
 
 def told(run: StepRun, map: Map, ontology: Ontology) -> bool:
-    """Whether the step has told anything that it had to tell."""
-    return any(_answers(run, map, ontology))
+    """Whether the step has told anything that it had to tell; of a step of which the plan assumes nothing, that it is completed."""
+    answers = [*_answers(run, map, ontology)]
+    return any(answers) or not answers
 
 
 def told_all(run: StepRun, map: Map, ontology: Ontology) -> bool:

@@ -388,7 +388,7 @@ class GoalExecutor:
     def _begin_recovery(self, run: StepRun, reasons: tuple[str, ...], now: float) -> EffectsReturning[NextAction | None]:
         """Begin the recovery of a step that has lost its service."""
         was_started = run.failure is not None
-        is_look = self._execution.kind is GoalKind.LOOK  # a map without the unknown mark replaces no observation
+        is_look = self._execution.kind is GoalKind.LOOK or self._recognises  # what the map says replaces no observation
         if was_started and not is_look and known_to_hold(run.step.effect, self._context.replica):
             self._workflow.set_failure(run, None)
             self._workflow.move(run, Progress.COMPLETED)
@@ -433,13 +433,14 @@ class GoalExecutor:
         if execution.fixed:
             return (yield from self._fail(reasons, now))
         reasons_to_stop = (*reasons, str(execution.replans))
-        if execution.replans.is_exhausted and not self._passing_hindrances:
+        is_exhausted = execution.replans.is_exhausted and not self._recognises  # no observation is planned twice
+        if is_exhausted and not self._passing_hindrances:
             return (yield from self._fail(reasons_to_stop, now))
         yield from self._withdraw("the plan changed", now)
         if execution.workflow is not None and execution.workflow.busy:
             execution.replan_because, execution.phase = reasons, Phase.RECOVERING
             return None
-        if execution.replans.is_exhausted:
+        if is_exhausted:
             return (yield from self._wait_or_fail(reasons_to_stop, now))
         execution.replan_because = None
         execution.replans.count()
@@ -451,7 +452,7 @@ class GoalExecutor:
 
     def _finish(self, now: float) -> EffectsReturning[NextAction | None]:
         execution = self._execution
-        if execution.fixed or known_to_hold(parse(execution.goal), self._context.replica):
+        if execution.fixed or self._recognises or known_to_hold(parse(execution.goal), self._context.replica):
             return GoalReached()
         if any(run.step.tells for run in execution):
             return (yield from self._complete_plan(now))
@@ -482,6 +483,11 @@ class GoalExecutor:
         return GoalUnreachable(reasons)
 
     # Parts
+
+    @property
+    def _recognises(self) -> bool:
+        """Whether the goal is a question, which observations answer."""
+        return self._execution.kind is GoalKind.TASK and self._scope.state.task.recognise
 
     @property
     def _workflow(self) -> Workflow:

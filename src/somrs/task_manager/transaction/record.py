@@ -33,4 +33,6 @@ def record(state: TaskState) -> TaskRecord:
         waits=task.waits,
         time_value=task.time_value,
         handlers=task.handlers,
+        recognise=task.recognise,
+        findings=state.findings,
     )

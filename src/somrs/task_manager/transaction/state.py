@@ -11,6 +11,7 @@ from somrs.protocol.messages.clients import Phase, Submit
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.event_text import retry_text, waiting_text
 from somrs.protocol.messages.events import Event, EventKind, GoalKind, WaitsForTasks, WaitsToRetry, kind_of
+from somrs.protocol.messages.findings import Findings
 from somrs.protocol.messages.frp import Outcome
 from somrs.task_manager.arrangement.available_services import KnownServices
 from somrs.task_manager.arrangement.call_for_proposals import OpenCalls
@@ -148,6 +149,8 @@ class TaskState(Struct, kw_only=True, eq=False):
     look_queue: LookQueue = field(default_factory=LookQueue, name="looks")
     attempt: Attempt | None = None
     undoing: Undoing | None = None
+    findings: Findings | None = None
+    """The answer to a client that asks what is so, when the task has ended."""
     blocked: tuple[str, ...] = ()
     """Why there is no plan, while interrupted work is being compensated."""
 

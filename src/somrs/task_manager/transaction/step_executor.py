@@ -65,6 +65,7 @@ class StepExecutor:
         if not run.step.tells:
             return
         if told(run, map, ontology):
+            self._scope.services.tells(run.step)
             event = events.FoundOut(service=self._member(run).offer.service, situation=situation, outputs=output_texts(run.outputs))
             self._scope.log_event(event, now, run)
         if not told_all(run, map, ontology):

@@ -30,6 +30,7 @@ from somrs.task_manager.recovery.observation import Look, LookPlan, Observation
 from somrs.task_manager.requests import ForLook, ForPlan
 from somrs.task_manager.reservations import Reservation
 from somrs.task_manager.timers import Answer, BidsDue, DeadlineDue, OverdueDue, PlanWanted, RetryDue, SilenceDue, StopDue
+from somrs.task_manager.transaction.findings import findings
 from somrs.task_manager.transaction.goal_executor import GoalExecutor
 from somrs.task_manager.transaction.next_action import GoalReached, GoalUnreachable, NextAction, NoPlanFound, Proceed, StepLost
 from somrs.task_manager.transaction.participant_events import GoalAction, ParticipantEvents
@@ -363,6 +364,8 @@ class Transaction:
         state = self.state
         yield from self._scope.participants.end(outcome, now)
         state.outcome, state.ended_at = outcome, now
+        if state.task.recognise:
+            state.findings = findings(state.task.effect, state.log, self._context.replica)
         self._context.reservations.remove_task(state.id)
         if outcome is not Outcome.ACCOMPLISHED:
             state.reasons += tuple(work.in_words() for work in state.log if work.matters)

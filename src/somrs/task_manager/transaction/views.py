@@ -48,6 +48,8 @@ def view(task: TaskState) -> TaskView:
         explanation=join_reasons(_reasons(task)),
         reasons=_reasons(task),
         steps=tuple(_step_views(task)),
+        recognise=task.task.recognise,
+        findings=task.findings,
         work=tuple(work.view() for work in task.log),
         client=task.client,
         precondition=task.task.precondition,
