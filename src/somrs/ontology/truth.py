@@ -84,7 +84,7 @@ class _Query:
     ) -> None:
         self.map, self.ontology, self.formula = map, ontology, formula
         self.types = {name: variable.type for name, variable in variables(formula).items()}
-        self.objects = _object_variables(formula, ontology)
+        self.objects = object_variables(formula, ontology)
         own = {variable.name: variable for variable in witnesses}
         for name in own.keys() - self.types.keys():
             self.types[name] = own[name].type
@@ -350,15 +350,15 @@ def _equations(condition: Condition) -> Iterator[tuple[str, Term]]:
                 yield variable.name, term
 
 
-def _object_variables(formula: Formula, ontology: Ontology) -> set[str]:
+def object_variables(formula: Formula, ontology: Ontology) -> set[str]:
     """The variables that stand for objects; the others stand for values."""
     match formula:
         case And(parts) | Or(parts):
-            return {name for part in parts for name in _object_variables(part, ontology)}
+            return {name for part in parts for name in object_variables(part, ontology)}
         case ForAll(variable, body) | Exists(variable, body):
-            return _object_variables(body, ontology) - {variable.name}
+            return object_variables(body, ontology) - {variable.name}
         case Not(atom):
-            return _object_variables(atom, ontology)
+            return object_variables(atom, ontology)
         case Relation():
             return set(variables(formula))
     variable_names: set[str] = set()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from somrs.entish import Formula
 from somrs.entish.formula import alternatives, conjunction, names
 from somrs.errors import RemoteError, SomrsError
 from somrs.ontology.truth import formula_holds
@@ -15,6 +16,7 @@ from somrs.planner.grounding.grounding import Grounding, TooLarge
 from somrs.planner.grounding.merging import merge_task
 from somrs.planner.grounding.relevance import demands
 from somrs.planner.grounding.task import Move, Task
+from somrs.planner.model.expansion import expand_quantifiers
 from somrs.planner.model.operators import Inexpressible, Operator, goal_operators
 from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import Problem
@@ -70,8 +72,12 @@ def plan_quickly(problem: Problem) -> Plan | NoPlan | None:
     if problem.recognises:
         return plan_recognition(problem)
     uses = ConditionalUses(problem)
-    result = _plan_quickly(uses.problem)
-    return None if result is None or (isinstance(result, NoPlan) and _may_be_told(uses.problem)) else uses.translate(result)
+    try:
+        expanded = expand_quantifiers(uses.problem)
+    except Inexpressible as inexpressible:
+        return _report_inexpressible(inexpressible)
+    result = _plan_quickly(expanded)
+    return None if result is None or (isinstance(result, NoPlan) and _may_be_told(expanded)) else uses.translate(result)
 
 
 def _may_be_told(problem: Problem) -> bool:
@@ -106,7 +112,11 @@ def plan(
     if problem.recognises:
         return plan_recognition(problem)
     uses = ConditionalUses(problem)
-    return uses.translate(_plan_or_assume(uses.problem, _Engines(engine, numeric, improver, limit)))
+    try:
+        expanded = expand_quantifiers(uses.problem)
+    except Inexpressible as inexpressible:
+        return _report_inexpressible(inexpressible)
+    return uses.translate(_plan_or_assume(expanded, _Engines(engine, numeric, improver, limit)))
 
 
 def _plan_or_assume(problem: Problem, engines: _Engines) -> Plan | NoPlan:
@@ -138,15 +148,18 @@ def _check_map(problem: Problem) -> Plan | NoPlan | None:
     unmet = unmet_precondition(problem)
     if unmet is not None:
         return unmet
-    branches = [conjunction(*branch) for branch in alternatives(problem.goal)]
-    reached = [branch for branch in branches if formula_holds(branch, problem.map, problem.ontology)]
-    if not reached:
+    if not formula_holds(problem.goal, problem.map, problem.ontology):
         return None
     doubtful = [name for name in names(problem.goal) if name in problem.excluded]
-    if all(not problem.excluded.isdisjoint(names(branch)) for branch in reached):
+    if doubtful and not any(_holds_beyond_doubt(conjunction(*branch), problem) for branch in alternatives(problem.goal)):
         explanation = f"{problem.goal}: {exclusion_text(doubtful, problem)}"
         return NoPlan(explanation=explanation, obstacles=exclusion_obstacles(doubtful, problem))
     return Plan()
+
+
+def _holds_beyond_doubt(branch: Formula, problem: Problem) -> bool:
+    """Whether an alternative of the goal holds, and names no excluded object."""
+    return problem.excluded.isdisjoint(names(branch)) and formula_holds(branch, problem.map, problem.ontology)
 
 
 def _compile_problem(problem: Problem) -> tuple[World, list[Operator]]:
