@@ -65,7 +65,7 @@ def distribute_for_all(quantified: Collection[Variable], formula: Formula) -> Fo
         case And(parts):
             return conjunction(*(distribute_for_all(own, part) for part in parts))
         case Or(parts):
-            groups = _group_by_variables(parts, {variable.name for variable in own})
+            groups = group_by_variables(parts, {variable.name for variable in own})
             if len(groups) > 1:
                 return disjunction(*(distribute_for_all(own, disjunction(*group)) for group in groups))
     for variable in reversed(own):
@@ -73,7 +73,7 @@ def distribute_for_all(quantified: Collection[Variable], formula: Formula) -> Fo
     return formula
 
 
-def _group_by_variables(parts: Iterable[Formula], names: Collection[str]) -> list[list[Formula]]:
+def group_by_variables(parts: Iterable[Formula], names: Collection[str]) -> list[list[Formula]]:
     """The parts in groups that share none of the named variables."""
     groups: list[tuple[set[str], list[Formula]]] = []
     for part in parts:

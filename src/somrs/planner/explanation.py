@@ -5,8 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
-from somrs.entish import Attribute, Comparison, Name, Not, Relation, Truth, Variable
-from somrs.entish.formula import Literal, Substitution, alternatives, conjunction, conjuncts, names, substitute, terms, variables
+from somrs.entish import Attribute, Comparison, Formula, Name, Not, Relation, Truth, Variable
+from somrs.entish.formula import (
+    Literal,
+    Substitution,
+    alternatives,
+    conjunction,
+    conjuncts,
+    count_alternatives,
+    names,
+    substitute,
+    terms,
+    variables,
+)
+from somrs.entish.normal_form import affirmed_variables, group_by_variables
 from somrs.entish.parse import nearest, parse
 from somrs.ontology.matching import achieving_bindings, can_achieve, unifiers
 from somrs.ontology.services import PROVIDER, ServiceKind, ServiceType
@@ -15,6 +27,7 @@ from somrs.ontology.types import UNKNOWN
 from somrs.ontology.values import value_of
 from somrs.planner.grounding.grounding import Grounding, TooLarge
 from somrs.planner.grounding.relevance import demands
+from somrs.planner.model.choices import ALTERNATIVES
 from somrs.planner.model.operators import Inexpressible, goal_operators
 from somrs.planner.model.plan import NoPlan, Obstacle
 from somrs.planner.model.problem import AvailableService, LostService, Problem
@@ -24,6 +37,8 @@ from somrs.planner.search.conflict import find_minimal_conflict, find_torn_objec
 
 DEPTH = 4
 """The maximum length of a chain of services that an explanation follows backward."""
+EXPLAINED = 5
+"""The maximum number of unreachable parts of the goal to explain one by one."""
 
 
 def unmet_precondition(problem: Problem) -> NoPlan | None:
@@ -44,9 +59,9 @@ def explain_failure(problem: Problem, world: World, guessed: bool = False) -> No
     """The reasons for the goal's alternative with the fewest unreachable parts. `guessed`: numbers and texts that the task does not name
     were not tried as inputs."""
     best: _Reasons | None = None
-    for branch in alternatives(problem.goal):
+    for branch in _branches(problem.goal, _Reasons(problem, world)):
         reasons = _Reasons(problem, world)
-        reasons.explain_all([part for part in branch if isinstance(part, Literal)])
+        reasons.explain_all(branch)
         if best is None or len(reasons.unreachable) < len(best.unreachable):
             best = reasons
     assert best is not None, "a formula has an alternative"
@@ -67,6 +82,21 @@ def explain_failure(problem: Problem, world: World, guessed: bool = False) -> No
     )
 
 
+def _branches(goal: Formula, reasons: _Reasons) -> Iterator[list[Literal]]:
+    """The alternatives of the goal to explain. Of too many, only the nearest: of each independent choice, the alternative with the fewest
+    unreachable parts."""
+    groups = group_by_variables(conjuncts(goal), affirmed_variables(goal))
+    if len(groups) == 1 or count_alternatives(goal) <= ALTERNATIVES:
+        for branch in alternatives(goal):
+            yield [part for part in branch if isinstance(part, Literal)]
+        return
+    nearest_branches = (
+        min(_branches(conjunction(*group), reasons), key=lambda branch: sum(not reasons.reachable([literal]) for literal in branch))
+        for group in groups
+    )
+    yield [literal for branch in nearest_branches for literal in branch]
+
+
 @dataclass(slots=True, eq=False)
 class _Reasons:
     """Collects the reasons."""
@@ -82,10 +112,12 @@ class _Reasons:
 
     def explain_all(self, parts: Sequence[Literal]) -> None:
         """Explain each part of the goal that is unreachable by itself; if there is none, a minimal set of parts that conflict."""
-        for literal in parts:
-            if not self.reachable([literal]):
-                self.unreachable.append(str(literal))
-                self._explain(literal, DEPTH)
+        unreachable = [literal for literal in parts if not self.reachable([literal])]
+        self.unreachable.extend(map(str, unreachable))
+        for literal in unreachable[:EXPLAINED]:
+            self._explain(literal, DEPTH)
+        if len(unreachable) > EXPLAINED:
+            self.texts[f"{len(unreachable) - EXPLAINED} more parts of the goal are out of reach, too"] = None
         if self.unreachable:
             return
         conflict = find_minimal_conflict(parts, self.world)

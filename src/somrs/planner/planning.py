@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from somrs.entish import Formula
-from somrs.entish.formula import alternatives, conjunction, names
+from somrs.entish.formula import alternatives, conjunction, count_alternatives, names
 from somrs.errors import RemoteError, SomrsError
 from somrs.ontology.truth import formula_holds
 from somrs.planner.conditions import ConditionalUses
@@ -16,6 +16,7 @@ from somrs.planner.grounding.grounding import Grounding, TooLarge
 from somrs.planner.grounding.merging import merge_task
 from somrs.planner.grounding.relevance import demands
 from somrs.planner.grounding.task import Move, Task
+from somrs.planner.model.choices import ALTERNATIVES
 from somrs.planner.model.expansion import expand_quantifiers
 from somrs.planner.model.operators import Inexpressible, Operator, goal_operators
 from somrs.planner.model.plan import NoPlan, Plan
@@ -151,7 +152,8 @@ def _check_map(problem: Problem) -> Plan | NoPlan | None:
     if not formula_holds(problem.goal, problem.map, problem.ontology):
         return None
     doubtful = [name for name in names(problem.goal) if name in problem.excluded]
-    if doubtful and not any(_holds_beyond_doubt(conjunction(*branch), problem) for branch in alternatives(problem.goal)):
+    branches = alternatives(problem.goal) if count_alternatives(problem.goal) <= ALTERNATIVES else ()
+    if doubtful and not any(_holds_beyond_doubt(conjunction(*branch), problem) for branch in branches):
         explanation = f"{problem.goal}: {exclusion_text(doubtful, problem)}"
         return NoPlan(explanation=explanation, obstacles=exclusion_obstacles(doubtful, problem))
     return Plan()

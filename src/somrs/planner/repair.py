@@ -9,15 +9,16 @@ from collections.abc import Mapping
 
 from msgspec import structs
 
-from somrs.entish.formula import names, substitute, variables
+from somrs.entish.formula import conjunction, names, substitute, variables
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError
 from somrs.ontology.effects import changes, evaluate_effect
 from somrs.ontology.objects import Map
-from somrs.ontology.truth import bindings, formula_holds
+from somrs.ontology.truth import formula_holds
 from somrs.planner.model.causal_links import derive_links, find_useful_steps
 from somrs.planner.model.plan import NoPlan, Plan, Step
 from somrs.planner.model.problem import AvailableService, Problem
+from somrs.planner.model.supporting_literals import supporting_literals
 from somrs.planner.model.validation import apply_step, validate
 
 
@@ -62,13 +63,14 @@ def _adapt_step(old: Step, map: Map, problem: Problem, available_services: Mappi
     if old.precondition is None or service.precondition is None or formula_holds(old.precondition, map, problem.ontology):
         return old
     condition = substitute(parse(service.precondition), old.bindings)
-    row = next(bindings(condition, map, problem.ontology), None)
-    if row is None or not problem.excluded.isdisjoint(name for term in row.values() for name in names(term)):
+    support = supporting_literals(condition, map, problem.ontology)
+    if support is None or not problem.excluded.isdisjoint(name for term in support[1].values() for name in names(term)):
         return None
+    literals, row = support
     effect = substitute(parse(service.effect), {**row, **old.bindings})
     if variables(effect):
         return None
-    return structs.replace(old, precondition=substitute(condition, row), effect=evaluate_effect(effect, map, problem.ontology))
+    return structs.replace(old, precondition=conjunction(*literals), effect=evaluate_effect(effect, map, problem.ontology))
 
 
 def prefer_repaired(problem: Problem, short: Plan | NoPlan | None) -> Plan | NoPlan | None:

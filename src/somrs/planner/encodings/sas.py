@@ -23,7 +23,7 @@ def encode_sas(task: FiniteTask) -> str:
 def decode_moves(names: list[str], task: Task) -> list[Move]:
     """The moves of an engine's plan up to the one that only reaches the goal. Moves after it may lead away from the goal."""
     moves = (task.moves[int(name.split()[0])] for name in names)
-    return [*takewhile(lambda move: move.action.operator.service is not None, moves)]
+    return [*takewhile(lambda move: not move.action.operator.reaches_goal, moves)]
 
 
 def _lines(task: FiniteTask) -> Iterator[str]:

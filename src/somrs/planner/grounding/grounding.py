@@ -330,6 +330,8 @@ class Grounding:
             fits = isinstance(owner, str) and value is not None and self.world.has_attribute(owner, predicate[1:])
             return (predicate, (owner, value)) if fits and owner is not None and value is not None else None
         arguments = tuple(argument for term in terms if (argument := self._argument(term, binding)) is not None)
+        if predicate not in self.world.ontology.relations:
+            return predicate, arguments
         if any(argument not in self.world.map.objects for argument in arguments):
             return None
         if len(set(arguments)) < len(arguments) and not self._with_itself(predicate):

@@ -197,7 +197,7 @@ class _Merging:
         of many parts than by a single fact.
         """
         assert self.old.goal is not None, "a goal that nothing reaches is not searched for"
-        reaching = [operation for operation in operations if self.old.moves[operation.move].action.operator.service is None]
+        reaching = [operation for operation in operations if self.old.moves[operation.move].action.operator.reaches_goal]
         if len(reaching) == 1 and reaching[0].preconditions:
             return reaching[0].preconditions, [operation for operation in operations if operation is not reaching[0]]
         return (self.place[self.old.goal],), operations

@@ -95,7 +95,7 @@ def _implies_kinds(kinds: Kinds, required_kinds: Kinds, world: World) -> bool:
 def _find_helpful(subgoal: Subgoal, world: World) -> Iterator[Demand]:
     truth, predicate, arguments = subgoal
     for operator, pattern in world.repertoire.achievers.get((truth, predicate), ()):
-        if operator.service is not None and world.providers.get(operator.service.name):
+        if operator.service is None or world.providers.get(operator.service.name):
             demand = _match_operator(operator, pattern, arguments, world.is_eligible)
             if demand is not None:
                 yield demand

@@ -5,7 +5,8 @@ Such a task is small and needs no delete effects. `search.py` searches it, and `
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from somrs.planner.grounding.finite_task import Assignment as Assignment
 from somrs.planner.grounding.finite_task import State as State
@@ -67,9 +68,32 @@ class Task:
                     self.negated[fact] = len(self.values)
                     self.values.append([None, ("NOT", (str(fact),))])
                     self._by_object(fact)
-        self.initial = self._initial(initial_facts)
         self.goal = self.place.get(GOAL)
         self.moves = [move for action in actions if (move := self._move(action, forbidden.get(action, []))) is not None]
+        choices = [move for move in self.moves if move.action.operator.is_choice]
+        self.moves = _reopen_choices(self.moves, choices)
+        self._choices: dict[int, list[Move]] = {}
+        """The choices that depend on a variable, or set it. They are made whenever they hold."""
+        for choice in choices:
+            for variable in {variable for variable, _ in choice.preconditions} | {variable for _, variable, _ in choice.effects}:
+                self._choices.setdefault(variable, []).append(choice)
+        self.initial = self._make_choices(self._initial(initial_facts), self._choices)
+
+    def apply(self, move: Move, state: State) -> State:
+        """The state after the move, and after the choices that then hold."""
+        successor = move.apply(state)
+        return self._make_choices(successor, (variable for _, variable, _ in move.effects)) if self._choices else successor
+
+    def _make_choices(self, state: State, changed: Iterable[int]) -> State:
+        waiting = list(changed)
+        while waiting:
+            for choice in self._choices.get(waiting.pop(), ()):
+                if not choice.action.numeric_conditions and choice.is_applicable(state):
+                    successor = choice.apply(state)
+                    if successor != state:
+                        state = successor
+                        waiting += [variable for _, variable, _ in choice.effects]
+        return state
 
     def _useful(self, grounding: Grounding, forbidden: dict[Action, list[Fact]]) -> list[Action]:
         """The actions with an effect that another action or the goal needs or forbids. Sets `mentioned` to those facts."""
@@ -223,3 +247,31 @@ class Task:
                 effects[variable] = (), value
             if added_fact in self.negated:
                 effects[self.negated[added_fact]] = (), 0
+
+
+def _reopen_choices(moves: list[Move], choices: Sequence[Move]) -> list[Move]:
+    """The moves, such that each move of a service makes the choices open again that it may undo: the facts on which they depend have
+    changed. A choice that still holds is made again at no cost."""
+    dependents: dict[int, set[int]] = {}
+    """For a variable, the variables of the choices that depend on it."""
+    on_numbers: set[int] = set()
+    for choice in choices:
+        made = {variable for _, variable, _ in choice.effects}
+        for variable, _ in choice.preconditions:
+            dependents.setdefault(variable, set()).update(made)
+        if choice.action.numeric_conditions:
+            on_numbers |= made
+    if not choices:
+        return moves
+    return [move if move.action.operator.service is None else _reopen(move, dependents, on_numbers) for move in moves]
+
+
+def _reopen(move: Move, dependents: Mapping[int, set[int]], on_numbers: set[int]) -> Move:
+    changed = {variable for _, variable, _ in move.effects}
+    reopened = set(on_numbers) if move.action.numeric_effects else set()
+    waiting = [*changed, *reopened]
+    while waiting:
+        new = dependents.get(waiting.pop(), set()) - reopened
+        reopened |= new
+        waiting += new
+    return replace(move, effects=(*move.effects, *(((), variable, 0) for variable in sorted(reopened)))) if reopened else move

@@ -7,14 +7,15 @@ from bisect import bisect_left
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from somrs.entish import Attribute, Call, Comparison, Formula, Name, Not, Or, Relation, Term, Variable
-from somrs.entish.formula import Literal, alternatives, conjunction, conjuncts, substitute, terms, variables
+from somrs.entish import Attribute, Call, Comparison, Formula, Name, Not, Relation, Term, Variable
+from somrs.entish.formula import Literal, conjuncts, substitute, terms, variables
 from somrs.ontology.objects import Map
 from somrs.ontology.truth import bindings, formula_holds
 from somrs.ontology.types import Ontology
 from somrs.ontology.values import measure
 from somrs.planner.model.plan import Link, Step
 from somrs.planner.model.problem import Problem
+from somrs.planner.model.supporting_literals import supporting_literals
 
 
 def derive_links(steps: Sequence[Step], maps: Sequence[Map], problem: Problem, written: Sequence[Formula | None] = ()) -> tuple[Link, ...]:
@@ -155,18 +156,24 @@ def _conditions(
     for place, step in enumerate(steps):
         if step.precondition is not None:
             for part in conjuncts(step.precondition):
-                assert not isinstance(part, Or), "a step's precondition is one alternative"
-                yield place, part  # type: ignore[misc]  # conjuncts of a conjunction of literals
+                assert isinstance(part, Literal), "a step's precondition is one alternative"
+                yield from ((place, condition) for condition in _for_each_object(part, maps, problem.ontology))
         for reading in _readings(written[place]):
             measured = measure(reading, maps[place], problem.ontology)
             if measured is not None:
                 yield place, Comparison(reading, "=", measured.constant)
-    for branch in alternatives(problem.goal):
-        row = next((row for row in bindings(conjunction(*branch), maps[-1], problem.ontology)), None)
-        if row is not None:
-            for literal in branch:
-                yield len(steps), substitute(literal, row)  # type: ignore[misc]
-            return
+    support = supporting_literals(problem.goal, maps[-1], problem.ontology)
+    for literal in support[0] if support is not None else ():
+        yield from ((len(steps), condition) for condition in _for_each_object(literal, maps, problem.ontology))
+
+
+def _for_each_object(literal: Literal, maps: Sequence[Map], ontology: Ontology) -> Iterator[Literal]:
+    """`NOT ?x isOn Table1` for each object that is on it on one of the maps: each is a condition by itself."""
+    if not isinstance(literal, Not) or not variables(literal):
+        yield literal
+        return
+    rows = (row for map in maps for row in bindings(literal.atom, map, ontology))
+    yield from dict.fromkeys(negated for row in rows if isinstance(negated := substitute(literal, row), Literal))
 
 
 def _outcomes(steps: Sequence[Step]) -> list[Formula | None]:

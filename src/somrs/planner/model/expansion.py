@@ -136,12 +136,9 @@ class _Expansion:
         disjuncts = body.parts if isinstance(body, Or) else (body,)
         guards = [part for part in disjuncts if self._is_guard(part, variable)]
         rest = [part for part in disjuncts if not self._is_guard(part, variable)]
-        expanded: list[_Expanded] = []
-        for name in self._objects(variable, [negation(guard, {*self.given, variable.name}) for guard in guards]):
-            if not rest:
-                return self._expand(substitute(body, {variable.name: Name(name)}))
-            expanded.append(self._expand(substitute(disjunction(*rest), {variable.name: Name(name)})))
-        return self._conjunction(expanded)
+        names = self._objects(variable, [negation(guard, {*self.given, variable.name}) for guard in guards])
+        broken = disjunction(*rest) if rest else body
+        return self._conjunction([self._expand(substitute(broken, {variable.name: Name(name)})) for name in names])
 
     # EXISTS
 

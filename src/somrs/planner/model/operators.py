@@ -8,15 +8,17 @@ become facts; static conditions are evaluated on the map during grounding (`grou
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from somrs.entish import Arithmetic, Attribute, Call, Comparison, Formula, Name, Not, Or, Relation, Term, Variable
-from somrs.entish.formula import Constant, Literal, alternatives, conjuncts, count_alternatives, names, terms, variables, with_types
+from somrs.entish.formula import Constant, Literal, conjuncts, names, terms, variables, with_types
+from somrs.entish.normal_form import has_quantifiers
 from somrs.entish.parse import parse
 from somrs.ontology.services import PROVIDER, ServiceType
-from somrs.ontology.types import Kind, Ontology
+from somrs.ontology.types import ROOT, Kind, Ontology
 from somrs.ontology.values import attribute_at
+from somrs.planner.model.choices import ALTERNATIVES, Alternative, TooManyAlternatives, split
 from somrs.planner.model.reading import Reading, found_in, outputs_in_effect, tells
 
 Argument = str | Constant
@@ -31,8 +33,6 @@ EXISTS_SUFFIX = " *"
 """The fact `isOn *` of an object: it is on any object. Only for relations in which an object has one partner at a time."""
 KNOWN = "is known"
 """The predicate of an object that a step can use. It holds for all objects but those that are unknown in the reading of the problem."""
-ALTERNATIVES = 256
-"""The maximum number of alternatives (conjunctions of the disjunctive normal form) of a formula."""
 
 
 class Inexpressible(Exception):
@@ -62,10 +62,10 @@ class NegativePrecondition:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Operator:
-    """A service type with one alternative of its precondition; or one alternative of the goal (`service` is None)."""
+    """A service type with one alternative of its precondition; or, without a service, one alternative of the goal or of a choice."""
 
     service: ServiceType | None
-    condition: tuple[Literal, ...]
+    condition: tuple[Formula, ...]
     """The alternative as written."""
     effect: Formula | None
     preconditions: tuple[Pattern, ...]
@@ -86,6 +86,14 @@ class Operator:
     """Whether the result of the service is known only when it is done; the add effects are then what the plan assumes."""
     found_values: Mapping[str, str]
     """For each variable that stands for a value that the service finds out, the path of the attribute."""
+
+    @property
+    def reaches_goal(self) -> bool:
+        return GOAL in self.add_effects
+
+    @property
+    def is_choice(self) -> bool:
+        return self.service is None and not self.reaches_goal
 
 
 class Vocabulary:
@@ -184,9 +192,9 @@ def operators(service: ServiceType, vocabulary: Vocabulary) -> Iterator[Operator
     formula_variables = {**variables(effect), **(variables(precondition) if precondition is not None else {})}
     if PROVIDER in formula_variables:
         inputs[PROVIDER] = providers_of(service.name)
+    compiling = _Compiling(vocabulary, service.name)
     for parts in outcomes(service, effect, vocabulary):
-        for branch in _branches(precondition) if precondition is not None else [()]:
-            yield _Compiler(vocabulary, inputs, tells(service)).operator(service, branch, effect, parts)
+        yield from compiling.operators(precondition, _Result(service, effect, parts), inputs)
 
 
 def outcomes(service: ServiceType, effect: Formula, vocabulary: Vocabulary) -> Iterable[tuple[Formula, ...]]:
@@ -197,28 +205,63 @@ def outcomes(service: ServiceType, effect: Formula, vocabulary: Vocabulary) -> I
 
 
 def goal_operators(goal: Formula, vocabulary: Vocabulary) -> Iterator[Operator]:
-    """One operator for each alternative of the goal, which adds `GOAL`. Raises Inexpressible."""
-    for branch in _branches(goal):
-        yield _Compiler(vocabulary, {}).operator(None, branch, None, ())
+    """One operator for each alternative of the goal, which adds `GOAL`, and the operators of its choices. Raises Inexpressible."""
+    yield from _Compiling(vocabulary, "the goal").operators(goal, _Result(added=(GOAL,)), {})
 
 
-def _branches(formula: Formula) -> list[tuple[Literal, ...]]:
-    if count_alternatives(formula) > ALTERNATIVES:
-        raise Inexpressible(formula, f"it has more than {ALTERNATIVES} alternatives")
-    branches: list[tuple[Literal, ...]] = []
-    for branch in alternatives(formula):
-        branch_literals = tuple(part for part in branch if isinstance(part, Literal))
-        if len(branch_literals) < len(branch):
-            raise Inexpressible(formula, "it has a quantifier")
-        branches.append(branch_literals)
-    return branches
+@dataclass(frozen=True, slots=True)
+class _Result:
+    """What an operator brings about: the `parts` of one outcome of a service, or facts of the planner's own."""
+
+    service: ServiceType | None = None
+    effect: Formula | None = None
+    parts: tuple[Formula, ...] = ()
+    added: tuple[Pattern, ...] = ()
+
+
+class _Compiling:
+    """Compiles the operators of one service type or goal, whose name is `subject`."""
+
+    def __init__(self, vocabulary: Vocabulary, subject: str) -> None:
+        self.vocabulary, self.subject = vocabulary, subject
+        self._choices: dict[Formula, Pattern] = {}
+
+    def operators(self, condition: Formula | None, result: _Result, inputs: Mapping[str, str]) -> Iterator[Operator]:
+        """The operators of the condition's alternatives, and those of their choices."""
+        given = {*inputs, *(name for part in result.parts for name in variables(part))}
+        for alternative in self._split(condition, given):
+            shared = {*given, *(name for literal in alternative.literals for name in variables(literal))}
+            new = [choice for choice in alternative.choices if choice not in self._choices]
+            choices = [self._choice(choice, shared) for choice in alternative.choices]
+            yield _Compiler(self.vocabulary, inputs, result).operator(alternative, choices)
+            for choice in new:
+                arguments = [variable for name, variable in variables(choice).items() if name in shared]
+                types = {variable.name: inputs.get(variable.name) or variable.type or ROOT for variable in arguments}
+                yield from self.operators(choice, _Result(added=(self._choices[choice],)), types)
+
+    def _split(self, condition: Formula | None, given: Collection[str]) -> list[Alternative]:
+        if condition is None:
+            return [Alternative(())]
+        if has_quantifiers(condition):
+            raise Inexpressible(condition, "its quantifiers cannot be expanded over objects")
+        try:
+            return split(condition, given)
+        except TooManyAlternatives:
+            raise Inexpressible(condition, f"it has more than {ALTERNATIVES} alternatives") from None
+
+    def _choice(self, choice: Formula, shared: Collection[str]) -> Pattern:
+        """The fact that stands for the choice. Its arguments are the variables that occur elsewhere, too."""
+        arguments = (variable for name, variable in variables(choice).items() if name in shared)
+        name = f"choice {len(self._choices) + 1} of {self.subject}"
+        return self._choices.setdefault(choice, (name, tuple(map(strip_type, arguments))))
 
 
 class _Compiler:
     """Compiles one operator."""
 
-    def __init__(self, vocabulary: Vocabulary, inputs: Mapping[str, str], tells: bool = False) -> None:
-        self.vocabulary, self.inputs, self.tells = vocabulary, inputs, tells
+    def __init__(self, vocabulary: Vocabulary, inputs: Mapping[str, str], result: _Result) -> None:
+        self.vocabulary, self.inputs, self.result = vocabulary, inputs, result
+        self.tells = result.service is not None and tells(result.service)
         self._occurrences: Counter[str] = Counter(inputs.keys())
         self.preconditions: dict[Pattern, None] = {}
         self.negative_preconditions: list[NegativePrecondition] = []
@@ -231,25 +274,26 @@ class _Compiler:
         self.types: dict[str, frozenset[str]] = {}
         self.found_values: dict[str, str] = {}
 
-    def operator(
-        self, service: ServiceType | None, precondition: tuple[Literal, ...], effect: Formula | None, parts: tuple[Formula, ...]
-    ) -> Operator:
-        for part in (*precondition, *parts):
+    def operator(self, alternative: Alternative, choices: Iterable[Pattern]) -> Operator:
+        """The operator with one alternative of its condition. It needs the `choices`."""
+        for part in (*alternative.literals, *self.result.parts):
             self._occurrences.update(term.name for term in terms(part) if isinstance(term, Variable))
             self._note_types(part)
+        for pattern in choices:
+            self._occurrences.update(argument.name for argument in pattern[1] if isinstance(argument, Variable))
+            self.preconditions[pattern] = None
         for name, type_name in self.inputs.items():
             self._note(name, type_name)
-        for literal in precondition:
+        for literal in alternative.literals:
             self._condition(literal)
-        for part in parts:
+        for part in self.result.parts:
             self._effect(part)
-        self._knowledge(precondition, parts)
-        if service is None:
-            self.add_effects.append(GOAL)
+        self._knowledge(alternative.literals, self.result.parts)
+        self.add_effects.extend(self.result.added)
         return Operator(
-            service=service,
-            condition=precondition,
-            effect=effect,
+            service=self.result.service,
+            condition=(*alternative.literals, *alternative.choices),
+            effect=self.result.effect,
             preconditions=tuple(self.preconditions),
             negative_preconditions=tuple(self.negative_preconditions),
             tests=tuple(self.tests),

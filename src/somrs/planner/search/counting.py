@@ -187,7 +187,7 @@ def search_with_counters(task: Task, counters: Counters, max_states: int) -> lis
     Greedy best-first search. The heuristic takes only facts into account; ties are broken by the gap of the numeric conditions of the goal
     and of the helpful moves.
     """
-    goals = [move for move in task.moves if move.action.operator.service is None]
+    goals = [move for move in task.moves if move.action.operator.reaches_goal]
     heuristic = AdditiveHeuristic(task)
     start = task.initial, counters.initial
     parents: dict[tuple[State, Numbers], tuple[tuple[State, Numbers], Move] | None] = {start: None}
@@ -209,7 +209,7 @@ def search_with_counters(task: Task, counters: Counters, max_states: int) -> lis
                 continue
             if move in goals:
                 return _path(parents, node)
-            successor = move.apply(state), new_numbers
+            successor = task.apply(move, state), new_numbers
             if successor not in parents:
                 parents[successor] = node, move
                 hopeful = distances[successor[0]][1] if successor[0] in distances else set()
@@ -249,6 +249,6 @@ def reaches_goal(moves: Sequence[Move], task: Task, counters: Counters) -> bool:
         new_numbers = counters.apply(move, numbers)
         if new_numbers is None:
             return False
-        state, numbers = move.apply(state), new_numbers
-    goals = (move for move in task.moves if move.action.operator.service is None)
+        state, numbers = task.apply(move, state), new_numbers
+    goals = (move for move in task.moves if move.action.operator.reaches_goal)
     return any(move.is_applicable(state) and counters.allows(move, numbers) for move in goals)

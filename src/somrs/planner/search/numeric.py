@@ -26,7 +26,7 @@ class NumericTask:
     def decode_moves(self, names: list[str]) -> list[Move]:
         """The moves of an engine's plan up to the one that only reaches the goal. Moves after it may lead away from the goal."""
         moves = (self._task.moves[int(name.lower().removeprefix("a"))] for name in names)
-        return [*takewhile(lambda move: move.action.operator.service is not None, moves)]
+        return [*takewhile(lambda move: not move.action.operator.reaches_goal, moves)]
 
     def _domain(self) -> str:
         atoms = " ".join(_atom((variable, value)) for variable, values in enumerate(self._task.values) for value in range(len(values)))
@@ -49,7 +49,7 @@ class NumericTask:
             value = self._expression(numeric_effect.source, self._counters.unit(numeric_effect.counter))
             preconditions.extend(self._range(numeric_effect, value))
             effects.append(f"(assign (n{numeric_effect.counter}) {value})")
-        if move.action.operator.service is None:
+        if move.action.operator.reaches_goal:
             effects = ["(reached)"]
         return f"(:action a{number} :parameters () :precondition (and {' '.join(preconditions)}){_INDENT}:effect (and {' '.join(effects)}))"
 

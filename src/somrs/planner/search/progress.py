@@ -25,7 +25,7 @@ def measure_progress(task: Task, states: Collection[State]) -> Progress:
     """The progress of the visited states, for the alternative of the goal that they came closest to."""
     best = Progress(states=len(states), held_count=0, parts=1)
     for move in task.moves:
-        if move.action.operator.service is None:
+        if move.action.operator.reaches_goal:
             held_count = max(sum(state[variable] == value for variable, value in move.preconditions) for state in states)
             if held_count * best.parts >= best.held_count * len(move.preconditions):
                 best = Progress(states=len(states), held_count=held_count, parts=len(move.preconditions))

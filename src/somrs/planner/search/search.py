@@ -53,7 +53,7 @@ def search(task: Task, effort: int = EFFORT, *, cheap: bool = False) -> list[Mov
         for move in task.moves:
             if not move.is_applicable(state):
                 continue
-            successor = move.apply(state)
+            successor = task.apply(move, state)
             costs = spent[state] + move.cost if cheap else 0.0
             if successor in parents and costs >= spent[successor]:
                 continue
@@ -72,7 +72,7 @@ def _path(parents: dict[State, tuple[State, Move] | None], state: State) -> list
     moves: list[Move] = []
     while (step := parents[state]) is not None:
         state, move = step
-        if move.action.operator.service is not None:
+        if not move.action.operator.reaches_goal:
             moves.append(move)
     return moves[::-1]
 
@@ -86,7 +86,7 @@ def remove_redundant_moves(moves: Sequence[Move], task: Task) -> list[Move]:
         state = task.initial
         for move in (*kept_moves[:place], *kept_moves[place + 1 :]):
             if move.is_applicable(state):
-                state = move.apply(state)
+                state = task.apply(move, state)
                 rest.append(move)
         if _reaches(state, task):
             kept_moves = rest
@@ -96,7 +96,7 @@ def remove_redundant_moves(moves: Sequence[Move], task: Task) -> list[Move]:
 
 
 def _reaches(state: State, task: Task) -> bool:
-    return any(move.action.operator.service is None and move.is_applicable(state) for move in task.moves)
+    return any(move.action.operator.reaches_goal and move.is_applicable(state) for move in task.moves)
 
 
 class AdditiveHeuristic:

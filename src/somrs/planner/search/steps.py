@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from msgspec import structs
 
 from somrs.entish import Attribute, Comparison, Formula, Name, Not, Relation, Term, Truth, Variable
-from somrs.entish.formula import conjunction, names, substitute, variables
+from somrs.entish.formula import conjunction, names, substitute
 from somrs.ontology.effects import evaluate_effect
 from somrs.ontology.objects import Map
 from somrs.ontology.types import UNKNOWN
@@ -17,8 +17,9 @@ from somrs.planner.model.causal_links import derive_links
 from somrs.planner.model.operators import KNOWN
 from somrs.planner.model.plan import Link, Plan, Step
 from somrs.planner.model.problem import Problem
+from somrs.planner.model.supporting_literals import supporting_literals
 from somrs.planner.model.validation import apply_step, validate
-from somrs.planner.model.world import as_term, rows
+from somrs.planner.model.world import as_term
 
 
 def build_plan(problem: Problem, moves: Sequence[Move]) -> Plan:
@@ -27,6 +28,8 @@ def build_plan(problem: Problem, moves: Sequence[Move]) -> Plan:
     written: list[Formula | None] = []
     maps = [problem.map]
     for move in moves:
+        if move.action.operator.is_choice:
+            continue
         step = _step(f"step{len(steps) + 1}", move.action, maps[-1], problem)
         written.append(step.outcome)
         steps.append(_evaluated(step, maps[-1], problem))
@@ -86,12 +89,11 @@ def _step(id: str, action: Action, map: Map, problem: Problem) -> Step:
     precondition: Formula | None = None
     if operator.condition:
         condition = conjunction(*operator.condition)
-        substitution = {name: binding[name] for name in variables(condition) if name in binding}
-        row = next(rows(condition, substitution, map, problem.ontology), None)
-        if row is None:
-            raise AssertionError(f"{operator.service.name} was planned where {substitute(condition, substitution)} does not hold")
-        binding.update(row)
-        precondition = substitute(condition, binding)
+        support = supporting_literals(condition, map, problem.ontology, binding)
+        if support is None:
+            raise AssertionError(f"{operator.service.name} was planned where {substitute(condition, binding)} does not hold")
+        literals, binding = support
+        precondition = conjunction(*literals)
     assumed, finds = _assumed(action) if operator.tells else (None, ())
     outputs = {output.name: Variable(output.name) for output in operator.service.outputs}
     return Step(

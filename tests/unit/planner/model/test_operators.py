@@ -329,8 +329,24 @@ def test_a_service_that_chooses_what_it_makes_is_not_planned_without_assumptions
 def test_there_may_be_so_many_alternatives_and_no_more() -> None:
     eight = " AND ".join(f"(marked(A{n}) OR marked(B{n}))" for n in range(8))
     assert len(list(goal_operators(parse(eight), make_vocabulary(ALL_EFFECTS)))) == 256
+    independent = list(goal_operators(parse(f"{eight} AND (marked(C1) OR marked(C2))"), make_vocabulary(ALL_EFFECTS)))
+    assert [operator.reaches_goal for operator in independent] == [True] + 18 * [False]
+    assert independent[0].preconditions == tuple((f"choice {n} of the goal", ()) for n in range(1, 10))
+    related = " AND ".join(f"(?T on A{n} OR ?T on B{n})" for n in range(9))
     with pytest.raises(Inexpressible, match="it has more than 256 alternatives"):
-        list(goal_operators(parse(f"{eight} AND (marked(C1) OR marked(C2))"), make_vocabulary(ALL_EFFECTS)))
+        list(goal_operators(parse(related), make_vocabulary(ALL_EFFECTS)))
+
+
+def test_objects_that_do_not_depend_on_each_other_are_chosen_one_by_one() -> None:
+    goal = "?T: Cup on P1 AND ?U: Cup on P2 AND ?V: Cup on ?W: Thing AND marked(?W) AND NOT marked(P1)"
+    first, *choices = goal_operators(parse(goal), make_vocabulary(ALL_EFFECTS))
+    assert describe_operator(first) == {
+        "needs": ["choice 1 of the goal()", "choice 2 of the goal()", "choice 3 of the goal()"],
+        "forbids": ["marked(P1)"],
+        "adds": ["()"],
+    }
+    assert [choice.variables for choice in choices] == [("T",), ("U",), ("V", "W")]
+    assert [choice.add_effects for choice in choices] == [((f"choice {n} of the goal", ()),) for n in (1, 2, 3)]
 
 
 # Goals
