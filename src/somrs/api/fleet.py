@@ -26,9 +26,6 @@ from somrs.protocol.messages.clients import StepView, TaskView, WorkView
 from somrs.protocol.messages.directory import Discover, Offer, PresenceChange
 from somrs.protocol.messages.frp import State
 
-DEVICE = "Device"
-"""The type of all devices (upper ontology)."""
-
 _STOREY = "Storey"
 _HELD_BY = "isHeldBy"
 
@@ -170,8 +167,9 @@ class FleetService:
 
     def _on_map(self) -> Iterator[str]:
         map, ontology = self._context.map, self._context.ontology
-        for type_name in ontology.subtypes(DEVICE):
-            yield from map.of_type(type_name)
+        for type_name in ontology.types:
+            if ontology.is_device(type_name):
+                yield from map.of_type(type_name)
 
     def _device(self, name: str, assignments: tuple[Assignment, ...], utilisation: float, state: SimulatedRobot | None) -> DeviceView:
         map, ontology = self._context.map, self._context.ontology

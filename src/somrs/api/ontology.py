@@ -13,6 +13,7 @@ from somrs.client.operations import Document, operation
 from somrs.ontology.consistency import ontology_violations
 from somrs.ontology.dependency_index import required_definitions
 from somrs.ontology.files.dump import dump_ontology
+from somrs.ontology.files.levels import level_of
 from somrs.ontology.files.loading import load_definitions, upper
 from somrs.ontology.naming import DefinitionKey, Renaming
 from somrs.ontology.objects import Change
@@ -123,7 +124,7 @@ class OntologyService:
     @operation("GET", "/ontology/export.yaml")
     async def export_yaml(self, whole: bool = False) -> Document:
         """Export the ontology as a YAML file: without the upper ontology, or with `whole` all of it."""
-        text = dump_ontology(self._context.ontology, upper(), "ontology", whole=whole)
+        text = dump_ontology(self._context.ontology, upper(level_of(self._context.ontology)), "ontology", whole=whole)
         return Document(content=text.encode(), media_type=_YAML, name="ontology.yaml")
 
     @operation("POST", "/ontology/import.yaml")

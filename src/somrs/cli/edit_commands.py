@@ -171,11 +171,12 @@ def remove_definitions(section: str, names: Sequence[str], author: str) -> Defin
 
 async def export(output: Path, data: Path, *, whole: bool) -> None:
     from somrs.ontology.files.dump import dump_ontology
+    from somrs.ontology.files.levels import level_of
     from somrs.ontology.files.loading import upper
 
     async with Client(Addresses.read(data)) as client:
         ontology = await client.ontology()
-    output.write_text(dump_ontology(ontology, upper(), "ontology", whole=whole), encoding="utf-8")
+    output.write_text(dump_ontology(ontology, upper(level_of(ontology)), "ontology", whole=whole), encoding="utf-8")
     print(f"{output}: {'the whole ontology' if whole else 'the ontology without the upper ontology'}")
 
 

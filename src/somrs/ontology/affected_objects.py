@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 
 from msgspec import structs
 
+from somrs.ontology.complex_values import inner_paths
 from somrs.ontology.conformance import Violation, violations, violations_of
 from somrs.ontology.naming import DefinitionKey, Section, find_definition
 from somrs.ontology.objects import Map
@@ -50,7 +51,8 @@ def _types(ontology_before: Ontology, ontology_after: Ontology, changed: dict[Se
     for ontology in (ontology_before, ontology_after):
         for type in ontology.types.values():
             paths = ontology.attributes_of(type.name) if attributes else ()
-            if any(not attributes.isdisjoint(path.split(".")) for path in paths) or _speaks_of(type, words, moved):
+            changed_path = any(not attributes.isdisjoint(path.split(".")) for path in paths)
+            if changed_path or _speaks_of(type, words, moved) or _conforms_to(type, attributes, ontology):
                 affected_types.add(type.name)
     return {name for ontology in (ontology_before, ontology_after) for name in _with_subtypes(ontology, affected_types)}
 
@@ -59,6 +61,17 @@ def _speaks_of(type: ObjectType, words: set[str], moved: bool) -> bool:
     """Whether a formula of the type uses one of the names, or, if types have `moved` in the hierarchy, a typed variable."""
     formulas: Iterator[str] = (constraint.formula for constraint in type.constraints if constraint.formula is not None)
     return any((moved and ":" in formula) or not words.isdisjoint(_WORD.findall(formula)) for formula in formulas)
+
+
+def _conforms_to(type: ObjectType, attributes: set[str], ontology: Ontology) -> bool:
+    """Whether the objects of the type have to conform to one of the complex attributes, or to one that contains one of them."""
+    names = {value for constraint in type.constraints for value in constraint.values if isinstance(value, str)} if attributes else set()
+    return any(
+        name in attributes
+        or any(not attributes.isdisjoint(path.split(".")) for path, _ in inner_paths(ontology.attributes[name], ontology))
+        for name in names
+        if name in ontology.attributes
+    )
 
 
 def _parent(ontology: Ontology, name: str) -> str | None:

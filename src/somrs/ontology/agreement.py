@@ -14,10 +14,10 @@ from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import AttributeType, Definition, FunctionType, ObjectType, RelationType
 
 _NOT_RELIED_ON: dict[type[Definition], frozenset[str]] = {
-    AttributeType: frozenset({"tolerance", "minimum", "maximum", "doc"}),
+    AttributeType: frozenset({"tolerance", "minimum", "maximum", "constraints", "doc"}),
     RelationType: frozenset({"doc"}),
     FunctionType: frozenset({"values", "doc"}),
-    ObjectType: frozenset({"parts", "constraints", "defaults", "driver", "doc"}),
+    ObjectType: frozenset({"parts", "closed", "constraints", "defaults", "driver", "doc"}),
     ServiceType: frozenset({"parent", "handlers", "cost", "doc"}),
 }
 """The fields that may change without consequence for a program."""

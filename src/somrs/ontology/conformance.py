@@ -15,6 +15,7 @@ from somrs.entish import Name
 from somrs.entish.formula import And, Attribute, Call, Comparison, Formula, Not, Or, Term, literals, substitute, terms, variables
 from somrs.entish.normal_form import has_quantifiers
 from somrs.entish.parse import nearest, parse
+from somrs.ontology.complex_values import complex_problem, inner_constraints, limit_problem
 from somrs.ontology.objects import Change, Fact, Map, Object, ObjectRemoved, objects_of
 from somrs.ontology.truth import formula_holds
 from somrs.ontology.types import ABSTRACT, PART_OF, AttributeType, Constraint, Kind, ObjectType, Ontology, Value
@@ -213,9 +214,15 @@ class _Checker:
                     yield Violation(subject=object.name, rule="constraint", message=message)
             elif constraint.attribute is not None and constraint.attribute not in wrong:
                 value = object.values.get(constraint.attribute, schema.defaults.get(constraint.attribute))
-                message = _limit_problem(constraint, value) if value is not None else ""
+                message = limit_problem(constraint, value) if value is not None else self._complex_problem(object, constraint, schema)
                 if message:
                     yield Violation(subject=object.name, rule="constraint", message=f"for a {owner}, {message}", path=constraint.attribute)
+
+    def _complex_problem(self, object: Object, constraint: Constraint, schema: _Schema) -> str:
+        attribute = schema.attributes.get(constraint.attribute or "")
+        if attribute is None or attribute.kind is not Kind.COMPLEX:
+            return ""
+        return complex_problem(constraint, {**schema.defaults, **object.values}, self.ontology)
 
     def _constraint_holds(self, object: Object, text: str) -> bool:
         if not _is_about_itself(text):
@@ -260,6 +267,19 @@ class _Checker:
             elif object.type in self.ontology.types and not self.ontology.is_subtype(object.type, expected_type):
                 message = f"{fact.relation} needs a {expected_type} where {name} stands, which is a {object.type}"
                 yield Violation(subject=str(fact), rule="relation-types", message=message)
+        if fact.relation == PART_OF:
+            yield from self._undeclared_part(fact)
+
+    def _undeclared_part(self, fact: Fact) -> Iterator[Violation]:
+        """Violation for a part of a type that the type of its whole does not declare, if that one is closed."""
+        part, whole = (self.map.objects.get(name) for name in fact.arguments)
+        if part is None or whole is None or part.type not in self.ontology.types or not self.ontology.is_closed(whole.type):
+            return
+        declared = [declaration.type for declaration in self.ontology.parts_of(whole.type)]
+        if not any(self.ontology.is_subtype(part.type, type_name) for type_name in declared):
+            known_parts = f"has only parts of the types {', '.join(declared)}" if declared else "has no parts: its attributes describe it"
+            message = f"a {whole.type} {known_parts}; declare {part.type} among the parts of {whole.type}, or put {part.name} elsewhere"
+            yield Violation(subject=str(fact), rule="parts", message=message)
 
     def _exclusive(self, name: str, facts: list[Fact]) -> Iterator[Violation]:
         """Violations of functional relations and of groups of relations that exclude each other."""
@@ -302,7 +322,9 @@ class _Schema:
         self.attributes: Mapping[str, AttributeType] = ontology.attributes_of(type_name)
         self.required = tuple(dict.fromkeys(name for type in reversed(types) for name in type.required))
         self.parts = tuple(part for type in types for part in type.parts)
-        self.constraints: tuple[tuple[str, Constraint], ...] = tuple((type.name, c) for type in reversed(types) for c in type.constraints)
+        of_attributes = ((type_name, c) for path, attribute in self.attributes.items() for c in inner_constraints(path, attribute))
+        of_types = ((type.name, c) for type in reversed(types) for c in type.constraints)
+        self.constraints: tuple[tuple[str, Constraint], ...] = (*of_attributes, *of_types)
         self.external_constraints = tuple(
             (owner, c) for owner, c in self.constraints if c.formula is not None and not _is_about_itself(c.formula)
         )
@@ -334,18 +356,7 @@ def value_problem(attribute: AttributeType, value: Value) -> str:
             if value not in attribute.values or not isinstance(value, str):
                 hint = nearest(str(value), attribute.values)
                 return f"{attribute.name} is one of {', '.join(attribute.values)}, not {value!r}{f'; {hint}' if hint else ''}"
-    return _limit_problem(Constraint(attribute=attribute.name, minimum=attribute.minimum, maximum=attribute.maximum), value)
-
-
-def _limit_problem(constraint: Constraint, value: Value) -> str:
-    number = not isinstance(value, bool | str)
-    if number and constraint.minimum is not None and value < constraint.minimum:  # type: ignore[operator]  # a number, as the line says
-        return f"{constraint.attribute} is at least {constraint.minimum:g}, not {value:g}"
-    if number and constraint.maximum is not None and value > constraint.maximum:  # type: ignore[operator]
-        return f"{constraint.attribute} is at most {constraint.maximum:g}, not {value:g}"
-    if constraint.values and value not in constraint.values:
-        return f"{constraint.attribute} is one of {', '.join(map(str, constraint.values))}, not {value}"
-    return ""
+    return limit_problem(Constraint(attribute=attribute.name, minimum=attribute.minimum, maximum=attribute.maximum), value)
 
 
 def _unknown(kind: str, name: str, known_names: Iterable[str]) -> str:

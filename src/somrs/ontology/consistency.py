@@ -11,10 +11,13 @@ from somrs.entish.normal_form import has_quantifiers
 from somrs.entish.parse import nearest, parse, parse_term
 from somrs.errors import FormulaError
 from somrs.ontology.check import check
+from somrs.ontology.complex_values import inner_paths
 from somrs.ontology.conformance import SELF_VARIABLE, Violation, value_problem
 from somrs.ontology.schema import RESERVED
-from somrs.ontology.services import PROVIDER, ServiceKind, ServiceType
+from somrs.ontology.services import PROVIDER, PROVIDER_TYPE, ServiceKind, ServiceType
 from somrs.ontology.types import (
+    ABSTRACT,
+    PHYSICAL,
     ROOT,
     AttributeType,
     Constraint,
@@ -83,12 +86,28 @@ def _attribute(attribute: AttributeType, ontology: Ontology) -> Iterator[Violati
             )
     if attribute.unit is not None:
         yield from _unit(attribute.name, attribute.unit)
+    if attribute.constraints and attribute.kind is not Kind.COMPLEX:
+        message = "only a complex attribute has constraints; give minimum, maximum or values"
+        yield Violation(subject=attribute.name, rule="kind", message=message, path="constraints")
+    for index, constraint in enumerate(attribute.constraints):
+        yield from _inner_constraint(attribute, constraint, f"constraints.{index}", ontology)
     for index, inner in enumerate(attribute.attributes):
         if inner not in ontology.attributes:
             yield _unknown(attribute.name, "attribute", inner, ontology.attributes, f"attributes.{index}")
         elif attribute.name in (inner, *_nested_attributes(ontology, inner)):
             message = f"is made of itself, through {inner}; leave it out there"
             yield Violation(subject=attribute.name, rule="cycle", message=message, path=f"attributes.{index}")
+
+
+def _inner_constraint(attribute: AttributeType, constraint: Constraint, path: str, ontology: Ontology) -> Iterator[Violation]:
+    inner = dict(inner_paths(attribute, ontology))
+    if constraint.formula is not None or constraint.attribute is None:
+        message = "a constraint of a complex attribute limits one of its attributes; state a formula as a constraint of a type"
+        yield Violation(subject=attribute.name, rule="constraint", message=message, path=path)
+    elif constraint.attribute not in inner:
+        yield _unknown(attribute.name, "attribute in it", constraint.attribute, inner, f"{path}.attribute")
+    else:
+        yield from _limits(attribute.name, constraint, path, inner[constraint.attribute], ontology)
 
 
 def _nested_attributes(ontology: Ontology, name: str) -> set[str]:
@@ -143,6 +162,9 @@ def _type(type: ObjectType, ontology: Ontology) -> Iterator[Violation]:
         if part.maximum is not None and part.maximum < part.minimum:
             message = f"at least {part.minimum} and at most {part.maximum} of {part.type} is impossible; correct the limits"
             yield Violation(subject=type.name, rule="parts", message=message, path=f"parts.{index}")
+        if ontology.is_closed(type.name) and ontology.is_subtype(type.name, PHYSICAL) and ontology.is_subtype(part.type, ABSTRACT):
+            message = f"a {PHYSICAL} is not composed of abstract objects such as a {part.type}; name a type below {PHYSICAL}"
+            yield Violation(subject=type.name, rule="parts", message=message, path=f"parts.{index}.type")
     attributes = ontology.attributes_of(type.name)
     for path, value in type.defaults.items():
         problem = value_problem(attributes[path], value) if path in attributes else ""
@@ -161,20 +183,50 @@ def _constraint(
         message = "a constraint has either an attribute with limits, or a formula"
         yield Violation(subject=type.name, rule="constraint", message=message, path=path)
     elif constraint.formula is not None:
+        if (constraint.minimum, constraint.maximum, constraint.values) != (None, None, ()):
+            message = "a formula has no minimum, maximum or values beside it; state them as a constraint of their own"
+            yield Violation(subject=type.name, rule="constraint", message=message, path=path)
         yield from _formula(type.name, constraint.formula, ontology, {SELF_VARIABLE: type.name}, f"{path}.formula")
     elif constraint.attribute is None or constraint.attribute not in attributes:
         yield _unknown(type.name, "attribute of this type", str(constraint.attribute), attributes, f"{path}.attribute")
-    elif constraint.minimum is None and constraint.maximum is None and not constraint.values:
+    else:
+        yield from _limits(type.name, constraint, path, attributes[constraint.attribute], ontology)
+
+
+def _limits(subject: str, constraint: Constraint, path: str, attribute: AttributeType, ontology: Ontology) -> Iterator[Violation]:
+    """Violations for limits that say nothing, that no value can meet, or that do not fit the attribute."""
+    minimum, maximum = constraint.minimum, constraint.maximum
+    if minimum is None and maximum is None and not constraint.values:
         message = f"says nothing about {constraint.attribute}; give minimum, maximum or values"
-        yield Violation(subject=type.name, rule="constraint", message=message, path=path)
-    elif attributes[constraint.attribute].kind is not Kind.NUMBER and (constraint.minimum, constraint.maximum) != (None, None):
+        yield Violation(subject=subject, rule="constraint", message=message, path=path)
+    elif attribute.kind is not Kind.NUMBER and (minimum, maximum) != (None, None):
         message = f"{constraint.attribute} is no number, so it has no minimum or maximum; give values"
-        yield Violation(subject=type.name, rule="constraint", message=message, path=path)
+        yield Violation(subject=subject, rule="constraint", message=message, path=path)
+    elif minimum is not None and maximum is not None and minimum > maximum:
+        message = f"no {constraint.attribute} is at least {minimum:g} and at most {maximum:g}; correct the limits"
+        yield Violation(subject=subject, rule="constraint", message=message, path=path)
+    elif attribute.kind is Kind.COMPLEX:
+        yield from _kinds_of_value(subject, constraint, path, attribute, ontology)
+    else:
+        for value in constraint.values:
+            if problem := value_problem(attribute, value):
+                yield Violation(subject=subject, rule="constraint", message=problem, path=f"{path}.values")
+
+
+def _kinds_of_value(subject: str, constraint: Constraint, path: str, attribute: AttributeType, ontology: Ontology) -> Iterator[Violation]:
+    """Violations for names that are no complex attributes, or that have attributes which this one has not."""
+    complex_attributes = {name: other for name, other in ontology.attributes.items() if other.kind is Kind.COMPLEX}
+    for name in map(str, constraint.values):
+        if (kind := complex_attributes.get(name)) is None:
+            yield _unknown(subject, "complex attribute", name, complex_attributes, f"{path}.values")
+        elif foreign := sorted(set(kind.attributes) - set(attribute.attributes)):
+            message = f"{attribute.name} cannot be a {name}, because it has no {', '.join(foreign)}; leave that out of {name}"
+            yield Violation(subject=subject, rule="constraint", message=message, path=f"{path}.values")
 
 
 def _service(service: ServiceType, ontology: Ontology) -> Iterator[Violation]:
     yield from _parent(service.name, service.parent, "service", ontology.services)
-    typed: dict[str, str] = {PROVIDER: "Device"} if "Device" in ontology.types else {}
+    typed: dict[str, str] = {PROVIDER: PROVIDER_TYPE if PROVIDER_TYPE in ontology.types else ROOT}
     for side in ("inputs", "outputs"):
         for parameter in getattr(service, side):
             if parameter.type not in ontology.types and parameter.type not in VALUES:

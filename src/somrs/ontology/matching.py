@@ -30,12 +30,9 @@ from somrs.entish.formula import (
 )
 from somrs.entish.parse import parse
 from somrs.ontology.objects import Map
-from somrs.ontology.services import PROVIDER, ServiceType
+from somrs.ontology.services import PROVIDER, PROVIDER_TYPE, ServiceType
 from somrs.ontology.types import Ontology, RelationType
 from somrs.ontology.values import MeasuredValue, attribute_at, compare
-
-DEVICE = "Device"
-"""The type of `?Provider`."""
 
 _GOAL_PREFIX = "wanted "
 """The prefix that separates variables of the goal from variables of the same name in the effect. Names in Entish have
@@ -94,7 +91,7 @@ def achieving_bindings(service: ServiceType, goal: Formula, ontology: Ontology, 
 
 def types_of(service: ServiceType, ontology: Ontology) -> dict[str, str]:
     """The types of a service's variables: its inputs, its outputs and `?Provider`."""
-    provider = {PROVIDER: DEVICE} if DEVICE in ontology.types else {}
+    provider = {PROVIDER: PROVIDER_TYPE} if PROVIDER_TYPE in ontology.types else {}
     return provider | {parameter.name: parameter.type for parameter in (*service.inputs, *service.outputs)}
 
 

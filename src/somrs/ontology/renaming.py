@@ -112,7 +112,9 @@ class Renamer:
         match definition:
             case AttributeType():
                 name = self._path(definition.name)
-                return structs.replace(definition, name=name, attributes=tuple(map(self._path, definition.attributes)))
+                attributes = tuple(map(self._path, definition.attributes))
+                constraints = tuple(map(self._constraint, definition.constraints))
+                return structs.replace(definition, name=name, attributes=attributes, constraints=constraints)
             case RelationType():
                 name = self._name(Section.RELATIONS, definition.name)
                 return structs.replace(definition, name=name, joins=tuple(map(self._type, definition.joins)))
@@ -148,7 +150,14 @@ class Renamer:
 
     def _constraint(self, constraint: Constraint) -> Constraint:
         attribute = self._path(constraint.attribute) if constraint.attribute is not None else None
-        return structs.replace(constraint, attribute=attribute, formula=self._text(constraint.formula))
+        values = constraint.values
+        if constraint.attribute is not None and self._is_complex(constraint.attribute):
+            values = tuple(self._path(str(value)) for value in values)
+        return structs.replace(constraint, attribute=attribute, values=values, formula=self._text(constraint.formula))
+
+    def _is_complex(self, path: str) -> bool:
+        attribute = self._ontology.attributes.get(path.rpartition(".")[2])
+        return attribute is not None and attribute.kind is Kind.COMPLEX
 
     def _service(self, service: ServiceType) -> ServiceType:
         return structs.replace(

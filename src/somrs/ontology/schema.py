@@ -13,11 +13,25 @@ from somrs.ontology.types import Kind
 
 Plain = str | float | bool
 Attributes = dict[str, Any]
+Level = Annotated[float, Field(ge=1, le=2, multiple_of=1)]
 Count = Annotated[float, Field(ge=0, multiple_of=1)]
 
 
 class _Entry(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+class ConstraintEntry(_Entry):
+    """A rule for the objects of a type: limits of an attribute, or a formula about ?Self."""
+
+    attribute: str | None = Field(None, description="An attribute, or a path into a complex one: Shape.Height")
+    minimum: float | None = None
+    maximum: float | None = None
+    values: list[Plain] = Field(
+        [], description="The values that the attribute may have; of a complex attribute: the complex attributes that it may conform to"
+    )
+    formula: str | None = Field(None, description="Entish; ?Self is the object, other typed variables are its sub-objects")
+    doc: str = Field("", description="The meaning of the rule, for the message about a violation")
 
 
 class AttributeEntry(_Entry):
@@ -30,6 +44,7 @@ class AttributeEntry(_Entry):
     maximum: float | None = None
     values: list[str] = Field([], description="Of an enumeration: the possible values")
     attributes: list[str] = Field([], description="Of a complex attribute: the attributes it is made of")
+    constraints: list[ConstraintEntry] = Field([], description="Of a complex attribute: limits of its attributes, by their paths below it")
     doc: str = ""
 
 
@@ -61,17 +76,6 @@ class PartEntry(_Entry):
     maximum: Count | None = None
 
 
-class ConstraintEntry(_Entry):
-    """A rule for the objects of a type: limits of an attribute, or a formula about ?Self."""
-
-    attribute: str | None = Field(None, description="An attribute, or a path into a complex one: Shape.Height")
-    minimum: float | None = None
-    maximum: float | None = None
-    values: list[Plain] = Field([], description="The values that the attribute may have")
-    formula: str | None = Field(None, description="Entish; ?Self is the object, other typed variables are its sub-objects")
-    doc: str = Field("", description="The meaning of the rule, for the message about a violation")
-
-
 class TypeEntry(_Entry):
     """A type of objects."""
 
@@ -79,6 +83,7 @@ class TypeEntry(_Entry):
     attributes: list[str] = Field([], description="Optional attributes of objects of the type")
     required: list[str] = Field([], description="Mandatory attributes of objects of the type")
     parts: list[PartEntry] = []
+    closed: bool = Field(False, description="Objects of the type, and of types below it, have only parts of the types that parts declare")
     constraints: list[ConstraintEntry] = []
     defaults: Attributes = Field({}, description="Values of attributes that an object does not set itself")
     driver: str | None = Field(None, description="module:Class of the program that serves a device of the type")
@@ -135,6 +140,7 @@ class File(_Entry):
     """A file with a part of an ontology, a part of a map, or both."""
 
     uses: list[str] = Field([], description="Files that this one builds on; paths are relative to this file")
+    upper: Level = Field(1, description="The level of the upper ontology for which the file is written; 2 is the latest")
     ontology: str | None = Field(None, description="The ontology's name")
     without: list[str] = Field([], description="Definitions of the upper ontology that this file removes or redefines: types Jar")
     attributes: dict[str, AttributeEntry] = {}

@@ -9,6 +9,9 @@ from msgspec import Struct
 PROVIDER = "Provider"
 """In a service type's formulas, `?Provider` is the device that offers the service."""
 
+PROVIDER_TYPE = "PhysicalObject"
+"""The type of `?Provider`: any physical object may be a device, such as a door with a drive."""
+
 
 class ServiceKind(StrEnum):
     """The paper's three kinds of services."""

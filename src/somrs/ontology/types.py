@@ -23,6 +23,7 @@ UNKNOWN = "Unknown"
 WORKING = "Working"
 """The attribute that is FALSE for a device that is out of order (upper ontology)."""
 
+DEVICE = "Device"
 ABSTRACT = "AbstractObject"
 PART_OF = "isPartOf"
 """The relation of a sub-object to the object that it is a part of. It is built in, because it defines the hierarchy of a map."""
@@ -41,8 +42,27 @@ class Kind(StrEnum):
     """A group of attributes, such as Shape."""
 
 
+class Constraint(Struct, frozen=True, kw_only=True):
+    """A rule for the objects of a type: a range or an enumeration for an attribute path, or a formula about `?Self`
+    in which other typed variables denote its sub-objects.
+
+    The `values` for a complex attribute are names of complex attributes: it conforms to one of them (Shape is CuboidFurnitureLegShape).
+    """
+
+    attribute: str | None = None
+    minimum: float | None = None
+    maximum: float | None = None
+    values: tuple[Value, ...] = ()
+    formula: str | None = None
+    doc: str = ""
+    """The meaning of the rule, for the message about a violation."""
+
+
 class AttributeType(Struct, frozen=True, kw_only=True):
-    """A property of objects. `unit` is a pint unit; numbers that differ by at most `tolerance`, in that unit, are equal."""
+    """A property of objects. `unit` is a pint unit; numbers that differ by at most `tolerance`, in that unit, are equal.
+
+    A complex attribute consists of `attributes`, and has `constraints` for their values; their paths begin below it (`Width`).
+    """
 
     name: str
     kind: Kind
@@ -52,6 +72,7 @@ class AttributeType(Struct, frozen=True, kw_only=True):
     maximum: float | None = None
     values: tuple[str, ...] = ()
     attributes: tuple[str, ...] = ()
+    constraints: tuple[Constraint, ...] = ()
     doc: str = ""
 
 
@@ -85,19 +106,6 @@ class FunctionType(Struct, frozen=True, kw_only=True):
     doc: str = ""
 
 
-class Constraint(Struct, frozen=True, kw_only=True):
-    """A rule for the objects of a type: a range or an enumeration for an attribute path, or a formula about `?Self`
-    in which other typed variables denote its sub-objects."""
-
-    attribute: str | None = None
-    minimum: float | None = None
-    maximum: float | None = None
-    values: tuple[Value, ...] = ()
-    formula: str | None = None
-    doc: str = ""
-    """The meaning of the rule, for the message about a violation."""
-
-
 class Part(Struct, frozen=True, kw_only=True):
     """The sub-objects of one type that every object of the owning type has, and their number (`maximum` None: no limit)."""
 
@@ -110,7 +118,8 @@ class ObjectType(Struct, frozen=True, kw_only=True):
     """A type of objects.
 
     `attributes` are optional, `required` are mandatory; both add to those of the parent. `defaults` are the values of attributes that an
-    object does not set itself. `driver` names the program (`module:Class`) that serves a device of the type.
+    object does not set itself. `driver` names the program (`module:Class`) that serves a device of the type. `closed`: objects of the
+    type, and of types below it, have only parts of the types that `parts` declare; without any, they are elementary.
     """
 
     name: str
@@ -118,6 +127,7 @@ class ObjectType(Struct, frozen=True, kw_only=True):
     attributes: tuple[str, ...] = ()
     required: tuple[str, ...] = ()
     parts: tuple[Part, ...] = ()
+    closed: bool = False
     constraints: tuple[Constraint, ...] = ()
     defaults: dict[str, Value] = {}
     driver: str | None = None
@@ -208,6 +218,21 @@ class Ontology:
             if path in self.types[ancestor].defaults:
                 return self.types[ancestor].defaults[path]
         return None
+
+    def is_closed(self, type_name: str) -> bool:
+        """Whether objects of the type have only parts of the types that it declares."""
+        return any(self.types[ancestor].closed for ancestor in self.ancestors(type_name))
+
+    def parts_of(self, type_name: str) -> tuple[Part, ...]:
+        """The parts that the type declares: own and inherited ones."""
+        return tuple(part for ancestor in self.ancestors(type_name) for part in self.types[ancestor].parts)
+
+    def is_device(self, type_name: str) -> bool:
+        """Whether objects of the type are devices by themselves: those below Device, and those that a driver serves.
+
+        Any other physical object becomes a device when a program offers services for it.
+        """
+        return self.is_subtype(type_name, DEVICE) or self.driver(type_name) is not None
 
     def driver(self, type_name: str) -> str | None:
         """The driver of the type: its own or the nearest ancestor's; None without one."""

@@ -7,7 +7,7 @@ import tokenize
 from functools import lru_cache
 from typing import Any
 
-COMMON = frozenset({"m", "rad", "kg", "s", "m/s", "percent", "EUR"})
+COMMON = frozenset({"m", "rad", "kg", "l", "s", "m/s", "percent", "EUR"})
 """The units of most attributes; they are known without pint."""
 
 USUAL_FACTORS = {("deg", "rad"): math.pi / 180, ("cm", "m"): 0.01, ("mm", "m"): 0.001, ("km/h", "m/s"): 1 / 3.6}

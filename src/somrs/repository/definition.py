@@ -160,7 +160,7 @@ def _impossible_object(map: Map, ontology: Ontology, rename: RenameObject) -> It
     if object is None:
         hint = nearest(rename.name, map.objects) or "add it first"
         yield Violation(subject=rename.name, rule="unknown-object", message=f"there is no object {rename.name} on the map; {hint}")
-    elif ontology.is_subtype(object.type, "Device"):
+    elif ontology.is_device(object.type):
         message = "is a device, and its program uses this name; remove it from the map, and let it join under another name"
         yield Violation(subject=rename.name, rule="device", message=message)
     if rename.to in map.objects:

@@ -14,7 +14,7 @@ from somrs.entish.parse import nearest
 from somrs.errors import FormulaError
 from somrs.kernel.replica import Replica
 from somrs.ontology.check import check
-from somrs.ontology.services import PROVIDER, Handler
+from somrs.ontology.services import PROVIDER, PROVIDER_TYPE, Handler
 from somrs.ontology.truth import formula_holds
 from somrs.ontology.types import UNKNOWN
 from somrs.planner.model.problem import AvailableService, Problem
@@ -161,4 +161,4 @@ def _check_handler(handler: Handler, replica: Replica) -> None:
     inputs = {parameter.name: parameter.type for parameter in service_type.inputs} if service_type is not None else {}
     for formula in (handler.when, handler.effect):
         if formula is not None:
-            check(formula, replica.ontology, replica.map, {**inputs, PROVIDER: "Device"})
+            check(formula, replica.ontology, replica.map, {**inputs, PROVIDER: PROVIDER_TYPE})

@@ -12,7 +12,7 @@ from somrs.errors import FormulaError
 from somrs.ontology.effects import changes
 from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Change, Fact, FactAdded, Map
-from somrs.ontology.services import PROVIDER, ServiceType
+from somrs.ontology.services import PROVIDER, PROVIDER_TYPE, ServiceType
 from somrs.ontology.truth import bindings, formula_holds
 from somrs.ontology.types import UNKNOWN, Ontology
 from somrs.ontology.values import measure
@@ -163,7 +163,7 @@ class SymbolicWorld:
                 self._require(value.name if isinstance(value, Name) else str(value), parameter.type)
         provider_variable = _provider(service)
         self._require(
-            provider, provider_variable.type if provider_variable is not None and provider_variable.type is not None else "Device"
+            provider, provider_variable.type if provider_variable is not None and provider_variable.type is not None else PROVIDER_TYPE
         )
         return {**terms, PROVIDER: Name(provider)}
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import yaml
 
+from somrs.ontology.files.levels import level_of
 from somrs.ontology.files.nodes import Dumper, Lines
 from somrs.ontology.naming import find_definition, key_of
 from somrs.ontology.objects import Fact, Map, Object
@@ -77,7 +78,8 @@ def dump_ontology(ontology: Ontology, base: Ontology | None = None, name: str | 
 
     The key `without` lists the definitions of `base` that the ontology redefines or lacks.
     """
-    text: dict[str, Any] = {"ontology": name} if name else {}
+    text: dict[str, Any] = {"upper": level_of(base)} if base is not None and level_of(base) > 1 else {}
+    text |= {"ontology": name} if name else {}
     if base is not None and (overridden_names := [*_overridden_names(ontology, base)]):
         text["without"] = overridden_names
     for section, entry in (
@@ -103,7 +105,10 @@ def _overridden_names(ontology: Ontology, base: Ontology) -> Iterator[str]:
 
 
 def _attribute(attribute: AttributeType) -> dict[str, Any]:
-    return {"kind": attribute.kind.value, **_fields(attribute, "unit", "tolerance", "minimum", "maximum", "values", "attributes", "doc")}
+    body = {"kind": attribute.kind.value, **_fields(attribute, "unit", "tolerance", "minimum", "maximum", "values", "attributes")}
+    if attribute.constraints:
+        body["constraints"] = [_constraint(constraint) for constraint in attribute.constraints]
+    return {**body, **_fields(attribute, "doc")}
 
 
 def _relation(relation: RelationType) -> dict[str, Any]:
@@ -118,6 +123,8 @@ def _type(type: ObjectType) -> dict[str, Any]:
     body = _fields(type, "parent", "attributes", "required", "driver", "doc")
     if type.parts:
         body["parts"] = [_part(part) for part in type.parts]
+    if type.closed:
+        body["closed"] = True
     if type.constraints:
         body["constraints"] = [_constraint(constraint) for constraint in type.constraints]
     if type.defaults:

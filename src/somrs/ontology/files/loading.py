@@ -21,6 +21,7 @@ from somrs.errors import FormulaError, ModelError, Problem
 from somrs.ontology.conformance import Violation, violations
 from somrs.ontology.consistency import ontology_violations
 from somrs.ontology.dependency_index import lost_dependencies
+from somrs.ontology.files.levels import LATEST, at_level
 from somrs.ontology.files.nodes import Path, Source
 from somrs.ontology.files.structure import definition, flat, structure_problems
 from somrs.ontology.naming import DefinitionKey, Section, revise_ontology
@@ -46,22 +47,24 @@ class LoadedModel:
     map: Map | None
 
 
-@lru_cache(maxsize=1)
-def upper() -> Ontology:
-    """The upper ontology, on which all others build."""
+@lru_cache(maxsize=LATEST)
+def upper(level: int = 1) -> Ontology:
+    """The upper ontology, on which all others build (`levels.py`)."""
+    if level < LATEST:
+        return at_level(upper(LATEST), level)
     text = resources.files("somrs.ontology").joinpath("data/upper.yaml").read_text("utf-8")
     return _Reading(Ontology()).finish([Source("upper.yaml", text)]).ontology
 
 
 def load(paths: Iterable[str | FilePath], base: Ontology | None = None) -> LoadedModel:
     """Read the files and those that they use. Raises ModelError with all problems."""
-    reading = _Reading(base if base is not None else upper())
+    reading = _Reading(base if base is not None else upper(), chooses_level=base is None)
     return reading.finish(reading.sources([FilePath(path) for path in paths]))
 
 
 def load_text(text: str, file: str = "text", base: Ontology | None = None) -> LoadedModel:
     """Like `load`, for a text. `file` is its name in problems."""
-    return _Reading(base if base is not None else upper()).finish([Source(file, text)])
+    return _Reading(base if base is not None else upper(), chooses_level=base is None).finish([Source(file, text)])
 
 
 def load_definitions(text: str, file: str, base: Ontology) -> Ontology:
@@ -98,6 +101,8 @@ class _Reading:
     base: Ontology
     replacing: bool = False
     """Whether definitions may replace those of the base."""
+    chooses_level: bool = False
+    """Whether the base is the upper ontology on the level that the files name."""
     problems: list[Problem] = field(default_factory=list)
     broken: set[str] = field(default_factory=set)
     """Names whose definition has a problem; further problems that mention them are not reported."""
@@ -142,6 +147,8 @@ class _Reading:
     def finish(self, sources: list[Source]) -> LoadedModel:
         """The checked content of the sources. Raises ModelError with all problems."""
         good = [source for source in sources if self._structure(source)]
+        if self.chooses_level and any(source.data.get("upper") == LATEST for source in good):
+            self.base = upper(LATEST)
         given_base = self.base
         for source in good:
             self._remove_definitions(source)

@@ -12,7 +12,7 @@ from somrs.entish import Number
 from somrs.entish.parse import nearest
 from somrs.errors import Problem
 from somrs.ontology.files.nodes import Path, Source
-from somrs.ontology.schema import ENTRIES, AttributeEntry, File, FunctionEntry, RelationEntry, ServiceEntry, TypeEntry
+from somrs.ontology.schema import ENTRIES, AttributeEntry, ConstraintEntry, File, FunctionEntry, RelationEntry, ServiceEntry, TypeEntry
 from somrs.ontology.services import Handler, Parameter, ServiceType
 from somrs.ontology.types import AttributeType, Constraint, Definition, FunctionType, ObjectType, Part, RelationType, Value
 
@@ -46,9 +46,9 @@ def definition(name: str, entry: BaseModel, defaults: dict[str, Value]) -> Defin
     """The definition of an entry; `defaults` are those of a type, in the units of their attributes."""
     match entry:
         case AttributeEntry():
-            return AttributeType(
-                **{**entry.model_dump(), "name": name, "values": tuple(entry.values), "attributes": tuple(entry.attributes)}
-            )
+            constraints = _constraints(entry.constraints)
+            lists = {"values": tuple(entry.values), "attributes": tuple(entry.attributes), "constraints": constraints}
+            return AttributeType(**{**entry.model_dump(), "name": name, **lists})
         case RelationEntry():
             return RelationType(**{**entry.model_dump(), "name": name, "joins": tuple(entry.joins)})
         case FunctionEntry():
@@ -70,11 +70,15 @@ def definition(name: str, entry: BaseModel, defaults: dict[str, Value]) -> Defin
                         Part(type=part.type, minimum=int(part.minimum), maximum=None if part.maximum is None else int(part.maximum))
                         for part in entry.parts
                     ),
-                    "constraints": tuple(Constraint(**{**c.model_dump(), "values": tuple(c.values)}) for c in entry.constraints),
+                    "constraints": _constraints(entry.constraints),
                     "defaults": defaults,
                 }
             )
     raise TypeError(f"{type(entry).__name__} defines nothing")
+
+
+def _constraints(entries: list[ConstraintEntry]) -> tuple[Constraint, ...]:
+    return tuple(Constraint(**{**entry.model_dump(), "values": tuple(entry.values)}) for entry in entries)
 
 
 def flat(values: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:

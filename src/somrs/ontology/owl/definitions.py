@@ -12,7 +12,7 @@ from rdflib.term import IdentifiedNode, Node
 
 from somrs.ontology.naming import Section
 from somrs.ontology.owl.ordering import ordered
-from somrs.ontology.owl.ranges import Nodes, Range, range_node, range_of
+from somrs.ontology.owl.ranges import Nodes, Range, list_of, range_node, range_of
 from somrs.ontology.owl.words import HAS_PART, ONTOLOGY, VALUES, V, argument, declarations, iri, literal, quote_name
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import AttributeType, Constraint, FunctionType, Kind, ObjectType, Ontology, Part, RelationType
@@ -85,6 +85,8 @@ class _Writer:
         self._add(value, RDFS.label, Literal(f"{attribute.name} value"))
         self._allow_attributes(value, attribute.attributes)
         self._note(value, order=ordered(attribute.attributes))
+        for number, constraint in enumerate(attribute.constraints):
+            self._constraint(value, constraint, number)
 
     def _restriction(self, property_node: Node, *facets: tuple[URIRef, Node]) -> IdentifiedNode:
         node = self._nodes.new()
@@ -155,7 +157,7 @@ class _Writer:
         self._allow_attributes(subject, type.attributes)
         self._require_attributes(subject, type.required)
         self._note(subject, order=ordered([*dict.fromkeys((*type.attributes, *type.required))]), driver=type.driver)
-        self._note(subject, parts=ordered([part.type for part in type.parts]))
+        self._note(subject, parts=ordered([part.type for part in type.parts]), closed="true" if type.closed else None)
         for part in type.parts:
             for facet, number in _counts(part):
                 on_class = (OWL.onClass, iri(Section.TYPES, part.type))
@@ -170,8 +172,10 @@ class _Writer:
         predicate: URIRef = V.constraint
         target: Node = literal(constraint.formula or "")
         if constraint.attribute is not None:
-            limits = Range(minimum=constraint.minimum, maximum=constraint.maximum, values=constraint.values)
-            predicate, target = RDFS.subClassOf, self._value_restriction(constraint.attribute, range_node(limits, self._graph, self._nodes))
+            predicate, target = (
+                RDFS.subClassOf,
+                self._value_restriction(constraint.attribute, self._limits(constraint, constraint.attribute)),
+            )
         self._add(subject, predicate, target)
         axiom = self._nodes.new()
         self._add(axiom, RDF.type, OWL.Axiom)
@@ -181,6 +185,20 @@ class _Writer:
         self._add(axiom, V.rank, Literal(rank))
         self._note(axiom, order=ordered(constraint.values))
         self._add(axiom, RDFS.comment, Literal(constraint.doc) if constraint.doc else None)
+
+    def _limits(self, constraint: Constraint, path: str) -> IdentifiedNode:
+        """The values that the constraint allows: a data range or, of a complex attribute, the classes of its values."""
+        attribute = self._ontology.attributes.get(path.rpartition(".")[2])
+        if attribute is None or attribute.kind is not Kind.COMPLEX:
+            limits = Range(minimum=constraint.minimum, maximum=constraint.maximum, values=constraint.values)
+            return range_node(limits, self._graph, self._nodes)
+        classes = [VALUES[quote_name(str(name))] for name in constraint.values]
+        if len(classes) == 1:
+            return classes[0]
+        union = self._nodes.new()
+        self._add(union, RDF.type, OWL.Class)
+        self._add(union, OWL.unionOf, list_of(classes, self._graph, self._nodes))
+        return union
 
     def _value_restriction(self, path: str, values: IdentifiedNode) -> IdentifiedNode:
         """The nested restriction for a path: `Shape only (Height only ...)` for `Shape.Height`."""

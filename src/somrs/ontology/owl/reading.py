@@ -17,12 +17,12 @@ from somrs.ontology.owl.ordering import in_order
 from somrs.ontology.owl.ranges import Range, Unclear, read_range
 from somrs.ontology.owl.reading_map import read_map
 from somrs.ontology.owl.reading_shapes import read_shapes
-from somrs.ontology.owl.reading_types import read_type
-from somrs.ontology.owl.restrictions import ArgumentType, OptionalAttribute, RequiredAttribute, read_restriction
+from somrs.ontology.owl.reading_types import ConstraintReader, read_type
+from somrs.ontology.owl.restrictions import ArgumentType, AttributeLimits, OptionalAttribute, RequiredAttribute, read_restriction
 from somrs.ontology.owl.source import Source, sorted_iris
 from somrs.ontology.owl.words import HAS_PART, NOTES, V, local_name
 from somrs.ontology.services import Handler, Parameter, ServiceKind, ServiceType
-from somrs.ontology.types import ROOT, AttributeType, Definition, FunctionType, Kind, ObjectType, Ontology, RelationType
+from somrs.ontology.types import ROOT, AttributeType, Constraint, Definition, FunctionType, Kind, ObjectType, Ontology, RelationType
 
 D = TypeVar("D", bound=Definition)
 T = TypeVar("T")
@@ -111,7 +111,8 @@ class _Reading:
         value = next((range_node for range_node in ranges if range_node in self.kinds.values), None)
         if value is not None:
             assert isinstance(value, URIRef), "a class of values has an IRI"
-            return AttributeType(name=name, kind=Kind.COMPLEX, attributes=self._inner_attributes(value), doc=doc)
+            attributes, constraints = self._values_class(value)
+            return AttributeType(name=name, kind=Kind.COMPLEX, attributes=attributes, constraints=constraints, doc=doc)
         limits = self._range(node, ranges)
         return AttributeType(
             name=name,
@@ -140,12 +141,14 @@ class _Reading:
             self._source.note(node, "its range lists values that are not texts; it is treated as an enumeration of names")
         return msgspec.structs.replace(value_range, kind=value_range.kind or Kind.ENUMERATION)
 
-    def _inner_attributes(self, value: URIRef) -> tuple[str, ...]:
+    def _values_class(self, value: URIRef) -> tuple[tuple[str, ...], tuple[Constraint, ...]]:
+        """The attributes in a complex attribute, and their constraints, from the class of its values."""
         source = self._source
         source.mark_used(value, RDF.type, OWL.Class)
         source.take_objects(value, RDFS.label)
         source.take_objects(value, RDFS.comment)
         attributes: list[str] = []
+        limits: list[AttributeLimits] = []
         for superclass in source.graph.objects(value, RDFS.subClassOf):
             if superclass == V.Value:
                 source.mark_used(value, RDFS.subClassOf, superclass)
@@ -157,9 +160,13 @@ class _Reading:
             else:
                 if isinstance(restriction, OptionalAttribute | RequiredAttribute):
                     attributes.append(restriction.attribute)
-                    source.mark_used(value, RDFS.subClassOf, superclass)
-                    source.mark_subtree_used(superclass)
-        return in_order(attributes, source.text_of(value, V.order))
+                elif isinstance(restriction, AttributeLimits):
+                    limits.append(restriction)
+                else:
+                    continue
+                source.mark_used(value, RDFS.subClassOf, superclass)
+                source.mark_subtree_used(superclass)
+        return in_order(attributes, source.text_of(value, V.order)), ConstraintReader(value, source, self.kinds).read(limits)
 
     # Relations
 

@@ -37,7 +37,8 @@ def read_type(node: URIRef, source: Source, kinds: Kinds, doc: str) -> ObjectTyp
         attributes=in_order(reading.optional_attributes, hint),
         required=in_order(reading.required_attributes, hint),
         parts=tuple(_parts(reading.parts, source.text_of(node, V.parts))),
-        constraints=reading.constraints(),
+        closed=source.text_of(node, V.closed) == "true",
+        constraints=ConstraintReader(node, source, kinds).read(reading.limits),
         defaults=reading.defaults(),
         driver=source.text_of(node, V.driver),
         doc=doc,
@@ -55,7 +56,7 @@ class _Reading:
         self.optional_attributes: list[str] = self._by_domain()
         self.required_attributes: list[str] = []
         self.parts: list[Part] = []
-        self._limits: list[AttributeLimits] = []
+        self.limits: list[AttributeLimits] = []
 
     def restrictions(self) -> None:
         source = self._source
@@ -77,7 +78,7 @@ class _Reading:
                 case RequiredAttribute(attribute):
                     self.required_attributes.append(attribute)
                 case AttributeLimits():
-                    self._limits.append(restriction)
+                    self.limits.append(restriction)
                 case Part():
                     self.parts.append(restriction)
                 case _:
@@ -138,10 +139,15 @@ class _Reading:
                 default_values[path] = value
         return default_values
 
-    # Constraints
 
-    def constraints(self) -> tuple[Constraint, ...]:
-        constraints = [self._constraint(restriction) for restriction in self._limits]
+class ConstraintReader:
+    """Reads the constraints of a class: of a type, or of the values of a complex attribute."""
+
+    def __init__(self, node: URIRef, source: Source, kinds: Kinds) -> None:
+        self._node, self._source, self._kinds = node, source, kinds
+
+    def read(self, attribute_limits: list[AttributeLimits]) -> tuple[Constraint, ...]:
+        constraints = [self._constraint(restriction) for restriction in attribute_limits]
         for formula in self._source.take_objects(self._node, V.constraint):
             constraints.append(Constraint(formula=str(formula)))
         ranked_constraints = [self._annotated(constraint) for constraint in constraints]

@@ -6,12 +6,13 @@ from collections.abc import Iterator
 
 from msgspec import Struct
 from rdflib import OWL, RDF, BNode, URIRef
+from rdflib.collection import Collection
 from rdflib.term import Node
 
 from somrs.ontology.naming import Section
 from somrs.ontology.owl.ranges import Range, Unclear, read_range
 from somrs.ontology.owl.source import Source
-from somrs.ontology.owl.words import HAS_PART, iri
+from somrs.ontology.owl.words import HAS_PART, VALUES, iri, local_name
 from somrs.ontology.types import PART_OF, Part
 
 
@@ -78,10 +79,21 @@ def _read_limits(path: str, values: Node, source: Source, attributes: dict[Node,
         if not isinstance(inner, AttributeLimits):
             raise Unclear(f"a rule for the parts of {path}; only limits of them are kept")
         return AttributeLimits(f"{path}.{inner.path}", inner.limits)
+    if (names := _value_classes(values, source)) is not None:
+        return AttributeLimits(path, Range(values=names))
     limits = read_range(values, source.graph)
     if limits.minimum is None and limits.maximum is None and not limits.values:
         raise Unclear(f"the composition of {path}; the attribute's own range defines it")
     return AttributeLimits(path, limits)
+
+
+def _value_classes(node: Node, source: Source) -> tuple[str, ...] | None:
+    """The complex attributes whose classes of values the node lists; None for another node."""
+    union = source.graph.value(node, OWL.unionOf) if isinstance(node, BNode) else None
+    classes = [*Collection(source.graph, union)] if union is not None else [node]
+    if not all(isinstance(class_node, URIRef) and class_node.startswith(str(VALUES)) for class_node in classes):
+        return None
+    return tuple(local_name(class_node) for class_node in classes if isinstance(class_node, URIRef))
 
 
 def _is_inverse_part(property_node: Node, source: Source) -> bool:

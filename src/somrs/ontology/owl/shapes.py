@@ -142,6 +142,9 @@ class _Shapes:
         steps = [iri(Section.ATTRIBUTES, step) for step in constraint.attribute.split(".")]
         path = steps[0] if len(steps) == 1 else self._list(steps)
         message = Literal(constraint.doc) if constraint.doc else None
+        attribute = self._ontology.attributes.get(constraint.attribute.rpartition(".")[2])
+        if attribute is not None and attribute.kind is Kind.COMPLEX:
+            return  # the values are individuals of the attribute's own class; SO-MRS checks what they conform to
         self._property(shape, path, message=message, **self._limits(constraint.minimum, constraint.maximum, constraint.values))
 
     # Relations

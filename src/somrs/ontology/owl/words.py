@@ -45,6 +45,7 @@ NOTES = {
     V.rank: "The position of a definition in its section, or of a constraint in its type",
     V.order: "The order of a type's attributes, by name",
     V.parts: "The order of the types of its parts, by name",
+    V.closed: "true: objects of the type, and of types below it, have only parts of the types that have a cardinality here",
     V.unit: "A unit that pint knows",
     V.tolerance: "Two values that differ by at most this much, in the unit, are equal",
     V.default: "A default value for objects of the type: Shape.Height = 0.14, with JSON after the sign",

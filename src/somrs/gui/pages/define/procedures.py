@@ -11,7 +11,7 @@ from somrs.gui.components.formula import FormulaField
 from somrs.gui.examples import with_variables
 from somrs.gui.pages.define.draft import Procedure
 from somrs.gui.pages.define.form import Form
-from somrs.ontology.services import PROVIDER, Occasion
+from somrs.ontology.services import PROVIDER, PROVIDER_TYPE, Occasion
 
 _OCCASIONS = {Occasion.FAILURE: "When a step fails", Occasion.COMPENSATION: "To undo a step"}
 
@@ -72,7 +72,7 @@ class Procedures:
     def _variables(self, procedure: Procedure) -> dict[str, str]:
         service = self._form.api.context.ontology.services.get(procedure.service_type)
         inputs = {parameter.name: parameter.type for parameter in service.inputs} if service is not None else {}
-        return {**inputs, PROVIDER: "Device"}
+        return {**inputs, PROVIDER: PROVIDER_TYPE}
 
     def _set_occasion(self, procedure: Procedure, occasion: str) -> None:
         procedure.on = Occasion(occasion)

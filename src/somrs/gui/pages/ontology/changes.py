@@ -20,6 +20,7 @@ FIELDS = {
     "attributes": "Attributes",
     "required": "Required",
     "parts": "Parts",
+    "closed": "No other parts",
     "constraints": "Rules",
     "defaults": "Defaults",
     "driver": "Driver",

@@ -10,12 +10,13 @@ from typing import Any
 import msgspec
 
 from somrs.gui.pages.ontology.sections import SECTION, Section, number
-from somrs.ontology.types import AttributeType, Definition, FunctionType, ObjectType, Value
+from somrs.ontology.types import AttributeType, Constraint, Definition, FunctionType, ObjectType, Value
 
 Form = dict[str, Any]
 
 LIMITS, FORMULA = "limits", "formula"
 """Kinds of rules of a type."""
+BLANK_RULE: Form = {"sort": LIMITS, "attribute": None, "minimum": "", "maximum": "", "values": "", "formula": "", "doc": ""}
 READ, TABLE, COMPUTED = "attribute", "table", "computed"
 """Sources of a function's value."""
 
@@ -23,9 +24,13 @@ ROW_NAMES = {"attributes": "attribute", "parts": "type", "defaults": "path", "in
 """The field that identifies the rows of each list."""
 
 _BLANK: dict[str, Form] = {
-    "types": {"name": "", "parent": "Object", "doc": "", "driver": "", "attributes": [], "parts": [], "defaults": [], "constraints": []},
+    "types": {
+        "name": "", "parent": "Object", "doc": "", "driver": "", "attributes": [], "parts": [], "closed": False,
+        "defaults": [], "constraints": [],
+    },
     "attributes": {
-        "name": "", "kind": "number", "unit": "", "tolerance": "", "minimum": "", "maximum": "", "values": "", "attributes": [], "doc": "",
+        "name": "", "kind": "number", "unit": "", "tolerance": "", "minimum": "", "maximum": "", "values": "", "attributes": [],
+        "constraints": [], "doc": "",
     },
     "relations": {"name": "", "joins": ["Object", "Object"], "symmetric": False, "functional": False, "excludes": "", "doc": ""},
     "functions": {"name": "", "parameters": ["Object"], "source": READ, "attribute": None, "values": [], "unit": "", "doc": ""},
@@ -119,23 +124,13 @@ def form_of(definition: Definition) -> Form:
             del form["required"]
             form["parts"] = [{**part, "minimum": str(part["minimum"]), "maximum": _text(part["maximum"])} for part in form["parts"]]
             form["defaults"] = [{"path": path, "value": _text(value)} for path, value in definition.defaults.items()]
-            form["constraints"] = [
-                {
-                    "sort": LIMITS if rule.formula is None else FORMULA,
-                    "attribute": rule.attribute,
-                    "minimum": _text(rule.minimum),
-                    "maximum": _text(rule.maximum),
-                    "values": ", ".join(map(_text, rule.values)),
-                    "formula": rule.formula or "",
-                    "doc": rule.doc,
-                }
-                for rule in definition.constraints
-            ]
+            form["constraints"] = [*map(_rule, definition.constraints)]
             form["parent"] = definition.parent
         case AttributeType():
             form["minimum"], form["maximum"] = _text(definition.minimum), _text(definition.maximum)
             form["values"] = ", ".join(definition.values)
             form["tolerance"] = _text(definition.tolerance) if definition.tolerance else ""
+            form["constraints"] = [*map(_rule, definition.constraints)]
         case FunctionType():
             form["source"] = READ if definition.attribute else TABLE if definition.values else COMPUTED
             form["attribute"] = definition.attribute
@@ -146,6 +141,18 @@ def form_of(definition: Definition) -> Form:
         ]
         form["parent"] = form["parent"] or None
     return form
+
+
+def _rule(rule: Constraint) -> Form:
+    return {
+        "sort": LIMITS if rule.formula is None else FORMULA,
+        "attribute": rule.attribute,
+        "minimum": _text(rule.minimum),
+        "maximum": _text(rule.maximum),
+        "values": ", ".join(map(_text, rule.values)),
+        "formula": rule.formula or "",
+        "doc": rule.doc,
+    }
 
 
 def _text(value: Value | None) -> str:

@@ -11,6 +11,7 @@ import msgspec
 
 from somrs.gui.pages.ontology.drafts import FORMULA, READ, TABLE, Draft, Form
 from somrs.gui.pages.ontology.sections import ATTRIBUTES, FUNCTIONS, RELATIONS, SERVICES, TYPES
+from somrs.ontology.complex_values import inner_paths
 from somrs.ontology.types import AttributeType, Definition, Kind, ObjectType, Ontology, Value
 from somrs.ontology.units import convert_unit
 
@@ -51,6 +52,11 @@ def type_from_form(form: Form, name: str) -> ObjectType:
 def attributes_with(form: Form, ontology: Ontology) -> dict[str, AttributeType]:
     """The attributes that objects of the form's type may have, by path."""
     return dict(ontology.extended([type_from_form(form, "")]).attributes_of(""))  # "" is no name of a definition
+
+
+def attributes_within(form: Form, ontology: Ontology) -> dict[str, AttributeType]:
+    """The attributes in the complex attribute that the form describes, by path."""
+    return dict(inner_paths(AttributeType(name="", kind=Kind.COMPLEX, attributes=tuple(form["attributes"])), ontology))
 
 
 class _FormParser:
@@ -122,7 +128,7 @@ class _FormParser:
                 self.mistakes[f"{path}.value"] = "give the value, or remove the row"
         rules = [self._rule(row, path, known_attributes) for path, row in self.rows("constraints")]
         type_fields = {"attributes": attributes, "required": required, "parts": parts, "defaults": defaults, "constraints": rules}
-        return {**self.plain("parent", "driver"), **type_fields, "parent": self.form["parent"]}
+        return {**self.plain("parent", "driver", "closed"), **type_fields, "parent": self.form["parent"]}
 
     def _rule(self, row: Form, path: str, known_attributes: Mapping[str, AttributeType]) -> Form:
         doc = row["doc"].strip()
@@ -157,6 +163,9 @@ class _FormParser:
             kind_fields["unit"] = unit or None
         elif kind == Kind.ENUMERATION.value:
             kind_fields = {"values": _split_list(self.form["values"])}
+        elif kind == Kind.COMPLEX.value:
+            known_attributes = attributes_within(self.form, self.ontology)
+            kind_fields = {"constraints": [self._rule(row, path, known_attributes) for path, row in self.rows("constraints")]}
         return {**self.plain(*(["attributes"] if kind == Kind.COMPLEX.value else [])), **kind_fields, "kind": kind}
 
     def relation(self) -> Form:

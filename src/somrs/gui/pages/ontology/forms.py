@@ -6,16 +6,16 @@ from collections.abc import Callable
 
 from nicegui import ui
 
-from somrs.gui.pages.ontology.drafts import COMPUTED, READ, TABLE
+from somrs.gui.pages.ontology.drafts import BLANK_RULE, COMPUTED, READ, TABLE
 from somrs.gui.pages.ontology.fields import Fields, line
+from somrs.gui.pages.ontology.form_parser import attributes_within
 from somrs.gui.pages.ontology.ontology_view import OntologyView
 from somrs.gui.pages.ontology.sections import ATTRIBUTES, FUNCTIONS, RELATIONS, SERVICES, TYPES
-from somrs.gui.pages.ontology.type_form import MakeAttribute, TypeForm
-from somrs.ontology.services import PROVIDER, Occasion, ServiceKind
+from somrs.gui.pages.ontology.type_form import MakeAttribute, TypeForm, limit_fields
+from somrs.ontology.services import PROVIDER, PROVIDER_TYPE, Occasion, ServiceKind
 from somrs.ontology.types import ROOT, FunctionType, Kind, Ontology
 
 _NAME_HINT = "A letter, then letters, digits, _ or -"
-_DEVICE = "Device"
 _VALUE_TYPES = ("number", "text", "truth")
 
 _KINDS: dict[str | None, str] = {
@@ -65,6 +65,10 @@ def _parent(fields: Fields, ontology: Ontology) -> None:
 
 
 def _attribute(fields: Fields, ontology: Ontology) -> None:
+    def rule(path: str) -> None:
+        limit_fields(fields, path, attributes_within(fields.draft.form, ontology))
+        fields.text(f"{path}.doc", "Message when the rule is broken", width="full")
+
     def show_kind_fields() -> None:
         body.clear()
         with body:
@@ -80,6 +84,7 @@ def _attribute(fields: Fields, ontology: Ontology) -> None:
                 case Kind.COMPLEX.value:
                     other_attributes = sorted(name for name in ontology.attributes if name != fields.draft.name)
                     fields.multiple_choice("attributes", "Made of", other_attributes)
+                    fields.rows("constraints", "Rules", "rule", rule, lambda: dict(BLANK_RULE))
 
     fields.choice("kind", "Its values are", _KINDS, callback=show_kind_fields)
     body = ui.element("div")
@@ -143,7 +148,7 @@ def _function(fields: Fields, ontology: Ontology) -> None:
 
 def _variable_types(fields: Fields, ontology: Ontology) -> dict[str, str]:
     """The types of the variables in a service's formulas."""
-    device = {PROVIDER: _DEVICE} if _DEVICE in ontology.types else {}
+    device = {PROVIDER: PROVIDER_TYPE} if PROVIDER_TYPE in ontology.types else {}
     rows = [*fields.value_at("inputs"), *fields.value_at("outputs")]
     return {**device, **{row["name"].strip().removeprefix("?"): row["type"] for row in rows if row["name"].strip() and row["type"]}}
 

@@ -189,7 +189,9 @@ def _referenced_names(definition: Definition) -> dict[str, set[str]]:
             for path in (*definition.attributes, *definition.required, *definition.defaults, *limited):
                 names_by_section[ATTRIBUTES.key].update(path.split("."))
         case AttributeType():
-            names_by_section[ATTRIBUTES.key].update(definition.attributes)
+            limited = [rule.attribute for rule in definition.constraints if rule.attribute]
+            for path in (*definition.attributes, *limited):
+                names_by_section[ATTRIBUTES.key].update(path.split("."))
         case RelationType():
             names_by_section[TYPES.key].update(definition.joins)
         case FunctionType():

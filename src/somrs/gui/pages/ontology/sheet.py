@@ -22,6 +22,7 @@ from somrs.gui.pages.ontology.sections import (
     section_of,
     value_text,
 )
+from somrs.ontology.complex_values import inner_paths
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import PART_OF, AttributeType, Definition, FunctionType, ObjectType, RelationType
 
@@ -111,6 +112,9 @@ def _attribute_row(type_attribute: TypeAttribute, type_name: str, open_definitio
 def _parts(type: ObjectType, view: OntologyView, open_definition: OpenDefinition) -> None:
     parts = view.parts_of(type.name)
     if not parts:
+        if view.ontology.is_closed(type.name):
+            with chapter("Parts"):
+                note("None: this type is elementary. Its objects are described by their attributes.")
         return
     with chapter("Parts", len(parts)), table("Type", "How many", "Comes from"):
         for origin, part in parts:
@@ -202,6 +206,15 @@ def _attribute(attribute: AttributeType, view: OntologyView, open_definition: Op
         _facts(("Kind", kind_text(attribute)), ("Equal within", tolerance))
         if attribute.attributes:
             definition_links(open_definition, ATTRIBUTES, list(attribute.attributes))
+    if attribute.constraints:
+        inner = dict(inner_paths(attribute, view.ontology))
+        with chapter("Rules", len(attribute.constraints)), table("Rule"):
+            for rule in attribute.constraints:
+                with row(), cell():
+                    if rule.doc:
+                        ui.label(rule.doc)
+                    limited = inner.get(rule.attribute or "")
+                    TextTag("div", constraint_text(rule, limited.unit if limited else None), "somrs-onto-limit")
     owners = [owner for owner in view.ontology.types.values() if attribute.name in (*owner.attributes, *owner.required)]
     with chapter("Types that have it", len(owners)):
         if not owners:

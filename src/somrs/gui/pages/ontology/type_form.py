@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 from nicegui import ui
 
-from somrs.gui.pages.ontology.drafts import FORMULA, LIMITS
+from somrs.gui.pages.ontology.drafts import BLANK_RULE, FORMULA, LIMITS
 from somrs.gui.pages.ontology.fields import Fields
 from somrs.gui.pages.ontology.form_parser import attributes_with, type_from_form
 from somrs.gui.pages.ontology.ontology_view import OntologyView
@@ -44,8 +44,8 @@ class TypeForm:
             lambda: {"type": None, "minimum": "1", "maximum": ""},
             "Parts that every object has.",
         )
-        blank = {"sort": LIMITS, "attribute": None, "minimum": "", "maximum": "", "values": "", "formula": "", "doc": ""}
-        self._rebuild_rules = fields.rows("constraints", "Rules", "rule", self._rule, lambda: dict(blank))
+        fields.flag("closed", "Objects have no other parts than those listed here and inherited")
+        self._rebuild_rules = fields.rows("constraints", "Rules", "rule", self._rule, lambda: dict(BLANK_RULE))
         fields.text("driver", "Driver", hint="module:Class of the program that serves such a device", width="full")
         self._show_inherited()
         fields.add_callback("parent", self._parent_chosen)
@@ -116,24 +116,25 @@ class TypeForm:
             object_type = type_from_form(self._fields.draft.form, self._fields.draft.name or "type")
             self._fields.formula(f"{path}.formula", "Formula", {SELF_VARIABLE: object_type.name}, hint=hint, types=[object_type])
         else:
-            self._limits(path)
+            limit_fields(self._fields, path, self._available_attributes())
         self._fields.text(f"{path}.doc", "Message when the rule is broken", width="full")
 
-    def _limits(self, path: str) -> None:
-        attributes = self._available_attributes()
 
-        def chosen() -> None:
-            attribute = attributes.get(self._fields.value_at(f"{path}.attribute") or "")
-            for field in ends:
-                field.props["suffix"] = _unit(attribute)
-                field.visible = attribute is None or attribute.kind is Kind.NUMBER
+def limit_fields(fields: Fields, path: str, attributes: Mapping[str, AttributeType]) -> None:
+    """The fields for the limits of one of the attributes."""
 
-        self._fields.choice(f"{path}.attribute", "Attribute", _simple(attributes), callback=chosen)
-        ends = [
-            self._fields.text(f"{path}.{key}", label, width="narrow") for key, label in (("minimum", "At least"), ("maximum", "At most"))
-        ]
-        self._fields.text(f"{path}.values", "One of", width="middle", hint="separated by commas")
-        chosen()
+    def chosen() -> None:
+        attribute = attributes.get(fields.value_at(f"{path}.attribute") or "")
+        for field in ends:
+            field.props["suffix"] = _unit(attribute)
+            field.visible = attribute is None or attribute.kind is Kind.NUMBER
+        is_group = attribute is not None and attribute.kind is Kind.COMPLEX
+        values.props["hint"] = "groups of attributes, separated by commas" if is_group else "separated by commas"
+
+    fields.choice(f"{path}.attribute", "Attribute", sorted(attributes), callback=chosen)
+    ends = [fields.text(f"{path}.{key}", label, width="narrow") for key, label in (("minimum", "At least"), ("maximum", "At most"))]
+    values = fields.text(f"{path}.values", "One of", width="middle", hint="separated by commas")
+    chosen()
 
 
 def _listed(attribute: AttributeType | None) -> bool:
