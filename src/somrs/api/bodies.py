@@ -102,7 +102,7 @@ def scene_of(map: Map, version: int, ontology: Ontology, objects: Iterable[Objec
         except SimulationError as error:
             problems.append(str(error))
             continue
-        if solid is not None:
+        if solid is not None and solid.role is not Role.PART:  # its whole is drawn with its parts
             bodies.append(_body(object, _place_solid(solid, map, ontology), map, ontology))
     types = {type: tuple(ontology.ancestors(type)) for type in {body.type for body in bodies}}
     return Scene(version=version, title=_title(map), bodies=tuple(bodies), types=types, problems=tuple(problems))

@@ -27,7 +27,7 @@ REQUIRED_NAMES: Mapping[Section, frozenset[str]] = {
         (
             "Object", "PhysicalObject", "AbstractObject", "Storey", "Space",
             "BuildingElement", "Wall", "Floor", "Ceiling", "Window", "Passage", "Opening", "Door", "Place", "Charger",
-            "Furniture", "Support", "Container", "Graspable",
+            "Furniture", "FurnitureLeg", "Support", "Container", "Graspable",
             "Device", "Person", "StationaryDevice", "Camera", "MobileRobot", "MobileManipulator", "PatrolRobot",
         )
     ),

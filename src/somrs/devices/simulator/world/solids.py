@@ -33,6 +33,8 @@ class Role(StrEnum):
     """Does not move, and nothing can be put on it."""
     THING = "thing"
     """Can be carried."""
+    PART = "part"
+    """Visible only: the object that it is a part of stands for it in all else."""
     ROBOT = "robot"
     CAMERA = "camera"
     """A stationary camera."""
@@ -53,6 +55,8 @@ _ROLES = (
     ("StationaryDevice", Role.SUPPORT),  # things on which the device works are put on it
     ("Graspable", Role.THING),
     ("MobileRobot", Role.ROBOT),
+    ("FurnitureLeg", Role.PART),
+    ("TableTop", Role.PART),
     ("PhysicalObject", Role.STATIC),
 )
 

@@ -15,7 +15,7 @@ from somrs.devices.simulator.world.chassis import HANDLE_BIT, ROBOT_BIT, STATIC_
 from somrs.devices.simulator.world.colours import METAL, colour_of
 from somrs.devices.simulator.world.leaves import EDGE, HANDLE, HANDLE_LENGTH, JAMB, STANDOFF, Leaf, leaf_obstacles, leaves_of, panels
 from somrs.devices.simulator.world.looks import add_surroundings, draw, draw_handle, draw_leaf
-from somrs.devices.simulator.world.solids import Point, Role, Solid, solid_of
+from somrs.devices.simulator.world.solids import Point, Role, Solid, role_of, solid_of
 from somrs.errors import SimulationError
 from somrs.ontology.objects import Map, Object
 from somrs.ontology.types import Ontology
@@ -34,6 +34,8 @@ class World:
     solids: dict[str, Solid] = field(default_factory=dict)
     positions: dict[str, float] = field(default_factory=dict)
     """The positions of the leaves of doors and containers when they came to rest, by name."""
+    composed: frozenset[str] = frozenset()
+    """Objects whose parts are drawn in their place."""
 
     def by_role(self, *roles: Role) -> list[Solid]:
         return [solid for solid in self.solids.values() if solid.role in roles]
@@ -79,7 +81,7 @@ class World:
         body = self.spec.worldbody.add_body(name=solid.name, pos=[solid.x, solid.y, solid.z], quat=turn)
         if solid.form == "Polygon":
             self._add_prisms(body, solid)
-        else:
+        elif solid.name not in self.composed:
             draw(body, solid, list(self.ontology.ancestors(solid.type)))
         leaves = leaves_of(solid)
         for leaf in leaves:
@@ -95,7 +97,7 @@ class World:
                 body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=half, pos=centre, group=3, friction=[0.9, 0.01, 0.001], **bits)
             return
         if (
-            solid.role is Role.MARK
+            solid.role in (Role.MARK, Role.PART)
             or (solid.role is Role.DOOR and (leaves or solid.open))
             or (solid.form == "Polygon" and solid.role is not Role.FLOOR)
         ):
@@ -192,7 +194,8 @@ def build(map: Map, ontology: Ontology) -> World:
     spec.option.iterations, spec.option.ls_iterations = 30, 20
     # A divergence must be detected; MuJoCo must not reset the state.
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-    world = World(spec, ontology)
+    parts = (name for name, object in map.objects.items() if role_of(object, ontology) is Role.PART and solid_of(object, ontology))
+    world = World(spec, ontology, composed=frozenset(whole for name in parts if (whole := map.whole(name)) is not None))
     for object in map.objects.values():
         world.add(object)
     solids = list(world.solids.values())

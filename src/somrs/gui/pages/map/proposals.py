@@ -6,6 +6,7 @@ import re
 from collections import Counter
 from dataclasses import dataclass
 
+from somrs.gui.pages.map.composition import part_changes
 from somrs.gui.pages.map.moves import ON_RELATION, TURNED, X, Y, Z, number, top
 from somrs.ontology.objects import Change, Fact, FactAdded, Map, Object, ObjectAdded
 from somrs.ontology.types import PART_OF, PHYSICAL, Ontology, Value
@@ -80,7 +81,7 @@ def _is_required(type_name: str, attribute: str, ontology: Ontology) -> bool:
 def creation_changes(
     type_name: str, name: str, values: dict[str, Value], spot: Spot | None, map: Map, ontology: Ontology
 ) -> tuple[Change, ...]:
-    """The changes that add an object of the type at the position, if any."""
+    """The changes that add an object of the type, with its obligatory parts, at the position, if any."""
     attributes = ontology.attributes_of(type_name)
     facts: list[Fact] = []
     if spot is not None:
@@ -99,7 +100,8 @@ def creation_changes(
     elif (root := next(iter(map.roots()), None)) is not None:
         facts.append(Fact(PART_OF, (name, root)))  # otherwise it would be in no building
     known_values = {path: value for path, value in values.items() if path in attributes}
-    return (ObjectAdded(Object(name=name, type=type_name, values=known_values)), *(FactAdded(fact) for fact in facts))
+    object = Object(name=name, type=type_name, values=known_values)
+    return (ObjectAdded(object), *(FactAdded(fact) for fact in facts), *part_changes(object, ontology))
 
 
 def _height(type_name: str, values: dict[str, Value], floor: float, ontology: Ontology) -> float:

@@ -6,7 +6,7 @@
 // solid: its parts move with it.
 
 const KINDS = [
-  { id: "none", types: ["AbstractObject", "Ceiling"] },
+  { id: "none", types: ["AbstractObject", "Ceiling", "FurnitureLeg", "TableTop"] },
   { id: "opening", types: ["Opening"], title: "Opening", layer: "walls", moves: "fixed", label: 5, from: 60 },
   { id: "charger", types: ["Charger"], title: "Charging place", layer: "places", moves: "free", label: 60, from: 14, carries: 2 },
   { id: "place", types: ["Place"], title: "Place", layer: "places", moves: "free", label: 62, from: 12, carries: 2 },
