@@ -73,8 +73,8 @@ def subjects_and_rules(found_violations: list[Violation]) -> set[tuple[str, str]
 @pytest.mark.parametrize(("changes", "expected"), UPDATES, ids=lambda value: str(sorted(value) if isinstance(value, set) else value)[:60])
 def test_update_breaks_just_these_rules(demo: Map, changes: list[Change], expected: set[tuple[str, str]]) -> None:
     map_after = demo.changed(changes)
-    assert subjects_and_rules(violations_of(map_after, upper(), touched_objects(demo, changes))) == expected
-    assert subjects_and_rules(violations(map_after, upper())) - {("map", "root")} == expected
+    assert subjects_and_rules(violations_of(map_after, upper(2), touched_objects(demo, changes))) == expected
+    assert subjects_and_rules(violations(map_after, upper(2))) - {("map", "root")} == expected
 
 
 def some_changes(map: Map) -> st.SearchStrategy[list[Change]]:
@@ -110,16 +110,16 @@ def test_checking_what_an_update_touched_finds_what_checking_all_finds(demo: Map
         changes = [*changes, ObjectRemoved(data.draw(st.sampled_from([*demo.objects])))]
     map_after = demo.changed(changes)
     # That the map lacks a root at all is said of the map, not of an object.
-    expected = subjects_and_rules(violations(map_after, upper())) - {("map", "root")}
-    assert subjects_and_rules(violations_of(map_after, upper(), touched_objects(demo, changes))) == expected
-    assert subjects_and_rules(violations_of(map_after, upper(), touched_objects(demo, changes), demo)) == expected, (
+    expected = subjects_and_rules(violations(map_after, upper(2))) - {("map", "root")}
+    assert subjects_and_rules(violations_of(map_after, upper(2), touched_objects(demo, changes))) == expected
+    assert subjects_and_rules(violations_of(map_after, upper(2), touched_objects(demo, changes), demo)) == expected, (
         "what did not change is in order"
     )
 
 
 def test_constraint_speaks_of_sub_objects(demo: Map) -> None:
     ontology = load_text(
-        "types:\n  LowRoom:\n    parent: Room\n    constraints:\n"
+        "upper: 2\ntypes:\n  LowRoom:\n    parent: Room\n    constraints:\n"
         '      - {formula: "?Wall: Wall isPartOf ?Self AND ?Wall.Shape.Height < 2", doc: A low room has a low wall}\n'
     ).ontology
     low = demo.changed([ObjectAdded(Object(name="Cellar", type="LowRoom")), part("Cellar", "Storey001")])
