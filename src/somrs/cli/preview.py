@@ -31,6 +31,8 @@ def _preview(result: Previewed, *, quoted: bool) -> Group:
     parts: list[RenderableType] = [terminal.plan(result.steps)]
     if quoted:
         parts += ["", _quotations(result.quotations), "", _total(result)]
+        if result.alternatives:
+            parts += ["", _alternatives(result)]
     if result.waits:
         parts.append(Text(f"A task would begin by {result.waits}."))
     return Group(*parts)
@@ -61,6 +63,19 @@ def _quotations(offered_quotations: Iterable[Quotation]) -> RenderableType:
         whole=("terms",),
         least={columns[1]: terminal.column_width(f"✔ {quotation.service}" for quotation in quotation_list)},
     )
+
+
+def _alternatives(result: Previewed) -> RenderableType:
+    """All plans side by side; the policy prefers the first."""
+    rows = (
+        (
+            Text(", ".join(step.service_type for step in plan.steps), "green" if plan is result else ""),
+            Text(", ".join(step.service or "nobody" for step in plan.steps)),
+            terminal.terms(plan.price, plan.currency, plan.seconds) or "not every step has terms",
+        )
+        for plan in (result, *result.alternatives)
+    )
+    return terminal.table("Plans (the first is preferred)", ("steps", "services", "terms"), rows, whole=("terms",))
 
 
 def _total(result: Previewed) -> Text:

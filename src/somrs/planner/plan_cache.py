@@ -17,7 +17,7 @@ from somrs.planner.model.problem import Problem
 SIZE = 32
 """The number of results to keep; the oldest is dropped first."""
 
-Question = tuple[Formula, Formula | None, tuple[tuple[ServiceType, tuple[str, ...]], ...], frozenset[str], frozenset[str], bool]
+Question = tuple[Formula, Formula | None, tuple[tuple[ServiceType, tuple[str, ...]], ...], frozenset[str], frozenset[str], bool, int]
 """The cache key of a problem. It leaves prices out: a plan stays valid when prices change."""
 
 
@@ -57,7 +57,7 @@ class PlanCache:
 
 def _question(problem: Problem) -> Question:
     services = tuple((available.service_type, available.providers) for available in problem.services)
-    return problem.goal, problem.precondition, services, problem.excluded, problem.unknown, problem.hurry
+    return problem.goal, problem.precondition, services, problem.excluded, problem.unknown, problem.hurry, problem.most_plans
 
 
 def _matters(change: Change, subjects: frozenset[str]) -> bool:

@@ -9,6 +9,7 @@ from somrs.entish import Formula
 from somrs.entish.formula import alternatives, conjunction, count_alternatives, names
 from somrs.errors import RemoteError, SomrsError
 from somrs.ontology.truth import formula_holds
+from somrs.planner.alternatives import with_alternatives
 from somrs.planner.conditions import ConditionalUses
 from somrs.planner.encodings.sas import decode_moves, encode_sas
 from somrs.planner.explanation import exclusion_obstacles, exclusion_text, explain_failure, unmet_precondition
@@ -124,7 +125,9 @@ def _plan_or_assume(problem: Problem, engines: _Engines) -> Plan | NoPlan:
     result = _plan_quickly(problem)
     if result is None:
         result = generalize_providers(problem, prefer_shorter(problem, _plan(problem, engines)))
-    for reading in optimistic(problem) if isinstance(result, NoPlan) and unmet_precondition(problem) is None else ():
+    if isinstance(result, Plan):
+        return with_alternatives(problem, result, plan)
+    for reading in optimistic(problem) if unmet_precondition(problem) is None else ():
         if isinstance(optimistic_plan := _plan(reading, engines), Plan):
             return generalize_providers(reading, optimistic_plan)
     return result

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from somrs.planner.alternatives import may_have_alternatives
 from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import Problem
 from somrs.planner.plan_cache import PlanCache
@@ -18,7 +19,10 @@ class Planner:
 
     async def plan(self, problem: Problem) -> Plan | NoPlan:
         """A plan, or why there is none. Raises RemoteError when the planner's process fails."""
-        result = plan_quickly(problem) or self._cache.recall(problem)
+        result = plan_quickly(problem)
+        if isinstance(result, Plan) and may_have_alternatives(problem, result):
+            result = None
+        result = result or self._cache.recall(problem)
         if result is None:
             result = await self._process.plan(problem)
             self._cache.store(problem, result)

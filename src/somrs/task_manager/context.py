@@ -17,6 +17,7 @@ from somrs.ontology.check import check
 from somrs.ontology.services import PROVIDER, PROVIDER_TYPE, Handler
 from somrs.ontology.truth import formula_holds
 from somrs.ontology.types import UNKNOWN
+from somrs.planner.model.plan import Plan
 from somrs.planner.model.problem import AvailableService, Problem
 from somrs.protocol.messages.clients import Policy, Submit
 from somrs.protocol.messages.directory import Offer
@@ -55,6 +56,17 @@ class Quotes(Struct, kw_only=True):
         return None
 
 
+class PlanToQuote(Struct, frozen=True):
+    """A plan for which services are to be asked for terms, to compare it with others. `id` names the quotes; `owner` is the task or preview
+    that compares, and `offers` are the services that it knows."""
+
+    id: str
+    owner: str
+    task: Submit
+    plan: Plan
+    offers: tuple[Offer, ...]
+
+
 class TaskManagerContext:
     """What a transaction uses of its Task Manager. It has no state of its own, but references to that of the Task Manager."""
 
@@ -78,6 +90,8 @@ class TaskManagerContext:
         """The intervals in which providers are committed to this Task Manager, in any transaction."""
         self.still_at_work = still_at_work
         """Whether a participant's device still carries out its last order."""
+        self.plans_to_quote: list[PlanToQuote] = []
+        """The plans to quote, until the Task Manager begins with them in the same step."""
 
 
 def planning_problem(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from itertools import islice
 
 from somrs.kernel.codec import Schema
@@ -31,7 +32,7 @@ from somrs.task_manager.context import Commitments, Interval, TaskManagerContext
 from somrs.task_manager.device_queue import AtWork
 from somrs.task_manager.execution.participants import answer_stranger
 from somrs.task_manager.migrations import MIGRATIONS
-from somrs.task_manager.preview import PreviewExecutor, new_preview
+from somrs.task_manager.preview import PreviewExecutor, new_preview, preview_of_plan
 from somrs.task_manager.requests import ForPlan, ReportAnswered, RequestResult, ServicesKnown
 from somrs.task_manager.state import TaskManagerState, UnsettledReport
 from somrs.task_manager.subscriptions import Replies, TaskSubscriptions
@@ -62,6 +63,9 @@ READY_TIME = 30.0
 
 REMEMBERED = 200
 """The number of tasks in memory. Beyond that, the oldest ended tasks are dropped; the archive keeps their records."""
+
+
+PreviewWork = Callable[[PreviewExecutor], EffectsReturning[clients.Previewed | None]]
 
 
 class TaskManager:
@@ -117,6 +121,7 @@ class TaskManager:
         for task in state.queues.admit_waiting(self._still_at_work):
             if task in state.tasks:
                 yield from self._transaction(task).proceed(now)
+        yield from self._quote_plans(now)
         if state.touched:
             yield from self._replies(self._subscriptions.notify_watchers(state.touched))
         for id in [id for id in state.running if state.tasks[id].outcome is not None]:
@@ -155,7 +160,7 @@ class TaskManager:
             if message.header.transaction in state.tasks:
                 yield from self._transaction(message.header.transaction).receive(message, now)
             elif message.header.transaction in state.previews:
-                yield from self._advance_preview(message.header.transaction, lambda preview: preview.receive(message, now))
+                yield from self._advance_preview(message.header.transaction, now, lambda preview: preview.receive(message, now))
             else:
                 yield from answer_stranger(message, self.address)
         elif not state.replica.ready and isinstance(body, clients.Submit | clients.Preview):
@@ -215,14 +220,27 @@ class TaskManager:
                 yield self._reply(message, preview_reply(task_error))
             else:
                 state.previews[id] = preview
-                yield from self._advance_preview(id, lambda preview: preview.begin(now))
+                yield from self._advance_preview(id, now, lambda preview: preview.begin(now))
 
-    def _advance_preview(self, id: str, work: Callable[[PreviewExecutor], EffectsReturning[clients.Previewed | None]]) -> Effects:
+    def _advance_preview(self, id: str, now: float, work: PreviewWork) -> Effects:
         """Continue a preview. Its client receives the answer when it has ended."""
         preview = self.state.previews[id]
         answer = yield from work(PreviewExecutor(preview, self._context))
-        if answer is not None:
+        if answer is None:
+            return
+        if preview.request is not None:
             yield self._reply(preview.request, answer)
+        elif preview.owner in self.state.previews:
+            yield from self._advance_preview(preview.owner, now, lambda owner: owner.rival_ended(id, answer, now))
+        elif preview.owner in self.state.tasks:
+            yield from self._transaction(preview.owner).plan_quoted(id, answer, now)
+
+    def _quote_plans(self, now: float) -> Effects:
+        """Ask services for terms for the plans that tasks and previews compare."""
+        while self._context.plans_to_quote:
+            quoted = self._context.plans_to_quote.pop(0)
+            self.state.previews[quoted.id] = preview_of_plan(quoted)
+            yield from self._advance_preview(quoted.id, now, partial(PreviewExecutor.begin_with_plan, plan=quoted.plan, now=now))
 
     def _list_tasks(self, query: clients.ReadTasks) -> clients.Tasks:
         tasks = self.state.tasks
@@ -268,7 +286,7 @@ class TaskManager:
             case BidsDue() | SilenceDue() | OverdueDue() | DeadlineDue() | RetryDue() | StopDue() if timer.owner in state.tasks:
                 yield from self._transaction(timer.owner).timer_fired(timer, now)
             case BidsDue() | PreviewDue() if timer.owner in state.previews:
-                yield from self._advance_preview(timer.owner, lambda preview: preview.timer_fired(timer, now))
+                yield from self._advance_preview(timer.owner, now, lambda preview: preview.timer_fired(timer, now))
 
     def _answered(self, question: object, value: object, now: float) -> Effects:
         state = self.state
@@ -277,7 +295,7 @@ class TaskManager:
             case PlanWanted(owner=owner) if owner in state.tasks:
                 yield from self._transaction(owner).planned(question, answer, now)
             case PlanWanted(owner=owner) if owner in state.previews:
-                yield from self._advance_preview(owner, lambda preview: preview.planned(question, answer, now))
+                yield from self._advance_preview(owner, now, lambda preview: preview.planned(question, answer, now))
             case RecordsWanted(request) if (reader := state.awaiting_records.pop(request, None)) is not None:
                 yield self._reply(reader, _records_reply(reader, answer))
 
@@ -286,7 +304,7 @@ class TaskManager:
         if transaction in self.state.tasks:
             yield from self._transaction(transaction).delivery_failed(message, reason, now)
         elif transaction in self.state.previews:
-            yield from self._advance_preview(transaction, lambda preview: preview.delivery_failed(message, reason, now))
+            yield from self._advance_preview(transaction, now, lambda preview: preview.delivery_failed(message, reason, now))
 
     def _request_answered(self, result: RequestResult | None, now: float) -> Effects:
         """Handle the result of a request to the Repository or the Registry."""
@@ -295,7 +313,7 @@ class TaskManager:
             case ServicesKnown(purpose, offers) if purpose.owner in state.tasks:
                 yield from self._transaction(purpose.owner).discovered(purpose, offers, now)
             case ServicesKnown(ForPlan(owner=owner), offers) if owner in state.previews:
-                yield from self._advance_preview(owner, lambda preview: preview.discovered(offers, now))
+                yield from self._advance_preview(owner, now, lambda preview: preview.discovered(offers, now))
             case ReportAnswered(purpose, answer) if purpose.owner in state.tasks:
                 unsettled = yield from self._transaction(purpose.owner).report_answered(answer, now)
                 if unsettled is not None:

@@ -25,9 +25,9 @@ from somrs.protocol.messages.frp import State
 from somrs.task_manager.arrangement.available_services import AvailableServices, KnownServices
 from somrs.task_manager.arrangement.call_for_proposals import MAX_OPEN_CALLS, Arrangement, CallForProposals, OpenCalls, make_call
 from somrs.task_manager.arrangement.conditions import Conditions, StatedConditions, condition_error
-from somrs.task_manager.arrangement.plan_request import PlanRequest, PlanRequester, PlanResult
-from somrs.task_manager.context import Commitments, Interval, TaskManagerContext
-from somrs.task_manager.execution.bids import Bid, choose_bid, fit_bid, make_bid
+from somrs.task_manager.arrangement.plan_request import MOST_PLANS, PlanRequest, PlanRequester, PlanResult
+from somrs.task_manager.context import Commitments, Interval, PlanToQuote, TaskManagerContext
+from somrs.task_manager.execution.bids import Bid, choose_bid, fit_bid, make_bid, plan_preference
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.participants import Members, Participants
 from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow
@@ -48,11 +48,11 @@ PREVIEW_ONLY = "only a preview was requested"
 
 
 class PreviewState(Struct, kw_only=True):
-    """The state of one preview. Its result answers `request`, once."""
+    """The state of one preview. Its result answers `request`, once; or it goes to the `owner`, a task or preview that compares plans."""
 
     id: str
     query: Preview = field(name="wanted")
-    request: Message
+    request: Message | None
     task: Submit
     planning: PlanRequest
     calls: OpenCalls
@@ -68,6 +68,11 @@ class PreviewState(Struct, kw_only=True):
     unserved: dict[str, str] = {}
     conditions: StatedConditions = field(default_factory=StatedConditions)
     ended: bool = field(default=False, name="over")
+    owner: str | None = None
+    rivals: dict[str, Previewed | None] = {}
+    """The previews of the other plans for the task, by id; None until they have ended."""
+    result: Previewed | None = None
+    """The result, while it waits for the rivals."""
 
     @property
     def waits(self) -> str:
@@ -85,8 +90,24 @@ def new_preview(id: str, query: Preview, request: Message) -> PreviewState:
         priority=query.priority,
         recognise=query.recognise,
     )
-    planning = PlanRequest(owner=id, goal=0, serial=0, task=task)
+    planning = PlanRequest(owner=id, goal=0, serial=0, task=task, most_plans=MOST_PLANS if query.quotes else 1)
     return PreviewState(id=id, query=query, request=request, task=task, planning=planning, calls=OpenCalls(timer=BidsDue(id, 0)))
+
+
+def preview_of_plan(quoted: PlanToQuote) -> PreviewState:
+    """A preview of a given plan, for the task or preview that compares it with others; `begin_with_plan` next."""
+    task = quoted.task
+    query = Preview(effect=task.effect, quotes=True, policy=task.policy, time_value=task.time_value, deadline=task.deadline)
+    return PreviewState(
+        id=quoted.id,
+        query=query,
+        request=None,
+        task=task,
+        planning=PlanRequest(owner=quoted.id, goal=0, serial=0, task=task),
+        calls=OpenCalls(timer=BidsDue(quoted.id, 0)),
+        services=KnownServices(offers=quoted.offers),
+        owner=quoted.owner,
+    )
 
 
 class PreviewExecutor:
@@ -102,6 +123,14 @@ class PreviewExecutor:
         self._context.reservations.add_task(state.id, state.task.effect, state.task.priority)
         yield from self._planning.begin(now)
         return None
+
+    def begin_with_plan(self, plan: Plan, now: float) -> EffectsReturning[Previewed | None]:
+        """Ask for quotes for this plan."""
+        self._services.discovered(self._state.services.offers)
+        state = self._state
+        state.bidding_start, state.workflow, state.outlook = now, Workflow.from_plan(plan.certain_part), plan
+        yield SetTimer(PreviewDue(state.id), now + MOST_TIME)
+        return (yield from self._ask(now))
 
     # Planning
 
@@ -128,13 +157,30 @@ class PreviewExecutor:
             state.waiting_for, result = WaitsForTasks.on(result.holders), result.plan
         if not isinstance(result, Plan) or not state.query.quotes or not result.steps:
             return (yield from self._end(structs.replace(preview_reply(result), waits=state.waits, waiting_for=state.waiting_for)))
-        serial = state.planning.serial
-        state.workflow = Workflow.from_plan(result.certain_part, f"{serial}/" if serial else "")
-        state.outlook = result
-        if not serial:
-            state.bidding_start = now
-            yield SetTimer(PreviewDue(state.id), now + MOST_TIME)
-        return (yield from self._ask(now))
+        if serial := state.planning.serial:
+            state.workflow, state.outlook = Workflow.from_plan(result.certain_part, f"{serial}/"), result
+            return (yield from self._ask(now))
+        for number, rival in enumerate(result.alternatives, 2):
+            id = f"{state.id}/plan{number}"
+            state.rivals[id] = None
+            self._context.plans_to_quote.append(PlanToQuote(id, state.id, state.task, rival, state.services.offers))
+        return (yield from self.begin_with_plan(result, now))
+
+    def rival_ended(self, id: str, result: Previewed, now: float) -> EffectsReturning[Previewed | None]:
+        """Handle the preview of another plan."""
+        yield from ()
+        self._state.rivals[id] = result
+        return self._compare()
+
+    def _compare(self) -> Previewed | None:
+        """The preferred result with the others, once all plans have quotes."""
+        state = self._state
+        rivals = [rival for rival in state.rivals.values() if rival is not None]
+        if state.result is None or len(rivals) < len(state.rivals):
+            return None
+        state.ended = True
+        best, *others = sorted([state.result, *rivals], key=lambda result: plan_preference(state.task, result))
+        return structs.replace(best, waits=state.waits, waiting_for=state.waiting_for, alternatives=tuple(others))
 
     # Calls for proposals
 
@@ -145,7 +191,7 @@ class PreviewExecutor:
     def receive(self, message: Message, now: float) -> EffectsReturning[Previewed | None]:
         """Handle a service's message."""
         received = yield from self._participants.receive(message, now)
-        if received is None or not received[1].moved or self._state.ended:
+        if received is None or not received[1].moved or self._state.result is not None:
             return None
         member, _ = received
         call = self._state.calls.find_call(member)
@@ -166,12 +212,12 @@ class PreviewExecutor:
         """Handle a message that did not reach its service."""
         member = yield from self._participants.delivery_failed(message, reason, now)
         call = self._state.calls.find_call(member) if member is not None else None
-        return (yield from self._answered(call, now)) if call is not None and not self._state.ended else None
+        return (yield from self._answered(call, now)) if call is not None and self._state.result is None else None
 
     def timer_fired(self, timer: object, now: float) -> EffectsReturning[Previewed | None]:
         """The time to answer a call, or the time of the whole preview, is over."""
         state = self._state
-        if state.ended:
+        if state.result is not None:
             return None
         if isinstance(timer, PreviewDue):
             for call in state.calls:
@@ -206,7 +252,7 @@ class PreviewExecutor:
                 earliest, latest = workflow.earliest_start(run, now), self._latest_finish
                 yield from calls.open((yield from self._arrangement.invite_services(run, able, earliest, latest, now, REPLY_TIME)))
             if workflow.arranged:
-                if self._services.redefined_types() & {run.step.service_type for run in workflow}:
+                if state.owner is None and self._services.redefined_types() & {run.step.service_type for run in workflow}:
                     return (yield from self._begin_again(now))
                 return (yield from self._end(self._conclusion()))
             if len(calls) or not runs:
@@ -217,7 +263,8 @@ class PreviewExecutor:
         """Plan again, because service types of the plan are defined anew, or with conditions that services stated."""
         state = self._state
         state.conditions.begin_plan()
-        state.planning = structs.replace(state.planning, serial=state.planning.serial + 1, bids=tuple(state.conditions.bids))
+        bids = tuple(state.conditions.bids)
+        state.planning = structs.replace(state.planning, serial=state.planning.serial + 1, bids=bids, most_plans=1)
         state.quotations, state.unserved = {}, {}
         return (yield from self.begin(now))
 
@@ -233,7 +280,7 @@ class PreviewExecutor:
         state, run = self._state, self._arrangement.run(call)
         yield from state.calls.close(call)
         conditions = Conditions(state.conditions, self._arrangement, self._context.quotes)
-        if now < state.bidding_start + MOST_TIME and conditions.consider(call, state.task, (), now):
+        if state.owner is None and now < state.bidding_start + MOST_TIME and conditions.consider(call, state.task, (), now):
             yield from self._arrangement.withdraw(call, PREVIEW_ONLY, now)
             return
         bids: dict[str, Bid] = {}
@@ -356,10 +403,11 @@ class PreviewExecutor:
         )
 
     def _end(self, answer: Previewed) -> EffectsReturning[Previewed | None]:
-        self._state.ended = True
-        yield from self._state.calls.close_all()
-        yield SetTimer(PreviewDue(self._state.id), None)
-        return answer
+        state = self._state
+        state.result = answer
+        yield from state.calls.close_all()
+        yield SetTimer(PreviewDue(state.id), None)
+        return self._compare()
 
     def _ignore_event(self, event: Event, now: float) -> None:
         """A preview keeps no events."""

@@ -164,6 +164,7 @@ def test_it_is_planned_as_the_task_would_be() -> None:
 def test_what_is_stated_twice_by_one_message_is_one_preview() -> None:
     preview = PreviewHarness(TaskManagerHarness())
     request = preview.state.request
+    assert request is not None
     assert preview.harness.feed(Received(request), 11.0) == []
     assert [*preview.harness.manager.state.previews] == [preview.state.id]
 

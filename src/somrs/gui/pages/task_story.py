@@ -181,6 +181,8 @@ class _StoryBuilder:
                     self._close(chapter, "The step was completed after all.", "good", entry.at)
             case events.StepStopped(service=service) if not chapters:
                 self._add_chapter(entry, "stop_circle", f"{service} stopped", "plain", entry.step or "")
+            case events.PlansCompared():
+                self._add_chapter(entry, "compare_arrows", "Compared plans", "plain", entry.text)
             case events.ServiceChosen() | events.MayTryAgain() | events.ServiceRefused() | events.StepStopped():
                 for chapter in chapters:
                     chapter.add(entry.at, entry.text)

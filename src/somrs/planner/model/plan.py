@@ -87,6 +87,8 @@ class Plan(Struct, frozen=True, dict=True, tag=True):
 
     steps: tuple[Step, ...] = ()
     links: tuple[Link, ...] = ()
+    alternatives: tuple[Plan, ...] = ()
+    """Other plans for the same problem, which use other service types."""
 
     @cached_property
     def _by_id(self) -> Mapping[str, Step]:

@@ -74,6 +74,8 @@ class Problem(Struct, frozen=True, kw_only=True, tag=True):
     rest: tuple[Step, ...] = ()
     promised: frozenset[str] = frozenset()
     hurry: bool = False
+    most_plans: int = 1
+    """How many plans are wanted. Beyond the first, they are sought only if that is easy."""
     lost: tuple[LostService, ...] = ()
     bids: tuple[StepBid, ...] = ()
     """Answers of services that concern the plan, because one of those that were asked for the same stated a condition."""

@@ -399,6 +399,8 @@ class Previewed(MessageBody, frozen=True, kw_only=True, tag=True):
     estimate: bool = False
     """Some of the figures are estimates."""
     unserved: dict[str, str] = {}
+    alternatives: tuple[Previewed, ...] = ()
+    """With quotes: other plans, which use other service types. This one is preferred by the policy."""
 
 
 class MessageView(Struct, frozen=True, kw_only=True):

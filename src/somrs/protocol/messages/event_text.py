@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from somrs.protocol.messages import events
-from somrs.protocol.messages.events import Event, Holder
+from somrs.protocol.messages.events import ComparedPlan, Event, Holder
 
 
 def join_reasons(reasons: Iterable[str]) -> str:
@@ -48,6 +48,14 @@ def _task_text(holder: Holder) -> str:
     return f"task {short_id(holder.task)}" + (f" ({holder.goal})" if holder.goal else "")
 
 
+def compared_plan_text(plan: ComparedPlan) -> str:
+    """Return the service types of a plan, its price and its duration."""
+    types = ", ".join(plan.service_types)
+    if plan.price is None or plan.seconds is None:
+        return f"{types}: not every step has terms"
+    return f"{types} for {plan.price:g} {plan.currency}, in {plan.seconds:.0f} s"
+
+
 def sentence(event: Event) -> str:
     """Return the event as a sentence."""
     match event:
@@ -84,6 +92,9 @@ def _of_step(event: Event) -> str:
     match event:
         case events.ServicesAsked(services=services):
             return f"asking {', '.join(services)}"
+        case events.PlansCompared(plans=plans, chosen=chosen):
+            texts = [compared_plan_text(plan) + (" (chosen)" if number == chosen else "") for number, plan in enumerate(plans)]
+            return f"compared {len(plans)} plans: {'; '.join(texts)}"
         case events.TermsOffered(service=service, price=price, currency=currency, duration=duration, condition=condition):
             return f"{service} offers {price:g} {currency}, {duration:.0f} s" + (f", if {condition}" if condition is not None else "")
         case events.ServiceRefused(service=service, reason=reason, not_now=not_now, condition=condition):

@@ -150,6 +150,23 @@ class ServicesAsked(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=T
     services: tuple[str, ...]
 
 
+class ComparedPlan(Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """A plan with the best terms for its steps: the total price, and the seconds until its last step would be done; None: no service takes
+    one of the steps, or the currencies differ."""
+
+    service_types: tuple[str, ...]
+    price: float | None = None
+    currency: str = "EUR"
+    seconds: float | None = None
+
+
+class PlansCompared(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
+    """Services quoted several plans. `chosen`: the index of the plan that the policy of the task prefers."""
+
+    plans: tuple[ComparedPlan, ...]
+    chosen: int
+
+
 class TermsOffered(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
     """`condition`: what the service demands at the start of the step."""
 
@@ -408,7 +425,7 @@ class TaskEnded(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True)
 
 Event = (
     TaskStated | Planned | WaitsForTasks | WaitsToRetry | WaitOver | GoesOn | Replanned | TriedOnceMore
-    | ServicesAsked | TermsOffered | ServiceRefused | ConditionsAdopted | ServiceChosen
+    | PlansCompared | ServicesAsked | TermsOffered | ServiceRefused | ConditionsAdopted | ServiceChosen
     | WaitsForDevice | StepStarted | ProgressNoted | StepCompleted | FoundOut | StepStopped | FoundSo
     | NotBegun | StepFailed | ServiceFaulted | ContractForgotten | ServiceSilent | ServiceOverdue | ServiceLost | ReportRejected
     | ServiceReplaced | MayTryAgain | HandlerBegun | GoalFailed | LookBegun | LookFound | NobodyLooks | KnownOtherwise

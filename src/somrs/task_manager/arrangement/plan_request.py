@@ -34,6 +34,10 @@ PlanResult = Answer | BlockedPlan | ServicesUnknown | str
 """The planner's answer; a plan that other tasks block; or the reason why the planner could not be asked."""
 
 
+MOST_PLANS = 3
+"""The number of plans that are compared by quotes."""
+
+
 class PlanRequest(Struct, kw_only=True):
     """A request for a plan. `owner` is the task or preview, `goal` the number of its goal, `task` what the plan has to achieve.
 
@@ -50,6 +54,7 @@ class PlanRequest(Struct, kw_only=True):
     attempt: int = 0
     bids: tuple[StepBid, ...] = ()
     """What services answered when they were asked for steps of earlier plans, if a condition was stated."""
+    most_plans: int = 1
 
     @property
     def purpose(self) -> ForPlan:
@@ -98,7 +103,14 @@ class PlanRequester:
             task = planning_problem(request.task, context.replica, self._services.usable, avoided, context.quotes.prices)
         except FormulaError as error:
             return f"the task does not fit the map any more: {error}"
-        task = replace(task, lost=tuple(self._services.excluded_services), fruitless=self._services.fruitless, observed=self._services.told)
+        services = self._services
+        task = replace(
+            task,
+            lost=tuple(services.excluded_services),
+            fruitless=services.fruitless,
+            observed=services.told,
+            most_plans=request.most_plans,
+        )
         if self._old_workflow is not None:
             remaining_runs = self._old_workflow.remaining
             promised = frozenset(run.step.id for run in remaining_runs if run.progress is Progress.ARRANGED)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Sequence
 
 from msgspec import Struct
@@ -16,7 +17,7 @@ from somrs.ontology.services import ServiceType
 from somrs.ontology.truth import bindings, formula_holds
 from somrs.ontology.types import Ontology
 from somrs.planner.model.plan import Step
-from somrs.protocol.messages.clients import Policy, Submit
+from somrs.protocol.messages.clients import Policy, Previewed, Submit
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.frp import Terms
 from somrs.task_manager.context import Interval
@@ -60,6 +61,19 @@ def choose_bid(bids: Sequence[Bid], task: Submit, now: float) -> Bid:
                 return bid.terms.price + task.time_value * (bid.finish - now), bid.finish, bid.participant
 
     return min(bids, key=preference)
+
+
+def plan_preference(task: Submit, previewed: Previewed) -> tuple[float, float]:
+    """What the task's policy minimises, for a plan with quotes. A plan with a step that no service takes comes last."""
+    if previewed.price is None or previewed.seconds is None:
+        return math.inf, math.inf
+    match task.policy:
+        case Policy.PRICE:
+            return previewed.price, previewed.seconds
+        case Policy.TIME:
+            return previewed.seconds, previewed.price
+        case Policy.WEIGHTED:
+            return previewed.price + task.time_value * previewed.seconds, previewed.seconds
 
 
 def service_types(ontology: Ontology, offers: Iterable[Offer]) -> dict[str, ServiceType]:

@@ -17,7 +17,7 @@ from somrs.kernel.component import Effects, EffectsReturning, SetTimer
 from somrs.ontology.services import ServiceKind
 from somrs.planner.model.plan import NoPlan, Plan
 from somrs.protocol.messages import events, frp
-from somrs.protocol.messages.clients import Phase
+from somrs.protocol.messages.clients import Phase, Previewed
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.event_text import holders_text
 from somrs.protocol.messages.events import GoalKind
@@ -25,7 +25,7 @@ from somrs.protocol.messages.frp import State
 from somrs.task_manager.arrangement.available_services import service_names
 from somrs.task_manager.arrangement.call_for_proposals import MAX_OPEN_CALLS, Arrangement, CallForProposals
 from somrs.task_manager.arrangement.conditions import Conditions
-from somrs.task_manager.arrangement.plan_request import PlanRequest, PlanRequester, PlanResult, ServicesUnknown
+from somrs.task_manager.arrangement.plan_request import MOST_PLANS, PlanRequest, PlanRequester, PlanResult, ServicesUnknown
 from somrs.task_manager.context import known_to_hold
 from somrs.task_manager.execution.knowledge import told
 from somrs.task_manager.execution.member import Member
@@ -34,6 +34,7 @@ from somrs.task_manager.recovery.ladder import RecoveryStep, next_recovery_step
 from somrs.task_manager.reservations import BlockedPlan
 from somrs.task_manager.timers import Answer, PlanWanted, RetryDue
 from somrs.task_manager.transaction.next_action import GoalReached, GoalUnreachable, NextAction, NoPlanFound, Proceed, StepLost
+from somrs.task_manager.transaction.plan_comparison import PlanComparison
 from somrs.task_manager.transaction.retry import hastened, is_repeated, next_wait
 from somrs.task_manager.transaction.scope import TaskScope
 from somrs.task_manager.transaction.state import GoalExecution
@@ -72,8 +73,15 @@ class GoalExecutor:
         conditions = execution.conditions
         if stated := conditions.begin_plan():
             self._log_event(events.ConditionsAdopted(conditions=stated), now)
-        bids = tuple(conditions.bids)
-        execution.request = PlanRequest(owner=state.id, goal=execution.number, serial=execution.plans, task=task, bids=bids)
+        execution.request = PlanRequest(
+            owner=state.id,
+            goal=execution.number,
+            serial=execution.plans,
+            task=task,
+            bids=tuple(conditions.bids),
+            # Later, devices wait for the new plan.
+            most_plans=MOST_PLANS if execution.kind is GoalKind.TASK and execution.plans == 0 else 1,
+        )
         execution.plans += 1
         yield from self._requester(execution.request).begin(now)
 
@@ -99,6 +107,9 @@ class GoalExecutor:
     def _planned(self, result: PlanResult, now: float) -> EffectsReturning[NextAction | None]:
         self._execution.request = None
         match result:
+            case Plan(alternatives=alternatives) if alternatives:
+                self._comparison.begin((result, *alternatives))
+                return None
             case Plan():
                 return (yield from self._adopt_plan(result, now))
             case BlockedPlan() if self._execution.kind is GoalKind.TASK:
@@ -117,6 +128,15 @@ class GoalExecutor:
                 return (yield from self._fail((reason,), now))
             case _:
                 return (yield from self._fail((f"planning failed: {result}",), now))
+
+    def plan_quoted(self, id: str, previewed: Previewed, now: float) -> EffectsReturning[NextAction | None]:
+        """Handle the quotes for one of several plans. With the last ones, adopt the plan that the policy prefers."""
+        plan = self._comparison.plan_quoted(id, previewed, now)
+        return (yield from self._adopt_plan(plan, now)) if plan is not None else None
+
+    @property
+    def _comparison(self) -> PlanComparison:
+        return PlanComparison(self._execution, self._scope)
 
     def without_plan(self, reasons: tuple[str, ...], now: float) -> EffectsReturning[NextAction | None]:
         """There is no plan, and nothing can be compensated to make one possible: try failed services again, or fail."""
@@ -224,17 +244,21 @@ class GoalExecutor:
     def invalidate_plan(self, reason: str) -> Effects:
         """Withdraw a plan request, because the map is about to change. The plan is requested again later."""
         execution = self._execution
+        if execution.is_pending:
+            yield from self._withdraw_request()
+            execution.replan_because, execution.phase = (reason,), Phase.RECOVERING
+
+    def _withdraw_request(self) -> Effects:
+        """Withdraw the question to the planner, or the comparison of its plans."""
+        execution = self._execution
         if execution.request is not None:
             yield from self._requester(execution.request).withdraw()
-            execution.request = None
-            execution.replan_because, execution.phase = (reason,), Phase.RECOVERING
+        execution.request = execution.comparison = None
 
     def abandon(self) -> Effects:
         """Stop working on the goal. The transaction informs the participants."""
         execution = self._execution
-        if execution.request is not None:
-            yield from self._requester(execution.request).withdraw()
-            execution.request = None
+        yield from self._withdraw_request()
         execution.waiting_for, execution.resumed = None, False
         execution.waiting_to_retry = execution.retry_at = None
         if execution.kind is GoalKind.TASK:
@@ -249,7 +273,12 @@ class GoalExecutor:
         """Do what comes next; nothing while a plan is being made or the goal waits for other tasks."""
         execution = self._execution
         workflow = execution.workflow
-        if execution.request is not None or execution.waiting_for is not None or execution.retry_at is not None:
+        if (
+            execution.request is not None
+            or execution.comparison is not None
+            or execution.waiting_for is not None
+            or execution.retry_at is not None
+        ):
             return None
         if execution.resumed:
             execution.resumed = False

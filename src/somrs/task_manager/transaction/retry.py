@@ -15,7 +15,7 @@ FIRST_PAUSE = 2.0
 LONGEST_PAUSE = 60.0
 
 QUIET_EVENTS = (
-    events.Planned | events.Replanned | events.TriedOnceMore
+    events.Planned | events.PlansCompared | events.Replanned | events.TriedOnceMore
     | events.ServicesAsked | events.TermsOffered | events.ServiceRefused | events.ServiceChosen | events.ServiceReplaced | events.NotBegun
 )  # fmt: skip
 """The events of an attempt that may come to nothing."""

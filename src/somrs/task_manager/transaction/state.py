@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from msgspec import Struct, field
 
 from somrs.planner.model.plan import Plan
-from somrs.protocol.messages.clients import Phase, Submit
+from somrs.protocol.messages.clients import Phase, Previewed, Submit
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.event_text import retry_text, waiting_text
 from somrs.protocol.messages.events import Event, EventKind, GoalKind, WaitsForTasks, WaitsToRetry, kind_of
@@ -25,6 +25,13 @@ from somrs.task_manager.recovery.compensation import Undoing
 from somrs.task_manager.recovery.ladder import Replans
 from somrs.task_manager.recovery.observation import Look, LookQueue
 from somrs.task_manager.timers import BidsDue
+
+
+class Comparison(Struct, kw_only=True):
+    """Several plans for a goal, by the ids of their quotes, and the quotes that have come."""
+
+    plans: dict[str, Plan]
+    previews: dict[str, Previewed] = {}
 
 
 class GoalExecution(Struct, kw_only=True, eq=False):
@@ -45,6 +52,8 @@ class GoalExecution(Struct, kw_only=True, eq=False):
     outlook: Plan | None = None
     """The whole plan, if only the part up to what its steps tell is executed; the rest is planned again when that is known."""
     request: PlanRequest | None = None
+    comparison: Comparison | None = None
+    """The plans that are being compared."""
     plans: int = 0
     """The number of plans requested so far."""
     replans: Replans = field(default_factory=Replans)
@@ -70,6 +79,11 @@ class GoalExecution(Struct, kw_only=True, eq=False):
 
     def __iter__(self) -> Iterator[StepRun]:
         return iter(self.workflow or ())
+
+    @property
+    def is_pending(self) -> bool:
+        """Whether it has no plan to work on: the plan is being made, or the goal waits."""
+        return any(reason is not None for reason in (self.request, self.comparison, self.waiting_for, self.retry_at))
 
     @property
     def label(self) -> str:

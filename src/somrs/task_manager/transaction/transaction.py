@@ -16,7 +16,7 @@ from somrs.kernel.component import Effects, EffectsReturning, Record, SetTimer
 from somrs.ontology.services import Occasion
 from somrs.planner.model.plan import Plan
 from somrs.protocol.messages import events
-from somrs.protocol.messages.clients import Submit
+from somrs.protocol.messages.clients import Previewed, Submit
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.events import GoalKind
@@ -80,6 +80,11 @@ class Transaction:
         execution = self._execution(question.goal)
         if execution is not None:
             yield from self._apply_action(execution, (yield from self._executor(execution).planned(question, answer, now)), now)
+
+    def plan_quoted(self, id: str, previewed: Previewed, now: float) -> Effects:
+        """Handle the quotes for one of the plans that the task compares."""
+        action = yield from self._executor(self.state.goal).plan_quoted(id, previewed, now)
+        yield from self._apply_action(self.state.goal, action, now)
 
     def receive(self, message: Message, now: float) -> Effects:
         """Handle a protocol message from a participant."""

@@ -120,6 +120,8 @@ class Preview:
             PlanGraph(steps=preview.steps, label="Plan preview").classes("somrs-define-graph")
             if preview.quotations or preview.unserved:
                 _quotes(preview)
+            if preview.alternatives:
+                _plans(preview)
 
     def _totals(self, preview: Previewed) -> None:
         count = f"{len(preview.steps)} step{'' if len(preview.steps) == 1 else 's'}"
@@ -179,6 +181,35 @@ def _show_notice(icon: str, tone: str, text: str) -> None:
     with ui.element("div").classes(f"somrs-define-said somrs-tone-{tone}"):
         ui.icon(icon).props('aria-hidden="true"')
         ui.label(text)
+
+
+def _plans(preview: Previewed) -> None:
+    """All plans side by side. The first is the one that is shown."""
+    ui.label("Plans that were compared").classes("somrs-soft").props('role="heading" aria-level="3"')
+    view = ui.element("div").classes("somrs-terms-view").props('tabindex="0" role="group" aria-label="Plans that were compared"')
+    with view, ui.element("table").classes("somrs-terms"):
+        with ui.element("thead"), ui.element("tr"):
+            for name in ("Steps", "Price", "Done in", "Result"):
+                with ui.element("th").props('scope="col"'):
+                    ui.label(name)
+        with ui.element("tbody"):
+            for plan in (preview, *preview.alternatives):
+                _plan(plan, chosen=plan is preview)
+
+
+def _plan(plan: Previewed, *, chosen: bool) -> None:
+    is_served = plan.price is not None and plan.seconds is not None
+    tone, icon, word = ("good", "check_circle", "Chosen") if chosen else ("plain", "remove_circle_outline", "Not chosen")
+    if not is_served:
+        tone, icon, word = "bad", "block", "Not every step has terms"
+    with ui.element("tr").classes(f"somrs-tone-{tone}{' somrs-terms-chosen' if chosen else ''}"):
+        with ui.element("th").props('scope="row"'):
+            ui.label(", ".join(step.service or step.service_type for step in plan.steps))
+        _cell(f"{plan.price:g} {plan.currency}" if plan.price is not None else "–")
+        _cell(format_duration(plan.seconds) if plan.seconds is not None else "–")
+        with ui.element("td").classes("somrs-define-became"):
+            ui.icon(icon).props('aria-hidden="true"')
+            ui.label(word).classes("somrs-terms-word")
 
 
 def _quotes(preview: Previewed) -> None:

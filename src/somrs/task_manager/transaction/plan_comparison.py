@@ -1,0 +1,65 @@
+"""The comparison of several plans for a goal, by the terms that services quote for their steps (paper: "Planner returns abstract plans").
+
+Each plan is quoted like a preview (`preview.py`); no terms are accepted. Then the policy of the task prefers one plan, which is arranged.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from somrs.entish.parse import parse
+from somrs.planner.model.plan import Plan
+from somrs.protocol.messages import events
+from somrs.protocol.messages.clients import Previewed
+from somrs.task_manager.context import PlanToQuote
+from somrs.task_manager.execution.bids import plan_preference
+from somrs.task_manager.reservations import plan_reservation
+from somrs.task_manager.transaction.scope import TaskScope
+from somrs.task_manager.transaction.state import Comparison, GoalExecution
+
+
+class PlanComparison:
+    """Compares the plans of one goal. It has no state of its own."""
+
+    def __init__(self, execution: GoalExecution, scope: TaskScope) -> None:
+        self._execution, self._scope = execution, scope
+
+    def begin(self, plans: Sequence[Plan]) -> None:
+        """Have services quote the plans."""
+        execution, state = self._execution, self._scope.state
+        ids = [f"{state.id}/{execution.plans}.{number}" for number in range(1, len(plans) + 1)]
+        execution.comparison = Comparison(plans=dict(zip(ids, plans, strict=True)))
+        for id, plan in execution.comparison.plans.items():
+            self._scope.context.plans_to_quote.append(PlanToQuote(id, state.id, state.task, plan, tuple(self._scope.services.usable)))
+
+    def plan_quoted(self, id: str, previewed: Previewed, now: float) -> Plan | None:
+        """Handle the quotes for one of the plans. Returns the preferred plan when all have come."""
+        execution = self._execution
+        comparison = execution.comparison
+        if comparison is None or id not in comparison.plans:
+            return None
+        comparison.previews[id] = previewed
+        if len(comparison.previews) < len(comparison.plans):
+            return None
+        execution.comparison = None
+        task = self._scope.state.task
+        best = min(comparison.plans, key=lambda id: plan_preference(task, comparison.previews[id]))
+        if not self._reserve(comparison.plans[best]):
+            best = next(iter(comparison.plans))  # the objects of the first are reserved already
+        plans = tuple(compared_plan(plan, comparison.previews[id]) for id, plan in comparison.plans.items())
+        self._scope.log_event(events.PlansCompared(plans=plans, chosen=[*comparison.plans].index(best)), now, None)
+        return comparison.plans[best]
+
+    def _reserve(self, plan: Plan) -> bool:
+        """Reserve the objects that the plan needs, if no other task holds them."""
+        reservations, owner = self._scope.context.reservations, self._scope.state.id
+        reservation = plan_reservation(plan.steps, parse(self._execution.goal), self._scope.context.replica.ontology)
+        if reservations.conflicts(owner, reservation):
+            return False
+        reservations.hold(owner, reservation)
+        return True
+
+
+def compared_plan(plan: Plan, previewed: Previewed) -> events.ComparedPlan:
+    types = tuple(step.service_type for step in plan.topological())
+    return events.ComparedPlan(service_types=types, price=previewed.price, currency=previewed.currency, seconds=previewed.seconds)
