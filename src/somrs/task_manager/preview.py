@@ -16,7 +16,7 @@ from msgspec import Struct, field, structs
 from somrs.kernel.component import Effects, EffectsReturning, SetTimer
 from somrs.planner.model.plan import Plan
 from somrs.protocol.messages import frp
-from somrs.protocol.messages.clients import Preview, Previewed, Quotation, Submit
+from somrs.protocol.messages.clients import OtherPlan, Preview, Previewed, Quotation, Submit
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.event_text import waiting_text
@@ -110,6 +110,10 @@ def preview_of_plan(quoted: PlanToQuote) -> PreviewState:
     )
 
 
+def _other_plan(result: Previewed) -> OtherPlan:
+    return OtherPlan(steps=result.steps, price=result.price, currency=result.currency, seconds=result.seconds)
+
+
 class PreviewExecutor:
     """Continues one preview. Its methods return the result once, at the end. It has no state of its own."""
 
@@ -180,7 +184,7 @@ class PreviewExecutor:
             return None
         state.ended = True
         best, *others = sorted([state.result, *rivals], key=lambda result: plan_preference(state.task, result))
-        return structs.replace(best, waits=state.waits, waiting_for=state.waiting_for, alternatives=tuple(others))
+        return structs.replace(best, waits=state.waits, waiting_for=state.waiting_for, alternatives=tuple(map(_other_plan, others)))
 
     # Calls for proposals
 

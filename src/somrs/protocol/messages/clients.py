@@ -376,6 +376,15 @@ class Obstacle(StrEnum):
     """An object would be in two places at the same time."""
 
 
+class OtherPlan(Struct, frozen=True, kw_only=True):
+    """Another plan for the same task, with the services, the price and the `seconds` of the best terms, as in `Previewed`."""
+
+    steps: tuple[StepView, ...]
+    price: float | None = None
+    currency: str = "EUR"
+    seconds: float | None = None
+
+
 class Previewed(MessageBody, frozen=True, kw_only=True, tag=True):
     """The steps of the plan, or the `reasons` why there is none. No steps and no reasons: the goal already holds.
 
@@ -399,7 +408,7 @@ class Previewed(MessageBody, frozen=True, kw_only=True, tag=True):
     estimate: bool = False
     """Some of the figures are estimates."""
     unserved: dict[str, str] = {}
-    alternatives: tuple[Previewed, ...] = ()
+    alternatives: tuple[OtherPlan, ...] = ()
     """With quotes: other plans, which use other service types. This one is preferred by the policy."""
 
 

@@ -16,7 +16,7 @@ from somrs.gui.pages.define.draft import Draft
 from somrs.gui.pages.define.form import Form
 from somrs.gui.pages.task_waits import show_waits
 from somrs.gui.panel import panel
-from somrs.protocol.messages.clients import Obstacle, Previewed, Quotation, StepView
+from somrs.protocol.messages.clients import Obstacle, OtherPlan, Previewed, Quotation, StepView
 from somrs.protocol.messages.clients import Preview as PreviewRequest
 
 ADVICE = {
@@ -197,7 +197,7 @@ def _plans(preview: Previewed) -> None:
                 _plan(plan, chosen=plan is preview)
 
 
-def _plan(plan: Previewed, *, chosen: bool) -> None:
+def _plan(plan: Previewed | OtherPlan, *, chosen: bool) -> None:
     is_served = plan.price is not None and plan.seconds is not None
     tone, icon, word = ("good", "check_circle", "Chosen") if chosen else ("plain", "remove_circle_outline", "Not chosen")
     if not is_served:
