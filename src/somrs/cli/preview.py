@@ -11,7 +11,7 @@ from rich.text import Text
 from somrs.client import terminal
 from somrs.client.client import Addresses, Client
 from somrs.client.task_report import reasons
-from somrs.protocol.messages.clients import Preview, Previewed, Quotation
+from somrs.protocol.messages.clients import OtherPlan, Preview, Previewed, Quotation
 
 
 async def plan(request: Preview, data: Path, *, json: bool) -> int:
@@ -67,13 +67,14 @@ def _quotations(offered_quotations: Iterable[Quotation]) -> RenderableType:
 
 def _alternatives(result: Previewed) -> RenderableType:
     """All plans side by side; the policy prefers the first."""
+    plans: list[Previewed | OtherPlan] = [result, *result.alternatives]
     rows = (
         (
             Text(", ".join(step.service_type for step in plan.steps), "green" if plan is result else ""),
             Text(", ".join(step.service or "nobody" for step in plan.steps)),
             terminal.terms(plan.price, plan.currency, plan.seconds) or "not every step has terms",
         )
-        for plan in (result, *result.alternatives)
+        for plan in plans
     )
     return terminal.table("Plans (the first is preferred)", ("steps", "services", "terms"), rows, whole=("terms",))
 

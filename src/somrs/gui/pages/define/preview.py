@@ -193,8 +193,9 @@ def _plans(preview: Previewed) -> None:
                 with ui.element("th").props('scope="col"'):
                     ui.label(name)
         with ui.element("tbody"):
-            for plan in (preview, *preview.alternatives):
-                _plan(plan, chosen=plan is preview)
+            _plan(preview, chosen=True)
+            for plan in preview.alternatives:
+                _plan(plan, chosen=False)
 
 
 def _plan(plan: Previewed | OtherPlan, *, chosen: bool) -> None:
