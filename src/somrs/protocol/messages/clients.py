@@ -381,7 +381,7 @@ class OtherPlan(Struct, frozen=True, kw_only=True):
 
     steps: tuple[StepView, ...]
     price: float | None = None
-    currency: str = "EUR"
+    currency: str
     seconds: float | None = None
 
 

@@ -156,7 +156,7 @@ class ComparedPlan(Struct, frozen=True, kw_only=True, omit_defaults=True):
 
     service_types: tuple[str, ...]
     price: float | None = None
-    currency: str = "EUR"
+    currency: str
     seconds: float | None = None
 
 

@@ -67,6 +67,16 @@ SENTENCES: list[tuple[Event, str]] = [
     (events.TaskEnded(outcome=Outcome.ACCOMPLISHED), "accomplished"),
     (events.TaskEnded(outcome=Outcome.FAILED, reasons=TWO), "failed: no; never"),
     (events.ServicesAsked(services=("R.A", "R.B")), "asking R.A, R.B"),
+    (
+        events.PlansCompared(
+            plans=(
+                events.ComparedPlan(service_types=("Open", "Carry"), price=4.0, currency="EUR", seconds=29.6),
+                events.ComparedPlan(service_types=("Throw",), currency="EUR"),
+            ),
+            chosen=0,
+        ),
+        "compared 2 plans: Open, Carry for 4 EUR, in 30 s (chosen); Throw: not every step has terms",
+    ),
     (events.TermsOffered(service=S, price=4.0, currency="EUR", duration=29.6), "Robot1.Carry offers 4 EUR, 30 s"),
     (events.ServiceRefused(service=S, reason="too heavy"), "Robot1.Carry refuses: too heavy"),
     (
@@ -158,7 +168,7 @@ def of_kind(kind: EventKind) -> Iterator[str]:
 def test_what_an_event_is_in_the_life_of_its_task() -> None:
     assert {kind: {*of_kind(kind)} for kind in EventKind} == {
         EventKind.NEWS: {
-            "TaskStated", "Planned", "ServicesAsked", "TermsOffered", "ServiceRefused", "ServiceChosen", "StepStarted", "ProgressNoted",
+            "TaskStated", "Planned", "PlansCompared", "ServicesAsked", "TermsOffered", "ServiceRefused", "ServiceChosen", "StepStarted", "ProgressNoted",
             "StepCompleted", "StepStopped", "FoundSo", "MayTryAgain", "Stopping",
         },
         EventKind.SETBACK: {event_type.__name__ for event_type in typing.get_args(ServiceFailure)} | {"GoalFailed", "WorkStranded"},
