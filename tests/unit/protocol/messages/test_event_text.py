@@ -168,8 +168,8 @@ def of_kind(kind: EventKind) -> Iterator[str]:
 def test_what_an_event_is_in_the_life_of_its_task() -> None:
     assert {kind: {*of_kind(kind)} for kind in EventKind} == {
         EventKind.NEWS: {
-            "TaskStated", "Planned", "PlansCompared", "ServicesAsked", "TermsOffered", "ServiceRefused", "ServiceChosen", "StepStarted", "ProgressNoted",
-            "StepCompleted", "StepStopped", "FoundSo", "MayTryAgain", "Stopping",
+            "TaskStated", "Planned", "PlansCompared", "ServicesAsked", "TermsOffered", "ServiceRefused", "ServiceChosen", "StepStarted",
+            "ProgressNoted", "StepCompleted", "StepStopped", "FoundSo", "MayTryAgain", "Stopping",
         },
         EventKind.SETBACK: {event_type.__name__ for event_type in typing.get_args(ServiceFailure)} | {"GoalFailed", "WorkStranded"},
         EventKind.HANDLER: {"HandlerBegun"},
