@@ -12,7 +12,7 @@ from somrs.api.choices import Placings, Sayable, Things, placings, sayable, thin
 from somrs.api.context import Context
 from somrs.client.operations import operation
 from somrs.client.refusals import NotFound
-from somrs.entish.parse import nearest, read
+from somrs.entish.parse import CONNECTIVES, nearest, read
 from somrs.errors import FormulaError, UsageError
 from somrs.ontology.check import mistakes
 from somrs.ontology.completion import Completions, complete
@@ -134,20 +134,21 @@ def _part_mistakes(part: str, ontology: Ontology, map: Map, variables: dict[str,
 
 
 def _parts(text: str) -> list[str]:
-    """The parts between AND, OR, NOT and grouping parentheses, each padded with leading blanks so that positions stay valid."""
+    """The parts between keywords and grouping parentheses, each padded with leading blanks so that positions stay valid."""
     parts: list[str] = []
-    begin, depth, named = 0, 0, False
+    begin, depth, named, quantified = 0, 0, False, False
     for token in _PARTS.finditer(text):
         word = token[0]
-        groups = word == "(" and not named and not depth
+        groups = word == "(" and not depth and (quantified or not named)
         if word == "(" and not groups:
             depth += 1
         elif word == ")" and depth:
             depth -= 1
-        elif word in ("AND", "OR", "NOT") or word in "()" or groups:
+        elif word in CONNECTIVES or word in "()" or groups:
             parts.append(" " * begin + text[begin : token.start()])
             begin, depth = token.end(), 0
-        named = word[0].isalpha() and word not in ("AND", "OR", "NOT")
+        named = word[0].isalpha() and word not in CONNECTIVES
+        quantified = word in ("FORALL", "EXISTS") or (quantified and word != "(")
     parts.append(" " * begin + text[begin:])
     return [part for part in parts if part.strip()]
 

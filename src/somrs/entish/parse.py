@@ -87,7 +87,8 @@ COMMENT: /#[^\n]*/
 %ignore COMMENT
 """
 
-KEYWORDS = frozenset(("AND", "OR", "NOT", "FORALL", "EXISTS", "TRUE", "FALSE"))
+CONNECTIVES = frozenset(("AND", "OR", "NOT", "FORALL", "EXISTS"))
+KEYWORDS = CONNECTIVES | {"TRUE", "FALSE"}
 """The words that cannot be names."""
 
 # Descriptions of the grammar's tokens for error messages.

@@ -25,6 +25,7 @@ MAX_COMPLETIONS = 60
 MAX_NEW_VARIABLES = 3
 """The maximum number of suggested new variables where no `?` was typed."""
 
+_QUANTIFIERS = {"FORALL": "holds for every object of a type", "EXISTS": "holds for an object of a type"}
 _VALUE_TYPES = {"number": "any number", "text": "any text", "truth": "TRUE or FALSE"}
 UNITS = ("mm", "cm", "m", "km", "g", "kg", "s", "min", "h", "m/s", "km/h", "rad", "deg", "%", "EUR")
 """The units that are suggested; formulas accept all units of pint."""
@@ -92,6 +93,7 @@ class _Completer:
                 yield from self._known_variables(1)
                 yield from self._prefixed_relations(2)
                 yield from self.words({} if self.cursor.negated else {"NOT": "does not hold"}, "keyword", 3)
+                yield from self.words(_QUANTIFIERS, "keyword", 4)
             case Spot.TERM:
                 yield from self.objects(Slot(), 0)
                 yield from self.functions(0)
@@ -113,6 +115,10 @@ class _Completer:
             case Spot.UNIT:
                 yield from self.units()
                 yield from self._connectives(1)
+            case Spot.CONTINUATION if self.cursor.quantified:
+                yield from self.words({"(": "the formula"}, "operator", 0, suffix="")
+            case Spot.VARIABLE if self.cursor.quantified:
+                yield from self._typed_variables(0)
             case Spot.CONTINUATION:
                 yield from self.operators(0)
                 yield from self._connectives(1)
@@ -154,7 +160,10 @@ class _Completer:
         ordered = sorted(self.ontology.subtypes(self.cursor.slot.type), key=lambda name: (not likely(name), not self.map.of_type(name)))
         for name in ordered if self.typed.startswith("?") else [] if self.typed else ordered[:MAX_NEW_VARIABLES]:
             variable = _free_name(name, self.cursor.variables)
-            yield from self.words({f"?{variable}: {name}": f"any {name}"}, "variable", group, "" if self.cursor.enclosure else " ")
+            yield from self.words({f"?{variable}: {name}": f"any {name}"}, "variable", group, self._suffix_after_variable())
+
+    def _suffix_after_variable(self) -> str:
+        return " (" if self.cursor.quantified else "" if self.cursor.enclosure else " "
 
     # Relations and functions
 
@@ -236,9 +245,10 @@ class _Completer:
                 fits = _types_overlap(name, self.cursor.slot.type, self.ontology)
                 parent = self.ontology.types[name].parent
                 detail = self.ontology.types[name].doc or (f"a kind of {parent}" if parent else "")
-                item = Completion(text=name, kind="type", detail=detail, suffix="" if self.cursor.enclosure else " ")
+                item = Completion(text=name, kind="type", detail=detail, suffix=self._suffix_after_variable())
                 yield _Ranked(item, match, 0 if fits else 1, 0 if self.map.of_type(name) else 1)
-        yield from self.words(_VALUE_TYPES, "type", 2)
+        if not self.cursor.quantified:
+            yield from self.words(_VALUE_TYPES, "type", 2)
 
     # Operators and connectives
 

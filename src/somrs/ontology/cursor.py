@@ -23,8 +23,10 @@ _LEXEME = re.compile(
 _UNIT = re.compile(r"(?<![\w.?])[+-]?\d[\d.]*(?:[eE][+-]?\d+)?\s*(?P<unit>[^\W\d][\w/*^]*|[°%])$")
 _WORD = re.compile(r"(\?[^\W\d]?|[^\W\d])[\w-]*$")
 _NEGATED = re.compile(r"(?<![\w?-])NOT\s*\(?$")
+_QUANTIFIED = re.compile(r"(?<![\w?-])(FORALL|EXISTS)\s*$")
 _REST = re.compile(r"[\w-]*")
-_KEYWORDS = ("AND", "OR", "NOT", "FORALL", "EXISTS")
+_QUANTIFIERS = ("FORALL", "EXISTS")
+_KEYWORDS = ("AND", "OR", "NOT", *_QUANTIFIERS)
 
 Tokens = list[tuple[str, str]]
 
@@ -70,7 +72,7 @@ class Cursor(Struct, frozen=True, kw_only=True):
     `owner` is the type of the object before the cursor, `object` its name if it is on the map, and `path` the part of the attribute path
     before the cursor. `compared` is the path on the other side of the comparison, and `attribute` the attribute at its end. `enclosure`:
     `(` within parentheses, `"` within a text. `comparable`: a comparison operator can come next; `complete`: AND or OR can. `negated`:
-    the atom follows NOT.
+    the atom follows NOT. `quantified`: the variable of FORALL or EXISTS is written here, before its parenthesis.
     """
 
     spot: Spot
@@ -88,6 +90,7 @@ class Cursor(Struct, frozen=True, kw_only=True):
     comparable: bool = False
     complete: bool = False
     negated: bool = False
+    quantified: bool = False
 
 
 def locate_cursor(text: str, position: int, ontology: Ontology, map: Map, variables: Mapping[str, str]) -> Cursor:
@@ -114,6 +117,8 @@ def locate_cursor(text: str, position: int, ontology: Ontology, map: Map, variab
     placer = _CursorPlacer(ontology, map, {**variable_types, **_inferred(text, variable_types, ontology)})
     begin = _atom(text_before, start)
     cursor = _replace_fields(placer.cursor_after(text_before[begin:start]), negated=_NEGATED.search(text_before[:begin]) is not None)
+    if _QUANTIFIED.search(text_before[:begin]):
+        cursor = _quantified(cursor)
     typed = text_before[start:]
     if typed.startswith("?") and cursor.spot in (Spot.ATOM, Spot.VALUE, Spot.TERM):
         cursor = _replace_fields(cursor, spot=Spot.VARIABLE)
@@ -127,19 +132,26 @@ def _replace_fields(cursor: Cursor, **changes: object) -> Cursor:
     return structs.replace(cursor, **changes)
 
 
+def _quantified(cursor: Cursor) -> Cursor:
+    """The cursor between FORALL or EXISTS and its parenthesis."""
+    spot = {Spot.ATOM: Spot.VARIABLE, Spot.RELATION: Spot.CONTINUATION}.get(cursor.spot, cursor.spot)
+    return Cursor(spot=spot if spot in (Spot.VARIABLE, Spot.TYPE, Spot.CONTINUATION) else Spot.NOWHERE, quantified=True)
+
+
 def _atom(text: str, start: int) -> int:
-    """The start of the atom that contains `start`: after the last AND, OR, NOT or grouping parenthesis."""
+    """The start of the atom that contains `start`: after the last AND, OR, NOT, FORALL, EXISTS or grouping parenthesis."""
     atom_start = 0
     groups: list[bool] = []
-    named = False
+    named = quantified = False
     for lexeme in _LEXEME.finditer(text, 0, start):
         if lexeme["word"] in _KEYWORDS:
-            atom_start, named = lexeme.end(), False
+            atom_start, named, quantified = lexeme.end(), False, lexeme["word"] in _QUANTIFIERS
         elif lexeme["sign"] == "(":
-            groups.append(not named)
-            if not named:
+            grouping = quantified or not named
+            groups.append(grouping)
+            if grouping:
                 atom_start = lexeme.end()
-            named = False
+            named = quantified = False
         elif lexeme["sign"] == ")":
             if groups and groups.pop():
                 atom_start = lexeme.start()

@@ -53,6 +53,8 @@ def words(marked: str) -> list[str]:
         ("Jar002 isOn Table9 AND Jar003 isOm Table001", ["Table9", "isOm"]),
         ("Jar9 isOn Table001 OR (NOT Jar8 isOn Table001 AND Jar002 isOn Platform001)", ["Jar9", "Jar8"]),
         ("Jar002.Shape.Hight = 3", ["Shape.Hight"]),
+        ("FORALL ?Jar: Graspable (NOT ?Jar isOm Table001) AND EXISTS ?x: Tabel (Jar002 isOn ?x)", ["isOm", "Tabel"]),
+        ("NOT (FORALL ?Jar: Graspable (?Jar isOn Table9 AND", ["Table9", ""]),
         ('Jar002 isOn Table001 AND Jar003.Label = "a AND', ['"']),
         # A mistake is said while the formula is not there to its end, and when another part cannot be read.
         ("Jar002 isOm Table001 AND Jar003 isOn", ["isOm", ""]),

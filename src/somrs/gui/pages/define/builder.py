@@ -32,7 +32,9 @@ class Builder:
         self._complex_note = ui.element("div").classes("somrs-define-other").props('role="note"')
         with self._complex_note:
             ui.icon("info").props('aria-hidden="true"')
-            ui.label("This formula cannot be shown as lines, e.g. because of OR or variables. Edit it above; dragged things are added.")
+            ui.label(
+                "This formula cannot be shown as lines, e.g. because of OR, FORALL or variables. Edit it above; dragged things are added."
+            )
         self._list = ui.element("div").classes("somrs-define-lines").props('role="group" aria-label="Lines of the goal"')
         self._negation_note = ui.label("All lines together are the goal. A line that “must not hold” is a condition to make false.")
         self._negation_note.classes("somrs-soft somrs-define-negation")

@@ -8,6 +8,7 @@ test("words are coloured by what they are", () => {
   assert.deepEqual(kinds('Jar isOn ?Place AND Jar.Label = "a \\" AND" OR x = 2.5 # AND'), [
     ["?Place", "variable"], ["AND", "keyword"], ['"a \\" AND"', "text"], ["OR", "keyword"], ["2.5", "number"], ["# AND", "comment"],
   ]);
+  assert.deepEqual(kinds("FORALL ?x (EXISTS"), [["FORALL", "keyword"], ["?x", "variable"], ["EXISTS", "keyword"]]);
   assert.deepEqual(kinds("ANDREW Jar2 TRUE"), [["TRUE", "number"]], "a part of a name is no keyword");
   assert.deepEqual(kinds('"open'), [['"open', "text"]]);
 });

@@ -1,7 +1,7 @@
 // Pieces of a formula's text for display, and conversion of positions to Python's.
 
 const LEXEMES = /"(?:[^"\\\n]|\\.)*"?|#[^\n]*|\?[\p{L}_][\p{L}\p{N}_-]*|[\p{L}_][\p{L}\p{N}_-]*|\d+(?:\.\d*)?/gu;
-const KEYWORDS = new Set(["AND", "OR", "NOT"]);
+const KEYWORDS = new Set(["AND", "OR", "NOT", "FORALL", "EXISTS"]);
 const TRUTHS = new Set(["TRUE", "FALSE"]);
 
 function kind(lexeme) {
