@@ -65,7 +65,7 @@ async def device_harness(
         ask = make_ask(rooms, lambda: 0.0)
         device.map = MapReader(ask)
         observed: list[asyncio.Task[Body]] = []
-        device.observer = lambda situation: observed.append(asyncio.create_task(_report_situation(ask, situation)))
+        device.observer = lambda situation, observation: observed.append(asyncio.create_task(_report_situation(ask, situation)))
         await device.open()
         try:
             yield DeviceHarness(device, operator, rooms)
@@ -73,7 +73,7 @@ async def device_harness(
             await device.close()
 
 
-async def _report_situation(ask: Ask, situation: str) -> Body:
+async def _report_situation(ask: Ask, situation: str | None) -> Body:
     return await ask(UpdateMap(situation=situation))
 
 

@@ -47,7 +47,7 @@ class Worker:
         self.folder, self.reported = folder, [""]
         self.person = Person("Anna")
         self.person.map, self.person.data, self.person.glance = MapReader(self.ask), folder, 0.01
-        self.person.observer = self.reported.append
+        self.person.observer = lambda situation, observation: self.reported.append(situation or "")
         self.notes: list[object] = []
 
     async def carry_out(self, work: Quote | Perform | Undo) -> object:

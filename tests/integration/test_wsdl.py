@@ -191,8 +191,11 @@ def test_a_foreign_client_asks_and_changes_the_repository(tmp_path: Path) -> Non
         rows = repository.QueryMap(Formula="?Jar: Jar isOn Table1", Limit=10)
         assert sorted(row.Bindings.Entry[0]._value_1 for row in rows.Rows) == ["Jar1", "Jar2"]
         color = {"ValueSet": {"Object": "Jar1", "Path": "Color", "Value": {"_value_1": "Green", "kind": "text"}}}
-        version = repository.UpdateMap(Changes=[color], Situation="Jar1 isOn Table2")
-        assert version == rows.Version + 1
+        updated = repository.UpdateMap(Changes=[color], Situation="Jar1 isOn Table2")
+        assert (updated.Version, updated.Reception) == (rows.Version + 1, None)
+        seen = "?Seen: Jar isOn Table1 AND ?Seen.Color = Blue AND ?Seen.PositionX = 1.2 AND ?Seen.PositionY = 1.1 AND ?Seen.PositionZ = 0.7"
+        sighted = repository.UpdateMap(Situation=seen, Observation={"AsOf": 1000.0, "Searched": ["Table1"]})
+        assert [(entry.name, entry._value_1) for entry in sighted.Reception.Names.Entry] == [("Seen", "Jar2")]
         assert repository.QueryMap(Formula="Jar1 isOn Table2 AND Jar1.Color = Green").Rows != []
         with pytest.raises(zeep.exceptions.Fault, match="Table77") as refused:
             repository.UpdateMap(Situation="Jar1 isOn Table77")
@@ -203,7 +206,7 @@ def test_a_foreign_client_asks_and_changes_the_repository(tmp_path: Path) -> Non
         renamed = {"Renamed": [{"Section": "types", "Name": "Jar", "To": "Pot"}]}
         considered = repository.Consider(Change={"Define": renamed})
         assert [change.ObjectAdded.Object.Name for change in considered.Changes] == ["Jar1", "Jar2"]
-        assert repository.Define(**renamed) == version + 1
+        assert repository.Define(**renamed) == sighted.Version + 1
         with pytest.raises(zeep.exceptions.Fault, match="there is no type Jar"):
             repository.Define(Removed=[{"Section": "types", "Name": "Jar"}])
         assert repository.QueryMap(Formula="?Pot: Pot isOn Table1").Rows[0].Bindings.Entry[0]._value_1 == "Jar2"

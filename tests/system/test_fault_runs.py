@@ -12,6 +12,7 @@ import pytest
 from somrs.kernel.component import Effect, Effects, EffectsReturning, Input, Received, TimerFired
 from somrs.protocol.messages.clients import CancelTask, Policy
 from somrs.protocol.messages.frp import Accept, Outcome
+from somrs.protocol.messages.observations import Observation
 from somrs.runtime.virtual_time import KillPoint, World
 from somrs.service_manager.participant.timers import TermsDue
 from somrs.task_manager.execution.execution_log import ExecutionLog
@@ -219,9 +220,9 @@ def test_a_task_manager_that_does_not_wait_for_the_map_is_noticed(monkeypatch: p
     reported = ParticipantEvents._reported
 
     def forgetful(
-        self: ParticipantEvents, member: Member, situation: str | None, trouble: str | None, now: float
+        self: ParticipantEvents, member: Member, situation: str | None, observation: Observation | None, trouble: str | None, now: float
     ) -> EffectsReturning[GoalAction]:
-        return (yield from reported(self, member, None, trouble, now))
+        return (yield from reported(self, member, None, None, trouble, now))
 
     monkeypatch.setattr(ParticipantEvents, "_reported", forgetful)
     assert violated_property(slips) is Property.MAP

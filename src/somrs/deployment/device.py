@@ -22,6 +22,7 @@ from somrs.errors import DeviceError, InputError, RemoteError
 from somrs.kernel.component import Notified
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message
+from somrs.protocol.messages.observations import Observation
 from somrs.runtime.host import Host
 from somrs.runtime.node import Node, Report
 from somrs.runtime.wire import retry_unanswered
@@ -76,8 +77,8 @@ class DeviceRunner:
         self._host = host
         self._runtime: Host | None = None
         self._node: Node | None = None
-        self._early: list[str] = []
-        """Situations that the device observed before it joined."""
+        self._early: list[Observed] = []
+        """What the device observed before it joined."""
         self._joined: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 
     async def start(self) -> str:
@@ -98,7 +99,7 @@ class DeviceRunner:
             self._journal,
             carry_out=self._carry_out,
             # The author may have changed the device since its journal was written.
-            notices=(Equipped(profile, repository, registry), *map(Observed, self._early)),
+            notices=(Equipped(profile, repository, registry), *self._early),
         )
         try:
             await asyncio.wait_for(asyncio.shield(self._joined), JOIN_TIME)
@@ -131,11 +132,12 @@ class DeviceRunner:
         if self._own_journal:
             self._journal.close()
 
-    def _observed(self, situation: str) -> None:
+    def _observed(self, situation: str | None, observation: Observation) -> None:
+        observed = Observed(situation, observation)
         if self._node is None:
-            self._early.append(situation)
+            self._early.append(observed)
         else:
-            self._node.feed(Notified(Observed(situation)))
+            self._node.feed(Notified(observed))
 
     async def _listen(self) -> Host:
         """Listen at the port of the last run if it is free: coordinators that have a contract know the device by that address."""

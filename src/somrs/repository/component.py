@@ -66,7 +66,7 @@ from somrs.protocol.messages.paging import PAGE_BYTES, fit_page, size
 from somrs.repository.brought_definitions import brought_outcome
 from somrs.repository.definition import define_outcome, rename_outcome
 from somrs.repository.history_queries import archive_reply, events_query, history_query, page_query, undo_query
-from somrs.repository.outcome import VERSION, Outcome, considered, rejected
+from somrs.repository.outcome import VERSION, Outcome, considered, note_provenance, rejected
 from somrs.repository.pages import MapPages, ontology_page
 from somrs.repository.promised_maps import PromisedMaps
 from somrs.repository.rollback import inverse
@@ -150,13 +150,13 @@ class Repository:
             case QueryMap() as query:
                 yield self._answer(message, self._rows(query))
             case UpdateMap() | Define() | RenameObject() as alteration:
-                yield from self._run_once(message, lambda: self._alter(message, alteration, self._alteration_outcome(alteration), now))
+                yield from self._run_once(message, lambda: self._alter(message, alteration, self._alteration_outcome(alteration, now), now))
             case Undo() as undo:
                 yield from self._run_once(message, lambda: iter([_ask(message, undo_query(undo))]))
             case Consider(change=Undo() as undo):
                 yield _ask(message, undo_query(undo))
             case Consider(change=UpdateMap() | Define() | RenameObject() as alteration):
-                yield self._consider(message, alteration, self._alteration_outcome(alteration))
+                yield self._consider(message, alteration, self._alteration_outcome(alteration, now))
             case ReadHistory() as question:
                 yield _ask(message, history_query(question))
             case ReadEvents() as question:
@@ -219,13 +219,13 @@ class Repository:
         else:
             yield from work()
 
-    def _alteration_outcome(self, alteration: UpdateMap | Define | RenameObject) -> Outcome:
-        map, ontology = self.contents.map, self.contents.ontology
+    def _alteration_outcome(self, alteration: UpdateMap | Define | RenameObject, now: float) -> Outcome:
+        map, ontology, contents = self.contents.map, self.contents.ontology, self.contents
         match alteration:
             case UpdateMap():
-                return update_outcome(map, ontology, alteration)
+                return update_outcome(map, ontology, alteration, contents.provenance, now, contents.changed_at.keys())
             case Define(brought=True):
-                return brought_outcome(self.contents, alteration)
+                return brought_outcome(contents, alteration)
             case Define():
                 return define_outcome(map, ontology, alteration)
             case RenameObject():
@@ -252,22 +252,24 @@ class Repository:
         """Apply the change, or reject it if it breaks rules or conflicts with a later change."""
         contents = self.contents
         outcome = self._with_conflicts(alteration, outcome)
-        answer_type: type[Updated | Defined] = Defined if isinstance(alteration, Define) else Updated
         if outcome.broken:
             yield self._remember_answer(message, rejected(outcome.broken, contents.version))
             return
+        author = alteration.author or message.header.sender
+        note_provenance(contents.provenance, outcome, contents.map, author, now)
         if not outcome.changes and outcome.revision is None:
-            yield self._remember_answer(message, answer_type(version=contents.version))
+            yield self._remember_answer(message, _answer_to(alteration, outcome, contents.version))
             return
         event = Event(
             version=contents.version + 1,
             at=now,
-            author=alteration.author or message.header.sender,
+            author=author,
             changes=outcome.changes,
             revision=outcome.revision,
             renamed=outcome.renamed,
             undoes=alteration.version if isinstance(alteration, Undo) else None,
             before=inverse(contents.map, outcome.changes),
+            reception=outcome.reception,
         )
         contents.version = event.version
         contents.map, contents.ontology = outcome.map, outcome.ontology
@@ -277,7 +279,7 @@ class Repository:
                 version=event.version, author=event.author
             )
         yield Record(event)
-        yield self._remember_answer(message, answer_type(version=event.version))
+        yield self._remember_answer(message, _answer_to(alteration, outcome, event.version))
         news = outcome.change_notice(event.version) if event.revision is not None else MapChanged(event=structs.replace(event, before=()))
         yield from self._publish(news, now)
 
@@ -334,6 +336,10 @@ class Repository:
 
     def _next_expiry(self) -> SetTimer:
         return SetTimer(LeasesDue(), min((subscription.until for subscription in self.contents.subscriptions.values()), default=None))
+
+
+def _answer_to(alteration: Alteration, outcome: Outcome, version: int) -> Updated | Defined:
+    return Defined(version=version) if isinstance(alteration, Define) else Updated(version=version, reception=outcome.reception)
 
 
 def _ask(message: Message, task: Task) -> Ask:

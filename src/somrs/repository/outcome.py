@@ -6,11 +6,13 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from somrs.ontology.conformance import Violation
-from somrs.ontology.naming import DefinitionKey, Renaming, find_definition, key_of, revise_ontology
-from somrs.ontology.objects import Change, Map, objects_of
+from somrs.ontology.naming import DefinitionKey, Renaming, Section, find_definition, key_of, revise_ontology
+from somrs.ontology.objects import Change, Map, ObjectAdded, ObjectRemoved, objects_of
 from somrs.ontology.types import Definition, Ontology
 from somrs.protocol.messages.knowledge import BrokenRule, Considered, Definitions, OntologyChanged, Rejected, Revision, by_kind
+from somrs.protocol.messages.observations import Reception
 from somrs.protocol.messages.paging import PAGE_BYTES, PAGE_ITEMS, fit_page
+from somrs.repository.provenance import Aspect, Discovery, Provenance, aspects_of
 
 SITUATION, VERSION = "situation", "version"
 """Parts of a request that a violation may refer to."""
@@ -24,6 +26,8 @@ class Outcome:
     """The map and the ontology after a change, and the smallest set of changes that leads there (empty for a change without effect).
 
     A change with `broken` rules must not be applied. The other fields are then filled only as far as they could be computed.
+
+    `at`: when the change held, in seconds since 1970; None: now. `aspects`: what it is news about. `reception`: what became of a report.
     """
 
     map: Map
@@ -32,6 +36,9 @@ class Outcome:
     revision: Revision | None = None
     renamed: tuple[Renaming, ...] = ()
     broken: tuple[Violation, ...] = ()
+    at: float | None = None
+    aspects: tuple[Aspect, ...] = ()
+    reception: Reception | None = None
 
     @property
     def objects(self) -> tuple[str, ...]:
@@ -131,3 +138,23 @@ def broken_rule(violation: Violation) -> BrokenRule:
     return BrokenRule(
         subject=violation.subject, rule=violation.rule, message=violation.message, path=violation.path, section=violation.section
     )
+
+
+def note_provenance(provenance: Provenance, outcome: Outcome, map: Map, author: str, now: float) -> None:
+    """Note an outcome that becomes the state of the Repository. `map`: the map before it."""
+    at = outcome.at if outcome.at is not None else now
+    renamed = {renaming.name: renaming.to for renaming in outcome.renamed if renaming.section is Section.OBJECTS}
+    for name, to in renamed.items():
+        provenance.rename(name, to)
+    for change in outcome.changes:
+        if isinstance(change, ObjectRemoved) and change.name not in renamed:
+            provenance.remove(map.objects[change.name], at)
+        elif isinstance(change, ObjectAdded):
+            provenance.add(change.object.name)
+    if outcome.reception is not None:
+        for name in outcome.reception.added:
+            provenance.discoveries[name] = Discovery(author=author, at=at)
+    if outcome.at is not None:
+        provenance.note(outcome.aspects, at)
+    elif outcome.revision is None and not outcome.renamed:  # an undo holds from now on
+        provenance.note((aspect for change in outcome.changes for aspect in aspects_of(change, outcome.ontology)), at)

@@ -9,6 +9,7 @@ from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.knowledge import Defined, Event, ReadMap, ReadOntology, Rejected, Updated
+from somrs.repository.provenance import Provenance
 
 REMEMBERED = 20_000
 """The number of answers that are stored. A request that arrives again within this number receives the stored answer."""
@@ -86,7 +87,8 @@ class Contents(Struct, kw_only=True):
     """The state of a Repository.
 
     `changed_at`: the version in which each object changed last (0 if it has no entry); `defined_at`: the same for definitions;
-    `answered`: stored answers by message id, oldest first; `subscriptions`: by address; `since`: the earliest version that can be restored.
+    `answered`: stored answers by message id, oldest first; `subscriptions`: by address; `since`: the earliest version that can be restored;
+    `provenance`: since when the map has what it has.
     """
 
     ontology: Ontology
@@ -98,6 +100,7 @@ class Contents(Struct, kw_only=True):
     answered: dict[str, Answer] = field(default_factory=dict)
     subscriptions: dict[str, Subscription] = field(default_factory=dict)
     since: int = 0
+    provenance: Provenance = field(default_factory=Provenance)
 
     def last_change(self, definition_key: DefinitionKey) -> DefinitionChange | None:
         """The latest change of the definition; None if it never changed."""

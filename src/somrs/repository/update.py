@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+import math
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
+
+from msgspec import structs
 
 from somrs.entish.parse import nearest
 from somrs.errors import FormulaError
-from somrs.ontology.check import check
 from somrs.ontology.conformance import Violation, violations, violations_of
-from somrs.ontology.effects import changes as changes_by
 from somrs.ontology.objects import (
     Change,
     Fact,
@@ -23,24 +24,93 @@ from somrs.ontology.objects import (
 )
 from somrs.ontology.types import ABSTRACT, UNKNOWN, Ontology
 from somrs.protocol.messages.knowledge import UpdateMap
+from somrs.protocol.messages.observations import Observation, Reception
+from somrs.repository.association import DEVICE
 from somrs.repository.names import is_name, text_problem
 from somrs.repository.outcome import SITUATION, Outcome
+from somrs.repository.provenance import Provenance, aspects_of
+from somrs.repository.reports import read_report
 
 
-def update_outcome(map: Map, ontology: Ontology, update: UpdateMap) -> Outcome:
-    """The outcome of an update: first its single changes are applied, then its situation."""
-    if impossible := tuple(_impossible(map, ontology, update.changes)):
+def update_outcome(
+    map: Map,
+    ontology: Ontology,
+    update: UpdateMap,
+    provenance: Provenance | None = None,
+    now: float = math.inf,
+    reserved: Collection[str] = (),
+) -> Outcome:
+    """The outcome of an update that arrives `now`: first its single changes are applied, then its situation.
+
+    Of an update that was observed earlier, only what is newer than the `provenance` of the map is applied. `reserved`: names that the
+    update gives to no new object.
+    """
+    provenance = provenance if provenance is not None else Provenance()
+    observation = update.observation or Observation()
+    at = min(observation.as_of, now) if observation.as_of is not None else now
+    if impossible := (*_impossible(map, ontology, update.changes), *_wrong_observation(map, ontology, observation, provenance)):
         return Outcome(map=map, ontology=ontology, broken=impossible)
-    changes = [*_both_ways(update.changes, ontology)]
+    changes, superseded = _newer_changes(_both_ways(update.changes, ontology), ontology, provenance, at)
+    aspects = [aspect for change in changes for aspect in aspects_of(change, ontology)]
     changed = map.changed(changes)
-    if update.situation is not None:
-        try:
-            changes += (situation_changes := changes_by(check(update.situation, ontology, changed), changed, ontology))
-        except FormulaError as error:
-            violation = Violation(subject=SITUATION, rule="formula", message=str(error), section=SITUATION)
-            return Outcome(map=map, ontology=ontology, broken=(violation,))
-        changed = changed.changed(situation_changes)
-    return changes_outcome(map, ontology, [*changes, *_clear_unknown(changed, changes)])
+    try:
+        report = read_report(update.situation, observation, changed, ontology, provenance, at, reserved)
+    except FormulaError as error:
+        violation = Violation(subject=SITUATION, rule="formula", message=str(error), section=SITUATION)
+        return Outcome(map=map, ontology=ontology, broken=(violation,))
+    changes += report.changes
+    changed = changed.changed(report.changes)
+    clearing = [clear for clear in _clear_unknown(changed, changes, report.recognized) if provenance.time((clear.object, UNKNOWN)) <= at]
+    reception = structs.replace(report.reception, superseded=(*superseded, *report.reception.superseded))
+    return replace(
+        changes_outcome(map, ontology, [*changes, *clearing]),
+        at=at,
+        aspects=(*aspects, *report.aspects),
+        reception=reception if reception != Reception() else None,
+    )
+
+
+def _wrong_observation(map: Map, ontology: Ontology, observation: Observation, provenance: Provenance) -> Iterator[Violation]:
+    """Violations for objects that an observation names and that it cannot be about."""
+    for name in dict.fromkeys((*observation.gone, *observation.searched, *observation.sought)):
+        object = map.objects.get(name)
+        if object is None and name not in provenance.departures:
+            yield Violation(subject=name, rule="unknown-object", message=_unknown(name, dict.fromkeys(map.objects, True)))
+        elif object is not None and name in observation.gone and ontology.is_subtype(object.type, DEVICE):
+            yield Violation(subject=name, rule="device", message="is a device; a person removes it from the map, and no report does")
+
+
+def _newer_changes(
+    changes: Iterable[Change], ontology: Ontology, provenance: Provenance, at: float
+) -> tuple[list[Change], tuple[str, ...]]:
+    """The changes about which the map has nothing newer, and the others as text."""
+    newer: list[Change] = []
+    superseded: list[str] = []
+    for change in changes:
+        aspect = next(aspects_of(change, ontology), None)
+        if isinstance(change, ObjectRemoved):
+            time = provenance.latest(change.name)
+        else:
+            time = provenance.time(aspect) if aspect is not None else 0.0
+        if time > at:
+            superseded.append(_format_change(change))
+        else:
+            newer.append(change)
+    return newer, tuple(superseded)
+
+
+def _format_change(change: Change) -> str:
+    match change:
+        case ValueSet(name, path, value):
+            return f"{name}.{path} = {value}" if value is not None else f"{name} has no {path}"
+        case FactAdded(fact):
+            return str(fact)
+        case FactRemoved(fact):
+            return f"NOT {fact}"
+        case ObjectRemoved(name):
+            return f"{name} is gone"
+        case ObjectAdded(object):
+            return f"{object.name} is a {object.type}"
 
 
 def changes_outcome(map: Map, ontology: Ontology, changes: Sequence[Change]) -> Outcome:
@@ -51,11 +121,11 @@ def changes_outcome(map: Map, ontology: Ontology, changes: Sequence[Change]) -> 
     return replace(result, broken=broken) if broken else result
 
 
-def _clear_unknown(map: Map, changes: Iterable[Change]) -> Iterator[Change]:
+def _clear_unknown(map: Map, changes: Iterable[Change], recognized: Iterable[str]) -> Iterator[ValueSet]:
     """Changes that clear the attribute Unknown of each object about which the update states a fact or a value."""
     assertions = [change for change in changes if not isinstance(change, FactRemoved)]
     flagged = {change.object for change in assertions if isinstance(change, ValueSet) and change.path == UNKNOWN and change.value}
-    for name in dict.fromkeys(objects_of(change)[0] for change in assertions):
+    for name in dict.fromkeys((*(objects_of(change)[0] for change in assertions), *sorted(recognized))):
         if name not in flagged and (object := map.objects.get(name)) is not None and object.values.get(UNKNOWN) is True:
             yield ValueSet(name, UNKNOWN, None)
 

@@ -100,5 +100,7 @@ MIGRATIONS: Mapping[int, Step] = {
     ),
     3: _journaled,
     4: journal.WITHOUT_INDEX,
+    # What became of the reports that events come from.
+    5: "ALTER TABLE events ADD COLUMN reception TEXT;",
 }
 """The migration to the next format, by the format of the file."""

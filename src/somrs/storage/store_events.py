@@ -12,6 +12,7 @@ import msgspec
 from somrs.ontology.naming import Renaming
 from somrs.ontology.objects import Change
 from somrs.protocol.messages.knowledge import Event, Revision
+from somrs.protocol.messages.observations import Reception
 from somrs.repository.outcome import revert_revision
 from somrs.repository.rollback import PastState, rewind_map
 from somrs.repository.state import EventsOf, HistoryOf, PageOf
@@ -21,8 +22,10 @@ _CHANGES = msgspec.json.Decoder(tuple[Change, ...])
 _REVISION = msgspec.json.Decoder(Revision)
 _RENAMED = msgspec.json.Decoder(tuple[Renaming, ...])
 
-_COLUMNS = "events.version, at, author, changes, before, revision, renamed, undoes, NULL"
-_BRIEF = "version, at, author, '[]', '[]', iif(revision IS NULL, NULL, '{}'), renamed, undoes, json_array_length(changes)"
+_RECEPTION = msgspec.json.Decoder(Reception)
+
+_COLUMNS = "events.version, at, author, changes, before, revision, renamed, undoes, NULL, reception"
+_BRIEF = "version, at, author, '[]', '[]', iif(revision IS NULL, NULL, '{}'), renamed, undoes, json_array_length(changes), NULL"
 
 
 class Row(NamedTuple):
@@ -37,6 +40,7 @@ class Row(NamedTuple):
     renamed: str | None
     undoes: int | None
     all_changes: int | None
+    reception: str | None
 
 
 def event_of(row: Row) -> Event:
@@ -50,6 +54,7 @@ def event_of(row: Row) -> Event:
         renamed=_RENAMED.decode(row.renamed) if row.renamed is not None else (),
         undoes=row.undoes,
         all_changes=row.all_changes,
+        reception=_RECEPTION.decode(row.reception) if row.reception is not None else None,
     )
 
 

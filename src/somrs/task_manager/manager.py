@@ -317,8 +317,10 @@ class TaskManager:
             case ReportAnswered(purpose, answer) if purpose.owner in state.tasks:
                 unsettled = yield from self._transaction(purpose.owner).report_answered(answer, now)
                 if unsettled is not None:
-                    version, problems = unsettled
-                    state.unsettled.append(UnsettledReport(version=version, task=purpose.owner, problems=problems))
+                    version, reported = unsettled
+                    state.unsettled.append(
+                        UnsettledReport(version=version, task=purpose.owner, problems=reported.problems, reception=reported.reception)
+                    )
 
     # The map
 
@@ -337,7 +339,7 @@ class TaskManager:
         state.unsettled = [report for report in state.unsettled if report not in due]
         for report in due:
             if report.task in state.tasks:
-                yield from self._transaction(report.task).settled(report.problems, now)
+                yield from self._transaction(report.task).settled(report.result, now)
         if news.changes:
             changed_objects = {name for change in news.changes for name in objects_of(change)}
             for task in state.running:

@@ -6,8 +6,10 @@ from msgspec import Struct, field
 
 from somrs.kernel.replica import Replica
 from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.observations import Reception
 from somrs.task_manager.context import Quotes
 from somrs.task_manager.device_queue import DeviceQueues
+from somrs.task_manager.execution.reports import ReportResult
 from somrs.task_manager.preview import PreviewState
 from somrs.task_manager.requests import Requests
 from somrs.task_manager.reservations import Reservations
@@ -16,11 +18,16 @@ from somrs.task_manager.transaction.state import TaskState
 
 
 class UnsettledReport(Struct, frozen=True, kw_only=True):
-    """A task's report that is settled when the replica reaches `version`; `problems`: why the Repository rejected it."""
+    """A task's report that is settled when the replica reaches `version`, and what became of it."""
 
     version: int
     task: str
     problems: tuple[str, ...] = ()
+    reception: Reception = Reception()
+
+    @property
+    def result(self) -> ReportResult:
+        return ReportResult(problems=self.problems, reception=self.reception)
 
 
 class TaskManagerState(Struct, kw_only=True):

@@ -32,6 +32,7 @@ from somrs.service_manager.participant.timers import DepartureRequested, Heartbe
 from somrs.service_manager.sdk.device import Device, Result, Situation, Task, predecessor_name, service
 from somrs.service_manager.sdk.orders import Order, Refusal, Report, ServiceFailed
 from somrs.service_manager.sdk.values import as_term, money, python_value, seconds
+from tests.support.effects import timeless
 from tests.support.lab import CLIENT, REPOSITORY, contents, request
 from tests.support.virtual_devices import Pause, in_virtual_time, make_ask
 
@@ -176,10 +177,10 @@ class DeviceHarness:
     def last_word(self, step: str) -> object:
         """The last that was said of a step, but how far it is."""
         of_step = [m.body for m in self.coordinator.messages if m.header.participant == self.session(step).participant]
-        return next(body for body in reversed(of_step) if not isinstance(body, frp.Progress))
+        return next(timeless(body) for body in reversed(of_step) if not isinstance(body, frp.Progress))
 
     def report(self) -> object:
-        return next(m.body for m in reversed(self.coordinator.messages) if not isinstance(m.body, frp.Progress))
+        return next(timeless(m.body) for m in reversed(self.coordinator.messages) if not isinstance(m.body, frp.Progress))
 
     def offers(self) -> list[str]:
         self.world.send(request(Discover(), recipient=REGISTRY))

@@ -19,6 +19,7 @@ from somrs.ontology.types import AttributeType, Kind, ObjectType, Value
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import Definitions, MapPage, QueryMap, ReadMap, Row, Rows
+from somrs.protocol.messages.observations import Observation
 from somrs.service_manager.sdk.device import Device, MapReader, Result, Service, Situation, Task, predecessor_name, service
 from somrs.service_manager.sdk.orders import (
     Advance,
@@ -333,15 +334,22 @@ def test_what_is_no_service() -> None:
 
 
 def test_what_a_device_observes_is_entish() -> None:
-    observations: list[str] = []
+    observations: list[tuple[str | None, Observation]] = []
     device = Washer("Washer1", simulator="http://h/simulator")
     device.observed("Jar1 isOn Table1")
-    device.observer = observations.append
+    device.observer = lambda situation, observation: observations.append((situation, observation))
     device.observed("Jar1   isOn Table1")
     device.observed(parse("Jar2 isOn Table1"))
     with pytest.raises(FormulaError):
         device.observed("Jar1 isOn")
-    assert observations == ["Jar1 isOn Table1", "Jar2 isOn Table1"]
+    device.observed("?Seen: Jar isOn Table1", as_of=5.0, gone=["Jar3"], searched=["Table1"])
+    device.observed(gone=["Jar4"])
+    assert observations == [
+        ("Jar1 isOn Table1", Observation()),
+        ("Jar2 isOn Table1", Observation()),
+        ("?Seen: Jar isOn Table1", Observation(as_of=5.0, gone=("Jar3",), searched=("Table1",))),
+        (None, Observation(gone=("Jar4",))),
+    ]
     assert (device.name, device.simulator, Washer("W").simulator) == ("Washer1", "http://h/simulator", None)
 
 

@@ -115,6 +115,10 @@ def _of_step(event: Event) -> str:
             return f"{service} found out: {told}"
         case events.StepStopped(service=service):
             return f"{service} stopped"
+        case events.ReportSuperseded(service=service, parts=parts):
+            return f"{service} reports old news, and the map keeps what is newer: {join_reasons(parts)}"
+        case events.ObjectsDiscovered(service=service, objects=objects):
+            return f"{service} discovered {', '.join(objects)}, new on the map"
         case events.FoundSo():
             return "the effect of the step holds after all"
         case _:

@@ -300,6 +300,20 @@ class ReportRejected(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=
     problems: tuple[str, ...]
 
 
+class ReportSuperseded(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
+    """The map has newer news about parts of what the service reports."""
+
+    service: str
+    parts: tuple[str, ...]
+
+
+class ObjectsDiscovered(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
+    """The service reports objects that the map did not have; they are on it now, under these names."""
+
+    service: str
+    objects: tuple[str, ...]
+
+
 # Recovery
 
 
@@ -428,6 +442,7 @@ Event = (
     | PlansCompared | ServicesAsked | TermsOffered | ServiceRefused | ConditionsAdopted | ServiceChosen
     | WaitsForDevice | StepStarted | ProgressNoted | StepCompleted | FoundOut | StepStopped | FoundSo
     | NotBegun | StepFailed | ServiceFaulted | ContractForgotten | ServiceSilent | ServiceOverdue | ServiceLost | ReportRejected
+    | ReportSuperseded | ObjectsDiscovered
     | ServiceReplaced | MayTryAgain | HandlerBegun | GoalFailed | LookBegun | LookFound | NobodyLooks | KnownOtherwise
     | FailuresUndone | UndoneByHandler | UndoneByService | UndoneByOthers | Compensated | CompensationFailed | WorkUndone | WorkStranded
     | Stopping | TaskEnded
@@ -451,7 +466,7 @@ KINDS: dict[type[Event], EventKind] = {
     ),
     ServiceReplaced: EventKind.REPLACE,
     HandlerBegun: EventKind.HANDLER,
-    **dict.fromkeys((FoundOut, LookBegun, LookFound, NobodyLooks, KnownOtherwise), EventKind.LOOK),
+    **dict.fromkeys((FoundOut, LookBegun, LookFound, NobodyLooks, KnownOtherwise, ObjectsDiscovered), EventKind.LOOK),
     **dict.fromkeys((FailuresUndone, UndoneByHandler, UndoneByService, UndoneByOthers, Compensated, WorkUndone), EventKind.UNDO),
     TaskEnded: EventKind.END,
 }  # fmt: skip

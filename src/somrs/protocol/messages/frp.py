@@ -2,6 +2,8 @@
 
 Formulas are Entish text. Times are in seconds on the clock of the coordinator's node.
 
+A situation in a report may also describe objects that were sighted, by typed variables. `observation`: when and how it was observed.
+
 `begin_by`: the participant does not carry out an order that comes later than this, because another service may have the step by then. None:
 no limit.
 """
@@ -12,6 +14,7 @@ from enum import StrEnum
 
 from somrs.ontology.types import Value
 from somrs.protocol.messages.body import MessageBody
+from somrs.protocol.messages.observations import Observation
 
 
 class State(StrEnum):
@@ -120,6 +123,7 @@ class Progress(MessageBody, frozen=True, kw_only=True, tag=True):
     fraction: float
     situation: str | None = None
     note: str = ""
+    observation: Observation | None = None
 
 
 class Completed(MessageBody, frozen=True, kw_only=True, tag=True):
@@ -127,6 +131,7 @@ class Completed(MessageBody, frozen=True, kw_only=True, tag=True):
 
     situation: str
     outputs: dict[str, Value] = {}
+    observation: Observation | None = None
 
 
 class Failed(MessageBody, frozen=True, kw_only=True, tag=True):
@@ -135,6 +140,7 @@ class Failed(MessageBody, frozen=True, kw_only=True, tag=True):
     description: str
     situation: str | None = None
     tried: bool = True
+    observation: Observation | None = None
 
 
 class Stop(MessageBody, frozen=True, kw_only=True, tag=True):
@@ -147,6 +153,7 @@ class Stopped(MessageBody, frozen=True, kw_only=True, tag=True):
     """The service stopped in a safe state."""
 
     situation: str | None = None
+    observation: Observation | None = None
 
 
 class Compensate(MessageBody, frozen=True, kw_only=True, tag=True):
@@ -160,6 +167,7 @@ class Compensated(MessageBody, frozen=True, kw_only=True, tag=True):
     """The work is undone."""
 
     situation: str
+    observation: Observation | None = None
 
 
 class Stranded(MessageBody, frozen=True, kw_only=True, tag=True):
@@ -168,6 +176,7 @@ class Stranded(MessageBody, frozen=True, kw_only=True, tag=True):
     description: str
     situation: str | None = None
     tried: bool = True
+    observation: Observation | None = None
 
 
 class Query(MessageBody, frozen=True, kw_only=True, tag=True):

@@ -15,6 +15,7 @@ from somrs.ontology.objects import Change, Fact, Object
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import AttributeType, Definition, FunctionType, ObjectType, RelationType
 from somrs.protocol.messages.body import MessageBody
+from somrs.protocol.messages.observations import Observation, Reception
 
 
 class Definitions(Struct, frozen=True, kw_only=True):
@@ -128,22 +129,25 @@ class Rows(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class UpdateMap(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Change the map: by single changes, and by a situation (a formula that holds now).
+    """Change the map: by single changes, and by a situation (a formula that holds now, or that held when it was observed).
 
+    A typed variable of the situation is a sighted object: `?Seen: Jar isOn Table001`. The Repository finds it on the map, or adds it.
     The update is checked against the types, and made completely or not at all. `expected_version`: make it only if none of its objects
-    changed after that version; the object of a fact is its first argument.
+    changed after that version; the object of a fact is its first argument. `observation`: when and how the update was observed.
     """
 
     changes: tuple[Change, ...] = ()
     situation: str | None = None
     author: str = ""
     expected_version: int | None = None
+    observation: Observation | None = None
 
 
 class Updated(MessageBody, frozen=True, kw_only=True, tag=True):
-    """The update is on disk. `version` is the map's version with the update."""
+    """The update is on disk. `version` is the map's version with the update; `reception`: what became of its parts, if not all are news."""
 
     version: int
+    reception: Reception | None = None
 
 
 class RenameObject(MessageBody, frozen=True, kw_only=True, tag=True):
@@ -230,7 +234,7 @@ class ReadHistory(MessageBody, frozen=True, kw_only=True, tag=True):
 class Event(Struct, frozen=True, kw_only=True):
     """One change of the map or the ontology: its author, time (seconds since 1970), changes of the map, and `revision` of the ontology.
 
-    `renamed`: what the change renamed; `undoes`: the version that it reverts.
+    `renamed`: what the change renamed; `undoes`: the version that it reverts; `reception`: what became of the report that it comes from.
 
     In answers, `before` are the changes that revert the event, in order. Of an event that is too long for a message, the answer has the
     first `changes` and their number in `all_changes`, without `before` and `revision`.
@@ -245,6 +249,7 @@ class Event(Struct, frozen=True, kw_only=True):
     undoes: int | None = None
     before: tuple[Change, ...] = ()
     all_changes: int | None = None
+    reception: Reception | None = None
 
 
 class History(MessageBody, frozen=True, kw_only=True, tag=True):

@@ -91,7 +91,7 @@ class DeviceWork:
         self._queue.at_work.remove(job.key)
         if question.activity is Activity.HALT:
             if isinstance(value, WorkDone) and value.situation is not None:
-                job.situation = value.situation
+                job.note_situation(value.situation, value.observation, now)
                 if job.session.state is State.ENDED:
                     yield from self._report_to_map(job, value.situation, now)
             yield from self._conclude(job, now)
@@ -102,24 +102,26 @@ class DeviceWork:
 
     def _report_to_map(self, job: Job, situation: str, now: float) -> Effects:
         """Report the situation to the Repository, because no coordinator waits for it."""
-        yield from self._state.reports.add(service_of(job.session.participant), situation, now, LEFTOVER_REPORT_TIME)
+        yield from self._state.reports.add(service_of(job.session.participant), situation, now, LEFTOVER_REPORT_TIME, job.observation)
 
     def _advance(self, job: Job, value: Advance, now: float) -> Effects:
         job.fraction = value.fraction
-        job.situation = value.situation or job.situation
+        job.note_situation(value.situation, value.observation, now)
         if job.session.state in WORKING:
-            progress = frp.Progress(fraction=value.fraction, situation=value.situation, note=value.note)
+            observation = job.observation if value.situation is not None else None
+            progress = frp.Progress(fraction=value.fraction, situation=value.situation, note=value.note, observation=observation)
             yield from send_message(job, progress, self._jobs, now)
 
     def _finish_activity(self, job: Job, activity: Activity, value: Answer, now: float) -> Effects:
         """Handle the end of a service or of its undoing: it is done, it failed, it was interrupted, or its code raised an error."""
         if isinstance(value, WorkDone):
-            job.fraction, job.situation = 1.0, value.situation or job.situation
+            job.fraction = 1.0
+            job.note_situation(value.situation, value.observation, now)
             if job.session.state in WORKING:
                 yield from send_message(job, _completion_report(job, activity, value), self._jobs, now)
             return
         if isinstance(value, Failure):
-            job.situation = value.situation or job.situation
+            job.note_situation(value.situation, value.observation, now)
             job.verdict = failure(activity, value.description, job.situation, tried=value.tried)
             yield from self._conclude(job, now)
             return
@@ -133,13 +135,14 @@ class DeviceWork:
     def _conclude(self, job: Job, now: float) -> Effects:
         """Report the verdict with the situation known at this time."""
         if job.verdict is not None and job.session.state in WORKING:
-            yield from send_message(job, structs.replace(job.verdict, situation=job.situation), self._jobs, now)
+            verdict = structs.replace(job.verdict, situation=job.situation, observation=job.observation)
+            yield from send_message(job, verdict, self._jobs, now)
         job.verdict = None
 
 
 def _completion_report(job: Job, activity: Activity, value: WorkDone) -> frp.Completed | frp.Compensated:
     if activity is Activity.PERFORM:
-        return frp.Completed(situation=job.situation or "", outputs=value.outputs)
+        return frp.Completed(situation=job.situation or "", outputs=value.outputs, observation=job.observation)
     compensate = job.session.received_messages["Compensate"].body
     assert isinstance(compensate, frp.Compensate), "undoing follows a Compensate"
-    return frp.Compensated(situation=job.situation or compensate.situation)
+    return frp.Compensated(situation=job.situation or compensate.situation, observation=job.observation)

@@ -11,6 +11,7 @@ from somrs.protocol.frp.participant_session import ParticipantSession
 from somrs.protocol.frp.states import RESUMES, WORKING
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.frp import State
+from somrs.protocol.messages.observations import Observation, observed_at
 from somrs.service_manager.participant.timers import Activity, ParticipantTimer, WorkWanted
 from somrs.service_manager.sdk.orders import Order
 
@@ -39,6 +40,8 @@ class Job(Struct, kw_only=True):
     """The timers that are set."""
     verdict: Verdict | None = None
     """The report to send when the device is in a safe state, unless the work turns out to be done."""
+    observation: Observation | None = None
+    """When and how the last known situation was observed."""
 
     @property
     def key(self) -> Key:
@@ -47,6 +50,15 @@ class Job(Struct, kw_only=True):
     @property
     def has_contract(self) -> bool:
         return self.session.state in _CONTRACT
+
+    def note_situation(self, situation: str | None, observation: Observation | None, now: float) -> None:
+        """Note a situation that the device reports (None: nothing new). It holds `now`, unless the observation gives another time."""
+        if situation is not None:
+            self.situation, self.observation = situation, observed_at(observation, now)
+
+    def forget_situation(self) -> None:
+        """The last known situation may have been changed by other services."""
+        self.situation = self.observation = None
 
     def question_for(self, activity: Activity) -> WorkWanted:
         return WorkWanted(*self.key, activity)

@@ -11,6 +11,7 @@ from somrs.kernel.component import Effects, EffectsReturning, Send, SetTimer
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import Rejected, UpdateMap
+from somrs.protocol.messages.observations import Observation
 from somrs.service_manager.participant.timers import ReportDue
 
 PATIENCE = 10.0
@@ -28,8 +29,13 @@ class MapReport(Struct, frozen=True, kw_only=True):
 
     id: str
     author: str
-    situation: str
+    situation: str | None
     expires_at: float = field(name="until")
+    observation: Observation | None = None
+
+    def __str__(self) -> str:
+        gone = self.observation.gone if self.observation is not None else ()
+        return " AND ".join(filter(None, (self.situation, *(f"{name} is gone" for name in gone)))) or "what it searched"
 
 
 class MapReports(Struct, kw_only=True):
@@ -41,11 +47,11 @@ class MapReports(Struct, kw_only=True):
     ready: bool = False
     pending: list[MapReport] = []
 
-    def add(self, author: str, situation: str, now: float, seconds: float) -> Effects:
-        """Queue a report that the situation holds."""
+    def add(self, author: str, situation: str | None, now: float, seconds: float, observation: Observation | None = None) -> Effects:
+        """Queue a report that the situation holds, or held when it was observed."""
         self.count += 1
         id = message_id(self.address, author, "report", self.count, now)
-        self.pending.append(MapReport(id=id, author=author, situation=situation, expires_at=now + seconds))
+        self.pending.append(MapReport(id=id, author=author, situation=situation, expires_at=now + seconds, observation=observation))
         if self.ready and len(self.pending) == 1:
             yield from self._send(now)
 
@@ -66,9 +72,9 @@ class MapReports(Struct, kw_only=True):
         yield from self._send(now)
         match answer.body:
             case Rejected(problems=problems):
-                return f"the Repository rejects {report.situation} from {report.author}: {'; '.join(problems)}"
+                return f"the Repository rejects {report} from {report.author}: {'; '.join(problems)}"
             case Fault(text=text):
-                return f"the Repository rejects {report.situation} from {report.author}: {text}"
+                return f"the Repository rejects {report} from {report.author}: {text}"
         return ""
 
     def resend(self, now: float) -> Effects:
@@ -82,5 +88,6 @@ class MapReports(Struct, kw_only=True):
         report = self.pending[0]
         header = Header(sender=self.address, recipient=self.repository, message_id=report.id, reply_to=self.address)
         expires_at = min(now + PATIENCE, report.expires_at)
-        yield Send(Message(header=header, body=UpdateMap(situation=report.situation, author=report.author)), expires_at)
+        body = UpdateMap(situation=report.situation, author=report.author, observation=report.observation)
+        yield Send(Message(header=header, body=body), expires_at)
         yield SetTimer(ReportDue(), expires_at + PATIENCE / 2)

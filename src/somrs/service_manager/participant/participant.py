@@ -20,6 +20,7 @@ from somrs.protocol.frp.states import TO_COORDINATOR, TO_PARTICIPANT, WORKING
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.envelope import ANONYMOUS, Message, reply
 from somrs.protocol.messages.frp import State
+from somrs.protocol.messages.observations import observed_at
 from somrs.service_manager.participant.calendar import Commitment
 from somrs.service_manager.participant.device_queue import DeviceWork
 from somrs.service_manager.participant.job import Job, interruption
@@ -145,7 +146,7 @@ class ServiceManager:
                     precondition=message.body.precondition or job.order.precondition,
                 )
             if isinstance(message.body, frp.Compensate):
-                job.situation = None  # other services may have changed what it left
+                job.forget_situation()  # other services may have changed what it left
             self._jobs.store_job(job)
         for answer in transition.answers:
             yield Send(answer, now + REPORT_TIME if answer.header.recipient != ANONYMOUS else None)
@@ -177,7 +178,7 @@ class ServiceManager:
                 yield from job.set_timer(HeartbeatDue, now + self.profile.heartbeat)
                 yield from self._work.enqueue(job, now)
             case State.STOPPING:
-                yield from self._work.interrupt(job, frp.Stopped(situation=job.situation), now)
+                yield from self._work.interrupt(job, frp.Stopped(situation=job.situation, observation=job.observation), now)
             case State.COMPENSATING:
                 yield from self._compensate(job, _lateness_reason(message, now), now)
             case State.ENDED:
@@ -251,8 +252,8 @@ class ServiceManager:
             case Equipped(profile, repository, registry):
                 joining = self._joining
                 joining.profile, joining.repository, joining.registry = profile, repository, registry
-            case Observed(situation):
-                yield from self._reports.add(self.profile.name, situation, now, OBSERVATION_REPORT_TIME)
+            case Observed(situation, observation):
+                yield from self._reports.add(self.profile.name, situation, now, OBSERVATION_REPORT_TIME, observed_at(observation, now))
             case DepartureRequested():
                 yield from self._depart(now)
 

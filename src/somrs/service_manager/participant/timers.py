@@ -6,6 +6,7 @@ from enum import StrEnum
 
 from msgspec import Struct
 
+from somrs.protocol.messages.observations import Observation
 from somrs.service_manager.sdk.orders import Halt, Perform, Profile, Quote, Report, Undo
 
 
@@ -78,7 +79,8 @@ class Equipped(Struct, frozen=True, tag=True):
 class Observed(Struct, frozen=True, tag=True):
     """The device observed a situation outside of any contract."""
 
-    situation: str
+    situation: str | None
+    observation: Observation | None = None
 
 
 class DepartureRequested(Struct, frozen=True, tag="Leave"):

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar
@@ -35,7 +35,8 @@ from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Definition, ObjectType, Value
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.frp import Fault
-from somrs.protocol.messages.knowledge import MapPage, QueryMap, ReadMap, Rows, by_kind
+from somrs.protocol.messages.knowledge import MapPage, QueryMap, ReadMap, Rejected, Rows, Updated, UpdateMap, by_kind
+from somrs.protocol.messages.observations import Observation, Reception
 from somrs.service_manager.sdk.orders import Advance, Capability, Order, Profile
 from somrs.service_manager.sdk.values import fill_in, money, python_value, seconds
 
@@ -44,10 +45,11 @@ Situation = str | Formula | None
 
 
 class Result(Struct, frozen=True, kw_only=True):
-    """The result of a service with outputs."""
+    """The result of a service with outputs, or with more to say about its situation than that it holds."""
 
-    outputs: dict[str, Value]
+    outputs: dict[str, Value] = {}
     situation: Situation = None
+    observation: Observation | None = None
 
 
 Ask = Callable[[Body], Awaitable[Body]]
@@ -63,7 +65,10 @@ AbilityCheck = Callable[[Any, "Task"], Awaitable[None] | None]
 
 
 class MapReader:
-    """Reads the map in the Repository. With a `situation`, in Entish: the map as it would be if this formula held, too."""
+    """Reads the map in the Repository, and reports to it.
+
+    With a `situation`, in Entish: reads the map as it would be if this formula held, too.
+    """
 
     def __init__(self, ask: Ask, situation: str | None = None) -> None:
         self._ask, self._situation = ask, situation
@@ -84,6 +89,16 @@ class MapReader:
 
     async def holds(self, formula: str | Formula) -> bool:
         return bool(await self.query(formula, limit=1))
+
+    async def report(self, update: UpdateMap) -> Reception:
+        """Change the map, and return what became of the report. Raises RemoteError when the Repository rejects it."""
+        answer = await self._answer(update)
+        match answer:
+            case Updated(reception=reception):
+                return reception if reception is not None else Reception()
+            case Rejected(problems=problems):
+                raise RemoteError("; ".join(problems))
+        raise RemoteError(f"the Repository answered UpdateMap with {type(answer).__name__}")
 
     async def _answer(self, body: Body) -> Body:
         answer = await self._ask(body)
@@ -124,9 +139,10 @@ class Task:
         """
         self.conditions = (*self.conditions, fill_in(str(condition), self.provider, self.order.inputs))
 
-    async def progress(self, fraction: float, situation: Situation = None, note: str = "") -> None:
+    async def progress(self, fraction: float, situation: Situation = None, note: str = "", observation: Observation | None = None) -> None:
         """Report the fraction done (0 to 1), the situation if it changed, and a note for people."""
-        self._report(Advance(fraction=min(max(fraction, 0.0), 1.0), situation=str(situation) if situation is not None else None, note=note))
+        text = str(situation) if situation is not None else None
+        self._report(Advance(fraction=min(max(fraction, 0.0), 1.0), situation=text, note=note, observation=observation))
 
 
 class Service:
@@ -195,7 +211,7 @@ def _check_definition(definition: Definition, owner: type[object]) -> Definition
         raise DeviceError(f"{owner.__name__} brings {type(definition).__name__} {name}, which is not valid: {error}") from None
 
 
-def _ignore_observation(situation: str) -> None:
+def _ignore_observation(situation: str | None, observation: Observation) -> None:
     """Do nothing: no program runs the device."""
 
 
@@ -228,16 +244,36 @@ class Device:
     def __init__(self, name: str, simulator: str | None = None) -> None:
         self.name, self.simulator = name, simulator
 
-    observer: Callable[[str], None] = staticmethod(_ignore_observation)
+    observer: Callable[[str | None, Observation], None] = staticmethod(_ignore_observation)
     """Receives the observations of the device; the program that runs the device sets it."""
 
-    def observed(self, situation: str | Formula) -> None:
-        """Report a situation that the device observed outside of its services to the map.
+    def observed(
+        self,
+        situation: str | Formula | None = None,
+        *,
+        as_of: float | None = None,
+        gone: Iterable[str] = (),
+        searched: Iterable[str] = (),
+    ) -> None:
+        """Report to the map what the device observed outside of its services: a situation, and objects that are `gone`.
+
+        A typed variable of the situation is a sighted object: `?Seen: Jar isOn Table001`. The Repository finds out which object of the map
+        it is, or adds it. `as_of`: when it was observed, in seconds since 1970 (None: now). `searched`: supports and spaces that were seen
+        whole; objects that the map has there, and that the situation does not mention, become unknown.
 
         Reports arrive in their order, after the device has joined; they are repeated while the Repository is not available. Services return
-        their results instead.
+        their results instead. `report` returns the names of the sighted objects.
         """
-        self.observer(str(parse(str(situation))))
+        observation = Observation(as_of=as_of, gone=tuple(gone), searched=tuple(searched))
+        self.observer(str(parse(str(situation))) if situation is not None else None, observation)
+
+    async def report(self, situation: str | Formula | None = None, observation: Observation | None = None) -> Reception:
+        """Report to the map at once, and return what became of the report: the names of the sighted objects, and what was old news.
+
+        Raises RemoteError when the Repository rejects the report.
+        """
+        text = str(parse(str(situation))) if situation is not None else None
+        return await self.map.report(UpdateMap(situation=text, author=self.name, observation=observation))
 
     async def open(self) -> None:
         """Connect to the hardware. Called once before the device joins."""

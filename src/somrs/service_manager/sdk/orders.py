@@ -10,6 +10,7 @@ from somrs.kernel.component import AnswerLost, ErrorAnswer, PartialAnswer
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Value
 from somrs.protocol.messages.knowledge import Definitions
+from somrs.protocol.messages.observations import Observation
 
 
 class Capability(Struct, frozen=True, kw_only=True):
@@ -119,6 +120,7 @@ class Advance(PartialAnswer, frozen=True, kw_only=True, tag=True):
     fraction: float
     situation: str | None = None
     note: str = ""
+    observation: Observation | None = None
 
 
 class WorkDone(Struct, frozen=True, kw_only=True, tag="Done"):
@@ -126,6 +128,7 @@ class WorkDone(Struct, frozen=True, kw_only=True, tag="Done"):
 
     situation: str | None = None
     outputs: dict[str, Value] = {}
+    observation: Observation | None = None
 
 
 class Failure(Struct, frozen=True, tag=True):
@@ -134,6 +137,7 @@ class Failure(Struct, frozen=True, tag=True):
     description: str
     situation: str | None = None
     tried: bool = True
+    observation: Observation | None = None
 
 
 Answer = Quoted | Refused | Advance | WorkDone | Failure | ErrorAnswer | AnswerLost | None
@@ -157,8 +161,10 @@ class ServiceFailed(SomrsError):
     `tried` False: nothing was begun or changed, so that another service can do the step at once.
     """
 
-    def __init__(self, description: str, situation: str | None = None, *, tried: bool = True) -> None:
-        self.description, self.situation, self.tried = description, situation, tried
+    def __init__(
+        self, description: str, situation: str | None = None, *, tried: bool = True, observation: Observation | None = None
+    ) -> None:
+        self.description, self.situation, self.tried, self.observation = description, situation, tried, observation
         super().__init__(description, situation)
 
     def __str__(self) -> str:
@@ -170,8 +176,8 @@ def answer_of(error: BaseException) -> Refused | Failure | ErrorAnswer:
     match error:
         case Refusal(reason=reason, not_now=not_now, condition=condition):
             return Refused(reason, not_now, str(condition) if condition is not None else None)
-        case ServiceFailed(description=description, situation=situation, tried=tried):
-            return Failure(description, situation, tried)
+        case ServiceFailed(description=description, situation=situation, tried=tried, observation=observation):
+            return Failure(description, situation, tried, observation)
         case InputError():
             return ErrorAnswer(str(error))
         case _:

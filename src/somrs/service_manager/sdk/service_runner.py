@@ -77,7 +77,7 @@ def _work_done(device: Device, order: Order, returned: Situation | Result, servi
             named = ", ".join(f"?{name}" for name in unknown)
             raise DeviceError(f"{service.name} has to return the situation, because its effect leaves {named} open: {effect}")
         situation = str(effect)
-    return WorkDone(situation=situation, outputs=result.outputs)
+    return WorkDone(situation=situation, outputs=result.outputs, observation=result.observation)
 
 
 def _read(situation: Situation, service: Service) -> str | None:

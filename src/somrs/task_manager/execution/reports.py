@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from msgspec import Struct, field
 
+from somrs.entish.formula import Name, conjunction, conjuncts, substitute, variables
+from somrs.entish.parse import parse
 from somrs.kernel.component import Effects
+from somrs.protocol.messages import events
 from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.knowledge import Rejected, Updated, UpdateMap
+from somrs.protocol.messages.observations import Reception
 from somrs.task_manager.context import TaskManagerContext
 from somrs.task_manager.requests import ForReport, answer_problems
 
@@ -68,12 +75,36 @@ class Reports(Struct, kw_only=True):
         return not self.waiting
 
 
-def settlement(answer: Message) -> tuple[int | None, tuple[str, ...]]:
-    """The map version that the replica must reach to reflect the answer, if there is one, and the problems of the report."""
+class ReportResult(Struct, frozen=True, kw_only=True):
+    """What became of a report: why the Repository rejected it, or else which objects it sighted and which of its parts were old news."""
+
+    problems: tuple[str, ...] = ()
+    reception: Reception = Reception()
+
+    def named(self, situation: str) -> str:
+        """The situation with the names of the objects that it sighted, without parts about objects that could not be identified."""
+        bindings = {variable: Name(name) for variable, name in self.reception.names.items()}
+        if not bindings:
+            return situation
+        parts = [substitute(part, bindings) for part in conjuncts(parse(situation))]
+        return str(conjunction(*(part for part in parts if not variables(part))))
+
+    def events(self, service: str) -> Iterator[Event]:
+        """The events that a report of this service leads to."""
+        if self.problems:
+            yield events.ReportRejected(service=service, problems=self.problems)
+        if self.reception.added:
+            yield events.ObjectsDiscovered(service=service, objects=self.reception.added)
+        if self.reception.superseded:
+            yield events.ReportSuperseded(service=service, parts=self.reception.superseded)
+
+
+def settlement(answer: Message) -> tuple[int | None, ReportResult]:
+    """The map version that the replica must reach to reflect the answer, if there is one, and what became of the report."""
     match answer.body:
-        case Updated(version=version):
-            return version, ()
+        case Updated(version=version, reception=reception):
+            return version, ReportResult(reception=reception or Reception())
         case Rejected(version=int(version)):  # the replica may not know yet what the report contradicts
-            return version, answer_problems(answer)
+            return version, ReportResult(problems=answer_problems(answer))
         case _:
-            return None, answer_problems(answer)
+            return None, ReportResult(problems=answer_problems(answer))

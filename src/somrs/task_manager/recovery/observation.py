@@ -16,7 +16,7 @@ from somrs.ontology.objects import Change, Fact, FactRemoved, Map, ValueSet
 from somrs.ontology.services import ServiceKind, ServiceType
 from somrs.ontology.types import UNKNOWN, Ontology
 from somrs.planner.model.plan import Plan, Step
-from somrs.protocol.messages import events
+from somrs.protocol.messages import events, observations
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.frp import State
@@ -131,7 +131,9 @@ class Observation:
             replica = self._context.replica
             changes = tuple(unknown_changes(look.object, replica.map, replica.ontology))
             self._log_event(events.NobodyLooks(object=look.object), now, work)
-            update = UpdateMap(changes=changes, author="nobody could look", expected_version=look.since_version)
+            # Nothing is known of the object since the work on it began: whatever is reported about a later time is newer.
+            unseen = observations.Observation(as_of=work.started_at)
+            update = UpdateMap(changes=changes, author="nobody could look", expected_version=look.since_version, observation=unseen)
             report = Report(update=update, subject=UnobservedSubject(look.object, look.work))
             yield from self._reports.add_report(self._owner, report, self._context, now)
         return None

@@ -4,6 +4,8 @@ results of work.
 
 from __future__ import annotations
 
+from msgspec import structs
+
 from somrs.entish.parse import parse
 from somrs.kernel.component import Effects, EffectsReturning
 from somrs.ontology.services import ServiceKind
@@ -13,9 +15,10 @@ from somrs.protocol.messages.event_text import join_reasons, loss_text
 from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.knowledge import UpdateMap
+from somrs.protocol.messages.observations import Observation
 from somrs.task_manager.arrangement.conditions import condition_error
 from somrs.task_manager.execution.member import Member
-from somrs.task_manager.execution.reports import ProgressSubject, Report, ReportSubject, WorkSubject
+from somrs.task_manager.execution.reports import ProgressSubject, Report, ReportResult, ReportSubject, WorkSubject
 from somrs.task_manager.execution.workflow import Progress, StepRun
 from somrs.task_manager.transaction.goal_executor import GoalExecutor
 from somrs.task_manager.transaction.next_action import NextAction, Proceed
@@ -87,41 +90,41 @@ class ParticipantEvents:
             case frp.Progress() as progress:
                 yield from self._progressed(member, run, progress, now)
                 return None
-            case frp.Completed(situation=situation, outputs=outputs):
+            case frp.Completed(situation=situation, outputs=outputs, observation=observation):
                 member.fraction = 1.0
                 if run is not None:
                     run.outputs = outputs
                 self._log_event(events.StepCompleted(service=name, situation=situation), run, now)
-                return (yield from self._reported(member, situation, None, now))
+                return (yield from self._reported(member, situation, observation, None, now))
             case frp.Failed(description=description, tried=False) if member.lost_version is None:
                 self._log_event(events.NotBegun(service=name, description=description), run, now)
                 return (yield from self._participant_left(member, description, now))
-            case frp.Failed(description=description, situation=situation):
+            case frp.Failed(description=description, situation=situation, observation=observation):
                 self._log_event(events.StepFailed(service=name, description=description, situation=situation), run, now)
-                return (yield from self._reported(member, situation, f"failed: {description}", now))
-            case frp.Stopped(situation=situation):
+                return (yield from self._reported(member, situation, observation, f"failed: {description}", now))
+            case frp.Stopped(situation=situation, observation=observation):
                 self._log_event(events.StepStopped(service=name), run, now)
-                return (yield from self._reported(member, situation, "stopped", now))
+                return (yield from self._reported(member, situation, observation, "stopped", now))
             case _:
                 return (yield from self._process_undo_message(member, run, message, now))
 
     def _process_undo_message(self, member: Member, run: StepRun | None, message: Message, now: float) -> EffectsReturning[GoalAction]:
         name = member.offer.service
         match message.body:
-            case frp.Compensated(situation=situation):
+            case frp.Compensated(situation=situation, observation=observation):
                 self._log_event(events.Compensated(service=name, situation=situation), run, now)
-                return (yield from self._reported(member, situation, None, now))
-            case frp.Stranded(description=description, situation=situation):
+                return (yield from self._reported(member, situation, observation, None, now))
+            case frp.Stranded(description=description, situation=situation, observation=observation):
                 self._log_event(events.CompensationFailed(service=name, description=description, situation=situation), run, now)
-                return (yield from self._reported(member, situation, description, now))
+                return (yield from self._reported(member, situation, observation, description, now))
             case frp.Fault(text=text) if member.state is State.ENDED:
                 return (yield from self._participant_left(member, text, now))
             case frp.Fault(text=text) if member.state in (State.FAILED, State.STRANDED):
                 self._log_event(events.ServiceFaulted(service=name, text=text), run, now)
-                return (yield from self._reported(member, None, text, now))
+                return (yield from self._reported(member, None, None, text, now))
             case frp.Status() if member.state in (State.FAILED, State.STRANDED):
                 self._log_event(events.ContractForgotten(service=name), run, now)
-                return (yield from self._reported(member, None, "it has forgotten its contract", now))
+                return (yield from self._reported(member, None, None, "it has forgotten its contract", now))
         return None
 
     def _progressed(self, member: Member, run: StepRun | None, progress: frp.Progress, now: float) -> Effects:
@@ -132,7 +135,7 @@ class ParticipantEvents:
         if progress.situation is not None:
             if (work := self._state.log.work_of(member)) is not None:
                 work.situation = progress.situation
-            yield from self._put_on_map(member, progress.situation, ProgressSubject(member.id), now)
+            yield from self._put_on_map(member, progress.situation, progress.observation, ProgressSubject(member.id), now)
 
     def _participant_left(self, member: Member, reason: str, now: float) -> EffectsReturning[GoalAction]:
         """A participant left before it began its step."""
@@ -146,7 +149,9 @@ class ParticipantEvents:
         action = yield from self._executor(execution).participant_left(member, reason, now)
         return (execution, action) if action is not None else None
 
-    def _reported(self, member: Member, situation: str | None, trouble: str | None, now: float) -> EffectsReturning[GoalAction]:
+    def _reported(
+        self, member: Member, situation: str | None, observation: Observation | None, trouble: str | None, now: float
+    ) -> EffectsReturning[GoalAction]:
         """A participant's work or compensation has ended. Its report goes to the map before the task plans or arranges anything."""
         member.reported = True
         execution, run = self._assignment(member)
@@ -164,25 +169,33 @@ class ParticipantEvents:
             self._conclude_work(member, None, trouble, now)
             return _PROCEED
         member.reporting = True
-        yield from self._put_on_map(member, situation, WorkSubject(member.id, situation, trouble), now)
+        yield from self._put_on_map(member, situation, observation, WorkSubject(member.id, situation, trouble), now)
         return None
 
-    def _put_on_map(self, member: Member, situation: str, subject: ReportSubject, now: float) -> Effects:
-        update = UpdateMap(situation=situation, author=member.offer.service, expected_version=member.lost_version)
+    def _put_on_map(self, member: Member, situation: str, observation: Observation | None, subject: ReportSubject, now: float) -> Effects:
+        expected_version = member.lost_version
+        if observation is not None and observation.as_of is not None:
+            # The clock of the participant's host may be slow; what it reports was not so before it was told to work.
+            work = self._state.log.work_of(member)
+            began = work.started_at if work is not None else observation.as_of
+            observation, expected_version = structs.replace(observation, as_of=max(observation.as_of, began)), None
+        update = UpdateMap(situation=situation, author=member.offer.service, expected_version=expected_version, observation=observation)
         yield from self._state.reports.add_report(self._state.id, Report(update=update, subject=subject), self._scope.context, now)
 
-    def settled(self, subject: ProgressSubject | WorkSubject, problems: tuple[str, ...], now: float) -> None:
-        """A participant's report is on the map, or the Repository rejected it for these `problems`."""
+    def settled(self, subject: ProgressSubject | WorkSubject, result: ReportResult, now: float) -> None:
+        """A participant's report is on the map, or the Repository rejected it."""
         member = self._state.members.find_member(subject.participant)
         if member is None:
             return  # the task ended before that
-        if problems:
-            _, run = self._assignment(member)
-            self._log_event(events.ReportRejected(service=member.offer.service, problems=problems), run, now)
-        if isinstance(subject, WorkSubject) and problems:
-            self._conclude_work(member, None, subject.trouble or f"reported an impossible situation: {join_reasons(problems)}", now)
+        for event in result.events(member.offer.service):
+            self._log_event(event, self._assignment(member)[1], now)
+        if isinstance(subject, WorkSubject) and result.problems:
+            self._conclude_work(member, None, subject.trouble or f"reported an impossible situation: {join_reasons(result.problems)}", now)
         elif isinstance(subject, WorkSubject):
-            self._conclude_work(member, subject.situation, subject.trouble, now)
+            situation = result.named(subject.situation)
+            if (work := self._state.log.work_of(member)) is not None and work.situation == subject.situation:
+                work.situation = situation
+            self._conclude_work(member, situation, subject.trouble, now)
 
     def _conclude_work(self, member: Member, situation: str | None, trouble: str | None, now: float) -> None:
         """Record the result of a participant's work. The transaction then decides what to do next."""
@@ -213,10 +226,9 @@ class ParticipantEvents:
     def _process_late_message(self, member: Member, message: Message, now: float) -> Effects:
         """Report the result of a participant that was given up and has received End, because the map needs it."""
         match message.body:
-            case frp.Completed(situation=str(situation)) | frp.Failed(situation=str(situation)) | frp.Stopped(situation=str(situation)):
-                if not member.reported:
-                    member.reported = True
-                    yield from self._put_on_map(member, situation, ProgressSubject(member.id), now)
+            case frp.Completed() | frp.Failed() | frp.Stopped() as report if report.situation is not None and not member.reported:
+                member.reported = True
+                yield from self._put_on_map(member, report.situation, report.observation, ProgressSubject(member.id), now)
 
     # Silence
 

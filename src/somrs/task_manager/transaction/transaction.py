@@ -23,7 +23,7 @@ from somrs.protocol.messages.events import GoalKind
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.task_manager.context import TaskManagerContext
 from somrs.task_manager.execution.execution_log import INTERRUPTED, Work
-from somrs.task_manager.execution.reports import UnobservedSubject, settlement
+from somrs.task_manager.execution.reports import ReportResult, UnobservedSubject, settlement
 from somrs.task_manager.recovery.compensation import Compensation, RestorationGoal, Undoing
 from somrs.task_manager.recovery.handlers import fitting_handlers
 from somrs.task_manager.recovery.observation import Look, LookPlan, Observation
@@ -94,25 +94,25 @@ class Transaction:
         """Handle a message that could not be delivered."""
         yield from self._apply_goal_action((yield from self._participants.delivery_failed(message, reason, now)), now)
 
-    def report_answered(self, answer: Message, now: float) -> EffectsReturning[tuple[int, tuple[str, ...]] | None]:
+    def report_answered(self, answer: Message, now: float) -> EffectsReturning[tuple[int, ReportResult] | None]:
         """Handle the Repository's answer to a report. Returns None if the report is settled.
 
-        Otherwise returns the map version that the replica must reach before the caller calls `settled`, and the report's problems.
+        Otherwise returns the map version that the replica must reach before the caller calls `settled`, and what became of the report.
         """
-        version, problems = settlement(answer)
+        version, result = settlement(answer)
         if version is not None and version > self._context.replica.version:
-            return version, problems
-        yield from self.settled(problems, now)
+            return version, result
+        yield from self.settled(result, now)
         return None
 
-    def settled(self, problems: tuple[str, ...], now: float) -> Effects:
-        """A report is on the replica's map, or the Repository rejected it for these `problems`."""
+    def settled(self, result: ReportResult, now: float) -> Effects:
+        """A report is on the replica's map, or the Repository rejected it."""
         reports = self.state.reports
         match reports.waiting[0].subject:
             case UnobservedSubject() as subject:
-                self._observation.assumed(subject, problems, now)
+                self._observation.assumed(subject, result.problems, now)
             case subject:
-                self._participants.settled(subject, problems, now)
+                self._participants.settled(subject, result, now)
         yield from self._executor(self.state.goal).hasten(now)
         if reports.settle_first():
             yield from self.proceed(now)

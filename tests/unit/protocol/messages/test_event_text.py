@@ -98,6 +98,11 @@ SENTENCES: list[tuple[Event, str]] = [
     (events.ProgressNoted(service=S, note="half way"), "Robot1.Carry: half way"),
     (events.StepCompleted(service=S, situation="A isOn B"), "Robot1.Carry completed: A isOn B"),
     (events.StepStopped(service=S), "Robot1.Carry stopped"),
+    (
+        events.ReportSuperseded(service=S, parts=("A isOn B", "C isOn D")),
+        "Robot1.Carry reports old news, and the map keeps what is newer: A isOn B; C isOn D",
+    ),
+    (events.ObjectsDiscovered(service=S, objects=("Jar007", "Jar008")), "Robot1.Carry discovered Jar007, Jar008, new on the map"),
     (events.FoundSo(), "the effect of the step holds after all"),
     (events.FoundOut(service="a", situation="Jar1 isOn Shelf1"), "a found out: Jar1 isOn Shelf1"),
     (events.FoundOut(service="a", outputs={"Weight": "2.5"}), "a found out: Weight = 2.5"),
@@ -169,14 +174,14 @@ def test_what_an_event_is_in_the_life_of_its_task() -> None:
     assert {kind: {*of_kind(kind)} for kind in EventKind} == {
         EventKind.NEWS: {
             "TaskStated", "Planned", "PlansCompared", "ServicesAsked", "TermsOffered", "ServiceRefused", "ServiceChosen", "StepStarted",
-            "ProgressNoted", "StepCompleted", "StepStopped", "FoundSo", "MayTryAgain", "Stopping",
+            "ProgressNoted", "StepCompleted", "StepStopped", "FoundSo", "MayTryAgain", "Stopping", "ReportSuperseded",
         },
         EventKind.SETBACK: {event_type.__name__ for event_type in typing.get_args(ServiceFailure)} | {"GoalFailed", "WorkStranded"},
         EventKind.HANDLER: {"HandlerBegun"},
         EventKind.REPLACE: {"ServiceReplaced"},
         EventKind.REPLAN: {"ConditionsAdopted", "Replanned", "TriedOnceMore"},
         EventKind.WAIT: {"WaitsForTasks", "WaitsToRetry", "WaitOver", "GoesOn", "WaitsForDevice"},
-        EventKind.LOOK: {"FoundOut", "LookBegun", "LookFound", "NobodyLooks", "KnownOtherwise"},
+        EventKind.LOOK: {"FoundOut", "LookBegun", "LookFound", "NobodyLooks", "KnownOtherwise", "ObjectsDiscovered"},
         EventKind.UNDO: {"FailuresUndone", "UndoneByHandler", "UndoneByService", "UndoneByOthers", "Compensated", "WorkUndone"},
         EventKind.END: {"TaskEnded"},
     }  # fmt: skip

@@ -18,6 +18,7 @@ from somrs.protocol.messages.directory import Discover, Offer
 from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.knowledge import UpdateMap
+from somrs.protocol.messages.observations import Observation as Observed
 from somrs.task_manager.arrangement.available_services import AvailableServices, KnownServices
 from somrs.task_manager.execution.execution_log import ExecutionLog, Work
 from somrs.task_manager.execution.reports import Report, Reports, UnobservedSubject
@@ -91,6 +92,7 @@ UNSEEN = UpdateMap(
     changes=(FactRemoved(Fact("isOn", ("Jar001", "Shelf1"))), ValueSet("Jar001", UNKNOWN, True)),
     author="nobody could look",
     expected_version=7,
+    observation=Observed(as_of=1.0),
 )
 
 

@@ -1,0 +1,46 @@
+"""What a report says besides its situation, and what became of a report.
+
+A variable of a reported situation is a sighted object: `?Seen: Jar isOn Table001 AND ?Seen.Color = Red`. The Repository finds out which
+object of the map it is, or adds it.
+"""
+
+from __future__ import annotations
+
+from msgspec import Struct, structs
+
+
+class Observation(Struct, frozen=True, kw_only=True):
+    """How a reported situation was observed. Without it, the situation holds at the time when the report arrives.
+
+    `as_of`: when the situation held, in seconds since 1970. News that is newer stays on the map.
+    `gone`: objects that exist no longer.
+    `searched`: supports and spaces that were seen whole; objects that the map has there and the report does not mention become unknown.
+    `sought`: objects that may be anywhere, wherever the map has them.
+    """
+
+    as_of: float | None = None
+    gone: tuple[str, ...] = ()
+    searched: tuple[str, ...] = ()
+    sought: tuple[str, ...] = ()
+
+
+class Reception(Struct, frozen=True, kw_only=True):
+    """What became of a report.
+
+    `names`: the objects that were sighted, by the variables of the report; a variable without a name could not be identified yet.
+    `added`: those of them that are new on the map. `missing`: objects that were not seen where the report had searched.
+    `superseded`: parts of the report that are older than what the map has. `as_of`: when the report held.
+    """
+
+    as_of: float | None = None
+    names: dict[str, str] = {}
+    added: tuple[str, ...] = ()
+    missing: tuple[str, ...] = ()
+    superseded: tuple[str, ...] = ()
+
+
+def observed_at(observation: Observation | None, now: float) -> Observation:
+    """The observation with the time at which it was made: `now`, if it has none."""
+    if observation is None:
+        return Observation(as_of=now)
+    return observation if observation.as_of is not None else structs.replace(observation, as_of=now)

@@ -1,0 +1,110 @@
+"""Since when the map has each of its facts and values, so that older news does not replace newer.
+
+News of an object is about aspects of it: an attribute, what it is on, in or held by (one aspect for all relations of an exclusive group),
+or a single fact. Of two reports on an aspect, the one with the later `as_of` counts, whichever arrives first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from msgspec import Struct, field
+
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object, ObjectAdded, ObjectRemoved, ValueSet
+from somrs.ontology.types import UNKNOWN, Ontology
+
+REMEMBERED = 1000
+"""The number of removed objects that are remembered, to recognise late reports about them."""
+
+Aspect = tuple[str, str]
+"""An object, and what the news about it is about."""
+
+
+class Discovery(Struct, frozen=True, kw_only=True):
+    """Who put an object on the map by a sighting, and when, in seconds since 1970."""
+
+    author: str
+    at: float
+
+
+class Departure(Struct, frozen=True, kw_only=True):
+    """An object that was removed from the map, as it was then. `at`: seconds since 1970."""
+
+    object: Object
+    at: float
+
+
+class Provenance(Struct, kw_only=True):
+    """`times`: for each object and aspect, when the latest news about it held, in seconds since 1970.
+
+    `departures`: the removed objects, latest last. `discoveries`: the objects that are known from sightings only.
+    """
+
+    times: dict[str, dict[str, float]] = field(default_factory=dict)
+    departures: dict[str, Departure] = field(default_factory=dict)
+    discoveries: dict[str, Discovery] = field(default_factory=dict)
+
+    def time(self, aspect: Aspect) -> float:
+        """When the latest news about the aspect held; 0 if there was none."""
+        name, subject = aspect
+        return self.times.get(name, {}).get(subject, 0.0)
+
+    def latest(self, name: str) -> float:
+        """When the latest news about any aspect of the object held."""
+        return max(self.times.get(name, {}).values(), default=0.0)
+
+    def departed_since(self, name: str, at: float) -> bool:
+        """Whether the object was removed from the map after that time."""
+        departure = self.departures.get(name)
+        return departure is not None and departure.at > at
+
+    def note(self, aspects: Iterable[Aspect], at: float) -> None:
+        """There was news about the aspects, which held at that time."""
+        for name, subject in aspects:
+            times = self.times.setdefault(name, {})
+            times[subject] = max(at, times.get(subject, 0.0))
+
+    def add(self, name: str) -> None:
+        """The object is on the map now."""
+        self.departures.pop(name, None)
+
+    def remove(self, object: Object, at: float) -> None:
+        """The object is no longer on the map."""
+        self.times.pop(object.name, None)
+        self.discoveries.pop(object.name, None)
+        self.departures[object.name] = Departure(object=object, at=at)
+        while len(self.departures) > REMEMBERED:
+            del self.departures[next(iter(self.departures))]
+
+    def rename(self, name: str, to: str) -> None:
+        if name in self.times:
+            self.times[to] = self.times.pop(name)
+        self.discoveries.pop(name, None)  # a person named it, and so vouches for it
+
+
+def aspects_of(change: Change, ontology: Ontology) -> Iterator[Aspect]:
+    """What a change is news about."""
+    match change:
+        case ObjectAdded() | ObjectRemoved():
+            pass
+        case ValueSet(name, path):
+            yield name, path
+        case FactAdded(fact):
+            yield location_aspect(fact, ontology) or fact_aspect(fact, ontology)
+            yield fact.arguments[0], UNKNOWN
+        case FactRemoved(fact):
+            yield fact_aspect(fact, ontology)
+
+
+def location_aspect(fact: Fact, ontology: Ontology) -> Aspect | None:
+    """The aspect of which at most one fact holds at a time: an exclusive group, or a functional relation. None for other facts."""
+    relation = ontology.relations[fact.relation]
+    if relation.excludes is not None:
+        return fact.arguments[0], f"<{relation.excludes}>"
+    return (fact.arguments[0], f"<{relation.name}>") if relation.functional else None
+
+
+def fact_aspect(fact: Fact, ontology: Ontology) -> Aspect:
+    """The aspect that is the fact itself; that of a symmetric relation is the same in both orders."""
+    arguments = tuple(sorted(fact.arguments)) if ontology.relations[fact.relation].symmetric else fact.arguments
+    return arguments[0], str(Fact(fact.relation, arguments))

@@ -1,0 +1,251 @@
+"""Reports of objects that come and go, and of when they were observed."""
+
+from __future__ import annotations
+
+import itertools
+import random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from msgspec import structs
+
+from somrs.kernel.component import Record, Send
+from somrs.ontology.objects import Map, Object, ObjectAdded, ObjectRemoved, ValueSet
+from somrs.ontology.types import UNKNOWN, Value
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.knowledge import Event, Rejected, RenameObject, Updated, UpdateMap
+from somrs.protocol.messages.observations import Observation, Reception
+from somrs.repository.component import Repository
+from somrs.repository.reports import free_name, things_at
+from tests.support.examples import examples
+from tests.support.lab import CLIENT, REPOSITORY, contents, deliver_request
+
+RED_JAR = "?It: Jar isOn Table2 AND ?It.Color = Red AND ?It.PositionX = 8 AND ?It.PositionY = 8.1 AND ?It.PositionZ = 0.7"
+
+
+class Reporting:
+    """A Repository with the laboratory, and the answers to reports."""
+
+    def __init__(self) -> None:
+        self.repository = Repository(REPOSITORY, contents())
+        self.events: list[Event] = []
+
+    def report(self, situation: str | None = None, now: float = 100.0, **observation: object) -> Body:
+        seen = Observation(**observation) if observation else None  # type: ignore[arg-type]  # as the fields
+        return self.update(UpdateMap(situation=situation, author="Camera1", observation=seen), now)
+
+    def update(self, body: UpdateMap | RenameObject, now: float = 100.0) -> Body:
+        effects = deliver_request(self.repository, body, now)
+        self.events += [effect.entry for effect in effects if isinstance(effect, Record) and isinstance(effect.entry, Event)]
+        (answer,) = [effect.message.body for effect in effects if isinstance(effect, Send) and effect.message.header.recipient == CLIENT]
+        return answer
+
+    def reception(self, situation: str | None = None, now: float = 100.0, **observation: object) -> Reception:
+        answer = self.report(situation, now, **observation)
+        assert isinstance(answer, Updated), answer
+        return answer.reception or Reception()
+
+    @property
+    def map(self) -> Map:
+        return self.repository.contents.map
+
+    def place(self, name: str) -> str | None:
+        return next(
+            (fact.arguments[1] for fact in self.map.facts_about(name) if fact.relation == "isOn" and fact.arguments[0] == name), None
+        )
+
+
+@pytest.fixture
+def lab() -> Reporting:
+    return Reporting()
+
+
+# What comes
+
+
+def test_what_the_map_does_not_have_is_added(lab: Reporting) -> None:
+    assert lab.reception(RED_JAR) == Reception(names={"It": "Jar003"}, added=("Jar003",))
+    assert lab.map.objects["Jar003"].values == {"Color": "Red", "PositionX": 8.0, "PositionY": 8.1, "PositionZ": 0.7}
+    assert lab.place("Jar003") == "Table2"
+    (event,) = lab.events
+    assert (event.author, event.reception) == ("Camera1", Reception(names={"It": "Jar003"}, added=("Jar003",)))
+    assert lab.repository.contents.provenance.discoveries["Jar003"].author == "Camera1"
+    assert lab.reception(RED_JAR, 101.0) == Reception(names={"It": "Jar003"}), "the same again is the same jar"
+    assert len(lab.events) == 1
+
+
+def test_what_is_on_the_map_has_moved(lab: Reporting) -> None:
+    moved = "?It: Graspable isOn Table1 AND ?It.PositionX = 1.3 AND ?It.PositionY = 1.1 AND ?It.PositionZ = 0.7 AND ?It.Color = Blue"
+    assert lab.reception(moved) == Reception(names={"It": "Jar2"})
+    assert (lab.map.objects["Jar2"].type, lab.map.objects["Jar2"].values["PositionX"]) == ("Jar", 1.3)
+
+
+def test_sighted_objects_may_be_related_to_each_other(lab: Reporting) -> None:
+    held = "?Jar: Jar isHeldBy ?Robot: PioneerP3DX AND " + " AND ".join(
+        f"?{seen}.Position{axis} = 5" for seen in ("Robot", "Jar") for axis in "XY"
+    )
+    assert lab.reception(held, sought=("Jar1",)).names == {"Jar": "Jar1", "Robot": "Robot1"}
+    assert [str(fact) for fact in lab.map.facts("isHeldBy")] == ["Jar1 isHeldBy Robot1"]
+
+
+def test_a_device_is_not_added_by_a_sighting(lab: Reporting) -> None:
+    assert lab.reception("?Robot: PatrolRobot isAdjacentTo Table1") == Reception()
+    assert not any(object.type == "PatrolRobot" for object in lab.map.objects.values())
+
+
+@pytest.mark.parametrize(
+    ("situation", "problem"),
+    [
+        ("?It isOn Table1", "?It is not bound"),
+        ("?It: Jarr isOn Table1", "there is no type Jarr"),
+        ("?It: Jar isOn Table9", "there is no object Table9 on the map"),
+        ("?It: Jar.Speed = 3", "a Jar has no attribute Speed"),
+        ("?It: Jar isOn Table2", "PositionX"),
+    ],
+)
+def test_a_report_that_cannot_be_understood_is_rejected(lab: Reporting, situation: str, problem: str) -> None:
+    answer = lab.report(situation)
+    assert isinstance(answer, Rejected)
+    assert problem in answer.problems[0]
+    assert not lab.events
+
+
+def test_new_names_are_never_those_of_other_objects() -> None:
+    assert free_name("Jar", ["Jar1", "Jar009", "JarX", "Cup77"]) == "Jar010"
+    assert free_name("Cup", []) == "Cup001"
+
+
+def test_a_name_is_not_given_twice(lab: Reporting) -> None:
+    lab.reception(RED_JAR)
+    lab.reception(now=101.0, gone=("Jar003",))
+    assert lab.reception(RED_JAR, now=102.0).added == ("Jar004",), "the history of Jar003 is that of another jar"
+
+
+# What goes
+
+
+def test_what_is_gone_leaves_the_map(lab: Reporting) -> None:
+    assert lab.reception(gone=("Jar1",)) == Reception()
+    assert "Jar1" not in lab.map.objects
+    assert lab.reception(gone=("Jar1",), now=101.0) == Reception(), "it is known already"
+    assert isinstance(lab.report(gone=("Jarr",)), Rejected)
+    answer = lab.report(gone=("Robot1",))
+    assert isinstance(answer, Rejected)
+    assert answer.broken[0].rule == "device"
+
+
+def test_what_was_searched_in_vain_is_unknown(lab: Reporting) -> None:
+    seen = "?It: Jar isOn Table1 AND ?It.PositionX = 1 AND ?It.PositionY = 1 AND ?It.PositionZ = 0.7"
+    reception = lab.reception(seen, searched=("Table1",))
+    assert (reception.names, reception.missing) == ({"It": "Jar1"}, ("Jar2",))
+    assert (lab.map.objects["Jar2"].values[UNKNOWN], lab.place("Jar2"), lab.place("Jar1")) == (True, None, "Table1")
+    # It turns up elsewhere, and is no new jar.
+    assert lab.reception(RED_JAR.replace("Red", "Blue"), now=101.0).names == {"It": "Jar2"}
+    assert (lab.map.objects["Jar2"].values.get(UNKNOWN), lab.place("Jar2")) == (None, "Table2")
+
+
+def test_what_is_not_where_it_was_may_be_what_is_seen_elsewhere(lab: Reporting) -> None:
+    assert lab.reception(RED_JAR.replace("Red", "Blue"), searched=("Table1",)) == Reception(names={"It": "Jar2"}, missing=("Jar1",))
+
+
+def test_things_at_an_area_are_those_on_its_parts_too(lab: Reporting) -> None:
+    lab.report("Table1 isOn Floor1")
+    ontology = lab.repository.contents.ontology
+    assert {*things_at("Storey1", lab.map, ontology)} == {"Table1", "Jar1", "Jar2"}
+
+
+# When it was
+
+
+def test_older_news_does_not_replace_newer(lab: Reporting) -> None:
+    lab.report("Jar1 isOn Table2 AND Jar1.Color = Red", as_of=50.0)
+    late = lab.reception("Jar1 isOn Floor1 AND Jar1.Weight = 0.5 AND NOT Jar1 isOn Table2", as_of=40.0)
+    assert late.superseded == ("Jar1 isOn Floor1", "NOT Jar1 isOn Table2")
+    assert (lab.place("Jar1"), lab.map.objects["Jar1"].values["Weight"]) == ("Table2", 0.5)
+    assert lab.events[-1].reception == late, "the history tells what was left out"
+    assert lab.reception("Jar1 isOn Floor1", as_of=60.0).superseded == ()
+    assert lab.place("Jar1") == "Floor1"
+
+
+def test_a_report_without_a_time_holds_when_it_arrives(lab: Reporting) -> None:
+    lab.report("Jar1 isOn Table2", now=50.0)
+    assert lab.reception("Jar1 isOn Floor1", now=60.0, as_of=49.0).superseded == ("Jar1 isOn Floor1",)
+    lab.report("Jar1 isOn Floor1", now=61.0, as_of=1e9)  # of a clock that is fast
+    assert lab.reception("Jar1 isOn Table1", now=62.0).superseded == ()
+    assert lab.place("Jar1") == "Table1"
+
+
+def test_news_that_confirms_the_map_counts_too(lab: Reporting) -> None:
+    version = lab.repository.contents.version
+    lab.report("Jar1 isOn Table1", as_of=50.0)
+    assert lab.repository.contents.version == version
+    assert lab.reception("Jar1 isOn Table2", as_of=40.0).superseded == ("Jar1 isOn Table2",)
+
+
+def test_a_late_report_of_an_object_that_is_gone_does_not_bring_it_back(lab: Reporting) -> None:
+    lab.report(gone=("Jar2",), as_of=50.0)
+    late = "?It: Jar isOn Table1 AND ?It.PositionX = 1.2 AND ?It.PositionY = 1.6 AND ?It.PositionZ = 0.7 AND ?It.Color = Blue"
+    assert lab.reception(late, as_of=40.0, now=101.0).names == {}
+    assert lab.reception("Jar2 isOn Table2", as_of=40.0, now=102.0).superseded == ("Jar2 isOn Table2",)
+    assert isinstance(lab.report("Jar2 isOn Table2", as_of=60.0, now=103.0), Rejected)
+    lab.report("Jar1 isOn Table2", as_of=60.0, now=104.0)
+    assert lab.reception(gone=("Jar1",), as_of=55.0, now=105.0).superseded == ("Jar1 is gone",)
+
+
+def test_a_late_sighting_of_an_object_that_was_moved_since_adds_none(lab: Reporting) -> None:
+    lab.report("Jar2 isOn Table2 AND Jar2.PositionX = 8 AND Jar2.PositionY = 8", as_of=50.0)
+    late = "?It: Jar isOn Floor1 AND ?It.PositionX = 5 AND ?It.PositionY = 5 AND ?It.PositionZ = 0 AND ?It.Color = Blue"
+    assert lab.reception(late, as_of=40.0) == Reception(as_of=40.0)
+    assert lab.reception(late, as_of=60.0, now=101.0).added == ("Jar003",)
+
+
+def test_a_changed_value_is_marked_by_its_time_too(lab: Reporting) -> None:
+    red = UpdateMap(changes=(ValueSet("Jar1", "Color", "Red"),), observation=Observation(as_of=50.0))
+    blue = UpdateMap(changes=(ValueSet("Jar1", "Color", "Blue"), ObjectRemoved("Jar1")), observation=Observation(as_of=40.0))
+    lab.update(red)
+    answer = lab.update(blue)
+    assert isinstance(answer, Updated)
+    assert answer.reception == Reception(as_of=40.0, superseded=("Jar1.Color = Blue", "Jar1 is gone"))
+
+
+def test_a_renamed_object_keeps_its_times(lab: Reporting) -> None:
+    lab.report("Jar1 isOn Table2", as_of=50.0)
+    lab.update(RenameObject(name="Jar1", to="Pot1"))
+    assert lab.reception("Pot1 isOn Table1", as_of=40.0).superseded == ("Pot1 isOn Table1",)
+
+
+def test_an_object_that_a_person_adds_is_no_discovery(lab: Reporting) -> None:
+    values: dict[str, Value] = {"PositionX": 8.0, "PositionY": 8.0, "PositionZ": 0.7}
+    lab.update(UpdateMap(changes=(ObjectAdded(Object(name="Jar9", type="Jar", values=values)),)))
+    assert not lab.repository.contents.provenance.discoveries
+
+
+parts = st.sampled_from(
+    [
+        "Jar1 isOn Table1", "Jar1 isOn Table2", "Jar1 isOn Floor1", "NOT Jar1 isOn Table1", "NOT Jar1 isOn Table2", "Jar1 isHeldBy Robot1",
+        "Jar1.Color = Red", "Jar1.Color = Blue", "Jar2 isOn Table2", "Jar2 isOn Floor1", "Jar1.Unknown = TRUE", "Jar1.Unknown = FALSE",
+        "Room1 isAdjacentTo Room2", "NOT Room2 isAdjacentTo Room1",
+    ]
+)  # fmt: skip
+
+
+@examples(150)
+@given(st.lists(parts, min_size=1, max_size=7), st.integers())
+def test_reports_in_any_order_lead_to_the_newest_facts(situations: list[str], seed: int) -> None:
+    reports = [*zip(itertools.count(10.0), situations)]
+    in_order, shuffled = Reporting(), Reporting()
+    for as_of, situation in reports:
+        in_order.report(situation, as_of=as_of)
+    for as_of, situation in random.Random(seed).sample(reports, len(reports)):
+        shuffled.report(situation, as_of=as_of)
+    assert known(shuffled.map) == known(in_order.map)
+
+
+def known(map: Map) -> tuple[dict[str, Object], set[str]]:
+    """The objects and facts. An object that is not unknown is known, whether or not the map says so."""
+    objects = {
+        name: structs.replace(o, values={p: v for p, v in o.values.items() if (p, v) != (UNKNOWN, False)})
+        for name, o in map.objects.items()
+    }
+    return objects, {str(fact) for fact in map.facts()}
