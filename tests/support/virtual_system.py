@@ -90,6 +90,8 @@ class Robot:
     valid_for: float = 60.0
     lays_down: str | None = None
     """The situation that it reports after a stop; None: no report."""
+    penalty: float | None = None
+    """The penalty for undoing in its terms."""
     undoes: Undoes | None = None
     """The script of its compensation; None: it cannot compensate."""
     orders: list[Order] = field(default_factory=list)
@@ -102,7 +104,7 @@ class Robot:
                 if self.refuses:
                     yield 0.1, Refusal(self.refuses, not_now=self.not_now)
                 else:
-                    yield 0.1, Quoted(price=self.price, duration=self.duration)
+                    yield 0.1, Quoted(price=self.price, duration=self.duration, penalty=self.penalty)
             case Perform(order):
                 self.orders.append(order)
                 if self.works is not None:

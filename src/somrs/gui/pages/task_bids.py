@@ -69,6 +69,13 @@ class BidPanel:
         self._table.show_rows([_bid(contract, accepted, start) for contract in contracts])
 
 
+def _price(contract: ContractView) -> str:
+    if contract.price is None:
+        return _DASH
+    penalty = f" (undoing {contract.penalty:g})" if contract.penalty is not None else ""
+    return f"{contract.price:g} {contract.currency}{penalty}"
+
+
 def _bid(contract: ContractView, chosen: Collection[str], start: float) -> Bid:
     status = bid_status(contract, chosen)
     return Bid(
@@ -80,7 +87,7 @@ def _bid(contract: ContractView, chosen: Collection[str], start: float) -> Bid:
         tone=status.tone,
         word=status.text,
         why=_reason_text(contract),
-        price=f"{contract.price:g} {contract.currency}" if contract.price is not None else _DASH,
+        price=_price(contract),
         takes=format_duration(contract.duration) if contract.duration is not None else _DASH,
         window=_window(contract, start),
         valid=format_time(contract.valid_until) if contract.valid_until is not None else _DASH,

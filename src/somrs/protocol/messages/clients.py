@@ -286,6 +286,8 @@ class ContractView(Struct, frozen=True, kw_only=True):
     """Whether the service refused the step; None in records of SO-MRS 0.1."""
     condition: str | None = None
     """What it demanded at the start of the step, in its terms or when it refused."""
+    penalty: float | None = None
+    """What it costs to have the work undone by this service, if its terms say so."""
 
 
 class WatchTask(MessageBody, frozen=True, kw_only=True, tag=True):

@@ -92,6 +92,8 @@ def _of_step(event: Event) -> str:
     match event:
         case events.ServicesAsked(services=services):
             return f"asking {', '.join(services)}"
+        case events.UndoingCheaper(undoing=undoing, going_on=going_on):
+            return f"undoing what the failure left is estimated at {undoing:.2f}, going on from there at {going_on:.2f}: undoing it first"
         case events.PlansCompared(plans=plans, chosen=chosen):
             texts = [compared_plan_text(plan) + (" (chosen)" if number == chosen else "") for number, plan in enumerate(plans)]
             return f"compared {len(plans)} plans: {'; '.join(texts)}"

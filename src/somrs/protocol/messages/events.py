@@ -150,6 +150,16 @@ class ServicesAsked(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=T
     services: tuple[str, ...]
 
 
+class UndoingCheaper(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
+    """To undo what a failure left, for its penalty, and to do the rest as planned is estimated to cost less than to go on from there.
+
+    The costs are what the policy of the task minimises: money, seconds, or both.
+    """
+
+    undoing: float
+    going_on: float
+
+
 class ComparedPlan(Struct, frozen=True, kw_only=True, omit_defaults=True):
     """A plan with the best terms for its steps: the total price, and the seconds until its last step would be done; None: no service takes
     one of the steps, or the currencies differ."""
@@ -439,7 +449,7 @@ class TaskEnded(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True)
 
 Event = (
     TaskStated | Planned | WaitsForTasks | WaitsToRetry | WaitOver | GoesOn | Replanned | TriedOnceMore
-    | PlansCompared | ServicesAsked | TermsOffered | ServiceRefused | ConditionsAdopted | ServiceChosen
+    | UndoingCheaper | PlansCompared | ServicesAsked | TermsOffered | ServiceRefused | ConditionsAdopted | ServiceChosen
     | WaitsForDevice | StepStarted | ProgressNoted | StepCompleted | FoundOut | StepStopped | FoundSo
     | NotBegun | StepFailed | ServiceFaulted | ContractForgotten | ServiceSilent | ServiceOverdue | ServiceLost | ReportRejected
     | ReportSuperseded | ObjectsDiscovered
@@ -467,6 +477,7 @@ KINDS: dict[type[Event], EventKind] = {
     ServiceReplaced: EventKind.REPLACE,
     HandlerBegun: EventKind.HANDLER,
     **dict.fromkeys((FoundOut, LookBegun, LookFound, NobodyLooks, KnownOtherwise, ObjectsDiscovered), EventKind.LOOK),
+    UndoingCheaper: EventKind.UNDO,
     **dict.fromkeys((FailuresUndone, UndoneByHandler, UndoneByService, UndoneByOthers, Compensated, WorkUndone), EventKind.UNDO),
     TaskEnded: EventKind.END,
 }  # fmt: skip

@@ -70,7 +70,8 @@ class Terms(MessageBody, frozen=True, kw_only=True, tag=True):
     """The terms of a service. `price` is in `currency`, `duration` in seconds.
 
     `condition`: the terms hold only if this formula holds when the service starts. Whoever accepts them makes it true before, by other
-    steps of the plan; otherwise nothing is started.
+    steps of the plan; otherwise nothing is started. `penalty`: what it costs, in `currency`, to have the work undone by this service
+    (Compensate); None: the service does not say.
     """
 
     effect: str
@@ -82,6 +83,7 @@ class Terms(MessageBody, frozen=True, kw_only=True, tag=True):
     start_until: float | None = None
     valid_until: float | None = None
     condition: str | None = None
+    penalty: float | None = None
 
 
 class Refuse(MessageBody, frozen=True, kw_only=True, tag=True):

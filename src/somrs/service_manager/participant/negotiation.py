@@ -106,6 +106,7 @@ class Negotiation:
             start_until=latest_start,
             valid_until=now + self._state.profile.valid_for,
             condition=quoted.condition,
+            penalty=quoted.penalty,
         )
 
 

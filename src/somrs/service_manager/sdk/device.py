@@ -149,14 +149,21 @@ class Service:
     """A service of a class of devices; `@service` creates it from a method."""
 
     def __init__(
-        self, performs: PerformFunction, type: ServiceType | str, price: Amounts, duration: Amounts, able: AbilityCheck | None
+        self,
+        performs: PerformFunction,
+        type: ServiceType | str,
+        price: Amounts,
+        duration: Amounts,
+        able: AbilityCheck | None,
+        penalty: Amounts | None = None,
     ) -> None:
         self.performs, self.type, self.price, self.duration, self.able = performs, type, price, duration, able
+        self.penalty = penalty
         self.stops: StopFunction | None = None
         self.undoes: UndoFunction | None = None
         self.name = performs.__name__
-        for amount, read in ((price, money), (duration, seconds)):
-            if not callable(amount):
+        for amount, read in ((price, money), (duration, seconds), (penalty, money)):
+            if amount is not None and not callable(amount):
                 read(amount)
         if not inspect.iscoroutinefunction(performs):
             raise DeviceError(f"{performs.__qualname__} has to be `async def`: a service takes time, and can be stopped")
@@ -193,13 +200,19 @@ class Service:
 
 
 def service(
-    type: ServiceType | str, *, price: Amounts = 0.0, duration: Amounts, able: AbilityCheck | None = None
+    type: ServiceType | str,
+    *,
+    price: Amounts = 0.0,
+    duration: Amounts,
+    able: AbilityCheck | None = None,
+    penalty: Amounts | None = None,
 ) -> Callable[[PerformFunction], Service]:
     """Make a method a service of this type, or of the type with this name in the common ontology.
 
-    `price` and `duration` are amounts, or functions of the device and the task. `able` may raise Refusal.
+    `price`, `duration` and `penalty` are amounts, or functions of the device and the task. `able` may raise Refusal. `penalty` is what it
+    costs to have the work undone by the device; the Task Manager then weighs undoing against going on after a failure.
     """
-    return lambda performs: Service(performs, type, price, duration, able)
+    return lambda performs: Service(performs, type, price, duration, able, penalty)
 
 
 def _check_definition(definition: Definition, owner: type[object]) -> Definition:

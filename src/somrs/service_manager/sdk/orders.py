@@ -98,12 +98,16 @@ Work = Quote | Perform | Halt | Undo
 
 
 class Quoted(Struct, frozen=True, kw_only=True, tag=True):
-    """The device does the work for this price, if the `condition` holds at its start (None: in any case)."""
+    """The device does the work for this price, if the `condition` holds at its start (None: in any case).
+
+    `penalty`: what it costs to have the work undone by the device.
+    """
 
     price: float
     currency: str = "EUR"
     duration: float
     condition: str | None = None
+    penalty: float | None = None
 
 
 class Refused(Struct, frozen=True, tag=True):

@@ -51,7 +51,8 @@ async def _quote(device: Device, service: Service, task: Task) -> Quoted:
     price, currency = money(await _amount(service.price, device, task))
     duration = seconds(await _amount(service.duration, device, task))
     condition = str(conjunction(*dict.fromkeys(task.conditions))) if task.conditions else None
-    return Quoted(price=price, currency=currency, duration=duration, condition=condition)
+    penalty = money(await _amount(service.penalty, device, task))[0] if service.penalty is not None else None
+    return Quoted(price=price, currency=currency, duration=duration, condition=condition, penalty=penalty)
 
 
 async def _amount(amount: Amounts, device: Device, task: Task) -> Amount:

@@ -126,6 +126,10 @@ class AvailableServices:
         if not not_now:
             self._state.unable.add(service)
 
+    def offers_for(self, step: Step) -> list[Offer]:
+        """The offers of services that can do the step, without those that are broken."""
+        return able_offers(step, self._state.offers, self._service_types, self.broken)
+
     def failed(self, service: str, reason: str) -> None:
         """Exclude a service that reported a failure; `readmit_failed` may readmit it."""
         self._state.failures[service] = self._state.failures.get(service, 0) + 1

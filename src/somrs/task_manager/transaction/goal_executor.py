@@ -33,12 +33,13 @@ from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow
 from somrs.task_manager.recovery.ladder import RecoveryStep, next_recovery_step
 from somrs.task_manager.reservations import BlockedPlan
 from somrs.task_manager.timers import Answer, PlanWanted, RetryDue
-from somrs.task_manager.transaction.next_action import GoalReached, GoalUnreachable, NextAction, NoPlanFound, Proceed, StepLost
+from somrs.task_manager.transaction.next_action import GoalReached, GoalUnreachable, NextAction, NoPlanFound, Proceed, StepLost, UndoFirst
 from somrs.task_manager.transaction.plan_comparison import PlanComparison
 from somrs.task_manager.transaction.retry import hastened, is_repeated, next_wait
 from somrs.task_manager.transaction.scope import TaskScope
 from somrs.task_manager.transaction.state import GoalExecution
 from somrs.task_manager.transaction.step_executor import StepExecutor
+from somrs.task_manager.transaction.weighing import undoing_is_cheaper
 
 
 class GoalExecutor:
@@ -83,6 +84,7 @@ class GoalExecutor:
             most_plans=MOST_PLANS if execution.kind is GoalKind.TASK and execution.plans == 0 else 1,
         )
         execution.plans += 1
+        execution.deferred_plan = None
         yield from self._requester(execution.request).begin(now)
 
     def _requester(self, request: PlanRequest) -> PlanRequester:
@@ -110,6 +112,9 @@ class GoalExecutor:
             case Plan(alternatives=alternatives) if alternatives:
                 self._comparison.begin((result, *alternatives))
                 return None
+            case Plan() if (estimate := undoing_is_cheaper(self._execution, self._scope, result)) is not None:
+                self._execution.deferred_plan = result
+                return UndoFirst(estimate)
             case Plan():
                 return (yield from self._adopt_plan(result, now))
             case BlockedPlan() if self._execution.kind is GoalKind.TASK:
@@ -137,6 +142,11 @@ class GoalExecutor:
     @property
     def _comparison(self) -> PlanComparison:
         return PlanComparison(self._execution, self._scope)
+
+    def go_on(self, now: float) -> EffectsReturning[NextAction | None]:
+        """Adopt the plan from the present situation after all: nothing can be undone."""
+        plan, self._execution.deferred_plan = self._execution.deferred_plan, None
+        return (yield from self._adopt_plan(plan, now)) if plan is not None else None
 
     def without_plan(self, reasons: tuple[str, ...], now: float) -> EffectsReturning[NextAction | None]:
         """There is no plan, and nothing can be compensated to make one possible: try failed services again, or fail."""
@@ -244,7 +254,7 @@ class GoalExecutor:
     def invalidate_plan(self, reason: str) -> Effects:
         """Withdraw a plan request, because the map is about to change. The plan is requested again later."""
         execution = self._execution
-        if execution.is_pending:
+        if execution.request is not None or execution.comparison is not None:
             yield from self._withdraw_request()
             execution.replan_because, execution.phase = (reason,), Phase.RECOVERING
 
@@ -273,12 +283,7 @@ class GoalExecutor:
         """Do what comes next; nothing while a plan is being made or the goal waits for other tasks."""
         execution = self._execution
         workflow = execution.workflow
-        if (
-            execution.request is not None
-            or execution.comparison is not None
-            or execution.waiting_for is not None
-            or execution.retry_at is not None
-        ):
+        if execution.is_pending:
             return None
         if execution.resumed:
             execution.resumed = False

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from msgspec import Struct
 
+from somrs.protocol.messages.events import UndoingCheaper
+
 
 class Proceed(Struct, frozen=True):
     """Continue the transaction."""
@@ -25,6 +27,13 @@ class NoPlanFound(Struct, frozen=True):
     reasons: tuple[str, ...]
 
 
+class UndoFirst(Struct, frozen=True):
+    """To undo interrupted work costs less than to go on from what it left. If nothing can be undone, the transaction continues with
+    `go_on`."""
+
+    estimate: UndoingCheaper
+
+
 class StepLost(Struct, frozen=True):
     """A step lost its service after its start. The transaction may use a handler first; otherwise it continues with `recover`."""
 
@@ -32,4 +41,4 @@ class StepLost(Struct, frozen=True):
     reasons: tuple[str, ...]
 
 
-NextAction = Proceed | GoalReached | GoalUnreachable | NoPlanFound | StepLost
+NextAction = Proceed | GoalReached | GoalUnreachable | NoPlanFound | UndoFirst | StepLost

@@ -52,6 +52,8 @@ class GoalExecution(Struct, kw_only=True, eq=False):
     outlook: Plan | None = None
     """The whole plan, if only the part up to what its steps tell is executed; the rest is planned again when that is known."""
     request: PlanRequest | None = None
+    deferred_plan: Plan | None = None
+    """A plan from the present situation, while work is undone first."""
     comparison: Comparison | None = None
     """The plans that are being compared."""
     plans: int = 0

@@ -32,7 +32,7 @@ from somrs.task_manager.reservations import Reservation
 from somrs.task_manager.timers import Answer, BidsDue, DeadlineDue, OverdueDue, PlanWanted, RetryDue, SilenceDue, StopDue
 from somrs.task_manager.transaction.findings import findings
 from somrs.task_manager.transaction.goal_executor import GoalExecutor
-from somrs.task_manager.transaction.next_action import GoalReached, GoalUnreachable, NextAction, NoPlanFound, Proceed, StepLost
+from somrs.task_manager.transaction.next_action import GoalReached, GoalUnreachable, NextAction, NoPlanFound, Proceed, StepLost, UndoFirst
 from somrs.task_manager.transaction.participant_events import GoalAction, ParticipantEvents
 from somrs.task_manager.transaction.record import record
 from somrs.task_manager.transaction.scope import TaskScope
@@ -205,6 +205,10 @@ class Transaction:
             case StepLost(step, reasons):
                 if not (yield from self._try_handler(execution, step, now)):
                     yield from self._apply_action(execution, (yield from self._executor(execution).recover(step, reasons, now)), now)
+            case UndoFirst(estimate):
+                if (yield from self._try_unblocking(execution, (), now, estimate)):
+                    return
+                yield from self._apply_action(execution, (yield from self._executor(execution).go_on(now)), now)
             case NoPlanFound(reasons):
                 if not (yield from self._try_unblocking(execution, reasons, now)):
                     yield from self._apply_action(execution, (yield from self._executor(execution).without_plan(reasons, now)), now)
@@ -255,7 +259,9 @@ class Transaction:
                 return True
         return False
 
-    def _try_unblocking(self, execution: GoalExecution, reasons: tuple[str, ...], now: float) -> EffectsReturning[bool]:
+    def _try_unblocking(
+        self, execution: GoalExecution, reasons: tuple[str, ...], now: float, estimate: events.UndoingCheaper | None = None
+    ) -> EffectsReturning[bool]:
         """Have failed services compensate, so that there may be a plan again (FRP, third recovery step). Returns whether any can."""
         state = self.state
         works = [work for work in state.log.interrupted() if self._can_undo(work)]
@@ -263,7 +269,7 @@ class Transaction:
             return False
         if state.goal.workflow is not None and state.goal.workflow.busy:
             return False
-        self._scope.log_event(events.FailuresUndone(reasons=reasons), now)
+        self._scope.log_event(estimate if estimate is not None else events.FailuresUndone(reasons=reasons), now)
         state.blocked = reasons
         state.undoing = Undoing.from_works(works, by_other_services=False)
         yield from self.proceed(now)
@@ -300,7 +306,7 @@ class Transaction:
             case True:
                 state.undoing = None
                 executor = self._executor(state.goal)
-                if undoing.restored or self._scope.services.readmit_failed():
+                if undoing.restored or state.goal.deferred_plan is not None or self._scope.services.readmit_failed():
                     yield from executor.plan_anew(now)
                 else:
                     yield from self._apply_action(state.goal, (yield from executor.without_plan(state.blocked, now)), now)

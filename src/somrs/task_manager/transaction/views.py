@@ -214,6 +214,7 @@ def contract_view(member: Member) -> ContractView:
         price=terms.price if terms is not None else None,
         currency=terms.currency if terms is not None else "EUR",
         duration=terms.duration if terms is not None else None,
+        penalty=terms.penalty if terms is not None else None,
         valid_until=terms.valid_until if terms is not None else None,
         start=member.bid.start if member.bid is not None else None,
         finish=member.bid.finish if member.bid is not None else None,

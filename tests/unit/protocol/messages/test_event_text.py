@@ -68,6 +68,10 @@ SENTENCES: list[tuple[Event, str]] = [
     (events.TaskEnded(outcome=Outcome.FAILED, reasons=TWO), "failed: no; never"),
     (events.ServicesAsked(services=("R.A", "R.B")), "asking R.A, R.B"),
     (
+        events.UndoingCheaper(undoing=15.0, going_on=100.0),
+        "undoing what the failure left is estimated at 15.00, going on from there at 100.00: undoing it first",
+    ),
+    (
         events.PlansCompared(
             plans=(
                 events.ComparedPlan(service_types=("Open", "Carry"), price=4.0, currency="EUR", seconds=29.6),
@@ -182,6 +186,8 @@ def test_what_an_event_is_in_the_life_of_its_task() -> None:
         EventKind.REPLAN: {"ConditionsAdopted", "Replanned", "TriedOnceMore"},
         EventKind.WAIT: {"WaitsForTasks", "WaitsToRetry", "WaitOver", "GoesOn", "WaitsForDevice"},
         EventKind.LOOK: {"FoundOut", "LookBegun", "LookFound", "NobodyLooks", "KnownOtherwise", "ObjectsDiscovered"},
-        EventKind.UNDO: {"FailuresUndone", "UndoneByHandler", "UndoneByService", "UndoneByOthers", "Compensated", "WorkUndone"},
+        EventKind.UNDO: {
+            "UndoingCheaper", "FailuresUndone", "UndoneByHandler", "UndoneByService", "UndoneByOthers", "Compensated", "WorkUndone",
+        },
         EventKind.END: {"TaskEnded"},
     }  # fmt: skip
