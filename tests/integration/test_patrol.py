@@ -154,7 +154,7 @@ def test_a_patrol_that_is_stopped_stands_and_one_that_is_undone_has_nothing_to_u
             robot = (await harness.operator.robots())["Patrol1"]
             assert robot.activity is None
             assert (stopped["PositionX"], stopped["PositionY"]) == pytest.approx((robot.x, robot.y), abs=0.3)
-            (capability,) = patrol.profile().capabilities
+            capability = next(c for c in patrol.profile().capabilities if c.type_name == "RecognizeSituation")
             assert capability.undoable, "else a Service Manager would report it as stranded"
             undone = await harness.run_task(patrol, Undo(look_order("Jar1"), "Jar1.Unknown = TRUE"))
             assert isinstance(undone, WorkDone)

@@ -13,6 +13,7 @@ from somrs.devices.simulator.link.commands import (
     CommandDone,
     CommandGivenUp,
     DriveTo,
+    Fault,
     Grip,
     Insert,
     Open,
@@ -178,3 +179,51 @@ def test_an_empty_battery_stops_a_robot() -> None:
     end = run.execute("Robot1", DriveTo(x=6, y=4))
     assert isinstance(end, CommandGivenUp)
     assert end.reason == "battery-empty"
+
+
+def _powered_door(**values: bool) -> Map:
+    walls = [box("WallA", "Wall", (4, 1.1, 0), (0.1, 2.2, 2.5)), box("WallB", "Wall", (4, 4.8, 0), (0.1, 2.4, 2.5))]
+    door = box("Door1", "PoweredDoor", (4, 2.9, 0), (0.1, 1.4, 2.1), **values)
+    return Map([*shell(), *walls, door, robot("Robot1", (1.5, 2.9, 0.0), 0.8)])
+
+
+def test_a_powered_door_opens_and_closes_itself() -> None:
+    run = Run(_powered_door(Open=False))
+    _done(run, Open(object="Door1"), "Door1")
+    assert _is_open(run, "Door1")
+    run.execute_all("Robot1", DriveTo(x=6, y=3))
+    _done(run, Close(object="Door1"), "Door1")
+    assert not _is_open(run, "Door1")
+    end = run.execute("Robot1", DriveTo(x=1.5, y=2.9))
+    assert isinstance(end, CommandGivenUp)
+    assert end.reason == "unreachable"
+    end = run.execute("Robot1", Open(object="Door1"))
+    assert isinstance(end, CommandGivenUp)
+    assert end.description == "Door1 has a drive, which opens and closes it"
+
+
+def test_a_powered_door_waits_for_robots_in_the_doorway() -> None:
+    run = Run(_powered_door(Open=True))
+    _done(run, DriveTo(x=4, y=2.9))
+    run.start("Door1", Close(object="Door1"))
+    run.run_until(lambda: run.simulation.time > 20)
+    assert _is_open(run, "Door1")
+    _done(run, DriveTo(x=6, y=4))
+    run.run_until(lambda: not _is_open(run, "Door1"))
+    assert not run.collisions
+
+
+def test_a_powered_door_stops_where_it_is() -> None:
+    run = Run(_powered_door(Open=False))
+    (leaf,) = run.simulation.scene.leaves("Door1")
+    ends = run.start("Door1", Open(object="Door1"))
+    run.run_until(lambda: run.simulation.scene.leaf_position(leaf) > 0.5)
+    run.simulation.fault("Door1", Fault.DRIVE)
+    (end,) = ends
+    assert isinstance(end, CommandGivenUp)
+    assert end.reason == "drive-dead"
+    position = run.simulation.scene.leaf_position(leaf)
+    for _ in range(100):
+        run.step()
+    assert run.simulation.scene.leaf_position(leaf) == pytest.approx(position, abs=0.02)
+    assert not _is_open(run, "Door1")

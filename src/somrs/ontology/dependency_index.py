@@ -26,7 +26,7 @@ REQUIRED_NAMES: Mapping[Section, frozenset[str]] = {
     Section.TYPES: frozenset(
         (
             "Object", "PhysicalObject", "AbstractObject", "Storey", "Space",
-            "BuildingElement", "Wall", "Floor", "Ceiling", "Window", "Passage", "Opening", "Door", "Place", "Charger",
+            "BuildingElement", "Wall", "Floor", "Ceiling", "Window", "Passage", "Opening", "Door", "PoweredDoor", "Place", "Charger",
             "Furniture", "FurnitureLeg", "Support", "Container", "Graspable",
             "Device", "Person", "StationaryDevice", "Camera", "MobileRobot", "MobileManipulator", "PatrolRobot",
         )

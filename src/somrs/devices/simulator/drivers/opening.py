@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from somrs.devices.simulator.drivers.mobile_robot import MobileRobot
+from somrs.devices.simulator.drivers.simulated import is_of_type
 from somrs.entish.formula import Comparison, Formula, Truth, conjuncts
 from somrs.service_manager.sdk.device import Situation, Task, service
 from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
@@ -14,6 +15,8 @@ OPENING_TIME = 25.0
 async def _able(device: OpeningRobot, task: Task) -> None:
     """Check that the robot works, and that its gripper is free. Raises Refusal."""
     state = await device.check_able(task)
+    if await is_of_type(task, _object_of(task), "PoweredDoor"):
+        raise Refusal(f"{_object_of(task)} has a drive, which opens and closes it")
     if state.holding is not None:
         raise Refusal(f"{device.name} holds {state.holding}, and needs its gripper for the handle")
 

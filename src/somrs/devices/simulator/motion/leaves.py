@@ -6,6 +6,7 @@ The base stands while the leaf moves. Where the arm does not reach far enough, t
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,7 @@ from somrs.devices.simulator.motion.traffic import GAP, Capsule
 from somrs.devices.simulator.world.dimensions import OPENING
 from somrs.devices.simulator.world.distances import Array, distances_from
 from somrs.devices.simulator.world.leaves import HANDLE, HANDLE_LENGTH, Leaf
+from somrs.devices.simulator.world.scene import Scene
 from somrs.devices.simulator.world.solids import Point
 
 LEAF_SPEED = 0.15
@@ -144,18 +146,25 @@ def _tip(robot: Robot, leaf: Leaf) -> float:
 
 def _claim_sweep(robot: Robot, leaf: Leaf) -> Routine:
     """Claim the space through which the leaf and the arm move, once no other robot is in it. Raises GivenUp."""
-    claim, waited = _sweep(leaf), 0.0
-    for thing in robot.scene.things():
-        x, y, z, _ = robot.scene.pose(thing)
-        in_way = Capsule((x, y), (x, y), robot.scene.world.solids[thing].extent).gap(claim) < 0
-        if in_way and leaf.bottom - 0.1 < z - leaf.owner.z < leaf.top and robot.scene.container_at(x, y, z) is None:
-            raise GivenUp("blocked", f"{thing} stands in the way of the door of {leaf.owner.name}")
-    while any(claim.gap(other) < 0 for other_robot in robot.other_robots() for other in other_robot.claims()):
-        if waited > PATIENCE:
-            raise GivenUp("blocked", f"another robot stands in the way of the door of {leaf.owner.name}")
+    waited = 0.0
+    while (obstacle := obstacle_in_sweep(robot.scene, leaf, robot.other_robots())) is not None:
+        if waited > PATIENCE or obstacle in robot.scene.things():
+            raise GivenUp("blocked", f"{obstacle} stands in the way of the door of {leaf.owner.name}")
         yield
         waited += PERIOD
-    robot.sweep_claim = claim
+    robot.sweep_claim = _sweep(leaf)
+
+
+def obstacle_in_sweep(scene: Scene, leaf: Leaf, robots: Iterable[Robot]) -> str | None:
+    """A thing, or one of the robots, that is in the space through which the leaf moves; None if that is free."""
+    sweep = _sweep(leaf)
+    for thing in scene.things():
+        x, y, z, _ = scene.pose(thing)
+        in_way = Capsule((x, y), (x, y), scene.world.solids[thing].extent).gap(sweep) < 0 and scene.holder(thing) is None
+        if in_way and leaf.bottom - 0.1 < z - leaf.owner.z < leaf.top and scene.container_at(x, y, z) is None:
+            return thing
+    near = (robot for robot in robots if abs(robot.solid.z - leaf.owner.z) < leaf.top)
+    return next((robot.name for robot in near if any(sweep.gap(claim) < 0 for claim in robot.claims())), None)
 
 
 def _sweep(leaf: Leaf) -> Capsule:

@@ -172,6 +172,8 @@ def _move_leaves(robot: Robot, scene: Scene, name: str, *, opening: bool) -> Rou
     solid = _solid(scene, name)
     if not scene.leaves(name):
         raise GivenUp("not-possible", f"{name} is a {solid.type} without doors that could move")
+    if solid.powered:
+        raise GivenUp("not-possible", f"{name} has a drive, which opens and closes it")
     if robot.holding is not None:
         raise GivenUp("holding", f"{robot.name} holds {robot.holding}, and needs its gripper for the door of {name}")
     yield from move_leaves(robot, name, opening=opening)

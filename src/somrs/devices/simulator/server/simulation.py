@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from somrs.devices.simulator.link.commands import Command, CommandDone, CommandGivenUp, Fault, ObjectState, RobotState, Sense, Status, Stop
+from somrs.devices.simulator.motion.door_drive import DoorDrive
 from somrs.devices.simulator.motion.driving import make_way
 from somrs.devices.simulator.motion.handling import set_down, withdraw
 from somrs.devices.simulator.motion.navigation import Navigator
@@ -57,15 +58,17 @@ class Simulation:
         self._navigators: dict[tuple[float, Doors], Navigator] = {}
         self.robots: dict[str, Robot] = {}
         self.cameras: dict[str, StationaryCamera] = {}
-        self.linked: Mapping[str, Robot | StationaryCamera] = ChainMap[str, Any](self.cameras, self.robots)
-        """Everything with a robot link: robots and cameras."""
+        self.drives: dict[str, DoorDrive] = {}
+        """The powered doors."""
+        self.linked: Mapping[str, Robot | StationaryCamera | DoorDrive] = ChainMap[str, Any](self.cameras, self.drives, self.robots)
+        """Everything with a robot link: robots, cameras and powered doors."""
         self._work: dict[str, _Work] = {}
         self._dropped: dict[str, str] = {}
         self._pulled: set[str] = set()
         """The leaves that robots held by their handles in the last period."""
         self._last_motion = 0.0
         """Simulated time of the last motion that was observed."""
-        for solid in self.scene.world.by_role(Role.ROBOT, Role.CAMERA):
+        for solid in self.scene.world.by_role(Role.ROBOT, Role.CAMERA, Role.DOOR):
             self._add_linked(solid)
 
     @property
@@ -76,7 +79,7 @@ class Simulation:
     @property
     def busy(self) -> bool:
         """Whether anything moves, or work is pending."""
-        working = any(not self._dead(name) for name in self._work)
+        working = any(not self._dead(name) for name in self._work) or any(drive.busy for drive in self.drives.values())
         return working or any(robot.asking_robot is not None for robot in self.robots.values()) or not self._at_rest()
 
     def _at_rest(self) -> bool:
@@ -106,6 +109,9 @@ class Simulation:
                 if robot.mobile:
                     self._work[name] = _Work(_chain_routines(withdraw(robot), make_way(robot, asking_robot)), None, None)
             robot.end_period()
+        for name, drive in self.drives.items():
+            if drive.step():
+                self._note_leaves(name)
         pulled = set(self.scene.pulled.values())
         for owner in {leaf.split("/")[0] for leaf in self._pulled - pulled}:
             self._note_leaves(owner)
@@ -133,6 +139,10 @@ class Simulation:
             return
         if isinstance(command, Sense):
             on_end(CommandDone(state=device.state(), object_states=view(self.scene, robot, command.radius)))
+            return
+        if isinstance(device, DoorDrive):
+            device.command(command, on_end)
+            self._note_leaves(robot)
             return
         if isinstance(device, StationaryCamera):
             on_end(
@@ -237,7 +247,10 @@ class Simulation:
         device = self._linked(robot)
         device.faults.add(fault)
         self._last_motion = self.time
-        if isinstance(device, StationaryCamera):
+        if isinstance(device, DoorDrive):
+            device.fault(fault)
+            self._note_leaves(robot)
+        if not isinstance(device, Robot):
             return
         match fault:
             case Fault.DRIVE if robot not in self._work and device.holding is not None and Fault.GRIPPER not in device.faults:
@@ -277,9 +290,8 @@ class Simulation:
         self._map = self._map.changed([ObjectAdded(object)])
         if solid is None:
             return
-        if solid.role in (Role.ROBOT, Role.CAMERA):
-            self._add_linked(solid)
-        elif solid.role is not Role.THING:
+        self._add_linked(solid)
+        if solid.role not in (Role.ROBOT, Role.CAMERA, Role.THING):
             self._renew_navigators()
 
     def remove(self, name: str) -> None:
@@ -292,6 +304,7 @@ class Simulation:
             self._end(name, GivenUp("stopped", f"{name} was removed from the world"))
             del self.robots[name]
         self.cameras.pop(name, None)
+        self.drives.pop(name, None)
         if solid is not None:
             self.scene.remove(name)
         if name in self._map.objects:
@@ -353,8 +366,10 @@ class Simulation:
     def _add_linked(self, solid: Solid) -> None:
         if solid.role is Role.CAMERA:
             self.cameras[solid.name] = StationaryCamera(solid, self.scene)
-            return
-        self.robots[solid.name] = Robot(solid, self.scene, self._navigator(solid.z), self.robots)
+        elif solid.powered:
+            self.drives[solid.name] = DoorDrive(solid, self.scene, self.robots)
+        elif solid.role is Role.ROBOT:
+            self.robots[solid.name] = Robot(solid, self.scene, self._navigator(solid.z), self.robots)
 
     def _navigator(self, level: float, doors: Doors = NO_DOORS) -> Navigator:
         key = round(level, 1), doors
@@ -377,7 +392,7 @@ class Simulation:
         for robot in self.robots.values():
             robot.navigator = self._navigator(robot.solid.z)
 
-    def _linked(self, name: str) -> Robot | StationaryCamera:
+    def _linked(self, name: str) -> Robot | StationaryCamera | DoorDrive:
         if name not in self.linked:
             raise UsageError(f"{name} is not a robot in the simulated world; there are {', '.join(self.linked) or 'none'}")
         return self.linked[name]

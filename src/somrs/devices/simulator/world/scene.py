@@ -185,6 +185,12 @@ class Scene:
         """Set a leaf's joint without motion."""
         self._position[self._leaves[leaf.name]] = self.world.positions[leaf.name] = position
         self._disturb()
+        if leaf.owner.powered:
+            self.drive_leaf(leaf, position)
+
+    def drive_leaf(self, leaf: Leaf, position: float) -> None:
+        """Set the target of the drive of a powered door."""
+        self.data.ctrl[mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_ACTUATOR, leaf.name)] = position
 
     def note_leaves(self, owner: str) -> bool:
         """Record where the leaves of a door or container came to rest. Returns whether it is open now: whether all of them are."""

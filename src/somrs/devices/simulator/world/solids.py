@@ -81,6 +81,8 @@ class Solid:
     color: str | None = None
     weight: float = 0.3
     open: bool = False
+    powered: bool = False
+    """Whether it is a door with a drive."""
     charger: bool = False
     container: bool = False
     """Whether things can be put into it, through doors in its front."""
@@ -188,6 +190,7 @@ def solid_of(object: Object, ontology: Ontology) -> Solid | None:
         color=None if color is None else str(color),
         weight=number("Weight", 0.3),
         open=bool(value("Open")),
+        powered=role is Role.DOOR and ontology.driver(object.type) is not None,
         charger=ontology.is_subtype(object.type, "Charger"),
         container=ontology.is_subtype(object.type, "Container"),
         speed=number("Speed", 0.8),

@@ -69,7 +69,7 @@ class World:
         solid = self.solids.pop(name)
         for leaf in leaves_of(solid):
             self.positions.pop(leaf.name, None)
-        if solid.role is Role.ROBOT:
+        if solid.role is Role.ROBOT or solid.powered:
             for element in (*self.spec.actuators, *self.spec.equalities, *self.spec.excludes):
                 owner = element.bodyname1 if isinstance(element, mujoco.MjsExclude) else element.name
                 if owner == name or owner.startswith(f"{name}/"):
@@ -86,6 +86,10 @@ class World:
         leaves = leaves_of(solid)
         for leaf in leaves:
             _add_leaf(body, leaf)
+            if solid.powered:
+                drive = self.spec.add_actuator(name=leaf.name, target=leaf.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+                drive.set_to_position(600, 150)
+                drive.forcelimited, drive.forcerange = 1, [-150, 150]
         if solid.role is Role.THING:
             body.add_freejoint(name=solid.name)
             bits = {"contype": THING_BIT, "conaffinity": STATIC_BIT | ROBOT_BIT | THING_BIT, "mass": max(solid.weight, 0.01), "condim": 4}

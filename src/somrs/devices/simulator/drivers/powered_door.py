@@ -1,0 +1,64 @@
+"""The driver of a simulated door with a drive, which opens and closes itself."""
+
+from __future__ import annotations
+
+from somrs.devices.simulator.drivers.mobile_robot import describe_doors
+from somrs.devices.simulator.drivers.simulated import SimulatedDevice
+from somrs.devices.simulator.link.commands import CommandDone
+from somrs.devices.simulator.link.connection import RobotGaveUp
+from somrs.entish.formula import Comparison, Formula, Truth, conjuncts
+from somrs.service_manager.sdk.device import Situation, Task, service
+from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
+
+
+async def _able(device: PoweredDoor, task: Task) -> None:
+    """Check that the order is for this door, and that its drive works. Raises Refusal."""
+    if task.inputs["Door"] != device.name:
+        raise Refusal(f"{device.name} opens and closes only itself")
+    await device.check_working()
+
+
+async def _price(device: PoweredDoor, task: Task) -> float | str:
+    return await device.price(task, 0.0)
+
+
+class PoweredDoor(SimulatedDevice):
+    """A door with a drive in the simulator."""
+
+    type = "PoweredDoor"
+    features = ("Price",)
+    mobile = False
+
+    @service("OpenDoor", price=_price, duration="6 s", able=_able)
+    async def open_door(self, task: Task) -> Situation:
+        return await self._move(opening=True)
+
+    @service("CloseDoor", price=_price, duration="6 s", able=_able)
+    async def close_door(self, task: Task) -> Situation:
+        return await self._move(opening=False)
+
+    @open_door.stopping
+    @close_door.stopping
+    async def stop_leaf(self, task: Task) -> Situation:
+        return self._described(await self.retry_when_link_lost(self._link.stop))
+
+    @open_door.compensation
+    @close_door.compensation
+    async def restore(self, task: Task, situation: Formula) -> Situation:
+        """Open or close the door as it was."""
+        values = [part.right.value for part in conjuncts(situation) if isinstance(part, Comparison) and isinstance(part.right, Truth)]
+        if not values:
+            raise ServiceFailed(f"{situation} does not say whether {self.name} was open")
+        return await self._move(opening=values[0])
+
+    async def _move(self, *, opening: bool) -> str:
+        command = self._link.open_doors if opening else self._link.close_doors
+        try:
+            return self._described(await self.retry_when_link_lost(lambda: command(self.name)))
+        except RobotGaveUp as failure:
+            broken = self._link.silent or not self._link.connected or (failure.state is not None and failure.state.faults)
+            parts = [*describe_doors(failure.object_states), *([self._out_of_order()] if broken or not failure.object_states else [])]
+            raise ServiceFailed(failure.description, " AND ".join(parts)) from failure
+
+    def _described(self, result: CommandDone) -> str:
+        return " AND ".join(describe_doors(result.object_states))
