@@ -197,3 +197,20 @@ def test_closing_a_container_is_reported() -> None:
                 await harness.perform("TakeOutOf", Object="Jar1", Destination="Table1")
 
     run(test())
+
+
+def test_looking_tells_which_things_are_there() -> None:
+    async def test() -> None:
+        async with _harness() as harness:
+            quote = await harness.quote("LookAt", Place="Table1")
+            assert isinstance(quote, Quoted)
+            await harness.operator.move("Jar1", 2.9, 5.3, 0.74)
+            map = await harness.perform("LookAt", Place="Table1")
+            assert map.has_fact("isOn", ("Jar1", "Table1")), "somebody has moved it there"
+            assert map.has_fact("isOn", ("Carton1", "Table1"))
+            assert map.objects["Jar1"].values["PositionX"] == pytest.approx(2.9, abs=0.01)
+            await harness.operator.move("Carton1", 0.4, 4.2, 0.06)
+            map = await harness.perform("LookInto", Container="Cupboard1")
+            assert map.has_fact("isIn", ("Carton1", "Cupboard1"))
+
+    run(test())

@@ -34,7 +34,7 @@ REQUIRED_NAMES: Mapping[Section, frozenset[str]] = {
     Section.SERVICES: frozenset(
         (
             "TransferObject", "RecognizeSituation", "MoveTo", "ChargeBattery",
-            "OpenDoor", "CloseDoor", "OpenContainer", "CloseContainer", "PutInto", "TakeOutOf",
+            "OpenDoor", "CloseDoor", "OpenContainer", "CloseContainer", "PutInto", "TakeOutOf", "LookAt", "LookInto",
         )
     ),
 }  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from somrs.devices.simulator.drivers.looking import describe_things
 from somrs.devices.simulator.drivers.recognition import describe_recognition
 from somrs.devices.simulator.drivers.simulated import SimulatedDevice
 from somrs.devices.simulator.link.commands import ObjectState
@@ -17,6 +18,14 @@ async def _able(device: FixedCamera, task: Task) -> None:
     object = str(task.inputs["Object"])
     if object not in await device.view():
         raise Refusal(f"{device.name} does not see {object}", not_now=True)
+
+
+async def _able_to_look(device: FixedCamera, task: Task) -> None:
+    """Check that the camera works, and that the place is in view now. Raises Refusal."""
+    await device.check_working()
+    place = str(task.inputs["Place"])
+    if place not in await device.view():
+        raise Refusal(f"{device.name} does not see {place}")
 
 
 async def _price(device: FixedCamera, task: Task) -> float | str:
@@ -48,7 +57,16 @@ class FixedCamera(SimulatedDevice):
             raise ServiceFailed(f"{self.name} no longer sees {object}")
         return await describe_recognition(task, object, observations)
 
+    @service("LookAt", price=_price, duration="1 s", able=_able_to_look)
+    async def look_at_place(self, task: Task) -> Situation:
+        try:
+            observations = await self.view()
+        except Refusal as silent:
+            raise ServiceFailed(str(silent), self._out_of_order()) from None
+        return " AND ".join(describe_things(str(task.inputs["Place"]), observations.values()) or [f"{self.name}.Working = TRUE"])
+
     @recognize.compensation
+    @look_at_place.compensation
     async def compensate_recognition(self, task: Task, situation: Formula) -> Situation:
         """An observation leaves nothing to undo."""
         return f"{self.name}.Working = TRUE"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Awaitable, Callable, Iterable
 
+from somrs.devices.simulator.drivers.looking import describe_things, point_at
 from somrs.devices.simulator.drivers.simulated import SimulatedDevice, metres
 from somrs.devices.simulator.link.commands import CommandDone, ObjectState, RobotState
 from somrs.devices.simulator.link.connection import RobotGaveUp
@@ -14,6 +15,8 @@ from somrs.errors import RemoteError, UsageError
 from somrs.service_manager.sdk.device import Situation, Task, service
 from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
 
+LOOKING_TIME = 5.0
+"""Time to turn to a place and to look at it, s."""
 LOWEST_CHARGE = 5.0
 """Charge in percent below which a robot only accepts to charge its battery."""
 ARRIVED = 0.1
@@ -55,6 +58,14 @@ async def _charging_time(device: MobileRobot, task: Task) -> float:
     way, _ = await device.way_to_charger(task)
     charge = (await device.check_working()).charge
     return round(await device.driving_time(task, way) + (100.0 - (charge if charge is not None else 100.0)) / CHARGING, 1)
+
+
+async def _looking_price(device: MobileRobot, task: Task) -> float | str:
+    return await device.price(task, await device.way_to_view(task) if device.price_per_metre else 0.0)
+
+
+async def _looking_time(device: MobileRobot, task: Task) -> float:
+    return round(LOOKING_TIME + await device.driving_time(task, await device.way_to_view(task)), 1)
 
 
 class MobileRobot(SimulatedDevice):
@@ -139,6 +150,45 @@ class MobileRobot(SimulatedDevice):
         """A charged battery leaves nothing to undo."""
         return await self._commanded(task, lambda: self._link.status())
 
+    # Looking
+
+    @service("LookAt", price=_looking_price, duration=_looking_time, able=_able)
+    async def look_at_place(self, task: Task) -> Situation:
+        return await self._look(task, str(task.inputs["Place"]))
+
+    @service("LookInto", price=_looking_price, duration=_looking_time, able=_able)
+    async def look_into(self, task: Task) -> Situation:
+        return await self._look(task, str(task.inputs["Container"]))
+
+    @look_at_place.stopping
+    @look_into.stopping
+    async def stop_looking(self, task: Task) -> Situation:
+        return await self._commanded(task, lambda: self._link.stop())
+
+    @look_at_place.compensation
+    @look_into.compensation
+    async def keep_findings(self, task: Task, situation: Formula) -> Situation:
+        """An observation leaves nothing to undo."""
+        return await self._commanded(task, lambda: self._link.status())
+
+    async def _look(self, task: Task, place: str) -> str:
+        """Drive to where the place is in view, and report the things there."""
+        try:
+            x, y, z = await point_at(task, place)
+        except Refusal as refusal:
+            raise ServiceFailed(str(refusal)) from None
+        note = f"looks at {place}"
+        look = await self._result(task, lambda: self._driving(task, self._link.look_at(x, y, z), 0.0, 0.95, note))
+        return " AND ".join([*describe_things(place, look.object_states), *await self.whereabouts(task, look.state)])
+
+    async def way_to_view(self, task: Task) -> float:
+        """The driving distance to what is to be looked at, m. Raises Refusal when there is no path."""
+        place = str(task.inputs["Place"] if "Place" in task.inputs else task.inputs["Container"])
+        (way,) = await self._distances(task, place)
+        if way is None:
+            raise Refusal(f"{self.name} finds no path to {place}")
+        return way
+
     # The map
 
     async def _named_places(self, task: Task, kind: str) -> list[Spot]:
@@ -161,11 +211,14 @@ class MobileRobot(SimulatedDevice):
 
         Raises ServiceFailed.
         """
+        result = await self._result(task, command)
+        return " AND ".join([*describe_doors(result.object_states), *await self.whereabouts(task, result.state)])
+
+    async def _result(self, task: Task, command: Callable[[], Awaitable[CommandDone]]) -> CommandDone:
         try:
-            result = await self.retry_when_link_lost(command)
+            return await self.retry_when_link_lost(command)
         except RobotGaveUp as failure:
             raise ServiceFailed(failure.description, await self._failed_at(task, failure)) from failure
-        return " AND ".join([*describe_doors(result.object_states), *await self.whereabouts(task, result.state)])
 
     async def _failed_at(self, task: Task, failure: RobotGaveUp) -> str:
         if failure.state is None or self._link.silent:

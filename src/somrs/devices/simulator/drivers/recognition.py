@@ -17,6 +17,8 @@ async def describe_recognition(task: Task, object: str, observations: Mapping[st
         parts.append(f"{object} isHeldBy {object_state.held_by}")
     elif object_state.support is not None and not await is_of_type(task, object, "MobileRobot"):
         parts.append(f"{object} isOn {object_state.support}")
+    elif object_state.container is not None:
+        parts.append(f"{object} isIn {object_state.container}")
     parts += [
         f"{object}.Position{axis} = {format_number(value)}"
         for axis, value in zip("XYZ", (object_state.x, object_state.y, object_state.z), strict=True)
