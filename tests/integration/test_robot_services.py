@@ -176,7 +176,7 @@ def test_a_stopped_robot_says_how_it_left_the_door() -> None:
 def test_a_thing_is_put_into_a_container_and_another_taken_out() -> None:
     async def test() -> None:
         async with _harness() as harness:
-            map = await harness.perform("PutInto", Object="Carton1", Container="Cupboard1")
+            map = await harness.perform("PutInto", Object="Carton1", Cupboard="Cupboard1")
             assert map.has_fact("isIn", ("Carton1", "Cupboard1"))
             assert not map.has_fact("isOn", ("Carton1", "Table1"))
             map = await harness.perform("TakeOutOf", Object="Jar1", Destination="Table1")
@@ -191,7 +191,7 @@ def test_a_thing_is_put_into_a_container_and_another_taken_out() -> None:
 def test_closing_a_container_is_reported() -> None:
     async def test() -> None:
         async with _harness() as harness:
-            map = await harness.perform("CloseContainer", Container="Cupboard1")
+            map = await harness.perform("CloseCupboard", Cupboard="Cupboard1")
             assert map.objects["Cupboard1"].values["Open"] is False
             with pytest.raises(ServiceFailed, match="Cupboard1 is shut"):
                 await harness.perform("TakeOutOf", Object="Jar1", Destination="Table1")
@@ -210,7 +210,7 @@ def test_looking_tells_which_things_are_there() -> None:
             assert map.has_fact("isOn", ("Carton1", "Table1"))
             assert map.objects["Jar1"].values["PositionX"] == pytest.approx(2.9, abs=0.01)
             await harness.operator.move("Carton1", 0.4, 4.2, 0.06)
-            map = await harness.perform("LookInto", Container="Cupboard1")
+            map = await harness.perform("LookInto", Cupboard="Cupboard1")
             assert map.has_fact("isIn", ("Carton1", "Cupboard1"))
 
     run(test())

@@ -2,6 +2,7 @@
 
 A definition that the ontology has is left as it is, so that a change by an editor outlasts the restart of a device. The device may revise
 its own definitions. A program that does not agree with the definition of another author is refused, because the name has one meaning.
+The service types of the shipped devices give way: they are nobody's until somebody defines them.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from msgspec import structs
 
 from somrs.ontology.agreement import disagreements
 from somrs.ontology.conformance import Violation
+from somrs.ontology.files.levels import LIBRARY
 from somrs.ontology.naming import find_definition, key_of, section_of
 from somrs.ontology.types import Definition
 from somrs.protocol.messages.knowledge import Define, by_kind
@@ -34,7 +36,9 @@ def brought_outcome(contents: Contents, define: Define) -> Outcome:
 def _may_define(contents: Contents, author: str, definition: Definition) -> bool:
     key = key_of(definition)
     latest = contents.last_change(key)
-    return find_definition(contents.ontology, key) is None or (latest is not None and latest.author == author)
+    if latest is None:
+        return key in LIBRARY or find_definition(contents.ontology, key) is None
+    return find_definition(contents.ontology, key) is None or latest.author == author
 
 
 def _disagreement(contents: Contents, author: str, definition: Definition) -> Iterator[Violation]:

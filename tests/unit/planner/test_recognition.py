@@ -74,8 +74,8 @@ def test_nothing_is_observed_twice_and_who_found_nothing_is_not_asked_again() ->
         (
             "Jar001 isOn Shelf1",
             (TRANSFER, PICK_PLACE),
-            "nobody can look: no device offers RecognizeSituation now",
-            ("RecognizeSituation",),
+            "nobody can look: no device offers RecognizeSituation or LookAt now",
+            ("RecognizeSituation", "LookAt"),
             Obstacle.NOT_OFFERED,
         ),
         (
@@ -85,7 +85,7 @@ def test_nothing_is_observed_twice_and_who_found_nothing_is_not_asked_again() ->
             ("RecognizeSituation",),
             Obstacle.NOT_OFFERED,
         ),
-        ("?It: Jar isOn Shelf2", (LOOK,), "nobody can look now", (), Obstacle.NOT_OFFERED),
+        ("?It: Jar isOn Shelf2", (LOOK,), "nobody can look now", ("LookAt",), Obstacle.NOT_OFFERED),
     ],
 )
 def test_it_is_said_why_nobody_looks(

@@ -29,6 +29,15 @@ OBLIGATORY_IN_2 = frozenset((("CuboidRoom", "Ceiling"), ("Table", "FurnitureLeg"
 """Parts that are optional on level 1: the type of the whole, and of the part."""
 
 
+LIBRARY = frozenset(
+    DefinitionKey(section=Section.SERVICES, name=name)
+    for name in (
+        "MoveTo", "ChargeBattery", "OpenDoor", "CloseDoor", "OpenCupboard", "CloseCupboard", "PutInto", "TakeOutOf", "LookAt", "LookInto"
+    )
+)  # fmt: skip
+"""Service types of the shipped devices whose names a site or a device may use for a definition of its own, which then replaces them."""
+
+
 def at_level(ontology: Ontology, level: int) -> Ontology:
     """The upper ontology as it is on a level; `ontology` is that of the latest level."""
     return ontology if level >= LATEST else Ontology(_level_1(ontology))

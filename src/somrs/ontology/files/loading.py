@@ -21,10 +21,10 @@ from somrs.errors import FormulaError, ModelError, Problem
 from somrs.ontology.conformance import Violation, violations
 from somrs.ontology.consistency import ontology_violations
 from somrs.ontology.dependency_index import lost_dependencies
-from somrs.ontology.files.levels import LATEST, at_level
+from somrs.ontology.files.levels import LATEST, LIBRARY, at_level
 from somrs.ontology.files.nodes import Path, Source
 from somrs.ontology.files.structure import definition, flat, structure_problems
-from somrs.ontology.naming import DefinitionKey, Section, revise_ontology
+from somrs.ontology.naming import DefinitionKey, Section, key_of, revise_ontology
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.schema import ENTRIES, RESERVED
 from somrs.ontology.types import PART_OF, AttributeType, Definition, Kind, Ontology, Value
@@ -242,7 +242,7 @@ class _Reading:
             earlier_place = self.places[key]
             message = f"is defined in {earlier_place.source.file}:{earlier_place.line()} already; give this one another name"
             self._problem(place, name, "duplicate", message)
-        elif base_definition is not None and base_definition != definition and not self.replacing:
+        elif base_definition is not None and base_definition != definition and not self.replacing and key_of(definition) not in LIBRARY:
             message = (
                 f"is in the ontology already and means something else there; give this one another name, or write {key} under without:"
             )

@@ -607,3 +607,15 @@ def test_ontology_is_read_back_as_written(new: list[AttributeType | RelationType
 
 def test_whole_upper_ontology_is_read_back() -> None:
     assert [*load_text(dump_ontology(upper()), base=Ontology()).ontology] == [*upper()]
+
+
+def test_a_site_may_define_the_service_types_of_the_shipped_devices_anew() -> None:
+    text = """
+services:
+  OpenDoor:
+    inputs: {Which: Door}
+    precondition: "?Which.Open = FALSE"
+    effect: "?Which.Open = TRUE"
+"""
+    assert load_text(text).ontology.services["OpenDoor"].inputs == (Parameter(name="Which", type="Door"),)
+    assert load_text("attributes: {}").ontology.services["OpenDoor"].inputs == (Parameter(name="Door", type="Door"),)

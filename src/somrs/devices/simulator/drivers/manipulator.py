@@ -62,7 +62,7 @@ async def _duration(device: Manipulator, task: Task) -> float:
 
 
 def _destination(task: Task) -> str:
-    return str(task.inputs["Destination"] if "Destination" in task.inputs else task.inputs["Container"])
+    return str(task.inputs["Destination"] if "Destination" in task.inputs else task.inputs["Cupboard"])
 
 
 class Manipulator(OpeningRobot):
@@ -105,7 +105,7 @@ class Manipulator(OpeningRobot):
 
     @service("PutInto", price=_price, duration=_duration, able=_able)
     async def put_into(self, task: Task) -> Situation:
-        return await self._carry(task, str(task.inputs["Object"]), Spot(container=str(task.inputs["Container"])))
+        return await self._carry(task, str(task.inputs["Object"]), Spot(container=str(task.inputs["Cupboard"])))
 
     @service("TakeOutOf", price=_price, duration=_duration, able=_able)
     async def take_out(self, task: Task) -> Situation:

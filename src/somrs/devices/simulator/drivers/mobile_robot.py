@@ -158,7 +158,7 @@ class MobileRobot(SimulatedDevice):
 
     @service("LookInto", price=_looking_price, duration=_looking_time, able=_able)
     async def look_into(self, task: Task) -> Situation:
-        return await self._look(task, str(task.inputs["Container"]))
+        return await self._look(task, str(task.inputs["Cupboard"]))
 
     @look_at_place.stopping
     @look_into.stopping
@@ -183,7 +183,7 @@ class MobileRobot(SimulatedDevice):
 
     async def way_to_view(self, task: Task) -> float:
         """The driving distance to what is to be looked at, m. Raises Refusal when there is no path."""
-        place = str(task.inputs["Place"] if "Place" in task.inputs else task.inputs["Container"])
+        place = str(task.inputs["Place"] if "Place" in task.inputs else task.inputs["Cupboard"])
         (way,) = await self._distances(task, place)
         if way is None:
             raise Refusal(f"{self.name} finds no path to {place}")

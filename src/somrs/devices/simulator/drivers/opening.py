@@ -48,26 +48,26 @@ class OpeningRobot(MobileRobot):
     async def close_door(self, task: Task) -> Situation:
         return await self._move_doors(task, opening=False)
 
-    @service("OpenContainer", price=_price, duration=_duration, able=_able)
-    async def open_container(self, task: Task) -> Situation:
+    @service("OpenCupboard", price=_price, duration=_duration, able=_able)
+    async def open_cupboard(self, task: Task) -> Situation:
         return await self._move_doors(task, opening=True)
 
-    @service("CloseContainer", price=_price, duration=_duration, able=_able)
-    async def close_container(self, task: Task) -> Situation:
+    @service("CloseCupboard", price=_price, duration=_duration, able=_able)
+    async def close_cupboard(self, task: Task) -> Situation:
         return await self._move_doors(task, opening=False)
 
     @open_door.stopping
     @close_door.stopping
-    @open_container.stopping
-    @close_container.stopping
+    @open_cupboard.stopping
+    @close_cupboard.stopping
     async def let_go(self, task: Task) -> Situation:
         """Stop, and release the handle."""
         return await self._commanded(task, lambda: self._link.stop())
 
     @open_door.compensation
     @close_door.compensation
-    @open_container.compensation
-    @close_container.compensation
+    @open_cupboard.compensation
+    @close_cupboard.compensation
     async def restore_door(self, task: Task, situation: Formula) -> Situation:
         """Open or close it as it was."""
         values = [part.right.value for part in conjuncts(situation) if isinstance(part, Comparison) and isinstance(part.right, Truth)]
@@ -82,4 +82,4 @@ class OpeningRobot(MobileRobot):
 
 
 def _object_of(task: Task) -> str:
-    return str(task.inputs["Door"] if "Door" in task.inputs else task.inputs["Container"])
+    return str(task.inputs["Door"] if "Door" in task.inputs else task.inputs["Cupboard"])

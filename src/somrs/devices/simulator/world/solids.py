@@ -192,7 +192,7 @@ def solid_of(object: Object, ontology: Ontology) -> Solid | None:
         open=bool(value("Open")),
         powered=role is Role.DOOR and ontology.driver(object.type) is not None,
         charger=ontology.is_subtype(object.type, "Charger"),
-        container=ontology.is_subtype(object.type, "Container"),
+        container=ontology.is_subtype(object.type, "Cupboard"),
         speed=number("Speed", 0.8),
         charge=number("Charge", 100.0),
         gripper=gripper,
