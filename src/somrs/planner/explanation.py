@@ -25,7 +25,8 @@ from somrs.ontology.services import PROVIDER, ServiceKind, ServiceType
 from somrs.ontology.truth import bindings, formula_holds
 from somrs.ontology.types import UNKNOWN
 from somrs.ontology.values import value_of
-from somrs.planner.grounding.grounding import Grounding, TooLarge
+from somrs.planner.grounding.grounding import Grounding
+from somrs.planner.grounding.joins import TooLarge
 from somrs.planner.grounding.relevance import demands
 from somrs.planner.model.choices import ALTERNATIVES
 from somrs.planner.model.operators import Inexpressible, goal_operators

@@ -13,7 +13,8 @@ from somrs.planner.alternatives import with_alternatives
 from somrs.planner.conditions import ConditionalUses
 from somrs.planner.encodings.sas import decode_moves, encode_sas
 from somrs.planner.explanation import exclusion_obstacles, exclusion_text, explain_failure, unmet_precondition
-from somrs.planner.grounding.grounding import Grounding, TooLarge
+from somrs.planner.grounding.grounding import EFFORT, Grounding
+from somrs.planner.grounding.joins import TooLarge
 from somrs.planner.grounding.merging import merge_task
 from somrs.planner.grounding.relevance import demands
 from somrs.planner.grounding.task import Move, Task
@@ -30,6 +31,7 @@ from somrs.planner.recognition import plan_recognition
 from somrs.planner.repair import prefer_repaired, prefer_shorter
 from somrs.planner.search import counting
 from somrs.planner.search.counting import Counters, CountingFailed, search_with_counters
+from somrs.planner.search.lookahead import Lookahead
 from somrs.planner.search.matching import match
 from somrs.planner.search.numeric import NumericTask
 from somrs.planner.search.search import TooHard, cheapest, remove_redundant_moves
@@ -39,6 +41,10 @@ Engine = Callable[[str, float], list[str] | None]
 """A function of a task in Fast Downward's format and a time limit in seconds. Returns the names of the operators of a plan, or None
 when there is no plan. Raises SomrsError when it finds neither."""
 
+FLEET = 8
+"""The number of interchangeable devices up to which the search considers each of them."""
+QUICK_EFFORT = 500_000
+"""The number of facts to match with conditions, when a task is grounded, before a lookahead is tried: about a second."""
 VALUES = 5_000
 """The maximum number of actions when effects calculate values and each value is a fact; beyond it, numbers become counters."""
 STATES = 5_000
@@ -177,22 +183,37 @@ def _report_inexpressible(inexpressible: Inexpressible) -> NoPlan:
 
 
 def _search_plan(problem: Problem, world: World, goals: list[Operator], engines: _Engines) -> Plan | NoPlan:
-    """Search first with the likely actions only (narrow), then with all relevant actions: only the latter can prove that there is no
-    plan."""
-    max_actions = VALUES if world.vocabulary.calculates else None
+    """A plan from a search among the ground uses of services; from a lookahead, if there are too many of these."""
+    lookahead = Lookahead(problem, world, goals)
+    if lookahead.fleet <= FLEET:
+        try:
+            return _plan_grounded(problem, world, goals, engines, QUICK_EFFORT)
+        except TooLarge:
+            if world.vocabulary.calculates:
+                return _plan_with_counters(problem, engines)
+    if (moves := lookahead.find_moves()) is not None:
+        return build_plan(problem, moves)
     try:
-        for narrow in (True, False):
-            grounding = Grounding(world, demands(goals, world, narrow=narrow), narrow=narrow, max_actions=max_actions)
-            if grounding.is_goal_reachable:
-                task = Task(grounding)
-                moves = _solve(task, engines)
-                if moves is not None:
-                    return _improve_plan(problem, build_plan(problem, remove_redundant_moves(moves, task)), task, engines)
+        return _plan_grounded(problem, world, goals, engines, EFFORT)
     except TooLarge:
         if not world.vocabulary.calculates:
             raise
         return _plan_with_counters(problem, engines)
-    return _explain(problem, world, grounding.guessed)
+
+
+def _plan_grounded(problem: Problem, world: World, goals: list[Operator], engines: _Engines, effort: int) -> Plan | NoPlan:
+    """Search first with the likely actions only (narrow), then with all relevant actions: only the latter can prove that there is no
+    plan. Raises TooLarge."""
+    max_actions = VALUES if world.vocabulary.calculates else None
+    for narrow in (True, False):
+        demanded = demands(goals, world, narrow=narrow)
+        grounding = Grounding(world, demanded, narrow=narrow, effort=effort, max_actions=max_actions)
+        if grounding.is_goal_reachable:
+            task = Task(grounding)
+            moves = _solve(task, engines)
+            if moves is not None:
+                return _improve_plan(problem, build_plan(problem, remove_redundant_moves(moves, task)), task, engines)
+    return _explain(problem, world, grounding.joins.guessed)
 
 
 def _explain(problem: Problem, world: World, guessed: bool) -> NoPlan:
@@ -223,7 +244,7 @@ def _plan_with_counters(problem: Problem, engines: _Engines) -> Plan | NoPlan:
             moves = _solve_with_counters(task, counters, engines)
             if moves is not None:
                 return build_plan(problem, counting.remove_redundant_moves(moves, task, counters))
-    return _explain(problem, world, grounding.guessed)
+    return _explain(problem, world, grounding.joins.guessed)
 
 
 def _solve_with_counters(task: Task, counters: Counters, engines: _Engines) -> list[Move] | None:

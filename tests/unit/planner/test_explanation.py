@@ -97,10 +97,11 @@ def test_what_is_too_large_is_not_said_to_be_impossible(monkeypatch: pytest.Monk
         goal=parse("NOT ?x: Jar isOn Shelf2 AND NOT ?x: Jar isOn Shelf1"),
         services=problem.services,
     )
-    monkeypatch.setattr("somrs.planner.grounding.grounding.ACTIONS", 20)
+    for effort in ("EFFORT", "QUICK_EFFORT"):
+        monkeypatch.setattr(f"somrs.planner.planning.{effort}", 50)
     result = refused(large_problem)
     assert result.undecided
-    assert "too large to be searched: there are more than 20 ways to use services" in result.explanation
+    assert "too large to be searched: there are too many ways to use services" in result.explanation
     assert result.unreachable == ()
 
 

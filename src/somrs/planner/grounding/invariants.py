@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import combinations, permutations
 
-from somrs.planner.grounding.grounding import Action
+from somrs.planner.grounding.actions import Action
 from somrs.planner.grounding.task import Task
 from somrs.planner.model.operators import EXISTS_SUFFIX, Argument, Fact, Operator
 

@@ -30,11 +30,14 @@ class Demand:
     kinds: tuple[tuple[str, Kinds], ...]
 
 
-def demands(goals: Sequence[Operator], world: World, *, narrow: bool = False, depth: int | None = None) -> list[Demand]:
+def demands(
+    goals: Sequence[Operator], world: World, *, narrow: bool = False, direct: bool = False, depth: int | None = None
+) -> list[Demand]:
     """Every use of an operator that may help to reach the goal, the goal's operators first.
 
     With `narrow`, an `EXISTS_SUFFIX` fact that already holds is no subgoal, and of the facts that must not hold, only those that hold now
-    are subgoals. With `depth`, chains of services are limited to that length. Both can lose plans, but seldom do.
+    are subgoals. With `direct`, a thing that is in any place is in no other place first: what holds already of a known object and any
+    partner is no subgoal. With `depth`, chains of services are limited to that length. All can lose plans, but seldom do.
     """
     collected_demands: dict[Demand, None] = dict.fromkeys(Demand(goal, (), ()) for goal in goals)
     seen_subgoals: set[Subgoal] = set()
@@ -42,7 +45,10 @@ def demands(goals: Sequence[Operator], world: World, *, narrow: bool = False, de
     while new and (depth is None or depth > 0):
         depth = depth - 1 if depth is not None else None
         subgoals = {
-            subgoal: None for demand in new for subgoal in (_narrow(_find_subgoals(demand), world) if narrow else _find_subgoals(demand))
+            subgoal: None
+            for demand in new
+            for subgoal in (_narrow(_find_subgoals(demand), world) if narrow else _find_subgoals(demand))
+            if not (direct and _has_partner(subgoal, world))
         }
         fresh = [subgoal for subgoal in subgoals if subgoal not in seen_subgoals]
         seen_subgoals.update(fresh)
@@ -118,6 +124,22 @@ def _narrow(subgoals: Iterable[Subgoal], world: World) -> Iterator[Subgoal]:
                 world.is_eligible(actual, expected) if isinstance(expected, frozenset) else actual == expected for expected, actual in pairs
             ):
                 yield truth, predicate, fact
+
+
+def _has_partner(subgoal: Subgoal, world: World) -> bool:
+    """Whether the subgoal is met now, and says nothing of the partner but its type."""
+    truth, predicate, arguments = subgoal
+    if not truth or len(arguments) < 2 or isinstance(arguments[0], frozenset) or predicate.startswith("."):
+        return False
+    known_arguments = [None if isinstance(argument, frozenset) else argument for argument in arguments]
+    return any(
+        fact[0] == arguments[0]
+        and all(
+            world.is_eligible(value, kinds) for value, kinds in zip(fact[1:], arguments[1:], strict=True) if isinstance(kinds, frozenset)
+        )
+        for fact in world.find_facts(predicate, known_arguments)
+        if all(isinstance(kinds, frozenset) for kinds in arguments[1:])
+    )
 
 
 def _find_subgoals(demand: Demand) -> Iterator[Subgoal]:

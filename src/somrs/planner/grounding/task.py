@@ -8,9 +8,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from somrs.planner.grounding.actions import Action
 from somrs.planner.grounding.finite_task import Assignment as Assignment
 from somrs.planner.grounding.finite_task import State as State
-from somrs.planner.grounding.grounding import Action, Grounding
+from somrs.planner.grounding.grounding import Grounding
 from somrs.planner.model.operators import EXISTS_SUFFIX, GOAL, Argument, Fact
 
 Key = tuple[str, object]

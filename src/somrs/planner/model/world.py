@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from copy import copy
 
 from somrs.entish import Formula, Name, Number, Term, Text, Truth, Variable
 from somrs.entish.formula import Constant, Literal, substitute, variables
@@ -36,14 +37,12 @@ class World:
         self.repertoire = repertoire(problem.ontology, self._service_types, counting, problem.reading)
         self.vocabulary = self.repertoire.vocabulary
         self.excluded, self.hurry, self.fruitless = problem.excluded, problem.hurry, problem.fruitless
-        self.providers: Mapping[str, tuple[str, ...]] = {
-            available.service_type.name: tuple(name for name in available.providers if name not in problem.excluded)
-            for available in problem.services
-        }
-        """The devices that offer each service type, without excluded ones."""
-        self._providers_by_type: dict[str, frozenset[str]] = {
-            providers_of(name): frozenset(device_names) for name, device_names in self.providers.items()
-        }
+        self._set_providers(
+            {
+                available.service_type.name: tuple(name for name in available.providers if name not in problem.excluded)
+                for available in problem.services
+            }
+        )
         self._prices = {available.service_type.name: dict(available.prices) for available in problem.services}
         self._has_service_costs = any(available.service_type.cost is not None for available in problem.services)
         all_prices = [price for quotes in self._prices.values() for price in quotes.values()]
@@ -53,6 +52,26 @@ class World:
         self._paths: dict[str, frozenset[str]] = {}
         self._favourable_values: dict[str, list[Argument]] = {}
         self._match_cache: dict[tuple[str, int, Argument] | str, list[tuple[Argument, ...]]] = {}
+
+    def _set_providers(self, providers: Mapping[str, tuple[str, ...]]) -> None:
+        self.providers = providers
+        """The devices that offer each service type, without excluded ones."""
+        self._providers_by_type = {providers_of(name): frozenset(device_names) for name, device_names in providers.items()}
+
+    def at(self, map: Map) -> World:
+        """The same world with a later map. Static conditions stay as they are, and what is known of them is kept."""
+        later = copy(self)
+        later.map, later._match_cache = map, {}
+        return later
+
+    def without(self, devices: Iterable[str]) -> World:
+        """The same world, in which no step may involve the devices."""
+        smaller = copy(self)
+        smaller.excluded = self.excluded.union(devices)
+        smaller._set_providers(
+            {name: tuple(n for n in device_names if n not in smaller.excluded) for name, device_names in self.providers.items()}
+        )
+        return smaller
 
     @property
     def has_varying_costs(self) -> bool:
@@ -134,7 +153,7 @@ class World:
         """Whether the fact holds now."""
         predicate, arguments = fact
         if predicate.startswith("."):
-            return self._value(arguments[0], predicate[1:]) == arguments[1]
+            return self.value(arguments[0], predicate[1:]) == arguments[1]
         names = self._names(arguments)
         if predicate == KNOWN:
             return self.reading is None or names[0] not in self.reading.unknown_objects
@@ -189,7 +208,7 @@ class World:
             return
         if predicate.startswith("."):
             for name in self._owners(predicate[1:], place, value):
-                if (current_value := self._value(name, predicate[1:])) is not None:
+                if (current_value := self.value(name, predicate[1:])) is not None:
                     yield name, current_value
             return
         relation = predicate.removesuffix(EXISTS_SUFFIX)
@@ -220,7 +239,8 @@ class World:
         alike = (name for t in by_default for name in self.map.of_type(t) if self.map.objects[name].values.get(path) is None)
         return (*self.map.with_value(path, plain), *alike)
 
-    def _value(self, owner: Argument, path: str) -> Constant | None:
+    def value(self, owner: Argument, path: str) -> Constant | None:
+        """The value of the attribute now, in its unit; None if it has none."""
         value = value_of(owner, path, self.map, self.ontology) if isinstance(owner, str) else None
         return constant(value, attribute_at(path, self.ontology)) if value is not None else None
 
@@ -233,9 +253,9 @@ class World:
         if self.reading is not None and not self.reading.fresh.isdisjoint(self._names(arguments)):
             return True
         if predicate == "." + UNKNOWN:
-            return self._value(arguments[0], UNKNOWN) != arguments[1]
+            return self.value(arguments[0], UNKNOWN) != arguments[1]
         if predicate.startswith("."):
-            return self._value(arguments[0], predicate[1:]) is None
+            return self.value(arguments[0], predicate[1:]) is None
         if self.ontology.relations[predicate].excludes is None:
             return False
         group = (predicate, *self.vocabulary.excluded_by(predicate))

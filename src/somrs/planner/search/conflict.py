@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 from somrs.entish import Name, Relation
 from somrs.entish.formula import Literal, conjunction
-from somrs.planner.grounding.grounding import Grounding, TooLarge
+from somrs.planner.grounding.grounding import Grounding
+from somrs.planner.grounding.joins import TooLarge
 from somrs.planner.grounding.relevance import demands
 from somrs.planner.grounding.task import Task
 from somrs.planner.model.operators import Inexpressible, goal_operators
@@ -26,7 +27,7 @@ def is_impossible(parts: Sequence[Literal], world: World) -> bool:
     try:
         goals = list(goal_operators(conjunction(*parts), world.vocabulary))
         grounding = Grounding(world, demands(goals, world), effort=FACTS)
-        if grounding.guessed:
+        if grounding.joins.guessed:
             return False
         return not grounding.is_goal_reachable or search(Task(grounding), EFFORT) is None
     except (Inexpressible, TooLarge, TooHard):

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from somrs.planner.grounding.grounding import Grounding, TooLarge
+from somrs.planner.grounding.grounding import Grounding
+from somrs.planner.grounding.joins import TooLarge
 from somrs.planner.grounding.relevance import demands
 from somrs.planner.grounding.task import Move, Task
 from somrs.planner.model.operators import Operator

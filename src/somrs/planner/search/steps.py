@@ -11,7 +11,7 @@ from somrs.entish.formula import conjunction, names, substitute
 from somrs.ontology.effects import evaluate_effect
 from somrs.ontology.objects import Map
 from somrs.ontology.types import UNKNOWN
-from somrs.planner.grounding.grounding import Action
+from somrs.planner.grounding.actions import Action
 from somrs.planner.grounding.task import Move
 from somrs.planner.model.causal_links import derive_links
 from somrs.planner.model.operators import KNOWN

@@ -8,7 +8,7 @@ from msgspec import structs
 from somrs.entish import Name
 from somrs.entish.parse import parse
 from somrs.ontology.services import ServiceType
-from somrs.planner.grounding.grounding import TooLarge
+from somrs.planner.grounding.joins import TooLarge
 from somrs.planner.grounding.relevance import Demand, demands
 from somrs.planner.grounding.task import Task
 from somrs.planner.model.operators import Operator, goal_operators
