@@ -21,6 +21,8 @@ MOST_STEPS = 10
 """The number of steps from which no further plans are sought: the first was hard enough to find."""
 MOST_TRIES = 6
 """The number of planning problems that are tried for further plans."""
+MOST_LENGTH = 2
+"""The ratio of its length to that of the first plan beyond which a further plan is a detour."""
 
 
 def may_have_alternatives(problem: Problem, plan: Plan) -> bool:
@@ -47,7 +49,7 @@ def with_alternatives(problem: Problem, first: Plan, plan: Callable[[Problem], P
         result = plan(structs.replace(problem, services=services, most_plans=1))
         if not isinstance(result, Plan) or not result.steps or any(step.tells for step in result.steps):
             continue  # what has to be found out first cannot be quoted
-        if _types(result) not in [_types(other) for other in plans]:
+        if len(result.steps) <= MOST_LENGTH * len(first.steps) and _types(result) not in [_types(other) for other in plans]:
             plans.append(structs.replace(result, alternatives=()))
         agenda += [without | {name} for name in sorted(_types(result))]
     return structs.replace(first, alternatives=tuple(plans[1:]))

@@ -205,7 +205,8 @@ def _plan(plan: Previewed | OtherPlan, *, chosen: bool) -> None:
         tone, icon, word = "bad", "block", "Not every step has terms"
     with ui.element("tr").classes(f"somrs-tone-{tone}{' somrs-terms-chosen' if chosen else ''}"):
         with ui.element("th").props('scope="row"'):
-            ui.label(", ".join(step.service or step.service_type for step in plan.steps))
+            for step in plan.steps:
+                ui.label(step.service or step.service_type)
         _cell(f"{plan.price:g} {plan.currency}" if plan.price is not None else "–")
         _cell(format_duration(plan.seconds) if plan.seconds is not None else "–")
         with ui.element("td").classes("somrs-define-became"):
