@@ -121,6 +121,39 @@ def test_a_thing_that_goes_while_one_writes_is_missed_at_once(system: RunningSys
     assert page.url.endswith("/define")
 
 
+def test_quantifiers_are_completed_and_shown_as_text(open_page: Callable[..., Page]) -> None:
+    page = open_page()
+    field(page).focus()
+    page.keyboard.type("FORALL ?ja", delay=30)
+    offered = page.get_by_role("listbox", name="Completions")
+    expect(offered.get_by_role("option", name="?Jar: Jar")).to_be_visible()
+    page.keyboard.press("Enter")
+    expect(field(page)).to_have_value("FORALL ?Jar: Jar (")
+    page.keyboard.type("NOT ?Jar isOn Table001)", delay=10)
+    page.keyboard.press("Escape")
+    expect(page.get_by_text("The formula is valid.")).to_be_visible()
+    expect(page.get_by_text("This formula cannot be shown as lines")).to_be_visible()
+    expect(page.locator(".somrs-fe-back .somrs-fe-keyword").first).to_have_text("FORALL")
+    take_screenshot(page, "define-quantifier-1280-light")
+
+
+def test_a_goal_that_no_service_brings_about_is_said_before_it_is_submitted(open_page: Callable[..., Page]) -> None:
+    page = open_page()
+    field(page).fill("Jar003 isOn Chair001")
+    page.keyboard.press("Escape")
+    message = page.locator(".somrs-fe-hindrance")
+    expect(message).to_contain_text("The formula is valid, but no service on offer brings about Jar003 isOn Chair001")
+    expect(message).to_contain_text("and Chair001 is a")
+    take_screenshot(page, "define-unachievable-1280-light")
+
+
+def test_a_goal_that_holds_needs_nothing(open_page: Callable[..., Page]) -> None:
+    page = open_page(effect="EXISTS ?Jar: Jar (?Jar isOn ?Table: Table)")
+    page.get_by_role("button", name="Preview", exact=True).click()
+    expect(page.get_by_text("The goal already holds: nothing needs to be done.")).to_be_visible()
+    expect(page.get_by_text("No plan is possible now")).to_be_hidden()
+
+
 # By choosing
 
 

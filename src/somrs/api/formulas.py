@@ -12,11 +12,14 @@ from somrs.api.choices import Placings, Sayable, Things, placings, sayable, thin
 from somrs.api.context import Context
 from somrs.client.operations import operation
 from somrs.client.refusals import NotFound
+from somrs.entish.formula import Not
 from somrs.entish.parse import CONNECTIVES, nearest, read
-from somrs.errors import FormulaError, UsageError
+from somrs.errors import FormulaError, SomrsError, UsageError
+from somrs.ontology.achievability import is_achievable, unachievable_parts
 from somrs.ontology.check import mistakes
 from somrs.ontology.completion import Completions, complete
 from somrs.ontology.objects import Map
+from somrs.ontology.services import ServiceType
 from somrs.ontology.types import ROOT, ObjectType, Ontology
 
 _PLACE = re.compile(r'[^\W\d][\w-]*(?:\.[^\W\d][\w-]*)*|\?[^\W\d][\w-]*|"(?:[^"\\\n]|\\.)*"|[<>!]=|[\d.]+|\S')
@@ -25,11 +28,12 @@ _PARTS = re.compile(r'"(?:[^"\\\n]|\\.)*"|#[^\n]*|\?[^\W\d][\w-]*|[^\W\d][\w-]*|
 
 class CheckFormula(msgspec.Struct, frozen=True, kw_only=True):
     """A formula to check. `variables`: types of variables, in addition to those that the text declares. `types`: object types to treat as
-    part of the ontology, such as a type that is being edited."""
+    part of the ontology, such as a type that is being edited. `is_goal` (JSON: `goal`): also check what no service could bring about."""
 
     text: str
     variables: dict[str, str] = {}
     types: tuple[ObjectType, ...] = ()
+    is_goal: bool = msgspec.field(default=False, name="goal")
 
 
 class CompleteFormula(CheckFormula, frozen=True, kw_only=True):
@@ -49,11 +53,12 @@ class Mistake(msgspec.Struct, frozen=True, kw_only=True):
 
 class CheckResult(msgspec.Struct, frozen=True, kw_only=True):
     """The result of a check. `ok`: the text is a formula and fits the ontology and the map. `unfinished`: the text is correct so far, but
-    incomplete."""
+    incomplete. `unachievable`: the parts of a goal that do not hold now and that no service on offer could bring about."""
 
     ok: bool
     unfinished: bool = False
     problems: tuple[Mistake, ...] = ()
+    unachievable: tuple[Mistake, ...] = ()
 
 
 class FormulaService:
@@ -62,8 +67,18 @@ class FormulaService:
 
     @operation("POST", "/formulas/check")
     async def check(self, body: CheckFormula) -> CheckResult:
-        """Check a formula against the ontology and the map as they are now, and return all mistakes."""
-        return check_text(body.text, self._ontology(body), self._context.map, body.variables)
+        """Check a formula against the ontology and the map as they are now, and return all mistakes. Of a goal, also return what no
+        service on offer could bring about."""
+        ontology, map = self._ontology(body), self._context.map
+        result = check_text(body.text, ontology, map, body.variables)
+        if not result.ok or not body.is_goal:
+            return result
+        try:
+            offers = await self._context.client.services()
+        except SomrsError:
+            return result  # the formula is checked, whatever the Registry does
+        offered = {offer.service_type.name: offer.service_type for offer in offers}
+        return msgspec.structs.replace(result, unachievable=_unachievable(body.text, offered, ontology, map))
 
     @operation("POST", "/formulas/complete")
     async def complete(self, body: CompleteFormula) -> Completions:
@@ -124,6 +139,23 @@ def check_text(text: str, ontology: Ontology, map: Map, variables: dict[str, str
         for mistake in distinct_mistakes.values()
     )
     return CheckResult(ok=not problems, unfinished=unfinished, problems=problems)
+
+
+def _unachievable(text: str, offered: Mapping[str, ServiceType], ontology: Ontology, map: Map) -> tuple[Mistake, ...]:
+    """The parts of the goal that no offered service could bring about, with the reason, and what could if it was on offer."""
+    reading, mistakes_found = read(text), []
+    for part in unachievable_parts(reading.formula, [*offered.values()], ontology, map):
+        others = [
+            service.name
+            for service in ontology.services.values()
+            if service.name not in offered and is_achievable(part.literal, [service], ontology, map)
+        ]
+        reason = f"; {part.reason}" if part.reason else ""
+        hint = f"{' or '.join(others)} could, but no device offers it now" if others else ""
+        atom = part.literal.atom if isinstance(part.literal, Not) else part.literal
+        error = reading.error(atom, None, f"no service on offer brings about {part.literal}{reason}", hint)
+        mistakes_found.append(Mistake(position=error.position, end=_end(text, error.position), problem=error.problem, hint=hint))
+    return tuple(mistakes_found)
 
 
 def _part_mistakes(part: str, ontology: Ontology, map: Map, variables: dict[str, str]) -> list[FormulaError]:

@@ -20,7 +20,8 @@ from somrs.entish.formula import (
 )
 from somrs.entish.normal_form import affirmed_variables, group_by_variables
 from somrs.entish.parse import nearest, parse
-from somrs.ontology.matching import achieving_bindings, can_achieve, unifiers
+from somrs.ontology.achievability import misfits
+from somrs.ontology.matching import achieving_bindings, can_achieve
 from somrs.ontology.services import PROVIDER, ServiceKind, ServiceType
 from somrs.ontology.truth import bindings, formula_holds
 from somrs.ontology.types import UNKNOWN
@@ -259,7 +260,8 @@ class _Reasons:
         if not absent and not self._explain_unknown_values(literal):
             self.obstacles.add(Obstacle.NO_SERVICE_TYPE)
             self.missing[_format_literal(literal)] = None
-            unfit = next((f": {misfit}" for service in service_types.values() for misfit in self._find_misfits(service, literal)), "")
+            map, ontology = self.problem.map, self.problem.ontology
+            unfit = next((f": {misfit}" for service in service_types.values() for misfit in misfits(service, literal, ontology, map)), "")
             self.texts[f"{_format_literal(literal)} does not hold on the map, and no service type brings it about{unfit}"] = None
 
     def _applies_now(self, service: ServiceType, literal: Literal) -> bool:
@@ -274,15 +276,6 @@ class _Reasons:
         return any(
             next(bindings(substitute(precondition, substitution), map, ontology), None) is not None for substitution in substitutions
         )
-
-    def _find_misfits(self, service: ServiceType, literal: Literal) -> Iterator[str]:
-        """Texts for the inputs whose type does not admit the literal's objects, where the service has such an effect on other types."""
-        types = {parameter.name: parameter.type for parameter in service.inputs}
-        for unifier in unifiers(parse(service.effect), literal, self.problem.ontology, types):
-            objects = {name: self.problem.map.objects.get(term.name) for name, term in unifier.items() if isinstance(term, Name)}
-            for name, object in objects.items():
-                if object is not None and name in types and not self.problem.ontology.is_subtype(object.type, types[name]):
-                    yield f"{service.name} takes only a {types[name]} as its {name}, and {object.name} is a {object.type}"
 
     def _explain_lacking(self, available: AvailableService, literal: Literal, depth: int) -> None:
         """Explain which preconditions of the service are unreachable."""

@@ -9,7 +9,7 @@
 - `on_checked` receives a `Report` shortly after the last change, and whenever the map or the ontology changes. `Report.text` is the text
   that was checked. `report` is the last one; `ok` is True if the current text was checked and is valid.
 - `on_submit` is called on Ctrl+Enter.
-- `good`: the message shown for a valid text.
+- `good`: the message shown for a valid text. `goal`: also say what no service on offer could bring about.
 - `insert(text)` inserts at the cursor, `focus()` focuses the field, `await recheck()` checks now.
 
 The element calls `/api/formulas` itself, so that it works, and keeps its text, while the page's own connection is lost.
@@ -50,12 +50,15 @@ class FormulaField(ValueElement[str], DisableableElement, component="formula.js"
         variables: dict[str, str] | None = None,
         types: Sequence[ObjectType] = (),
         good: str = "",
+        goal: bool = False,
         on_change: Handler[ValueChangeEventArguments[str]] | None = None,
         on_checked: Callable[[Report], Awaitable[None] | None] | None = None,
         on_submit: Callable[[str], Awaitable[None] | None] | None = None,
     ) -> None:
         super().__init__(value=value, on_value_change=on_change)
-        self._props.update({"label": label, "placeholder": placeholder, "rows": rows, "variables": variables or {}, "good": good})
+        self._props.update(
+            {"label": label, "placeholder": placeholder, "rows": rows, "variables": variables or {}, "good": good, "goal": goal}
+        )
         self._props["types"] = [msgspec.to_builtins(object_type) for object_type in types]
         self.report: Report | None = None
 

@@ -65,12 +65,15 @@ export default {
               <template v-for="(word, index) in one.proposals">{{ index ? ' or ' : '' }}<button type="button" class="somrs-fe-use somrs-formula"
                 :aria-label="'Write ' + word + ' instead'" @click="mend(one, word)">{{ word }}</button></template>?</template>
             <span v-else-if="one.hint" class="somrs-fe-hint">; {{ one.hint }}</span></span></div>
+        <div v-else-if="found.ok && hindrances.length" v-for="one in hindrances" class="somrs-fe-hindrance">
+          <i class="material-icons" aria-hidden="true">warning</i>
+          <span>The formula is valid, but {{ one.problem }}<span v-if="one.hint" class="somrs-fe-hint">; {{ one.hint }}</span>.</span></div>
         <div v-else-if="found.ok" class="somrs-fe-good"><i class="material-icons" aria-hidden="true">check_circle</i>
           <span>{{ good }}</span></div>
       </div>
     </div>`,
   props: {
-    value: String, label: String, placeholder: String, rows: Number, variables: Object, types: Array, good: String, disable: Boolean, id: String,
+    value: String, label: String, placeholder: String, rows: Number, variables: Object, types: Array, good: String, goal: Boolean, disable: Boolean, id: String,
   },
   emits: ["update:value", "checked", "submit"],
   data() {
@@ -101,6 +104,7 @@ export default {
     if (element) element.props.value = this.text;
   },
   computed: {
+    hindrances() { return this.found.unachievable ?? []; },
     name() { return `fe-${this.id}`; },
     wrong() {
       if (this.checkedText === null) return [];
@@ -148,7 +152,7 @@ export default {
       clearTimeout(this.timer);
       const text = this.text;
       try {
-        const found = await ask("check", { text, variables: this.variables ?? {}, types: this.types ?? [] });
+        const found = await ask("check", { text, variables: this.variables ?? {}, types: this.types ?? [], goal: this.goal });
         if (text !== this.text) return;
         Object.assign(this, { found, checkedText: text, lost: false });
         this.$emit("checked", { ...found, text });

@@ -27,6 +27,7 @@ class GoalPanel:
                 placeholder=form.examples.goal,
                 rows=2,
                 good="The formula is valid.",
+                goal=True,
                 on_change=self._typed,
                 on_submit=lambda _: submit(),
             )
