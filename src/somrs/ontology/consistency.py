@@ -14,6 +14,7 @@ from somrs.ontology.check import check
 from somrs.ontology.complex_values import inner_paths
 from somrs.ontology.conformance import SELF_VARIABLE, Violation, value_problem
 from somrs.ontology.schema import RESERVED
+from somrs.ontology.service_kinds import kind_problems
 from somrs.ontology.services import PROVIDER, PROVIDER_TYPE, ServiceKind, ServiceType
 from somrs.ontology.types import (
     ABSTRACT,
@@ -241,6 +242,8 @@ def _service(service: ServiceType, ontology: Ontology) -> Iterator[Violation]:
             yield from _formula(service.name, text, ontology, typed, key)
     if service.kind is not ServiceKind.COGNITIVE:
         yield from _quantified_effect(service)
+    for problem in kind_problems(service):
+        yield Violation(subject=service.name, rule="kind", message=problem, path="effect")
     if service.cost is not None and are_types_known:
         yield from _cost(service, service.cost, ontology, typed)
     for index, handler in enumerate(service.handlers):

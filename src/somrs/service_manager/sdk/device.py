@@ -31,6 +31,7 @@ from somrs.entish.formula import Formula
 from somrs.entish.parse import parse
 from somrs.errors import DeviceError, RemoteError
 from somrs.ontology.objects import Object
+from somrs.ontology.service_kinds import kind_problems
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Definition, ObjectType, Value
 from somrs.protocol.messages.bodies import Body
@@ -312,6 +313,9 @@ class Device:
                 raise DeviceError(f"{cls.__name__}.{name} is a service, but every device has an attribute {name}: rename the service")
         definitions = [*cls.types, *([kind] if isinstance(kind, ObjectType) else [])]
         definitions += [s.type for s in services.values() if isinstance(s.type, ServiceType)]
+        for definition in definitions:
+            if isinstance(definition, ServiceType) and (problem := next(kind_problems(definition), None)) is not None:
+                raise DeviceError(f"{cls.__name__} brings the service type {definition.name}: {problem}")
         return Profile(
             name=self.name,
             type=kind if isinstance(kind, str) else kind.name,
