@@ -17,6 +17,7 @@ from somrs.gui.components.task.graph import PlanGraph
 from somrs.gui.components.task.timeline import DeviceTimeline
 from somrs.gui.news import follow
 from somrs.gui.pages.task_bids import BidPanel
+from somrs.gui.pages.task_findings import FindingsPanel
 from somrs.gui.pages.task_header import TaskHeader
 from somrs.gui.pages.task_scene import TaskScene
 from somrs.gui.pages.task_story_panel import StoryPanel
@@ -100,6 +101,10 @@ class _TaskPage:
         self._questions = QuestionPanel(api, object_names=frozenset())
         with ui.element("div").classes("somrs-task-panels"):
             with ui.element("div").classes("somrs-task-column somrs-task-first"):
+                self._findings: FindingsPanel | None = None
+                if snapshot.view.recognise:
+                    with panel("Findings", "visibility", "task findings", "somrs-task-findings") as findings_panel:
+                        self._findings = FindingsPanel(findings_panel)
                 with panel("Plan", "schema", "task plan", "somrs-task-plan"):
                     PlanGraph(task=self._id, label=f"The plan of task {short_id(self._id)}", empty="There is no plan.")
                 with panel("Terms", "handshake", "task terms", "somrs-task-terms") as terms:
@@ -150,6 +155,8 @@ class _TaskPage:
     def _render(self) -> None:
         self._header.render(self._view)
         self._questions.set_objects(observed_objects(self._view))
+        if self._findings is not None:
+            self._findings.render(self._view)
         self._scene.render(self._view)
         self._story.render(self._view, self._events)
         self._bids.render([*self._contracts.values()], self._view.submitted_at)

@@ -42,6 +42,8 @@ class TaskHeader:
                 self._elapsed = _fact("Time")
                 self._remaining = _fact("Remaining time")
                 self._cost = _fact("Cost")
+                if view.recognise:
+                    _fact("Purpose").set_text("find out")
                 _fact("Submitted").set_text(f"{format_time(view.submitted_at)} by {person_name(view.client)}")
                 self._due = _fact("Deadline")
                 _fact("Priority").set_text(priority_text(view.priority))

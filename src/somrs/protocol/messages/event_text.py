@@ -65,7 +65,8 @@ def sentence(event: Event) -> str:
             return "nothing to do: it is so already"
         case events.Planned(steps=count, foreseen=foreseen):
             plan = f"planned: {count} step{'s' if count != 1 else ''}"
-            return f"{plan}; the last {foreseen} after the others have found out what is not known" if foreseen else plan
+            dependent = "depends" if foreseen == 1 else "depend"
+            return f"{plan}, of which {foreseen} {dependent} on what the others find out" if foreseen else plan
         case events.WaitsForTasks():
             return waiting_text(event)
         case events.WaitsToRetry():

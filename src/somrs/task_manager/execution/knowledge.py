@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from somrs.entish import Attribute, Comparison, Formula, Name, Relation
-from somrs.entish.formula import conjuncts, names
+from somrs.entish.formula import conjunction, conjuncts, names
+from somrs.entish.parse import parse
 from somrs.ontology.objects import Map
 from somrs.ontology.types import UNKNOWN, Ontology, Value
 from somrs.ontology.values import constant, value_of
@@ -27,6 +28,17 @@ def told_all(run: StepRun, map: Map, ontology: Ontology) -> bool:
 def subjects(step: Step) -> tuple[str, ...]:
     """What the step is to tell: objects whose place and state it finds out, attributes, and facts about outputs."""
     return tuple(dict.fromkeys(_subject(part) for part in conjuncts(step.effect))) if step.tells else ()
+
+
+def relevant_parts(run: StepRun, situation: str) -> str | None:
+    """The parts of a reported situation about the objects of the step, without their exact poses; None if there are none."""
+    objects = {name for term in run.step.inputs.values() for name in names(term)} | set(run.outputs.values())
+    parts = [part for part in conjuncts(parse(situation)) if names(part) and names(part)[0] in objects and not _is_pose(part)]
+    return str(conjunction(*parts)) if parts else None
+
+
+def _is_pose(part: Formula) -> bool:
+    return isinstance(part, Comparison) and isinstance(part.left, Attribute) and part.left.path.startswith(("Position", "Rotation"))
 
 
 def output_texts(outputs: Mapping[str, Value]) -> dict[str, str]:

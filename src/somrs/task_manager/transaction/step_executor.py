@@ -5,7 +5,7 @@ from __future__ import annotations
 from somrs.entish.parse import parse
 from somrs.kernel.component import EffectsReturning
 from somrs.protocol.messages import events, frp
-from somrs.task_manager.execution.knowledge import output_texts, told, told_all
+from somrs.task_manager.execution.knowledge import output_texts, relevant_parts, told, told_all
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow
 from somrs.task_manager.transaction.scope import TaskScope
@@ -66,7 +66,8 @@ class StepExecutor:
             return
         if told(run, map, ontology):
             self._scope.services.tells(run.step)
-            event = events.FoundOut(service=self._member(run).offer.service, situation=situation, outputs=output_texts(run.outputs))
+            told_parts = relevant_parts(run, situation) if situation is not None else None
+            event = events.FoundOut(service=self._member(run).offer.service, situation=told_parts, outputs=output_texts(run.outputs))
             self._scope.log_event(event, now, run)
         if not told_all(run, map, ontology):
             self._scope.services.tells_nothing(self._member(run).offer.provider, run.step)

@@ -112,7 +112,7 @@ SENTENCES: list[tuple[Event, str]] = [
     (events.FoundOut(service="a", outputs={"Weight": "2.5"}), "a found out: Weight = 2.5"),
     (
         events.Planned(steps=3, foreseen=2),
-        "planned: 3 steps; the last 2 after the others have found out what is not known",
+        "planned: 3 steps, of which 2 depend on what the others find out",
     ),
     (events.ServiceFaulted(service=S, text="no oil"), "Robot1.Carry: no oil"),
     (events.ReportRejected(service=S, problems=TWO), "the Repository rejects what Robot1.Carry reports: no; never"),

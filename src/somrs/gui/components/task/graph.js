@@ -71,7 +71,7 @@ export default {
     show(steps, work = [], over = false) {
       this.work = work;
       this.over = over;
-      const shape = JSON.stringify(steps.map((step) => [step.step, step.service_type, step.inputs, step.after, step.because]));
+      const shape = JSON.stringify(steps.map((step) => [step.step, step.service_type, step.inputs, step.after, step.because, step.learns, step.foreseen]));
       const same = shape === this.shape;
       this.steps = steps;
       this.shape = shape;
@@ -112,12 +112,12 @@ export default {
       const told = JSON.stringify([state, said, tries, step.fraction, this.chosen === step.step]);
       if (box.dataset.told === told) return;
       box.dataset.told = told;
-      box.setAttribute("class", `somrs-node ${look(state)}${this.chosen === step.step ? " somrs-node-chosen" : ""}`);
+      box.setAttribute("class", `somrs-node ${look(state)}${step.foreseen ? " somrs-node-foreseen" : ""}${this.chosen === step.step ? " somrs-node-chosen" : ""}`);
       box.querySelector(".somrs-node-part").setAttribute("width", state === "Executing" ? Math.max(4, step.fraction * WIDE) : 0);
       box.querySelector(".somrs-node-sign").innerHTML = this.task ? sign(state) : "";
       box.querySelector(".somrs-node-says").textContent = this.task ? fitting(said, tries ? WIDE - 90 : WIDE - 22, 6.3) : "";
       box.querySelector(".somrs-node-tries").textContent = tries ? `${tries} failed` : "";
-      box.setAttribute("aria-label", named(box, [step.service_type, step.step, inputs(step), said, ...(tries ? [`${tries} failed`] : [])].join(", ")));
+      box.setAttribute("aria-label", named(box, [step.service_type, step.step, does(step), said, ...(tries ? [`${tries} failed`] : [])].join(", ")));
     },
     box(step) {
       return this.$refs.drawing?.querySelector(`[data-step="${CSS.escape(step)}"]`);
@@ -206,6 +206,10 @@ export default {
         ...Object.entries(step.inputs),
         ...(this.task ? [["State", words(step, step.state)]] : []),
         ...(step.service ? [["Service", `${step.service}${step.price === null ? "" : `, ${step.price} EUR`}${step.duration === null ? "" : `, ${Math.round(step.duration)} s`}`]] : []),
+        ...(step.learns.length ? [[TELLS[step.kind] ?? "Tells", step.learns.join(", ")]] : []),
+        ...(step.assumed.length ? [["Assumed", step.assumed.join(", ")]] : []),
+        ...Object.entries(step.outputs).map(([name, value]) => [`Output ${name}`, value]),
+        ...(step.foreseen ? [["Foreseen", "planned again when it is known what the steps before it find out"]] : []),
         ...(step.condition ? [["Demanded", `${step.condition}, by ${step.demanded_by.map(device).join(", ")}`]] : []),
         ...(before.length ? [["After", before.join(", ")]] : []),
         ...(after.length ? [["Enables", after.join(", ")]] : []),
@@ -217,6 +221,9 @@ export default {
 
 const key = (step) => JSON.stringify([step.step, step.service_type, step.inputs]);
 const inputs = (step) => Object.values(step.inputs).join(", ");
+const TELLS = { cognitive: "Finds out", software: "Computes" };
+// What a step does, in a line: what it finds out or computes, or its inputs.
+const does = (step) => (step.learns.length && TELLS[step.kind] ? `${TELLS[step.kind].toLowerCase()} ${step.learns.join(", ")}` : inputs(step));
 const device = (service) => service.split(".")[0];
 
 // The accessible name of a step. It begins with the text that is seen, as speech input needs it; this may be cut.
@@ -226,6 +233,7 @@ function named(box, full) {
 }
 
 function words(step, state) {
+  if (step.foreseen) return "foreseen";
   const going = state === "Executing" ? ` ${Math.round(step.fraction * 100)} %` : "";
   return `${word(state)}${going}${step.service ? ` · ${device(step.service)}` : ""}`;
 }
@@ -256,7 +264,7 @@ function node(step, [x, y], index, high) {
     <g class="somrs-node-sign" transform="translate(10 9)"></g>
     <text class="somrs-node-type" x="${begin}" y="22">${escaped(fitting(step.service_type, WIDE - begin - 14 - 6.6 * step.step.length, 7.9))}</text>
     <text class="somrs-node-id" x="${WIDE - 10}" y="22" text-anchor="end">${escaped(step.step)}</text>
-    <text class="somrs-node-what" x="11" y="40">${escaped(fitting(inputs(step), WIDE - 22, 6.3))}</text>
+    <text class="somrs-node-what" x="11" y="40">${escaped(fitting(does(step), WIDE - 22, 6.3))}</text>
     <text class="somrs-node-says" x="11" y="56"></text>
     <text class="somrs-node-tries" x="${WIDE - 10}" y="56" text-anchor="end"></text></g>`;
 }

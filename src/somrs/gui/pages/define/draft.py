@@ -43,6 +43,8 @@ class Draft(msgspec.Struct, kw_only=True):
     """Numbers are kept as typed. `link`: the initial goal from the page's address; `template`: the template that was used."""
 
     effect: str = ""
+    recognise: bool = False
+    """Find out whether the goal holds, instead of making it so."""
     precondition: str = ""
     policy: Policy = Policy.PRICE
     time_value: str = "0.01"
@@ -64,6 +66,7 @@ class Draft(msgspec.Struct, kw_only=True):
             deadline=self.deadline_seconds(),
             handlers=tuple(_handler(procedure) for procedure in self.procedures if procedure.effect.strip()),
             priority=self.priority,
+            recognise=self.recognise,
         )
 
     def preview(self) -> Preview:
@@ -75,6 +78,7 @@ class Draft(msgspec.Struct, kw_only=True):
             time_value=self._parse_time_value(),
             deadline=self.deadline_seconds(),
             priority=self.priority,
+            recognise=self.recognise,
         )
 
     def deadline_seconds(self) -> float | None:
@@ -96,7 +100,7 @@ class Draft(msgspec.Struct, kw_only=True):
 
     def load_task(self, task: Submit) -> None:
         """Fill the draft from a task."""
-        self.effect, self.precondition = task.effect, task.precondition or ""
+        self.effect, self.precondition, self.recognise = task.effect, task.precondition or "", task.recognise
         self.policy, self.time_value, self.priority = task.policy, f"{task.time_value:g}", task.priority
         self.deadline, self.deadline_unit = "", "min"
         if task.deadline is not None:

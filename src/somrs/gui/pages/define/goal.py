@@ -13,6 +13,12 @@ from somrs.gui.pages.define.form import Form
 from somrs.gui.pages.define.goal_floor_plan import GoalFloorPlan
 from somrs.gui.panel import panel
 
+_PURPOSES = {False: "Make it so", True: "Find out"}
+_PURPOSE_LINES = {
+    False: "Services make the formula true.",
+    True: "Cognitive services find out whether, and for which objects and values, the formula holds. Nothing is moved.",
+}
+
 
 class GoalPanel:
     """`submit` is called on Ctrl+Enter in the formula."""
@@ -21,6 +27,9 @@ class GoalPanel:
         self._form = form
         with panel("Goal", "flag", "define goal", "somrs-define-goal") as formula_panel:
             formula_panel.note.set_text("Ctrl+Space: completion. Ctrl+Enter: preview.")
+            self._purpose = ui.toggle(_PURPOSES, value=form.draft.recognise, on_change=self._choose_purpose)
+            self._purpose.props('dense no-caps unelevated role="group" aria-label="Purpose"').classes("somrs-define-toggle")
+            self._purpose_line = ui.label(_PURPOSE_LINES[form.draft.recognise]).classes("somrs-soft")
             self.field = FormulaField(
                 "Formula",
                 value=form.draft.effect,
@@ -39,11 +48,20 @@ class GoalPanel:
             self._plan = GoalFloorPlan(form, self._builder)
         form.on_change(self._refresh)
 
+    def _choose_purpose(self, event: ValueChangeEventArguments[bool]) -> None:
+        if event.value != self._form.draft.recognise:
+            self._form.draft.recognise = event.value
+            self._form.changed()
+
     def _typed(self, event: ValueChangeEventArguments[str]) -> None:
         if event.value != self._form.draft.effect:
             self._form.draft.effect = event.value or ""
             self._form.changed()
 
     def _refresh(self) -> None:
+        recognise = self._form.draft.recognise
+        if self._purpose.value != recognise:
+            self._purpose.value = recognise
+        self._purpose_line.set_text(_PURPOSE_LINES[recognise])
         if self.field.value != self._form.draft.effect:
             self.field.value = self._form.draft.effect

@@ -225,7 +225,7 @@ def _quotes(preview: Previewed) -> None:
             for name in ("Service", "Price", "From – until", "Result"):
                 with ui.element("th").props('scope="col"'):
                     ui.label(name)
-        for step in preview.steps:
+        for step in (step for step in preview.steps if not step.foreseen):
             quotes = sorted(by_step.get(step.step, []), key=lambda quote: (not quote.chosen, quote.price is None, quote.price or 0.0))
             _step(step, quotes, preview.unserved.get(step.step, ""))
 
