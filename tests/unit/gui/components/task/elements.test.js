@@ -24,7 +24,7 @@ function message(participant, type, at, body = {}, more = {}) {
 
 function step(name, after = [], more = {}) {
   return {
-    step: name, service_type: name === "step1" ? "Move" : "Grip", inputs: { thing: "Jar001" }, after, because: after.map(() => "Robot1 isNear Jar001"), brought_by: after, state: "New",
+    step: name, service_type: name === "step1" ? "Move" : "Grip", inputs: { thing: "Jar001" }, after, because: after.map(() => "Robot1 isNear Jar001"), brought_by: after, state: "New", kind: "physical", learns: [], assumed: [], outputs: {}, foreseen: false,
     service: null, fraction: 0, price: null, duration: null, ...more,
   };
 }
@@ -126,6 +126,17 @@ test("the graph tells how each step goes", async () => {
   await news();
   assert.equal(element.querySelector(".somrs-node"), boxes[0], "what stays is not drawn anew");
   assert.match(boxes[0].getAttribute("class"), /somrs-is-good/);
+});
+
+test("the graph tells what a step finds out, and which steps are only foreseen", async () => {
+  task.view.steps = [
+    step("step1", [], { kind: "cognitive", learns: ["Jar001"], assumed: ["Jar001 isOn Somewhere"] }),
+    step("step2", ["step1"], { foreseen: true }),
+  ];
+  const boxes = [...(await shown(graph)).querySelectorAll(".somrs-node")];
+  assert.equal(boxes[0].querySelector(".somrs-node-what").textContent, "finds out Jar001");
+  assert.match(boxes[1].getAttribute("class"), /somrs-node-foreseen/);
+  assert.match(boxes[1].getAttribute("aria-label"), /foreseen/);
 });
 
 test("the name of a step begins with the text that is seen, also where this is cut", async () => {
