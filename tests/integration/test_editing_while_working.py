@@ -35,7 +35,7 @@ EDITS: list[Alteration] = [
     renaming(Section.TYPES, "Jar", "Pot"),
     renaming(Section.TYPES, "Platform", "Stage"),
     renaming(Section.TYPES, "PioneerP3DX", "Pioneer"),
-    renaming(Section.RELATIONS, "isAt", "standsAt"),
+    renaming(Section.RELATIONS, "isAdjacentTo", "isBeside"),
     renaming(Section.ATTRIBUTES, "Texture", "Surface"),
     Define(removed=(DefinitionKey(section=Section.TYPES, name="Bottle"), DefinitionKey(section=Section.FUNCTIONS, name="range"))),
     Define(

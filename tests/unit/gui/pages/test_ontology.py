@@ -62,6 +62,13 @@ def test_a_form_that_nobody_touched_says_what_the_definition_says(definition: De
     assert draft.original == definition
 
 
+@pytest.mark.parametrize("name", ["CuboidFurnitureLegShape", "PhysicalObject", "CuboidFurnitureLeg"])
+def test_so_does_one_with_shapes_and_declared_parts(name: str) -> None:
+    latest = upper(2)
+    definition = latest.attributes.get(name) or latest.types[name]
+    assert definition_of(start_draft(section_of(definition), definition, 1), latest) == definition
+
+
 def test_quantities_are_written_in_any_unit_that_fits() -> None:
     draft = start_draft(TYPES, None, 1, name="Vase", parent="Graspable")
     draft.form["defaults"] = [{"path": "Shape.Height", "value": "30 cm"}, {"path": "Weight", "value": " 0.5"}]

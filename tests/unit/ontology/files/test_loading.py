@@ -564,7 +564,12 @@ def definitions(draw: st.DrawFn) -> list[AttributeType | RelationType | Function
         AttributeType(
             name=enumeration_name, kind=Kind.ENUMERATION, values=tuple(draw(st.lists(names, min_size=1, max_size=3, unique=True)))
         ),
-        AttributeType(name=complex_name, kind=Kind.COMPLEX, attributes=(number_name, enumeration_name)),
+        AttributeType(
+            name=complex_name,
+            kind=Kind.COMPLEX,
+            attributes=(number_name, enumeration_name),
+            constraints=draw(st.sampled_from([(), (Constraint(attribute=number_name, minimum=1.5, doc="Rule"),)])),
+        ),
         ObjectType(
             name=type_name,
             parent=draw(st.sampled_from(["Object", "Table", "Room"])),
@@ -573,8 +578,10 @@ def definitions(draw: st.DrawFn) -> list[AttributeType | RelationType | Function
             parts=(Part(type="Table", minimum=draw(st.integers(0, 3)), maximum=draw(st.none() | st.integers(3, 5))),),
             constraints=(
                 Constraint(attribute=number_name, maximum=draw(numbers)),
+                Constraint(attribute=complex_name, values=(complex_name,), doc=draw(docs)),
                 Constraint(formula=f"?Self.{number_name} < 3", doc=draw(docs)),
             ),
+            closed=draw(st.booleans()),
             defaults={number_name: max(low or 0.0, draw(st.floats(0, 10)))},
             doc=draw(docs),
         ),
