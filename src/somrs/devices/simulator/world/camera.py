@@ -81,6 +81,9 @@ def close_up(scene: Scene, name: str) -> View:
     x, y, z, _ = scene.pose(name)
     solid = scene.world.solids[name]
     tall = max(1.1 if solid.role is Role.ROBOT else solid.height, 0.3)
+    container = solid if solid.container else scene.container_at(x, y, z) if solid.role is Role.THING else None
+    if container is not None:  # from in front of its doors
+        return View(x, y, z + 0.45 * tall, 2.4 * max(container.height, container.extent) + 1.0, math.degrees(container.yaw) + 205.0, -20)
     return View(x, y, z + 0.45 * tall, 2.4 * max(tall, solid.extent) + 1.0, _open_side(scene, x, y), -30)
 
 

@@ -38,12 +38,11 @@ export function door(pieces, body, low, capColor) {
   }
   if (!low) piece(0, 0, height - 0.03, [length, thick + 0.04, 0.06], frame);
   const leaf = height - (low ? 0.02 : 0.08);
-  if (body.open) {
-    piece(-length / 2 + 0.04, thick / 2 + length / 2 - 0.05, leaf / 2 + 0.01, [0.04, length - 0.12, leaf], color);
-  } else {
-    piece(0, 0, leaf / 2 + 0.01, [length - 0.12, 0.045, leaf], color);
-    piece(length / 2 - 0.14, 0, Math.min(1.0, leaf - 0.05), [0.1, 0.13, 0.02], "#8b9097");
-  }
+  // The leaf slides into the wall; the strip with the handles stays in the doorway.
+  const shift = body.open ? 0.14 - length : 0;
+  piece(shift, 0, leaf / 2 + 0.01, [length - 0.12, 0.045, leaf], color);
+  const handle = Math.min(1.0, leaf - 0.08);
+  for (const side of [-1, 1]) piece(shift + length / 2 - 0.084, side * (thick / 2 + 0.045), handle, [0.016, 0.016, 0.12], "#8b9097");
 }
 
 export function floor(pieces, body) {

@@ -23,19 +23,31 @@ function table(pieces, { width: w, depth: d, height: h, color }) {
   }
 }
 
-function cupboard(pieces, { width: w, depth: d, height: h, color }) {
+// One leaf up to this width, otherwise two; they are hinged at the sides (the simulator's leaves.py).
+const LARGEST_LEAF = 0.7;
+
+function cupboard(pieces, { width: w, depth: d, height: h, color, open }) {
   const plinth = Math.min(0.06, h / 6);
   const top = Math.min(0.03, h / 6);
-  const middle = (h - top + plinth) / 2;
-  pieces.box(w - 0.04, d - 0.04, plinth, 0, 0, plinth / 2, shade(color, 0.4));
-  pieces.box(w - 0.02, d - 0.02, h - plinth - top, 0, 0, middle, color);
+  const tall = h - plinth - top;
+  const middle = plinth + tall / 2;
+  const thick = 0.02;
+  pieces.box(w - thick, d, plinth, -thick / 2, 0, plinth / 2, shade(color, 0.6));
   pieces.box(w, d, top, 0, 0, h - top / 2, shade(color, 1.15));
-  const doors = Math.max(1, Math.round(d / 0.5));
-  for (let i = 0; i < doors; i++) {
-    const y = ((i + 0.5) * d) / doors - d / 2;
-    const wide = d / doors - 0.02;
-    pieces.box(0.014, wide, h - plinth - top - 0.03, w / 2 - 0.004, y, middle, shade(color, 1.1));
-    pieces.box(0.025, 0.018, 0.12, w / 2 + 0.01, y + (wide / 2 - 0.05) * (i % 2 ? -1 : 1), 0.65 * h, METAL);
+  for (const side of [-1, 1]) pieces.box(w - thick, 0.03, tall, -thick / 2, (side * (d - 0.03)) / 2, middle, color);
+  pieces.box(0.03, d, tall, -(w - 0.03) / 2, 0, middle, shade(color, 0.8));
+  const count = d <= LARGEST_LEAF ? 1 : 2;
+  const wide = d / count;
+  const handle = Math.min(0.65 * h, 0.95);
+  for (const side of count === 1 ? [-1] : [-1, 1]) {
+    const hinge = (side * d) / 2;
+    if (open) {
+      pieces.box(wide - 0.01, thick, tall - 0.01, w / 2 + wide / 2, hinge, middle, shade(color, 1.1));
+      pieces.box(0.016, 0.016, 0.12, w / 2 + wide - 0.05, hinge + side * 0.055, handle, METAL);
+    } else {
+      pieces.box(thick, wide - 0.01, tall - 0.01, w / 2 - thick / 2, hinge - (side * wide) / 2, middle, shade(color, 1.1));
+      pieces.box(0.016, 0.016, 0.12, w / 2 + 0.045, hinge - side * (wide - 0.05), handle, METAL);
+    }
   }
 }
 
