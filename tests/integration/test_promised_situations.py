@@ -30,11 +30,12 @@ objects:
   Carrier1: {type: PioneerP3DX, at: [3, 5]}
   Carrier2: {type: PioneerP3DX, at: [3, 7]}
   Climber1: {type: PioneerP3DX, at: [3, 9]}
+  Closer1: {type: PioneerP3DX, at: [5, 9]}
 facts:
   - Carton001 isOn Table001
 """
 
-OPEN = ServiceType(name="OpenDoor", inputs=(Parameter(name="Door", type="Door"),), effect="?Door.Open = TRUE")
+OPEN = ServiceType(name="UnlockDoor", inputs=(Parameter(name="Door", type="Door"),), effect="?Door.Open = TRUE")
 CARRY = ServiceType(
     name="CarryThrough",
     inputs=(Parameter(name="Object", type="Graspable"), Parameter(name="Destination", type="Support")),
@@ -90,8 +91,8 @@ def test_a_robot_quotes_with_the_door_open_that_is_shut_now() -> None:
     system.join_device(carrier)
     view = finished(system, "Carton001 isOn Shelf001")
     assert view.outcome is Outcome.ACCOMPLISHED, view.explanation
-    assert [step.service for step in view.steps] == ["Porter1.OpenDoor", "Carrier1.CarryThrough"]
-    assert arranges(system) == {"OpenDoor": None, "CarryThrough": "Door001.Open = TRUE"}
+    assert [step.service for step in view.steps] == ["Porter1.UnlockDoor", "Carrier1.CarryThrough"]
+    assert arranges(system) == {"UnlockDoor": None, "CarryThrough": "Door001.Open = TRUE"}
     assert carrier.read == [True, True], "it read the promised map when it quoted, and the real one when it began"
     assert system.map.objects["Door001"].values["Open"] is True
 
@@ -151,7 +152,7 @@ def test_a_condition_of_a_service_is_made_true_by_another_one(carrier: type[Devi
     system.join_device(carrier("Carrier2"))
     view = finished(system, "Carton001 isOn Shelf001")
     assert view.outcome is Outcome.ACCOMPLISHED, view.explanation
-    assert [step.service_type for step in view.steps] == ["OpenDoor", "CarryAnywhere"]
+    assert [step.service_type for step in view.steps] == ["UnlockDoor", "CarryAnywhere"]
     carry = view.steps[1]
     assert carry.condition == "Door001.Open = TRUE"
     assert carry.demanded_by == ("Carrier1.CarryAnywhere", "Carrier2.CarryAnywhere")
@@ -170,7 +171,7 @@ def test_a_goal_that_names_the_door_is_reached_in_the_right_order(carrier: type[
     assert carry.because == ("Door001.Open = TRUE",)
 
 
-@pytest.mark.parametrize(("fee", "services"), [(12.0, ["Porter1.OpenDoor", "Carrier1.CarryAnywhere"]), (4.5, ["Climber1.CarryAnywhere"])])
+@pytest.mark.parametrize(("fee", "services"), [(12.0, ["Porter1.UnlockDoor", "Carrier1.CarryAnywhere"]), (4.5, ["Climber1.CarryAnywhere"])])
 def test_the_total_decides(fee: float, services: list[str]) -> None:
     """The door is opened for 1 EUR: 5 EUR in all against the fee of the robot that needs no open door."""
     system, climber = VirtualSystem(site=SITE), Climber("Climber1")
@@ -240,7 +241,7 @@ def test_a_preview_has_the_plan_with_the_condition_and_its_total() -> None:
     system.join_device(Cautious("Carrier1"))
     preview = system.ask(Preview(effect="Carton001 isOn Shelf001", quotes=True))
     assert isinstance(preview, Previewed)
-    assert [step.service_type for step in preview.steps] == ["OpenDoor", "CarryAnywhere"]
+    assert [step.service_type for step in preview.steps] == ["UnlockDoor", "CarryAnywhere"]
     assert (preview.price, preview.unserved) == (5.0, {})
     (view,) = system.finish(system.submit("Carton001 isOn Shelf001"))
     assert [step.price for step in view.steps] == [1.0, 4.0]

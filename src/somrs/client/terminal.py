@@ -21,6 +21,7 @@ from somrs.client.task_forecast import cost_text, remaining_text
 from somrs.client.task_report import reasons
 from somrs.client.trace import Line
 from somrs.ontology.objects import Change, FactAdded, FactRemoved, ObjectAdded, ObjectRemoved, ValueSet
+from somrs.ontology.services import ServiceType
 from somrs.protocol.messages.clients import StepView, TaskEvent, TaskView, WorkView
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.event_text import short_id
@@ -215,13 +216,18 @@ def services(offers: Sequence[Offer]) -> Table:
             (
                 lines(offer.service, f"a {offer.provider_type}"),
                 offer.service_type.effect,
-                offer.service_type.precondition or "-",
+                lines(offer.service_type.precondition or "", while_text(offer.service_type)) or "-",
                 "\n".join(f"{name} {value}" for name, value in offer.attributes.items()) or "-",
             )
             for offer in offers
         ),
         least={"service": column_width(offer.service for offer in offers)},
     )
+
+
+def while_text(service_type: ServiceType) -> str:
+    """What has to hold while a service of the type runs."""
+    return f"while {service_type.invariant}" if service_type.invariant is not None else ""
 
 
 def clock(timestamp: float) -> str:

@@ -22,7 +22,7 @@ _NOT_RELIED_ON: dict[type[Definition], frozenset[str]] = {
 }
 """The fields that may change without consequence for a program."""
 
-_FORMULAS = frozenset({"precondition", "effect"})
+_FORMULAS = frozenset({"precondition", "effect", "invariant"})
 _AT_LEAST = frozenset({"values", "attributes", "required"})
 """Lists of which a program needs the entries that it knows, in any order."""
 

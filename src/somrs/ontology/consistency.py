@@ -237,9 +237,10 @@ def _service(service: ServiceType, ontology: Ontology) -> Iterator[Violation]:
                 yield Violation(subject=service.name, rule="duplicate", message=message, path=f"{side}.{parameter.name}")
             typed[parameter.name] = parameter.type
     are_types_known = all(type in ontology.types or type in VALUES for type in typed.values())
-    for key, text in (("precondition", service.precondition), ("effect", service.effect)):
+    for key, text in (("precondition", service.precondition), ("effect", service.effect), ("invariant", service.invariant)):
         if text is not None and are_types_known:
             yield from _formula(service.name, text, ontology, typed, key)
+    yield from _invariant(service)
     if service.kind is not ServiceKind.COGNITIVE:
         yield from _quantified_effect(service)
     for problem in kind_problems(service):
@@ -250,6 +251,18 @@ def _service(service: ServiceType, ontology: Ontology) -> Iterator[Violation]:
         for key, text in (("when", handler.when), ("effect", handler.effect)):
             if text is not None and are_types_known:
                 yield from _formula(service.name, text, ontology, typed, f"handlers.{index}.{key}")
+
+
+def _invariant(service: ServiceType) -> Iterator[Violation]:
+    """The variables of an invariant are bound when the service starts, so that it is clear what has to stay true."""
+    try:
+        used = variables(parse(service.invariant)) if service.invariant is not None else {}
+    except FormulaError:
+        return  # `_formula` reports it
+    for name in used:
+        if name not in {PROVIDER, *(parameter.name for parameter in service.inputs)}:
+            message = f"?{name} is no input; what has to hold while the service runs is a formula over the inputs and ?{PROVIDER}"
+            yield Violation(subject=service.name, rule="formula", message=message, path="invariant")
 
 
 def _quantified_effect(service: ServiceType) -> Iterator[Violation]:

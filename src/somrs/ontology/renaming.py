@@ -167,6 +167,7 @@ class Renamer:
             inputs=tuple(map(self._parameter, service.inputs)),
             outputs=tuple(map(self._parameter, service.outputs)),
             precondition=self._text(service.precondition),
+            invariant=self._text(service.invariant),
             effect=self._text(service.effect) or service.effect,
             handlers=tuple(map(self._handler, service.handlers)),
             cost=self._cost(service.cost),

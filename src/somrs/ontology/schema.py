@@ -104,6 +104,9 @@ class ServiceEntry(_Entry):
     inputs: dict[str, str] = Field({}, description="Variables and their types: object types, or number, text and truth for values")
     outputs: dict[str, str] = {}
     precondition: str | None = Field(None, description="Entish; the formula that must hold before the service")
+    invariant: str | None = Field(
+        None, alias="while", description="Entish over the inputs and ?Provider; must hold as long as the service runs"
+    )
     effect: str = Field(description="Entish; the formula that holds after the service")
     kind: ServiceKind = Field(ServiceKind.PHYSICAL, strict=False)
     parent: str | None = None

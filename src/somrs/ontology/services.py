@@ -60,7 +60,8 @@ class ServiceType(Struct, frozen=True, kw_only=True):
 
     `precondition` (None: always) and `effect` are Entish formulas; their variables are the inputs, the outputs and `?Provider`.
     Other variables of the precondition are bound by the map (`?Object isOn ?Source`). `cost` is an Entish term over the inputs and
-    `?Provider`: an estimate of the price, before services state their terms.
+    `?Provider`: an estimate of the price, before services state their terms. `invariant` has to hold from the start to the end (PDDL 2.1:
+    *over all*; None: nothing); its variables are the inputs and `?Provider`. In files, its key is `while`.
     """
 
     name: str
@@ -73,3 +74,11 @@ class ServiceType(Struct, frozen=True, kw_only=True):
     handlers: tuple[Handler, ...] = ()
     cost: str | None = None
     doc: str = ""
+    invariant: str | None = None
+
+    @property
+    def start_condition(self) -> str | None:
+        """What has to hold when a service of the type starts: the precondition and the invariant; None: nothing."""
+        if self.precondition is None or self.invariant is None:
+            return self.precondition or self.invariant
+        return f"({self.precondition}) AND ({self.invariant})"

@@ -137,7 +137,8 @@ def _use(
     available: AvailableService, inputs: Inputs, condition: Formula | None, providers: tuple[str, ...], bids: Sequence[StepBid]
 ) -> _Use:
     service, substitution = available.service_type, dict(inputs)
-    precondition = substitute(parse(service.precondition), substitution) if service.precondition is not None else None
+    start_condition = service.start_condition
+    precondition = substitute(parse(start_condition), substitution) if start_condition is not None else None
     conditions = [part for part in (precondition, condition) if part is not None]
     prices = {provider: price for provider, price in available.prices if provider in providers}
     prices |= {bid.provider: bid.price for bid in bids if bid.price is not None}
@@ -149,6 +150,7 @@ def _use(
         precondition=str(conjunction(*conditions)) if conditions else None,
         effect=str(substitute(parse(service.effect), substitution)),
         cost=str(substitute_term(parse_term(service.cost), substitution)) if service.cost is not None and not prices else None,
+        invariant=None,
         parent=None,
         handlers=(),
     )

@@ -266,9 +266,9 @@ class _Reasons:
 
     def _applies_now(self, service: ServiceType, literal: Literal) -> bool:
         """Whether the map meets the precondition with which the service would achieve the literal: nothing has to be prepared."""
-        if service.precondition is None:
+        if service.start_condition is None:
             return True
-        precondition, map, ontology = parse(service.precondition), self.problem.map, self.problem.ontology
+        precondition, map, ontology = parse(service.start_condition), self.problem.map, self.problem.ontology
         substitutions = (
             {name: term for name, term in unifier.items() if not isinstance(term, Variable)}
             for unifier in achieving_bindings(service, literal, ontology, map)
@@ -285,7 +285,7 @@ class _Reasons:
         substitution.setdefault(PROVIDER, Name(self.world.providers[service.name][0]))
         attainable: list[Literal] = []
         lacking: list[Literal] = []
-        precondition = substitute(parse(service.precondition), substitution) if service.precondition is not None else None
+        precondition = substitute(parse(service.start_condition), substitution) if service.start_condition is not None else None
         parts = [part for part in next(alternatives(precondition)) if isinstance(part, Literal)] if precondition is not None else []
         for part in parts:
             (lacking if is_impossible([*attainable, part], self.world) else attainable).append(part)

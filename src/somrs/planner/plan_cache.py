@@ -74,7 +74,7 @@ def _find_subjects(problem: Problem) -> Iterator[str]:
     formulas = [problem.goal, *([problem.precondition] if problem.precondition is not None else [])]
     for available in problem.services:
         service = available.service_type
-        formulas += [parse(text) for text in (service.precondition, service.effect) if text is not None]
+        formulas += [parse(text) for text in (service.start_condition, service.effect) if text is not None]
     relations = problem.ontology.relations
     for predicate in set(_mentioned_predicates(formulas, problem.ontology)):
         yield predicate

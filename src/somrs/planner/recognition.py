@@ -130,7 +130,7 @@ class _Recognition:
         if not devices:
             return None
         effect = parse(service.effect)
-        formulas = [effect, *([parse(service.precondition)] if service.precondition is not None else [])]
+        formulas = [effect, *([parse(service.start_condition)] if service.start_condition is not None else [])]
         is_bound = any(PROVIDER in variables(formula) for formula in formulas)
         bound_to = {PROVIDER: Name(devices[0])} if is_bound else {}
         return Step(
@@ -145,9 +145,9 @@ class _Recognition:
         )
 
     def _can(self, service: ServiceType, device: str, inputs: dict[str, Term]) -> bool:
-        if service.precondition is None:
+        if service.start_condition is None:
             return True
-        condition = substitute(parse(service.precondition), {**inputs, PROVIDER: Name(device)})
+        condition = substitute(parse(service.start_condition), {**inputs, PROVIDER: Name(device)})
         try:
             return next(bindings(condition, self.map, self.ontology), None) is not None
         except FormulaError:  # a device that is not on the map

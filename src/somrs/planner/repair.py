@@ -60,9 +60,9 @@ def _adapt_step(old: Step, map: Map, problem: Problem, available_services: Mappi
     if not involved.isdisjoint(problem.excluded):
         return None
     service = offered.service_type
-    if old.precondition is None or service.precondition is None or formula_holds(old.precondition, map, problem.ontology):
+    if old.precondition is None or service.start_condition is None or formula_holds(old.precondition, map, problem.ontology):
         return old
-    condition = substitute(parse(service.precondition), old.bindings)
+    condition = substitute(parse(service.start_condition), old.bindings)
     support = supporting_literals(condition, map, problem.ontology)
     if support is None or not problem.excluded.isdisjoint(name for term in support[1].values() for name in names(term)):
         return None

@@ -205,7 +205,7 @@ class Registry:
                 raise UsageError(
                     f"{offer.service} is offered by {other_provider} already: give the service of {publish.provider} another name"
                 )
-            for text in (offer.service_type.effect, offer.service_type.precondition):
+            for text in (offer.service_type.effect, offer.service_type.precondition, offer.service_type.invariant):
                 try:
                     _ = parse(text) if text is not None else None
                 except FormulaError as error:

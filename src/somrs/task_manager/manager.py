@@ -340,6 +340,8 @@ class TaskManager:
         for report in due:
             if report.task in state.tasks:
                 yield from self._transaction(report.task).settled(report.result, now)
+        for task in state.running:
+            yield from self._transaction(task).map_changed(now)
         if news.changes:
             changed_objects = {name for change in news.changes for name in objects_of(change)}
             for task in state.running:

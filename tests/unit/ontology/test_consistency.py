@@ -315,6 +315,18 @@ def limited(**fields: object) -> ObjectType:
                 ),
             ],
         ),
+        (service(inputs=X, invariant="?x isOn ?Provider"), []),
+        (
+            service(inputs=X, invariant="?x isOn ?y"),
+            [
+                broken(
+                    "services",
+                    "formula",
+                    "invariant",
+                    "?y is no input; what has to hold while the service runs is a formula over the inputs and ?Provider",
+                )
+            ],
+        ),
         (service(cost="?x.Load"), []),
         (service(cost="?Provider.Load"), []),
         (

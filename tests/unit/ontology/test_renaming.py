@@ -129,6 +129,7 @@ def test_service_types() -> None:
         parent="Bring",
         effect="?Jar isOn B",
         precondition="?Jar.Color = A",
+        invariant="?Jar.Color = A",
         inputs=(Parameter(name="Jar", type="Jar"),),
         outputs=(Parameter(name="Weight", type="number"), Parameter(name="Other", type="Jar")),
         handlers=(Handler(on=Occasion.FAILURE, effect="A isOn B", when="?Jar.Color = A", service_type="Bring"),),
@@ -141,10 +142,11 @@ def test_service_types() -> None:
         service,
         effect="?Jar standsOn A",
         precondition="?Jar.Paint = A",
+        invariant="?Jar.Paint = A",
         inputs=(Parameter(name="Jar", type="Tin"),),
         outputs=(Parameter(name="Weight", type="number"), Parameter(name="Other", type="Tin")),
         handlers=(Handler(on=Occasion.FAILURE, effect="B standsOn A", when="?Jar.Paint = A", service_type="Bring"),),
         cost="road(B, ?Jar) + 1",
     )
-    unread = structs.replace(service, effect="(", precondition=None, cost="(", inputs=(), outputs=(), handlers=())
+    unread = structs.replace(service, effect="(", precondition=None, invariant=None, cost="(", inputs=(), outputs=(), handlers=())
     assert SWAPPED.definition(unread) is unread

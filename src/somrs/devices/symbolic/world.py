@@ -95,7 +95,8 @@ class SymbolicWorld:
     def describe_failure(self, service: str, inputs: Inputs, provider: str) -> str:
         """The situation that a device reports when a service fails: the state of its precondition and effect, and of the device."""
         service_type = self.ontology.services.get(service)
-        spoken = [text for text in (service_type.precondition, service_type.effect) if text is not None] if service_type is not None else []
+        formulas = (service_type.start_condition, service_type.effect) if service_type is not None else ()
+        spoken = [text for text in formulas if text is not None]
         own_facts = [str(fact) for fact in self.map.facts_about(provider) if fact.relation in self._changing]
         return (
             self.describe(" AND ".join(f"({text})" for text in [*spoken, *own_facts]), provider, inputs)
@@ -143,8 +144,8 @@ class SymbolicWorld:
             raise _Refused(f"there is no service type {name} in this world")
         bound = self._bound(service, inputs, provider)
         kinds = {parameter.name: parameter.type for parameter in service.inputs}
-        if service.precondition is not None:
-            precondition = with_types(parse(service.precondition), kinds)
+        if service.start_condition is not None:
+            precondition = with_types(parse(service.start_condition), kinds)
             row = next(
                 bindings(precondition, self.map, self.ontology, {k: v for k, v in bound.items() if k in variables(precondition)}), None
             )
@@ -197,7 +198,7 @@ def _atoms(formula: Formula) -> list[Relation | Comparison]:
 
 def _provider(service: ServiceType) -> Variable | None:
     """The variable `?Provider` of the service's formulas, with its type if they state one."""
-    spoken = [variables(parse(text)).get(PROVIDER) for text in (service.precondition, service.effect) if text is not None]
+    spoken = [variables(parse(text)).get(PROVIDER) for text in (service.start_condition, service.effect) if text is not None]
     provider_variables = [variable for variable in spoken if variable is not None]
     return next(
         (variable for variable in provider_variables if variable.type is not None), provider_variables[0] if provider_variables else None

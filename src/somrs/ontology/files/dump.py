@@ -148,7 +148,9 @@ def _service(service: ServiceType) -> dict[str, Any]:
     handlers = [{"on": handler.on.value, **_fields(handler, "when", "effect")} for handler in service.handlers]
     return {
         **body,
-        **_fields(service, "parent", "precondition", "effect", "cost"),
+        **_fields(service, "parent", "precondition"),
+        **({"while": service.invariant} if service.invariant is not None else {}),
+        **_fields(service, "effect", "cost"),
         **({"handlers": handlers} if handlers else {}),
         **_fields(service, "doc"),
     }

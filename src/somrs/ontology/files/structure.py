@@ -126,7 +126,7 @@ def _model(path: Path) -> type[BaseModel]:
 def _message(path: Path, detail: Any) -> str:
     key = str(path[-1]) if path else "the file"
     if detail["type"] == "extra_forbidden":
-        known_keys = [*_model(path[:-1]).model_fields]
+        known_keys = [field.alias or name for name, field in _model(path[:-1]).model_fields.items()]
         return f"unknown key {key}; {nearest(key, known_keys) or 'there are ' + ', '.join(known_keys)}"
     if detail["type"] == "missing":
         return f"{key} is missing; write {key}: and its value"

@@ -144,6 +144,7 @@ class _Writer:
             inputs=_parameters(service.inputs),
             outputs=_parameters(service.outputs),
             precondition=service.precondition,
+            invariant=service.invariant,
             effect=service.effect,
             cost=service.cost,
             handlers=handlers,

@@ -262,6 +262,7 @@ class _Reading:
             name=name,
             effect=effect or "",
             precondition=source.text_of(node, V.precondition),
+            invariant=source.text_of(node, V.invariant),
             inputs=self._parameters(node, source.text_of(node, V.inputs)),
             outputs=self._parameters(node, source.text_of(node, V.outputs)),
             kind=ServiceKind(kind),

@@ -61,6 +61,7 @@ NOTES = {
     V.inputs: "Variables and their types: Object: Graspable, Destination: Object",
     V.outputs: "As inputs",
     V.precondition: "Entish: the formula that must hold before the service",
+    V.invariant: "Entish: the formula that must hold as long as the service runs",
     V.effect: "Entish: the formula that holds after the service",
     V.cost: "Entish: the estimated cost of the service",
     V.handlers: "Procedures for failures and compensation, as JSON",

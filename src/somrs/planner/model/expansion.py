@@ -34,7 +34,7 @@ from somrs.planner.model.problem import Problem
 
 def expand_quantifiers(problem: Problem) -> Problem:
     """The problem without quantifiers in the goal and in the preconditions of services. Raises Inexpressible for the goal's."""
-    preconditions = [available.service_type.precondition for available in problem.services]
+    preconditions = [available.service_type.start_condition for available in problem.services]
     if not has_quantifiers(problem.goal) and not any(text is not None and has_quantifiers(parse(text)) for text in preconditions):
         return problem
     vocabulary = Vocabulary(problem.ontology, [parse(available.service_type.effect) for available in problem.services])
@@ -47,8 +47,8 @@ def expand_quantifiers(problem: Problem) -> Problem:
 
 
 def _expand_precondition(service: ServiceType, problem: Problem, vocabulary: Vocabulary) -> ServiceType:
-    """The service type without quantifiers in its precondition, unless they cannot be expanded."""
-    precondition = parse(service.precondition) if service.precondition is not None else None
+    """The service type without quantifiers in what has to hold at its start, unless they cannot be expanded."""
+    precondition = parse(service.start_condition) if service.start_condition is not None else None
     if precondition is None or not has_quantifiers(precondition):
         return service
     given = {PROVIDER, *(parameter.name for parameter in service.inputs), *variables(parse(service.effect))}
@@ -56,7 +56,7 @@ def _expand_precondition(service: ServiceType, problem: Problem, vocabulary: Voc
         expanded = _Expansion(problem, vocabulary, given).expand(precondition)
     except Inexpressible:
         return service  # its operators report it
-    return structs.replace(service, precondition=str(expanded.formula) if expanded.formula is not None else None)
+    return structs.replace(service, precondition=str(expanded.formula) if expanded.formula is not None else None, invariant=None)
 
 
 @dataclass(frozen=True, slots=True)

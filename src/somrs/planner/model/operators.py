@@ -188,7 +188,7 @@ def operators(service: ServiceType, vocabulary: Vocabulary) -> Iterator[Operator
     inputs = {parameter.name: parameter.type for parameter in service.inputs}
     outputs = {parameter.name: parameter.type for parameter in service.outputs if parameter.name in outputs_in_effect(service)}
     effect = with_types(parse(service.effect), inputs | outputs)
-    precondition = with_types(parse(service.precondition), inputs) if service.precondition is not None else None
+    precondition = with_types(parse(service.start_condition), inputs) if service.start_condition is not None else None
     formula_variables = {**variables(effect), **(variables(precondition) if precondition is not None else {})}
     if PROVIDER in formula_variables:
         inputs[PROVIDER] = providers_of(service.name)

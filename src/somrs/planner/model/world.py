@@ -279,8 +279,8 @@ class World:
     def _formulas(self) -> Iterator[Formula]:
         yield self._goal
         for service in self._service_types:
-            if service.precondition is not None:
-                yield parse(service.precondition)
+            if service.start_condition is not None:
+                yield parse(service.start_condition)
 
     def _names(self, arguments: tuple[Argument, ...]) -> tuple[str, ...]:
         return tuple(argument if isinstance(argument, str) else "" for argument in arguments)

@@ -157,6 +157,8 @@ def failure_text(event: events.ServiceFailure) -> str:
             return "takes far too long to undo its work; releasing it"
         case events.ServiceOverdue():
             return "takes far longer than its terms say; stopping it"
+        case events.InvariantBroken(invariant=invariant):
+            return f"is being stopped: {invariant} does not hold any more"
         case events.ServiceLost():
             return f"{loss_text(event)}; nothing is known of what it left"
         case events.ReportRejected(problems=problems):

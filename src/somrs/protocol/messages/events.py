@@ -292,6 +292,13 @@ class ServiceOverdue(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=
     undoing: bool = False
 
 
+class InvariantBroken(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
+    """What has to hold as long as the service works does not hold any more, through no fault of the service; it is stopped."""
+
+    service: str
+    invariant: str
+
+
 class ServiceLost(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
     """It is unknown what the service left.
 
@@ -451,16 +458,16 @@ Event = (
     TaskStated | Planned | WaitsForTasks | WaitsToRetry | WaitOver | GoesOn | Replanned | TriedOnceMore
     | UndoingCheaper | PlansCompared | ServicesAsked | TermsOffered | ServiceRefused | ConditionsAdopted | ServiceChosen
     | WaitsForDevice | StepStarted | ProgressNoted | StepCompleted | FoundOut | StepStopped | FoundSo
-    | NotBegun | StepFailed | ServiceFaulted | ContractForgotten | ServiceSilent | ServiceOverdue | ServiceLost | ReportRejected
-    | ReportSuperseded | ObjectsDiscovered
+    | NotBegun | StepFailed | ServiceFaulted | ContractForgotten | ServiceSilent | ServiceOverdue | InvariantBroken | ServiceLost
+    | ReportRejected | ReportSuperseded | ObjectsDiscovered
     | ServiceReplaced | MayTryAgain | HandlerBegun | GoalFailed | LookBegun | LookFound | NobodyLooks | KnownOtherwise
     | FailuresUndone | UndoneByHandler | UndoneByService | UndoneByOthers | Compensated | CompensationFailed | WorkUndone | WorkStranded
     | Stopping | TaskEnded
 )  # fmt: skip
 
 ServiceFailure = (
-    NotBegun | StepFailed | ServiceFaulted | ContractForgotten | ServiceSilent | ServiceOverdue | ServiceLost | ReportRejected
-    | CompensationFailed
+    NotBegun | StepFailed | ServiceFaulted | ContractForgotten | ServiceSilent | ServiceOverdue | InvariantBroken | ServiceLost
+    | ReportRejected | CompensationFailed
 )  # fmt: skip
 """What can go wrong with a service."""
 
@@ -469,8 +476,8 @@ KINDS: dict[type[Event], EventKind] = {
     **dict.fromkeys((Replanned, TriedOnceMore, ConditionsAdopted), EventKind.REPLAN),
     **dict.fromkeys(
         (
-            NotBegun, StepFailed, ServiceFaulted, ContractForgotten, ServiceSilent, ServiceOverdue, ServiceLost, ReportRejected, GoalFailed,
-            CompensationFailed, WorkStranded,
+            NotBegun, StepFailed, ServiceFaulted, ContractForgotten, ServiceSilent, ServiceOverdue, InvariantBroken, ServiceLost,
+            ReportRejected, GoalFailed, CompensationFailed, WorkStranded,
         ),
         EventKind.SETBACK,
     ),

@@ -110,9 +110,9 @@ def precondition_now(step: Step, service_type: ServiceType, map: Map, ontology: 
 
     Returns None for a service type without precondition. Raises LookupError when the precondition does not hold.
     """
-    if service_type.precondition is None:
+    if service_type.start_condition is None:
         return None
-    precondition = substitute(parse(service_type.precondition), step.bindings)
+    precondition = substitute(parse(service_type.start_condition), step.bindings)
     try:
         binding = next(iter(bindings(precondition, map, ontology)), None)
     except FormulaError as error:

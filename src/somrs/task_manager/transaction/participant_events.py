@@ -104,7 +104,9 @@ class ParticipantEvents:
                 return (yield from self._reported(member, situation, observation, f"failed: {description}", now))
             case frp.Stopped(situation=situation, observation=observation):
                 self._log_event(events.StepStopped(service=name), run, now)
-                return (yield from self._reported(member, situation, observation, "stopped", now))
+                broken = member.broken_invariant
+                trouble = f"stopped, because {broken} does not hold any more" if broken is not None else "stopped"
+                return (yield from self._reported(member, situation, observation, trouble, now))
             case _:
                 return (yield from self._process_undo_message(member, run, message, now))
 
@@ -205,7 +207,9 @@ class ParticipantEvents:
         compensated = member.state in (State.COMPENSATED, State.STRANDED)
         was_cancelled = member.state is State.STOPPED and state.ending is not None
         if trouble is not None and not compensated and not was_cancelled:
-            if work is not None and work.service_type.kind is not ServiceKind.PHYSICAL:
+            if member.broken_invariant is not None:
+                pass  # it was stopped through no fault of its own
+            elif work is not None and work.service_type.kind is not ServiceKind.PHYSICAL:
                 services.tells_nothing(member.offer.provider, work.step)  # it may well tell other things
             else:
                 services.failed(member.offer.service, trouble)

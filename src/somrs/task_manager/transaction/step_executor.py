@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from somrs.entish.parse import parse
-from somrs.kernel.component import EffectsReturning
+from somrs.kernel.component import Effects, EffectsReturning
 from somrs.protocol.messages import events, frp
+from somrs.protocol.messages.frp import State
+from somrs.task_manager.execution.invariants import broken_invariant
 from somrs.task_manager.execution.knowledge import output_texts, relevant_parts, told, told_all
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow
@@ -43,6 +45,18 @@ class StepExecutor:
         self._scope.log_event(events.StepStarted(service=member.offer.service), now, run)
         return ()
 
+    def stop_where_broken(self, now: float) -> Effects:
+        """Stop the services whose invariant does not hold on the map any more."""
+        scope = self._scope
+        for run in self._execution:
+            if run.progress is not Progress.EXECUTING or (member := self._member(run)).state is not State.EXECUTING:
+                continue
+            broken = broken_invariant(scope.services.type_of(run.step), run, member.offer.provider, scope.context.replica)
+            if broken is not None:
+                member.broken_invariant = broken
+                scope.log_event(events.InvariantBroken(service=member.offer.service, invariant=broken), now, run)
+                yield from scope.participants.halt(member, f"{broken} does not hold any more", now)
+
     def start_reporting(self, run: StepRun) -> None:
         """The step has ended, and its report goes to the map."""
         self._workflow.move(run, Progress.REPORTING)
@@ -55,7 +69,9 @@ class StepExecutor:
             self._execution.replans.step_completed()
             self._note_what_is_told(run, situation, now)
             return
-        run.excluded[self._member(run).offer.service] = failure
+        member = self._member(run)
+        if member.broken_invariant is None:
+            run.excluded[member.offer.service] = failure
         run.reported = parse(situation) if situation is not None else None
         self._workflow.release(run, failure)
 

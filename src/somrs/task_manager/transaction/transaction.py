@@ -37,6 +37,7 @@ from somrs.task_manager.transaction.participant_events import GoalAction, Partic
 from somrs.task_manager.transaction.record import record
 from somrs.task_manager.transaction.scope import TaskScope
 from somrs.task_manager.transaction.state import GoalExecution, TaskState, waiting_texts
+from somrs.task_manager.transaction.step_executor import StepExecutor
 
 STOP_TIME = 60.0
 """Seconds that participants have to stop safely. Those that have not stopped by then are given up."""
@@ -152,6 +153,13 @@ class Transaction:
         """Handle the arrival of services: a task that waits tries again."""
         self._scope.services.returned(services)
         yield from self._executor(self.state.goal).hasten(now)
+
+    def map_changed(self, now: float) -> Effects:
+        """Handle a change of the map: services whose invariant it breaks are stopped."""
+        state = self.state
+        if state.ending is None and any(service_type.invariant is not None for service_type in state.services.types.values()):
+            for execution in state.executions:
+                yield from StepExecutor(execution, self._scope).stop_where_broken(now)
 
     def objects_changed(self, objects: AbstractSet[str], now: float) -> Effects:
         """Handle a change of the map: a task that waits for a device which changed tries again."""

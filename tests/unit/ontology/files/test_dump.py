@@ -138,6 +138,7 @@ FULL: list[Definition] = [
         outputs=(Parameter(name="y", type="number"),),
         kind=ServiceKind.COGNITIVE,
         precondition="?x.Load < 3",
+        invariant="?x.Load < 4",
         effect="?x.Load = ?y",
         cost="2",
         handlers=(
@@ -211,6 +212,7 @@ def test_all_of_an_ontology_is_written() -> None:
             "outputs": {"y": "number"},
             "parent": "Do",
             "precondition": "?x.Load < 3",
+            "while": "?x.Load < 4",
             "effect": "?x.Load = ?y",
             "cost": "2",
             "handlers": [

@@ -599,6 +599,7 @@ def definitions(draw: st.DrawFn) -> list[AttributeType | RelationType | Function
             outputs=(Parameter(name="y", type="Object"),),
             kind=draw(st.sampled_from(ServiceKind)),
             precondition=draw(st.none() | st.just(f"?x.{number_name} > ?n")),
+            invariant=draw(st.none() | st.just(f"?x.{number_name} > ?n AND ?x.{number_name} < 9")),
             effect=f"?x {relation_name} ?y",
             cost=draw(st.sampled_from([None, "3", f"{table_name}(?x, ?x)", f"?x.{number_name}"])),
         ),

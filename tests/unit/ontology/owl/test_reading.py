@@ -208,11 +208,13 @@ def test_relations(text: str, expected: RelationType, notes: list[str]) -> None:
         (
             ':S a owl:Class ; rdfs:subClassOf somrs:Service ; somrs:effect "p(?x)" ; somrs:inputs "?x: Jar , y:Cup" ; '
             'somrs:outputs "n: number" ; somrs:kind "cognitive" ; somrs:cost "3" ; somrs:precondition "q(?x)" ; rdfs:comment "S" ; '
+            'somrs:invariant "r(?x)" ; '
             'somrs:handlers "[{\\"on\\":\\"failure\\",\\"effect\\":\\"q(?x)\\"}]" .',
             ServiceType(
                 name="S",
                 effect="p(?x)",
                 precondition="q(?x)",
+                invariant="r(?x)",
                 inputs=(Parameter(name="x", type="Jar"), Parameter(name="y", type="Cup")),
                 outputs=(Parameter(name="n", type="number"),),
                 kind=ServiceKind.COGNITIVE,

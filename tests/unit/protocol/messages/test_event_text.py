@@ -27,6 +27,7 @@ FAILURES: list[tuple[ServiceFailure, str]] = [
     (events.ServiceSilent(service=S), "is silent; asking for its state"),
     (events.ServiceOverdue(service=S), "takes far longer than its terms say; stopping it"),
     (events.ServiceOverdue(service=S, undoing=True), "takes far too long to undo its work; releasing it"),
+    (events.InvariantBroken(service=S, invariant="A isOn B"), "is being stopped: A isOn B does not hold any more"),
     (events.ServiceLost(service=S), "did not come to an end; nothing is known of what it left"),
     (events.ServiceLost(service=S, stopping=True), "did not report that it stopped; nothing is known of what it left"),
     (events.ServiceLost(service=S, silent=True), "fell silent while it worked; nothing is known of what it left"),

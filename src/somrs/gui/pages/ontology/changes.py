@@ -38,6 +38,7 @@ FIELDS = {
     "parameters": "Parameters",
     "attribute": "Reads",
     "precondition": "Precondition",
+    "invariant": "While it runs",
     "effect": "Effect",
     "inputs": "Inputs",
     "outputs": "Outputs",

@@ -35,8 +35,8 @@ _BLANK: dict[str, Form] = {
     "relations": {"name": "", "joins": ["Object", "Object"], "symmetric": False, "functional": False, "excludes": "", "doc": ""},
     "functions": {"name": "", "parameters": ["Object"], "source": READ, "attribute": None, "values": [], "unit": "", "doc": ""},
     "services": {
-        "name": "", "kind": "physical", "parent": None, "inputs": [], "outputs": [], "precondition": "", "effect": "", "cost": "",
-        "handlers": [], "doc": "",
+        "name": "", "kind": "physical", "parent": None, "inputs": [], "outputs": [], "precondition": "", "invariant": "", "effect": "",
+        "cost": "", "handlers": [], "doc": "",
     },
 }  # fmt: skip
 

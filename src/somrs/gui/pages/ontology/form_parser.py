@@ -201,7 +201,7 @@ class _FormParser:
         handlers = [
             {"on": row["on"], "when": row["when"].strip() or None, "effect": row["effect"].strip()} for row in self.form["handlers"]
         ]
-        return {**self.plain("parent", "precondition", "effect", "cost", "kind"), **sides, "handlers": handlers}
+        return {**self.plain("parent", "precondition", "invariant", "effect", "cost", "kind"), **sides, "handlers": handlers}
 
 
 def _split_list(text: str) -> list[str]:

@@ -161,7 +161,7 @@ def _service(fields: Fields, ontology: Ontology) -> None:
     types = [*_VALUE_TYPES, *sorted(ontology.types)]
 
     def update_variables() -> None:
-        for formula in (precondition_field, effect_field):
+        for formula in (precondition_field, invariant_field, effect_field):
             formula.field.variables = _variable_types(fields, ontology)
 
     def parameter(path: str) -> None:
@@ -182,6 +182,12 @@ def _service(fields: Fields, ontology: Ontology) -> None:
         "Precondition",
         _variable_types(fields, ontology),
         hint="Must hold before the service begins; ?Provider is the device",
+    )
+    invariant_field = fields.formula(
+        "invariant",
+        "While it runs",
+        _variable_types(fields, ontology),
+        hint="Must hold as long as the service runs; if it does not, the service is stopped. Over the inputs and ?Provider",
     )
     effect_field = fields.formula("effect", "Effect", _variable_types(fields, ontology))
     example = next((f", such as {_call_text(function)}" for function in ontology.functions.values() if function.parameters), "")

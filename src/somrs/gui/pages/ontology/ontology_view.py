@@ -165,7 +165,7 @@ def _formula_texts(definition: Definition) -> list[str]:
     match definition:
         case ServiceType():
             handlers = [text for handler in definition.handlers for text in (handler.when, handler.effect)]
-            return [text for text in (definition.precondition, definition.effect, *handlers) if text]
+            return [text for text in (definition.precondition, definition.invariant, definition.effect, *handlers) if text]
         case ObjectType():
             return [rule.formula for rule in definition.constraints if rule.formula]
     return []

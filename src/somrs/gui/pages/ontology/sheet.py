@@ -272,7 +272,12 @@ def _function(function: FunctionType, view: OntologyView, open_definition: OpenD
 def _service(service: ServiceType, view: OntologyView, open_definition: OpenDefinition) -> None:
     with chapter("Definition"):
         _facts(("Kind", service.kind.value))
-        for label, text in (("Precondition", service.precondition or ""), ("Effect", service.effect), ("Cost", service.cost or "")):
+        for label, text in (
+            ("Precondition", service.precondition),
+            ("While it runs", service.invariant),
+            ("Effect", service.effect),
+            ("Cost", service.cost),
+        ):
             if text:
                 ui.label(label).classes("somrs-soft")
                 TextTag("code", text, "somrs-formula somrs-onto-formula")
