@@ -11,7 +11,7 @@ from rich.live import Live
 from somrs.cli import task_report
 from somrs.cli.procedures import handler
 from somrs.client import terminal
-from somrs.client.client import Addresses, Client
+from somrs.client.client import PATIENCE, Addresses, Client
 from somrs.client.message_chart import chart
 from somrs.client.task_history import TaskHistory, open_task_history
 from somrs.client.task_report import TaskReport, is_named, to_builtins, view
@@ -49,7 +49,7 @@ async def run_task(task: Submit, data: Path, *, wait: bool, json: bool) -> int:
     """
     console = terminal.console()
     async with Client(Addresses.read(data)) as client:
-        id = await client.submit(task)
+        id = await client.submit(task, patience=PATIENCE)
         if not wait:
             if json:
                 terminal.print_json({"task": id})

@@ -48,6 +48,12 @@ ANSWER_TIME = 120.0
 QUIET = 0.05
 """Seconds without an input after which a snapshot that is due is taken."""
 
+LATE = 0.5
+"""Seconds after its time from which a timer is late: the process was held up. Inputs that arrived meanwhile go before the timer."""
+
+GRACE = 1.0
+"""Seconds for such inputs to be read, at most."""
+
 DISK_TIME = 5.0
 """Seconds within which the disk must finish writing when the node stops."""
 
@@ -268,9 +274,13 @@ class Node:
             old.cancel()
         if fire_time is not None:
             delay = max(0.0, fire_time - self._clock.now())
-            self._timers[timer] = asyncio.get_running_loop().call_later(delay, self._fire_timer, timer)
+            self._timers[timer] = asyncio.get_running_loop().call_later(delay, self._fire_timer, timer, fire_time)
 
-    def _fire_timer(self, timer: Hashable) -> None:
+    def _fire_timer(self, timer: Hashable, fire_time: float | None) -> None:
+        """Pass a timer to the component. One that is late waits once: what it says is missing may have arrived, and is not read yet."""
+        if fire_time is not None and (lateness := self._clock.now() - fire_time) > LATE:
+            self._timers[timer] = asyncio.get_running_loop().call_later(min(lateness, GRACE), self._fire_timer, timer, None)
+            return
         self._timers.pop(timer, None)
         self._feed_late(TimerFired(timer))
 

@@ -30,13 +30,15 @@ class Unanswered(RemoteError):
 
 
 async def retry_unanswered(ask: Callable[[], Awaitable[T]], patience: float) -> T:
-    """Call `ask` again while there is no answer, for `patience` seconds; return the answer. Raises Unanswered after that."""
+    """Call `ask` again while there is no answer, for `patience` seconds from the first failure. Raises Unanswered after that."""
     loop = asyncio.get_running_loop()
-    deadline, pause = loop.time() + patience, FIRST_PAUSE
+    deadline, pause = None, FIRST_PAUSE
     while True:
         try:
             return await ask()
         except Unanswered:
+            # A recipient that is slow to answer has used up no patience yet.
+            deadline = deadline if deadline is not None else loop.time() + patience
             if loop.time() + pause > deadline:
                 raise
         await asyncio.sleep(pause)

@@ -22,6 +22,7 @@ from somrs.planner.model.problem import AvailableService, Problem
 from somrs.protocol.messages.clients import Policy, Submit
 from somrs.protocol.messages.directory import Offer
 from somrs.task_manager.device_queue import AtWork, DeviceQueues
+from somrs.task_manager.pace import Pace
 from somrs.task_manager.requests import Requests
 from somrs.task_manager.reservations import Reservations
 
@@ -78,12 +79,14 @@ class TaskManagerContext:
         reservations: Reservations,
         queues: DeviceQueues,
         quotes: Quotes,
+        pace: Pace,
         touched: dict[str, None],
         commitments: Callable[[], Commitments],
         still_at_work: Callable[[AtWork], bool],
     ) -> None:
         self.address = requests.address
         self.replica, self.requests, self.reservations, self.queues, self.quotes = replica, requests, reservations, queues, quotes
+        self.pace = pace
         self.touched = touched
         """The transactions that changed, for the clients that watch them."""
         self.commitments = commitments

@@ -90,6 +90,7 @@ class TaskManager:
             reservations=state.reservations,
             queues=state.queues,
             quotes=state.quotes,
+            pace=state.pace,
             touched=state.touched,
             commitments=self._commitments,
             still_at_work=self._still_at_work,

@@ -35,13 +35,13 @@ from somrs.task_manager.reservations import BlockedPlan
 from somrs.task_manager.timers import Answer, BidsDue, PlanWanted, PreviewDue
 from somrs.task_manager.transaction.views import foreseen_views, preview_reply, step_view
 
-MOST_TIME = 6.0
-"""Maximum seconds for asking services for terms."""
-
 REPLY_TIME = 2.0
-"""Seconds that services have to answer for one step; a task gives them more."""
+"""Seconds that services have to answer for one step; more if all are late. A task gives them more."""
 
-SILENT = {State.ARRANGING: f"did not answer within {REPLY_TIME:g} s", State.NEW: "was not asked: there was no time left"}
+MOST_ROUNDS = 3
+"""A preview asks services for as long as so many steps in a row without an answer; the terms of the others are estimated."""
+
+SILENT = {State.ARRANGING: "has not answered yet", State.NEW: "was not asked: there was no time left"}
 """Why a service that has not refused gave no terms, by its state."""
 
 PREVIEW_ONLY = "only a preview was requested"
@@ -133,7 +133,7 @@ class PreviewExecutor:
         self._services.discovered(self._state.services.offers)
         state = self._state
         state.bidding_start, state.workflow, state.outlook = now, Workflow.from_plan(plan.certain_part), plan
-        yield SetTimer(PreviewDue(state.id), now + MOST_TIME)
+        yield SetTimer(PreviewDue(state.id), now + MOST_ROUNDS * self._reply_time)
         return (yield from self._ask(now))
 
     # Planning
@@ -254,7 +254,7 @@ class PreviewExecutor:
                     self._mark_unserved(run, now, "no device offers it")
                     continue
                 earliest, latest = workflow.earliest_start(run, now), self._latest_finish
-                yield from calls.open((yield from self._arrangement.invite_services(run, able, earliest, latest, now, REPLY_TIME)))
+                yield from calls.open((yield from self._arrangement.invite_services(run, able, earliest, latest, now, self._reply_time)))
             if workflow.arranged:
                 if state.owner is None and self._services.redefined_types() & {run.step.service_type for run in workflow}:
                     return (yield from self._begin_again(now))
@@ -273,6 +273,10 @@ class PreviewExecutor:
         return (yield from self.begin(now))
 
     @property
+    def _reply_time(self) -> float:
+        return self._context.pace.answer_time(REPLY_TIME)
+
+    @property
     def _latest_finish(self) -> float | None:
         state = self._state
         return state.bidding_start + state.query.deadline if state.query.deadline is not None else None
@@ -284,7 +288,7 @@ class PreviewExecutor:
         state, run = self._state, self._arrangement.run(call)
         yield from state.calls.close(call)
         conditions = Conditions(state.conditions, self._arrangement, self._context.quotes)
-        if state.owner is None and now < state.bidding_start + MOST_TIME and conditions.consider(call, state.task, (), now):
+        if state.owner is None and now < state.bidding_start + MOST_ROUNDS * self._reply_time and conditions.consider(call, state.task, (), now):
             yield from self._arrangement.withdraw(call, PREVIEW_ONLY, now)
             return
         bids: dict[str, Bid] = {}
@@ -350,7 +354,7 @@ class PreviewExecutor:
             for number, member in enumerate(members):  # only invitations are counted: make the ids unique
                 member.id = f"{member.id}/{run.key}/{number}"
                 state.members.by_id[member.id] = member
-            call = make_call(run, (member.id for member in members), earliest=0.0, latest=None, reply_by=now)
+            call = make_call(run, (member.id for member in members), earliest=0.0, latest=None, reply_by=now, asked_at=now)
             yield from state.calls.open(call)
             yield from self._settle(call, now)
 

@@ -10,6 +10,7 @@ from somrs.protocol.messages.observations import Reception
 from somrs.task_manager.context import Quotes
 from somrs.task_manager.device_queue import DeviceQueues
 from somrs.task_manager.execution.reports import ReportResult
+from somrs.task_manager.pace import Pace
 from somrs.task_manager.preview import PreviewState
 from somrs.task_manager.requests import Requests
 from somrs.task_manager.reservations import Reservations
@@ -45,6 +46,7 @@ class TaskManagerState(Struct, kw_only=True):
     reservations: Reservations = field(default_factory=Reservations)
     queues: DeviceQueues = field(default_factory=DeviceQueues)
     quotes: Quotes = field(default_factory=Quotes)
+    pace: Pace = field(default_factory=Pace)
     subscriptions: Subscriptions = field(default_factory=Subscriptions)
     touched: dict[str, None] = {}
     map_version: int = -1

@@ -15,12 +15,12 @@ from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.event_text import short_id
 from somrs.protocol.messages.events import Holder, WaitsForTasks
 from somrs.task_manager.execution.member import Member
-from somrs.task_manager.preview import MOST_TIME, PREVIEW_ONLY, PreviewState
+from somrs.task_manager.preview import MOST_ROUNDS, PREVIEW_ONLY, REPLY_TIME, PreviewState
 from somrs.task_manager.timers import BidsDue, PlanWanted, PreviewDue, Timer
 from tests.unit.task_manager.test_manager import answers
 from tests.unit.task_manager.transaction.test_participant_events import FIRST_SERVICE, GOAL, SECOND_SERVICE, TaskManagerHarness, bodies
 
-NO_ANSWER = "did not answer within 2 s"
+NO_ANSWER = "has not answered yet"
 NO_TIME = "was not asked: there was no time left"
 
 
@@ -359,7 +359,7 @@ def test_what_could_not_be_asked_in_time_is_put_down_with_what_services_asked_la
     harness.plan_results = [CHAIN]
     harness.manager.state.quotes.record_quote(SECOND_SERVICE, 8.0, 40.0)
     preview = PreviewHarness(harness)
-    effects = preview.rings(PreviewDue(preview.state.id), 10.0 + MOST_TIME)
+    effects = preview.rings(PreviewDue(preview.state.id), 10.0 + MOST_ROUNDS * REPLY_TIME)
     answer = client_reply(effects)
     assert quoted(answer) == [
         ("a", FIRST_SERVICE, None, False, False, NO_ANSWER),

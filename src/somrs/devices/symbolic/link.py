@@ -9,7 +9,10 @@ from somrs.devices.symbolic.lines import LONGEST, Answer, Refused, Request, enco
 from somrs.errors import RemoteError, UsageError
 
 PATIENCE = 10.0
-"""Seconds to wait for the world, whose program may be restarting."""
+"""Seconds to wait for a connection to the world, whose program may be restarting.
+
+A reply has no time limit: the connection ends with the world's program, and a busy machine is no failure.
+"""
 PAUSE = 0.2
 """Seconds between two attempts to connect."""
 
@@ -21,11 +24,7 @@ async def ask(address: str | None, request: Request, answer_type: type[AnswerTyp
     if address is None:
         raise UsageError(f"{request.device} is a symbolic device, and this system has no symbolic world; start one with `somrs up SITE`")
     host, _, port = address.rpartition(":")
-    try:
-        async with asyncio.timeout(PATIENCE):
-            reply = read_answer(await _line(host, int(port), encode_line(request)))
-    except TimeoutError:
-        raise RemoteError(f"the symbolic world at {address} did not answer within {PATIENCE:g} s") from None
+    reply = read_answer(await _line(host, int(port), encode_line(request)))
     if isinstance(reply, answer_type):
         return reply
     raise RemoteError(reply.reason if isinstance(reply, Refused) else f"the symbolic world answered with {type(reply).__name__}")
@@ -33,12 +32,11 @@ async def ask(address: str | None, request: Request, answer_type: type[AnswerTyp
 
 async def _line(host: str, port: int, payload: bytes) -> bytes:
     """Send a line, and return the reply. A failed connection is tried again; a request without a reply is not: it may have taken effect."""
-    while True:
-        try:
-            reader, writer = await asyncio.open_connection(host, port, limit=LONGEST)
-            break
-        except OSError:
-            await asyncio.sleep(PAUSE)
+    try:
+        async with asyncio.timeout(PATIENCE):
+            reader, writer = await _connect(host, port)
+    except TimeoutError:
+        raise RemoteError(f"the symbolic world at {host}:{port} accepted no connection for {PATIENCE:g} s") from None
     try:
         writer.write(payload)
         line = await reader.readline()
@@ -49,3 +47,11 @@ async def _line(host: str, port: int, payload: bytes) -> bytes:
     if not line:
         raise RemoteError(f"the symbolic world at {host}:{port} ended before it answered")
     return line
+
+
+async def _connect(host: str, port: int) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+    while True:
+        try:
+            return await asyncio.open_connection(host, port, limit=LONGEST)
+        except OSError:
+            await asyncio.sleep(PAUSE)

@@ -29,13 +29,13 @@ MAX_OPEN_CALLS = 32
 """Maximum number of open calls. With more, terms could expire while other services prepare theirs."""
 
 REPLY_TIME = 10.0
-"""Seconds that services have to answer Arrange."""
+"""Seconds that services have to answer Arrange; more if all are late."""
 
 
 class CallForProposals(Struct, kw_only=True, eq=False):
     """A call for the step with the id `step`, which can start at `earliest` and must finish by `latest`.
 
-    `invited` are ids of participants. Their answers are awaited until `reply_by`.
+    `invited` are ids of participants. They were asked at `asked_at`, and their answers are awaited until `reply_by`.
     """
 
     step: str
@@ -46,6 +46,7 @@ class CallForProposals(Struct, kw_only=True, eq=False):
     earliest: float
     latest: float | None
     reply_by: float = field(name="until")
+    asked_at: float = 0.0
 
 
 class OpenCalls(Struct, kw_only=True):
@@ -194,7 +195,7 @@ class Arrangement:
             yield from self._participants.dismiss(member, reason, now)
 
     def invite_services(
-        self, run: StepRun, offers: Sequence[Offer], earliest: float, latest: float | None, now: float, seconds: float = REPLY_TIME
+        self, run: StepRun, offers: Sequence[Offer], earliest: float, latest: float | None, now: float, seconds: float
     ) -> EffectsReturning[CallForProposals]:
         """Send Arrange to the services of these offers, which have `seconds` to answer."""
         self._workflow.move(run, Progress.ARRANGING)
@@ -224,7 +225,7 @@ class Arrangement:
         for offer in offers:
             member = yield from self._participants.invite(offer, run.label, run.key, arrange(offer), now, seconds)
             invited.append(member.id)
-        return make_call(run, invited, earliest=earliest, latest=latest, reply_by=now + seconds)
+        return make_call(run, invited, earliest=earliest, latest=latest, reply_by=now + seconds, asked_at=now)
 
     def _promised_situation(self, run: StepRun) -> str | None:
         """What the map will have changed to when the step starts, by the effects of the steps before it; None if nothing."""
@@ -232,7 +233,9 @@ class Arrangement:
         return str(situation) if situation is not None else None
 
 
-def make_call(run: StepRun, invited: Iterable[str], *, earliest: float, latest: float | None, reply_by: float) -> CallForProposals:
+def make_call(
+    run: StepRun, invited: Iterable[str], *, earliest: float, latest: float | None, reply_by: float, asked_at: float
+) -> CallForProposals:
     """The call for a step with these participants."""
     return CallForProposals(
         step=run.step.id,
@@ -242,4 +245,5 @@ def make_call(run: StepRun, invited: Iterable[str], *, earliest: float, latest: 
         earliest=earliest,
         latest=latest,
         reply_by=reply_by,
+        asked_at=asked_at,
     )

@@ -21,13 +21,13 @@ from somrs.task_manager.execution.member import Member
 from somrs.task_manager.timers import OverdueDue, SilenceDue
 
 SILENCE = 20.0
-"""Seconds without a message after which a working service is queried, and seconds that it has to answer."""
+"""Seconds without a message after which a working service is queried, and seconds that it has to answer; more if all are late."""
 
 DISMISSAL_TIME = 86_400.0
 """Seconds for which End and Cancel are sent again: a device that is down may return, and has to learn that it is free."""
 
 LATENESS = 10.0
-"""A service is stopped after so many times its promised duration."""
+"""A service is stopped after so many times its promised duration; later if the work of others takes longer than promised, too."""
 
 LEAST_TIME = 60.0
 """Minimum seconds before a service is stopped, however short its promised duration is."""
@@ -108,6 +108,7 @@ class Participants:
         `step` is the step's key, which is unique among all plans of the transaction; `label` is its name for people.
         """
         member = self.make_member(offer, label, step)
+        member.last_heard_time = now
         self._members.invited_count += 1
         self._members.by_id[member.id] = member
         yield from self._send(member, arrange, now, seconds)
@@ -122,7 +123,7 @@ class Participants:
 
     def accept(self, member: Member, terms: str, now: float) -> Effects:
         assert not self._members.held(member.step), "a step belongs to one participant at a time (FRP, property 1)"
-        yield from self._send(member, frp.Accept(terms=terms), now, SILENCE)
+        yield from self._send(member, frp.Accept(terms=terms), now, self._silence_time)
 
     def execute(self, member: Member, execute: frp.Execute, now: float) -> Effects:
         yield from self._start_work(member, execute, now)
@@ -142,9 +143,9 @@ class Participants:
 
     def _send_order(self, member: Member, body: frp.Execute | frp.Compensate, now: float) -> Effects:
         """Send an order. A repeated order is a new message, so that `begin_by` of the earlier message keeps its meaning."""
-        member.begins_by = now + SILENCE
+        member.begins_by = now + self._silence_time
         member.last_order = structs.replace(body, begin_by=member.begins_by)
-        yield from self._send(member, member.last_order, now, SILENCE)
+        yield from self._send(member, member.last_order, now, self._silence_time)
 
     def dismiss(self, member: Member, reason: str, now: float) -> Effects:
         """Cancel a participant that is not needed, if it has not begun."""
@@ -161,7 +162,7 @@ class Participants:
 
     def halt(self, member: Member, reason: str, now: float) -> Effects:
         """Order a participant to stop its execution."""
-        yield from self._send(member, frp.Stop(reason=reason), now, SILENCE)
+        yield from self._send(member, frp.Stop(reason=reason), now, self._silence_time)
 
     def end(self, outcome: Outcome, now: float) -> Effects:
         """Send End to all participants that were ever committed (FRP, property 6), and cancel the others."""
@@ -209,6 +210,7 @@ class Participants:
         for answer in transition.answers:
             self._log_message(now, answer)
             yield Send(answer)
+        self._record_pace(member, transition.state_before, message, now)
         member.last_heard_time, member.queried = now, False
         if transition.moved:
             member.begins_by = 0.0
@@ -224,6 +226,13 @@ class Participants:
             yield from self._watch(member, now)
         return member, transition
 
+    def _record_pace(self, member: Member, state_before: State, message: Message, now: float) -> None:
+        """Record how long the answer to Arrange took, or the time since the last message from a working participant."""
+        if state_before is State.ARRANGING and isinstance(message.body, frp.Terms | frp.Refuse):
+            self._context.pace.answered(now - member.last_heard_time)
+        elif state_before in WORKING:
+            self._context.pace.heard(now - member.last_heard_time)
+
     def delivery_failed(self, message: Message, reason: str, now: float) -> EffectsReturning[Member | None]:
         """Handle a message that could not be delivered. Returns the participant if it leaves because of that."""
         member = self._members.find_member(message.header.participant)
@@ -236,7 +245,7 @@ class Participants:
             case frp.Accept() if member.state is State.COMMITTED:
                 yield from self.give_up_member(member)
             case frp.Stop() if member.state is State.STOPPING:
-                yield Send(message, now + SILENCE)
+                yield Send(message, now + self._silence_time)
                 return None
             case _:
                 return None
@@ -255,11 +264,12 @@ class Participants:
         member = self._members.find_member(participant)
         if member is None or member.state not in WORKING:
             return None
-        if now - member.last_heard_time < SILENCE - 0.001:
-            yield SetTimer(self._silence(member), member.last_heard_time + SILENCE)
+        silence = self._silence_time
+        if now - member.last_heard_time < silence - 0.001:
+            yield SetTimer(self._silence(member), member.last_heard_time + silence)
         elif not member.queried:
             member.queried = True
-            rest_time = _rest_time(member, now)
+            rest_time = self._rest_time(member, now)
             yield from self._send(member, frp.Query(), now, rest_time - now)
             yield SetTimer(self._silence(member), rest_time)
             self._log_event(events.ServiceSilent(service=member.offer.service), now)
@@ -287,7 +297,7 @@ class Participants:
         if member.state is State.EXECUTING:
             self._log_event(events.ServiceOverdue(service=member.offer.service), now)
             yield from self.halt(member, "it takes far longer than it said", now)
-            yield SetTimer(self._overdue(member), now + LEAST_TIME)
+            yield SetTimer(self._overdue(member), now + self._context.pace.silence(LEAST_TIME))
             return None
         yield from self.give_up_member(member)
         return member
@@ -297,7 +307,7 @@ class Participants:
         yield from self.give_up_member(member)
         yield from self._send(member, frp.End(outcome=Outcome.FAILED), now, DISMISSAL_TIME)
         member.halting = True
-        yield SetTimer(self._overdue(member), _rest_time(member, now))
+        yield SetTimer(self._overdue(member), self._rest_time(member, now))
 
     def give_up_member(self, member: Member) -> Effects:
         """Stop waiting for a participant, although its device may still act."""
@@ -309,25 +319,29 @@ class Participants:
     def _watch(self, member: Member, now: float) -> Effects:
         member.last_heard_time, member.queried = now, False
         terms = member.session.terms
-        seconds = max(LEAST_TIME, LATENESS * terms.duration if terms is not None else 0.0)
+        seconds = max(LEAST_TIME, self._context.pace.stretch(LATENESS * terms.duration) if terms is not None else 0.0)
         start = max(now, member.bid.start if member.bid is not None else now)
-        yield SetTimer(self._silence(member), now + SILENCE)
+        yield SetTimer(self._silence(member), now + self._silence_time)
         yield SetTimer(self._overdue(member), start + seconds)
 
     def _unwatch(self, member: Member) -> Effects:
         yield SetTimer(self._silence(member), None)
         yield SetTimer(self._overdue(member), None)
 
+    @property
+    def _silence_time(self) -> float:
+        """Seconds without a message after which a working service is silent, measured against the intervals of all services."""
+        return self._context.pace.silence(SILENCE)
+
+    def _rest_time(self, member: Member, now: float) -> float:
+        """When a silent participant must have stopped. If its start was not confirmed, it may have begun as late as `begins_by`."""
+        return max(now + self._silence_time, member.begins_by + 2 * self._silence_time)
+
     def _silence(self, member: Member) -> SilenceDue:
         return SilenceDue(self._transaction, member.id)
 
     def _overdue(self, member: Member) -> OverdueDue:
         return OverdueDue(self._transaction, member.id)
-
-
-def _rest_time(member: Member, now: float) -> float:
-    """When a silent participant must have stopped. If its start was not confirmed, it may have begun as late as `begins_by`."""
-    return max(now + SILENCE, member.begins_by + 2 * SILENCE)
 
 
 def answer_stranger(message: Message, address: str) -> list[Effect]:

@@ -23,7 +23,7 @@ from somrs.protocol.messages.event_text import holders_text
 from somrs.protocol.messages.events import GoalKind
 from somrs.protocol.messages.frp import State
 from somrs.task_manager.arrangement.available_services import service_names
-from somrs.task_manager.arrangement.call_for_proposals import MAX_OPEN_CALLS, Arrangement, CallForProposals
+from somrs.task_manager.arrangement.call_for_proposals import MAX_OPEN_CALLS, REPLY_TIME, Arrangement, CallForProposals
 from somrs.task_manager.arrangement.conditions import Conditions
 from somrs.task_manager.arrangement.plan_request import MOST_PLANS, PlanRequest, PlanRequester, PlanResult, ServicesUnknown
 from somrs.task_manager.context import known_to_hold
@@ -336,7 +336,8 @@ class GoalExecutor:
             reasons = (f"no service takes it ({exclusions})" if exclusions else "no device offers it any more",)
             return False, (yield from self._begin_recovery(run, reasons, now))
         earliest, latest = self._workflow.earliest_start(run, now), self._scope.state.latest_finish
-        call = yield from self._arrangement.invite_services(run, invited, earliest, latest, now)
+        seconds = self._context.pace.answer_time(REPLY_TIME)
+        call = yield from self._arrangement.invite_services(run, invited, earliest, latest, now, seconds)
         yield from calls.open(call)
         self._log_event(events.ServicesAsked(services=service_names(invited)), now, run)
         return True, None
@@ -398,6 +399,8 @@ class GoalExecutor:
         """Close a call and accept the best bid. Without one, the step is open again, and the remaining services are asked."""
         yield from self._execution.calls.close(call)
         state = self._scope.state
+        if all(member.state is State.ARRANGING for member in self._arrangement.invited(call)):
+            self._context.pace.answered(now - call.asked_at)  # all are late: the next call gives them more time
         conditions = Conditions(self._execution.conditions, self._arrangement, self._context.quotes)
         if not self._execution.fixed and conditions.consider(call, state.task, self._services.broken, now):
             yield from self._arrangement.withdraw(call, "the plan is to meet conditions", now)

@@ -94,6 +94,7 @@ class ParticipantEvents:
                 member.fraction = 1.0
                 if run is not None:
                     run.outputs = outputs
+                self._record_slowness(member, now)
                 self._log_event(events.StepCompleted(service=name, situation=situation), run, now)
                 return (yield from self._reported(member, situation, observation, None, now))
             case frp.Failed(description=description, tried=False) if member.lost_version is None:
@@ -109,6 +110,12 @@ class ParticipantEvents:
                 return (yield from self._reported(member, situation, observation, trouble, now))
             case _:
                 return (yield from self._process_undo_message(member, run, message, now))
+
+    def _record_slowness(self, member: Member, now: float) -> None:
+        """Record how much longer than promised the work of a participant took."""
+        work, terms = self._state.log.work_of(member), member.session.terms
+        if work is not None and terms is not None:
+            self._scope.context.pace.completed(now - work.started_at, terms.duration)
 
     def _process_undo_message(self, member: Member, run: StepRun | None, message: Message, now: float) -> EffectsReturning[GoalAction]:
         name = member.offer.service

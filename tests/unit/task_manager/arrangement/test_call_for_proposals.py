@@ -16,7 +16,7 @@ from somrs.protocol.messages import frp
 from somrs.protocol.messages.clients import Policy, Submit
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.frp import State
-from somrs.task_manager.arrangement.call_for_proposals import Arrangement, CallForProposals, OpenCalls, make_call
+from somrs.task_manager.arrangement.call_for_proposals import REPLY_TIME, Arrangement, CallForProposals, OpenCalls, make_call
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow
 from somrs.task_manager.timers import BidsDue
@@ -114,7 +114,7 @@ class CallHarness:
         self.arrangement = Arrangement(self.workflow, self.transaction.members, self.transaction.participants, self.transaction.replica)
         self.run = self.workflow.runs["step1"]
         self.run.precondition = parse(precondition) if precondition is not None else None
-        self.effects, self.call = run_effects(self.arrangement.invite_services(self.run, offers, 100.0, latest, 50.0))
+        self.effects, self.call = run_effects(self.arrangement.invite_services(self.run, offers, 100.0, latest, 50.0, REPLY_TIME))
 
     def member(self, name: str) -> Member:
         (invited_member,) = [member for member in self.transaction.members if member.offer.provider == name]
@@ -153,7 +153,7 @@ def test_all_are_asked_the_same() -> None:
     assert [(member.step, member.label) for member in members] == [("1.1/step1", "step1")] * 3
     invited = tuple(member.id for member in members)
     expected = CallForProposals(
-        step="step1", key="1.1/step1", device_group="g", invited=invited, earliest=100.0, latest=200.0, reply_by=60.0
+        step="step1", key="1.1/step1", device_group="g", invited=invited, earliest=100.0, latest=200.0, reply_by=60.0, asked_at=50.0
     )
     assert structs.asdict(harness.call) == structs.asdict(expected)
     assert harness.run.progress is Progress.ARRANGING
@@ -186,7 +186,7 @@ def test_the_precondition_is_as_it_is_now_but_for_a_step_that_several_could_do(
     harness.run.step = Step(
         "step1", "Work", {}, parse(EFFECT), precondition, provider="Robot1", alternative_providers=alike, device_group="g"
     )
-    effects, _ = run_effects(harness.arrangement.invite_services(harness.run, [offer("Robot2")], 100.0, None, 50.0))
+    effects, _ = run_effects(harness.arrangement.invite_services(harness.run, [offer("Robot2")], 100.0, None, 50.0, REPLY_TIME))
     ((body, _),) = sends(effects)
     assert isinstance(body, frp.Arrange)
     assert body.precondition == expected
@@ -321,5 +321,5 @@ def test_a_bid_says_when_the_step_would_begin_and_end() -> None:
 
 def test_a_call_is_for_its_step() -> None:
     run = StepRun(step=Step("step1", "Work", {}, parse(EFFECT), device_group="g"), label="undo1.step1", key="2.1/step1")
-    new_call = make_call(run, iter(("a", "b")), earliest=1.0, latest=2.0, reply_by=3.0)
-    assert structs.astuple(new_call) == ("step1", "2.1/step1", "g", ("a", "b"), 1.0, 2.0, 3.0)
+    new_call = make_call(run, iter(("a", "b")), earliest=1.0, latest=2.0, reply_by=3.0, asked_at=0.5)
+    assert structs.astuple(new_call) == ("step1", "2.1/step1", "g", ("a", "b"), 1.0, 2.0, 3.0, 0.5)

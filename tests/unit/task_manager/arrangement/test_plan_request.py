@@ -18,6 +18,7 @@ from somrs.task_manager.arrangement.plan_request import PlanRequest, PlanRequest
 from somrs.task_manager.context import Quotes, TaskManagerContext
 from somrs.task_manager.device_queue import DeviceQueues
 from somrs.task_manager.execution.workflow import Progress, Workflow
+from somrs.task_manager.pace import Pace
 from somrs.task_manager.requests import ForPlan, Requests
 from somrs.task_manager.reservations import BlockedPlan, Reservation, Reservations
 from somrs.task_manager.timers import Answer, PlanWanted
@@ -46,6 +47,7 @@ def context() -> TaskManagerContext:
         reservations=Reservations(),
         queues=DeviceQueues(),
         quotes=Quotes(),
+        pace=Pace(),
         touched={},
         commitments=dict,
         still_at_work=lambda work: True,

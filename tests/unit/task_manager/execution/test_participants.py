@@ -20,6 +20,7 @@ from somrs.task_manager.device_queue import AtWork, DeviceQueues
 from somrs.task_manager.execution.bids import Bid
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.participants import Members, Participants, answer_stranger
+from somrs.task_manager.pace import Pace
 from somrs.task_manager.requests import Requests
 from somrs.task_manager.reservations import Reservations
 from somrs.task_manager.timers import OverdueDue, SilenceDue
@@ -48,6 +49,7 @@ class TransactionHarness:
             reservations=Reservations(),
             queues=self.queues,
             quotes=Quotes(),
+            pace=Pace(),
             touched=self.touched,
             commitments=dict,
             still_at_work=lambda work: True,
