@@ -258,6 +258,39 @@ def test_a_task_that_waits_names_the_other_task_and_links_to_it(system: RunningS
         wait_for_task(system, task, is_ended)
 
 
+@pytest.mark.usefixtures("jar_at_home")
+def test_a_task_waits_for_robots_to_be_mended_and_is_retried(system: RunningSystem, window: OpenPage) -> None:
+    goal = "Jar002 isOn Platform001"
+    for robot in ("Robot1", "Robot2"):
+        call(system, f"/fleet/{robot}/faults/gripper", post=True)
+    task = submit_task(system, goal)
+    try:
+        wait_for_task(system, task, lambda task_state: task_state["view"]["phase"] == "waiting")
+        page = window(f"{system.url}/tasks/{task}")
+        head = page.locator("header").filter(has_text=goal)
+        expect(head).to_contain_text("Waits for Robot1.TransferObject and Robot2.TransferObject")
+        expect(head).to_contain_text("next attempt at")
+        for size in ("390", "1280"):
+            resize(page, size)
+            assert fits(page)
+            take_screenshot(page, f"task-waits-to-retry-{size}-light")
+    finally:
+        for robot in ("Robot1", "Robot2"):
+            call(system, f"/fleet/{robot}/faults/gripper?repair=true", post=True)
+    wait_for_task(system, task, is_ended)
+    expect(head).to_contain_text("Accomplished", timeout=WORK_TIME)
+    page.get_by_role("button", name="Retry this task").click()
+    page.wait_for_url(lambda url: task.rpartition(":")[2] not in url)
+    expect(page.locator("header").filter(has_text=goal)).to_contain_text(f"task {task.rpartition(':')[2][:8]}")
+    take_screenshot(page, "task-retried-1280-light")
+    page.goto(f"{system.url}/tasks")
+    resize(page, "1280")
+    retry = page.get_by_role("button", name=f"Retry {goal}").first
+    take_screenshot(page, "tasks-retry-1280-light")
+    retry.click()
+    page.wait_for_url(lambda url: url.rstrip("/").rpartition("/")[2] not in ("tasks", task.rpartition(":")[2]))
+
+
 def test_what_cannot_be_done_says_why_not(system: RunningSystem, window: OpenPage) -> None:
     task = submit_task(system, "Shelf001 isOn Platform001")
     page = window(f"{system.url}/tasks/{task.rpartition(':')[2][:8]}", dark=True)

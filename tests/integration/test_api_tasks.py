@@ -193,6 +193,35 @@ def test_a_task_is_found_by_the_beginning_of_its_id_even_if_it_was_long_ago(tmp_
     run_scenario(tmp_path, scenario, Porter("Robot1"))
 
 
+def test_an_ended_task_is_submitted_once_more_and_names_the_old_one(tmp_path: Path) -> None:
+    async def scenario(system: SmallSystem, api: LiveApi) -> None:
+        (robot,) = system.porters
+        robot.refuses = "it is too heavy"
+        task = (await api.tasks.submit(Submit(effect=GOAL, priority=2, deadline=600.0, waits=False))).task
+        await wait_for_end(api, task)
+        robot.refuses = ""
+        retries = [(await api.tasks.retry(task, once="one click")).task for _ in range(2)]
+        assert retries[0] == retries[1] != task
+        await wait_for_end(api, retries[0])
+        view = (await api.tasks.read(retries[0])).view
+        assert (view.outcome, view.retry_of) == (Outcome.ACCOMPLISHED, task)
+        assert (view.effect, view.priority, view.deadline, view.waits) == (GOAL, 2, 600.0, False)
+        record = await api.records.read(retries[0])
+        assert record.retry_of == task
+
+    run_scenario(tmp_path, scenario, Porter("Robot1"))
+
+
+def test_a_task_that_runs_cannot_be_retried(tmp_path: Path) -> None:
+    async def scenario(system: SmallSystem, api: LiveApi) -> None:
+        task = (await api.tasks.submit(Submit(effect=GOAL))).task
+        with pytest.raises(UsageError, match="has not ended yet"):
+            await api.tasks.retry(task)
+        await api.tasks.cancel(task)
+
+    run_scenario(tmp_path, scenario, Porter("Robot1", seconds=5))
+
+
 def test_a_task_is_cancelled_for_a_reason_that_is_told(tmp_path: Path) -> None:
     async def scenario(system: SmallSystem, api: LiveApi) -> None:
         task = (await api.tasks.submit(Submit(effect=GOAL))).task

@@ -219,7 +219,7 @@ def test_a_robot_that_falls_silent_with_the_jar_ends_the_task_and_is_not_asked_a
     async def run() -> None:
         async with running(tmp_path / "run", SCENARIO_1) as (_, client, operator):
             await operator.schedule("Robot1", Fault.SILENT, carried=1.0)
-            view = await accomplish(client, "Jar002 isOn Platform001")
+            view = await accomplish(client, "Jar002 isOn Platform001", waits=False)
             assert view.outcome is Outcome.FAILED
             assert "sent nothing" in view.explanation
             assert (await client.query("Robot1.Working = FALSE")).rows

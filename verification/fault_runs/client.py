@@ -69,7 +69,12 @@ class Client:
             return []
         request = self._requests[number]
         body = Submit(
-            effect=request.effect, policy=request.policy, deadline=request.deadline, handlers=request.handlers, priority=request.priority
+            effect=request.effect,
+            policy=request.policy,
+            deadline=request.deadline,
+            handlers=request.handlers,
+            priority=request.priority,
+            waits=request.waits,
         )
         return [self._send(self._id(number), request.task_manager, body, now), SetTimer(f"submit {number}", now + PATIENCE)]
 

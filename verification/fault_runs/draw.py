@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Iterator
+from dataclasses import replace
 
 from somrs.ontology.services import Handler, Occasion
 from somrs.protocol.messages.clients import Policy
@@ -44,6 +45,7 @@ class _Draw:
         self.seed = seed
         self.dice = dice = random.Random(seed)
         self.more_dice = random.Random(f"{seed}: how urgent, and whether it is asked what it costs")
+        self.waiting_dice = random.Random(f"{seed}: which tasks wait, and which devices are mended late")
         self.setting = dice.choice(list(Setting))
         self.managers = [f"tm{number}" for number in range(1, dice.choice((1, 1, 2, 3)) + 1)]
         self.tables = [f"Table{number}" for number in range(1, dice.randint(2, 4) + 1)]
@@ -105,6 +107,7 @@ class _Draw:
             joins=self.seconds(60) if self.chance(RARELY) else 0.0,
             drops=self.chance(OFTEN),
             lays_down=self.chance(OFTEN),
+            mended_at=self.waiting_dice.choice((20.0, 60.0, 200.0)) if self.waiting_dice.random() < SELDOM else 0.0,
         )
 
     # Tasks
@@ -117,7 +120,7 @@ class _Draw:
 
     def _request(self) -> TaskRequest:
         dice = self.dice
-        return TaskRequest(
+        request = TaskRequest(
             at=self.seconds(40) if self.chance(OFTEN) else 0.0,
             task_manager=dice.choice(self.managers),
             effect=self._effect(),
@@ -128,6 +131,10 @@ class _Draw:
             priority=self.more_dice.choice((0, 0, 0, -1, 1, 5)),
             previewed=self.more_dice.random() < 2 * SELDOM,
         )
+        if self.waiting_dice.random() < OFTEN:  # without a deadline, it could wait for ever
+            deadline = request.deadline or self.waiting_dice.choice((300.0, 900.0, 3600.0))
+            return replace(request, waits=True, deadline=deadline)
+        return request
 
     def _effect(self) -> str:
         dice = self.dice

@@ -47,7 +47,8 @@ class Undo(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeviceTraits:
-    """A device. `joins`: seconds from the start. `drops` what it holds when its program dies; `lays_down` what it holds when stopped."""
+    """A device. `joins`: seconds from the start. `mended_at`: seconds from then, until which it refuses for now. `drops` what it holds when
+    its program dies; `lays_down` what it holds when stopped."""
 
     name: str
     services: tuple[str, ...]
@@ -56,6 +57,7 @@ class DeviceTraits:
     undo: Undo = Undo.IMPOSSIBLE
     refuses: bool = False
     mute: bool = False
+    mended_at: float = 0.0
     valid_for: float = 60.0
     halts: float = 1.0
     lease: float = 60.0
@@ -71,7 +73,7 @@ class DeviceTraits:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TaskRequest:
     """A task for the Task Manager `task_manager`. `cancelled`: seconds from its acceptance; `previewed`: a preview is requested at the same
-    time."""
+    time. `waits`: until its deadline, it is tried again when it cannot be done now."""
 
     at: float
     task_manager: str
@@ -82,6 +84,7 @@ class TaskRequest:
     cancelled: float | None = None
     priority: int = 0
     previewed: bool = False
+    waits: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -60,6 +60,9 @@ class SimulatedDevice:
     _last_places: dict[str, Place | bool] = field(default_factory=dict)
     """The last place of each object that it worked on."""
 
+    def __post_init__(self) -> None:
+        self._started_at = self.now()
+
     @property
     def name(self) -> str:
         return self.traits.name
@@ -96,6 +99,8 @@ class SimulatedDevice:
             return
         if self.traits.refuses:
             yield 0.1, Refusal("it is too heavy for me")
+        elif self.now() < self._started_at + self.traits.mended_at:
+            yield 0.1, Refusal("it is out of order", not_now=True)
         else:
             yield 0.1, Quoted(price=self.traits.price, duration=self.traits.duration)
 

@@ -27,11 +27,11 @@ services:
     inputs: {Object: Graspable, Shelf: Shelf}
     precondition: "?Object isOn ?Source AND ?Shelf isBehind ?Door AND ?Door.Open = TRUE"
     effect: "?Object isOn ?Shelf"
-  OpenDoor:
+  UnlockDoor:
     inputs: {Door: Door}
     precondition: "?Door.Open = FALSE"
     effect: "?Door.Open = TRUE"
-  CloseDoor:
+  LockDoor:
     inputs: {Door: Door}
     precondition: "?Door.Open = TRUE"
     effect: "?Door.Open = FALSE"
@@ -49,7 +49,7 @@ RECOGNITION = "RecognizeSituation"
 
 SERVICES: dict[Setting, tuple[tuple[str, ...], ...]] = {
     Setting.FLAT: (("TransferObject",),),
-    Setting.DOORS: (("CarryObject",), ("StoreObject",), ("OpenDoor", "CloseDoor"), ("CarryObject", "StoreObject")),
+    Setting.DOORS: (("CarryObject",), ("StoreObject",), ("UnlockDoor", "LockDoor"), ("CarryObject", "StoreObject")),
     Setting.GRIP: (("PickUp", "PutDown"),),
 }
 """The services of a setting's devices, in turn, so that some device offers each service."""

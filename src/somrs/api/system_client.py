@@ -71,6 +71,7 @@ class Client:
         deadline: float | None = None,
         handlers: Iterable[Handler] = (),
         priority: int = 0,
+        waits: bool = True,
         idempotency_key: str | None = None,
     ) -> str:
         """Submit a task, and return its id at once; `watch` follows the task.
@@ -83,6 +84,7 @@ class Client:
             deadline: seconds within which the task has to be accomplished.
             handlers: goals for when a step fails; they take precedence over the handlers of the service types.
             priority: among tasks that need the same objects or devices, the one with the higher number goes first.
+            waits: while no service can do it, for reasons that pass, the task waits and tries again; otherwise it fails.
             idempotency_key: submissions with the same key are one task, so that a submission can be repeated after a timeout.
         """
         task = Submit(
@@ -93,6 +95,7 @@ class Client:
             deadline=deadline,
             handlers=tuple(handlers),
             priority=priority,
+            waits=waits,
         )
         return (await self.api.tasks.submit(task, once=idempotency_key)).task
 
@@ -169,6 +172,10 @@ class Client:
     async def cancel(self, task: str, reason: str = "cancelled by the client") -> None:
         """Cancel a task: stop its running steps, and compensate the completed ones."""
         await self.api.tasks.cancel(task, reason)
+
+    async def retry(self, task: str, *, idempotency_key: str | None = None) -> str:
+        """Submit an ended task once more, with the same goal and options, and return the id of the new task."""
+        return (await self.api.tasks.retry(task, once=idempotency_key)).task
 
     def _live_hub(self) -> LiveHub:
         if self._hub is None:

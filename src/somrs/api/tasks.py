@@ -11,7 +11,7 @@ from somrs.client.message_chart import chart
 from somrs.client.operations import Document, operation
 from somrs.client.refusals import NotFound
 from somrs.client.task_history import TaskHistory
-from somrs.client.task_report import is_named
+from somrs.client.task_report import is_named, repetition
 from somrs.client.task_report import view as view_of
 from somrs.client.trace import lines_from, without_heartbeats
 from somrs.errors import RemoteError, UsageError
@@ -123,6 +123,14 @@ class TaskService:
     async def cancel(self, id: str, reason: str = "cancelled by the client") -> None:
         """Cancel a task: stop its running steps, and compensate the completed ones."""
         await self._client.cancel(await self._complete_id(id), reason)
+
+    @operation("POST", "/tasks/{id}/retry")
+    async def retry(self, id: str, once: str | None = None, by: str | None = None) -> Submitted:
+        """Submit an ended task once more, with the same goal and options. The new task names the old one (`retry_of`).
+
+        `once`, `by`: as for a new task.
+        """
+        return await self.submit(repetition((await self.read(id)).view), once, by)
 
     async def _read_current(self, task: str) -> TaskDetails | None:
         """The task as the Task Manager holds it; None if it does not."""

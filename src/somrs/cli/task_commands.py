@@ -14,7 +14,7 @@ from somrs.client import terminal
 from somrs.client.client import PATIENCE, Addresses, Client
 from somrs.client.message_chart import chart
 from somrs.client.task_history import TaskHistory, open_task_history
-from somrs.client.task_report import TaskReport, is_named, to_builtins, view
+from somrs.client.task_report import TaskReport, is_named, repetition, to_builtins, view
 from somrs.client.trace import Line, lines_from, lines_of, without_heartbeats
 from somrs.errors import FormulaError, UsageError
 from somrs.ontology.services import Handler, Occasion
@@ -156,6 +156,13 @@ def _select_id(name: str, ids: list[str]) -> str:
             f"{f'{len(matches)} tasks begin' if matches else 'no task begins'} with {name}; `somrs tasks --history` lists them"
         )
     return matches[0]
+
+
+async def retry(name: str, data: Path, *, wait: bool, json: bool) -> int:
+    """Submit an ended task once more. Returns the exit status, as `run_task` does."""
+    async with open_task_history(data) as archive:
+        report = await _read_report(name, archive)
+    return await run_task(repetition(report.view), data, wait=wait, json=json)
 
 
 async def cancel(name: str, reason: str, data: Path) -> None:

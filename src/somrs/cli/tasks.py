@@ -164,6 +164,19 @@ def cancel(
 
 
 @tasks_app.command()
+def retry(
+    task: TaskName,
+    wait: Annotated[bool, typer.Option(help="Wait until the new task has ended.")] = True,
+    data: Data = DEFAULT_FOLDER,
+    json: Json = False,
+) -> None:
+    """Submit an ended task once more, with the same goal and options. The new task names the old one."""
+    from somrs.cli.task_commands import retry as run
+
+    sys.exit(awaited(run(task, data, wait=wait, json=json)))
+
+
+@tasks_app.command()
 def export(
     out: Annotated[Path | None, typer.Argument(help="The file to write; by default, standard output.")] = None,
     format: Annotated[

@@ -6,7 +6,9 @@ from typing import Any
 
 import msgspec
 
-from somrs.protocol.messages.clients import ContractView, Phase, Previewed, TaskEvent, TaskRow, TaskView
+from somrs.errors import UsageError
+from somrs.protocol.messages.clients import ContractView, Phase, Previewed, Submit, TaskEvent, TaskRow, TaskView
+from somrs.protocol.messages.event_text import short_id
 from somrs.protocol.messages.records import TaskRecord
 
 
@@ -27,6 +29,14 @@ def view(record: TaskRecord) -> TaskView:
     """The view of an ended task, like that of a running one."""
     shared = {name: getattr(record, name) for name in TaskView.__struct_fields__ if name in TaskRecord.__struct_fields__}
     return TaskView(phase=Phase.ENDED, **shared)
+
+
+def repetition(ended: TaskView) -> Submit:
+    """The task that repeats an ended one. Raises UsageError if that one still runs."""
+    if ended.phase is not Phase.ENDED:
+        raise UsageError(f"{ended.effect} has not ended yet; cancel it first: `somrs cancel {short_id(ended.task)}`")
+    shared = {name: getattr(ended, name) for name in Submit.__struct_fields__ if name != "retry_of"}
+    return Submit(**shared, retry_of=ended.task)
 
 
 def to_builtins(report: TaskReport) -> dict[str, Any]:

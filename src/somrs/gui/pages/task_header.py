@@ -13,8 +13,9 @@ from somrs.client.task_forecast import cost_text, remaining_text
 from somrs.client.task_report import reasons
 from somrs.gui.icons import Badge, format_time
 from somrs.gui.pages.task_cancel_dialog import CancelDialog
-from somrs.gui.pages.task_text import PHASES, count_text, due_text, gist, task_sign
-from somrs.gui.pages.task_waits import show_waits
+from somrs.gui.pages.task_retry import RetryButton
+from somrs.gui.pages.task_text import PHASES, count_text, due_text, gist, task_path, task_sign
+from somrs.gui.pages.task_waits import show_hindrances, show_waits
 from somrs.protocol.messages.clients import Phase, Policy, TaskView
 from somrs.protocol.messages.event_text import short_id
 from somrs.protocol.messages.frp import State
@@ -27,7 +28,7 @@ class TaskHeader:
     """Updated in place as the task changes."""
 
     def __init__(self, api: LiveApi, view: TaskView) -> None:
-        self._view = view
+        self._api, self._view = api, view
         self._cancel_dialog = CancelDialog(api, view)
         with ui.element("header").classes("somrs-sheet somrs-task-head"):
             with ui.element("div").classes("somrs-task-line"):
@@ -48,6 +49,8 @@ class TaskHeader:
                 self._due = _fact("Deadline")
                 _fact("Priority").set_text(priority_text(view.priority))
                 _fact("Policy").set_text(_POLICIES[view.policy])
+                if view.retry_of is not None:
+                    _link_fact("Retry of", f"task {short_id(view.retry_of)}", task_path(view.retry_of))
                 if view.precondition:
                     _fact("Precondition").set_text(view.precondition)
                 _fact("Id").set_text(short_id(view.task))
@@ -66,6 +69,7 @@ class TaskHeader:
                 "outline dense no-caps color=negative"
             )
             self._cancel.props('aria-label="Cancel this task"')
+            self._retry = RetryButton(self._api, view)
 
     def render(self, view: TaskView) -> None:
         self._view = view
@@ -80,7 +84,7 @@ class TaskHeader:
         self._fill.style(f"width: {100 * share:.1f}%")
         tone = "good" if view.outcome == "accomplished" else "soft" if is_ended else "accent"
         self._fill.style(f"background: var(--{tone})")
-        self._cancel.visible = not is_ended
+        self._cancel.visible, self._retry.visible = not is_ended, is_ended
         self._cancel_dialog.render(view)
         self._record.props(f'href="/api/{"records" if is_ended else "tasks"}/{view.task}"')
         current_reasons = reasons(view)
@@ -91,7 +95,9 @@ class TaskHeader:
                 if view.waiting_for is not None:
                     with ui.element("li"):
                         show_waits(view.waiting_for, "Waits for")
-                for reason in current_reasons if view.waiting_for is None else ():
+                if view.waiting_to_retry is not None:
+                    show_hindrances(view.waiting_to_retry)
+                for reason in current_reasons if view.waiting_for is None and view.waiting_to_retry is None else ():
                     with ui.element("li"):
                         ui.label(reason_text(reason)).tooltip(reason)
         self._reason_status.visible = bool(current_reasons)
@@ -127,6 +133,14 @@ def _fact(name: str) -> ui.label:
             ui.label(name)
         with ui.element("dd"):
             return ui.label()
+
+
+def _link_fact(name: str, text: str, target: str) -> None:
+    with ui.element("div"):
+        with ui.element("dt"):
+            ui.label(name)
+        with ui.element("dd"):
+            ui.link(text, target)
 
 
 def _file(target: str, name: str, icon: str, text: str) -> ui.element:

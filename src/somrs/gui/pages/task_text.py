@@ -7,10 +7,10 @@ import re
 from somrs.client import state_labels
 from somrs.client.durations import format_duration
 from somrs.gui.components.task.waits import WaitText
-from somrs.gui.icons import OUTCOMES, Sign
+from somrs.gui.icons import OUTCOMES, Sign, join_names
 from somrs.protocol.messages.clients import Phase
 from somrs.protocol.messages.event_text import reserved_text, short_id
-from somrs.protocol.messages.events import WaitsForTasks
+from somrs.protocol.messages.events import WaitsForTasks, WaitsToRetry
 from somrs.protocol.messages.frp import Outcome
 
 PHASES = {
@@ -50,6 +50,14 @@ def wait_texts(waiting_for: WaitsForTasks | None) -> list[WaitText]:
         WaitText(goal=holder.goal or f"task {short_id(holder.task)}", href=task_path(holder.task), reserved=reserved_text(holder))
         for holder in holders
     ]
+
+
+def hindrance_texts(wait: WaitsToRetry) -> list[str]:
+    """Why there is no way to do a task now; services with the same reason together."""
+    subjects_by_reason: dict[str, list[str]] = {}
+    for hindrance in wait.hindrances:
+        subjects_by_reason.setdefault(hindrance.reason, []).append(hindrance.subject)
+    return [f"Waits for {join_names(subjects)}: {gist(reason)}." for reason, subjects in subjects_by_reason.items()]
 
 
 def device_name(service: str) -> str:

@@ -22,8 +22,8 @@ from somrs.gui.components.task.list import TaskList
 from somrs.gui.icons import format_time, join_names
 from somrs.gui.news import follow
 from somrs.gui.pages import task
-from somrs.gui.pages.task_text import count_text, device_name, due_text, gist, task_key, task_sign, wait_texts
-from somrs.gui.shell import page
+from somrs.gui.pages.task_text import count_text, device_name, due_text, gist, hindrance_texts, task_key, task_path, task_sign, wait_texts
+from somrs.gui.shell import guarded, page
 from somrs.gui.throttle import Throttle
 from somrs.gui.unavailable_banner import UnavailableBanner
 from somrs.protocol.messages.clients import Phase, TaskRow
@@ -44,6 +44,7 @@ _COLUMNS: list[dict[str, Any]] = [
     {"name": "took", "label": "Time", "field": "seconds", "align": "left"},
     {"name": "due", "label": "Deadline", "field": "due", "align": "left"},
     {"name": "priority", "label": "Priority", "field": "priority", "align": "left"},
+    {"name": "retry", "label": "", "field": "retry", "align": "right"},
 ]
 
 
@@ -72,7 +73,7 @@ class _Tasks:
             new = ui.button("New task", icon="add_task", on_click=lambda: ui.navigate.to("/define"))
             new.props("unelevated no-caps color=primary").classes("somrs-tasks-new")
         UnavailableBanner(api, "Task Manager")
-        self._table = TaskList(_COLUMNS, "Reading the tasks …").classes("somrs-tasks somrs-sheet")
+        self._table = TaskList(_COLUMNS, "Reading the tasks …", on_retry=guarded(self._retry)).classes("somrs-tasks somrs-sheet")
         with ui.element("p").classes("somrs-soft somrs-tasks-foot"):
             ui.label("Older tasks are in the")
             ui.link("History", "/history")
@@ -107,6 +108,10 @@ class _Tasks:
         if isinstance(news.value, OpenQuestions):
             self._asked_people = frozenset(question.person for question in news.value.questions)
             self._render()
+
+    async def _retry(self, task: str, once: str) -> None:
+        submitted = await self._api.tasks.retry(task, once=once)
+        ui.navigate.to(task_path(submitted.task))
 
     def _tick(self) -> None:
         if any(row.phase is not Phase.ENDED for row in self._rows.values()):
@@ -151,6 +156,7 @@ def _table_row(row: TaskRow, asked_people: frozenset[str], now: float) -> dict[s
         "effect": row.effect,
         "note": " · ".join(_notes(row, asked_people)),
         "waits": wait_texts(row.waiting_for),
+        "retry": f"Retry {row.effect}" if row.outcome is not None else "",
         "asks": join_names(sorted({device_name(service) for service in row.services} & asked_people)),
         "setbacks": f"{count_text(row.setbacks, 'setback')}" if row.setbacks else "",
         "at": row.submitted_at,
@@ -166,5 +172,7 @@ def _notes(row: TaskRow, asked_people: frozenset[str]) -> Iterator[str]:
     working = [name for name in dict.fromkeys(device_name(service) for service in row.services) if name not in asked_people]
     if row.outcome is None and working:
         yield f"{join_names(working)} working"
-    for reason in reasons(row)[:1] if row.waiting_for is None else ():
+    if row.waiting_to_retry is not None:
+        yield from hindrance_texts(row.waiting_to_retry)
+    for reason in reasons(row)[:1] if row.waiting_for is None and row.waiting_to_retry is None else ():
         yield gist(reason[:1].upper() + reason[1:])

@@ -47,6 +47,7 @@ class Submit(MessageBody, frozen=True, kw_only=True, tag=True):
     among tasks that wait for the same objects or devices, the one with the higher number goes first; work under way is not interrupted.
     `waits`: if no service can do it now, for reasons that pass, the task waits and tries again, until its deadline; otherwise it fails.
     `recognise`: find out whether, and for which objects and values, `effect` holds, instead of making it true (`findings.py`).
+    `retry_of`: the id of the ended task that this one repeats.
     """
 
     effect: str
@@ -58,6 +59,7 @@ class Submit(MessageBody, frozen=True, kw_only=True, tag=True):
     priority: int = 0
     waits: bool = True
     recognise: bool = False
+    retry_of: str | None = None
 
 
 class Submitted(MessageBody, frozen=True, kw_only=True, tag=True):
@@ -159,6 +161,8 @@ class TaskView(Struct, frozen=True, kw_only=True):
     handlers: tuple[Handler, ...] = ()
     priority: int = 0
     waits: bool = True
+    retry_of: str | None = None
+    """The ended task that it repeats."""
     waiting_for: WaitsForTasks | None = None
     """The tasks that it waits for now; also in the reasons, as text."""
     waiting_to_retry: WaitsToRetry | None = None

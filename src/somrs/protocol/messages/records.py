@@ -33,6 +33,7 @@ class TaskRecord(Struct, frozen=True, kw_only=True, tag=True):
     messages: tuple[MessageView, ...] = ()
     priority: int = 0
     waits: bool = True
+    retry_of: str | None = None
     time_value: float = 0.01
     handlers: tuple[Handler, ...] = ()
     recognise: bool = False

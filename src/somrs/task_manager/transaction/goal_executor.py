@@ -13,7 +13,7 @@ from types import MappingProxyType
 from msgspec import structs
 
 from somrs.entish.parse import parse
-from somrs.kernel.component import Effects, EffectsReturning, SetTimer
+from somrs.kernel.component import Effects, EffectsReturning
 from somrs.ontology.services import ServiceKind
 from somrs.planner.model.plan import NoPlan, Plan
 from somrs.protocol.messages import events, frp
@@ -32,10 +32,10 @@ from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow
 from somrs.task_manager.recovery.ladder import RecoveryStep, next_recovery_step
 from somrs.task_manager.reservations import BlockedPlan
-from somrs.task_manager.timers import Answer, PlanWanted, RetryDue
+from somrs.task_manager.timers import Answer, PlanWanted
 from somrs.task_manager.transaction.next_action import GoalReached, GoalUnreachable, NextAction, NoPlanFound, Proceed, StepLost, UndoFirst
 from somrs.task_manager.transaction.plan_comparison import PlanComparison
-from somrs.task_manager.transaction.retry import hastened, is_repeated, next_wait
+from somrs.task_manager.transaction.retry_wait import RetryWait
 from somrs.task_manager.transaction.scope import TaskScope
 from somrs.task_manager.transaction.state import GoalExecution
 from somrs.task_manager.transaction.step_executor import StepExecutor
@@ -49,6 +49,7 @@ class GoalExecutor:
         self._execution, self._scope = execution, scope
         self._context, self._participants, self._services = scope.context, scope.participants, scope.services
         self._log_event = scope.log_event
+        self._retry_wait = RetryWait(execution, scope)
 
     # Planning
 
@@ -183,59 +184,18 @@ class GoalExecutor:
         self, reasons: tuple[str, ...], now: float, hindrances: Mapping[str, str] = MappingProxyType({})
     ) -> EffectsReturning[NextAction | None]:
         """Give up for these reasons; or wait, and try again later, if some of them pass: the `hindrances`, and those of services."""
-        execution = self._execution
-        passing = {**hindrances, **self._services.passing_hindrances()} if self._may_wait else {}
+        passing = {**hindrances, **self._services.passing_hindrances()} if self._retry_wait.is_allowed else {}
         if not passing:
             return (yield from self._fail(reasons, now))
         yield from self._withdraw("the task has to wait", now)
         yield from self._dismiss_arranged("the task has to wait", now)
-        self._context.reservations.release(self._scope.state.id)
-        wait = next_wait(execution.waiting_to_retry, passing, now)
-        is_news = not is_repeated(wait, execution.waiting_to_retry)
-        self._scope.end_attempt(is_news=is_news)
-        if is_news:
-            self._log_event(wait, now)
-        execution.replans.wait()
-        execution.phase, execution.waiting_to_retry, execution.retry_at = Phase.WAITING, wait, wait.next_attempt
-        execution.replan_because = None
-        self._context.touched[self._scope.state.id] = None
-        yield SetTimer(RetryDue(self._scope.state.id), execution.retry_at)
-        yield from self._context.requests.follow_arrivals(now)
+        yield from self._retry_wait.begin(passing, now)
         return None
 
-    @property
-    def _may_wait(self) -> bool:
-        return self._execution.kind is GoalKind.TASK and self._scope.state.task.waits
-
-    @property
-    def _passing_hindrances(self) -> dict[str, str]:
-        """The hindrances for which the goal may wait."""
-        return self._services.passing_hindrances() if self._may_wait else {}
-
-    def hasten(self, now: float) -> Effects:
-        """Try again soon: there is news that may concern the reasons for the wait."""
-        execution = self._execution
-        if execution.retry_at is not None and execution.waiting_to_retry is not None:
-            execution.waiting_to_retry = hastened(execution.waiting_to_retry, now)
-            execution.retry_at = execution.waiting_to_retry.next_attempt
-            yield SetTimer(RetryDue(self._scope.state.id), execution.retry_at)
-
     def retry(self, now: float) -> Effects:
-        """Try again: ask for a plan with the services whose reasons may have passed."""
-        execution = self._execution
-        if execution.retry_at is None:
-            return
-        execution.retry_at = None
-        self._scope.begin_attempt()
-        self._services.readmit_refused()
-        yield from self._plan(now)
-
-    def _end_wait(self, now: float) -> None:
-        """The goal's plan is arranged after a wait."""
-        waited, self._execution.waiting_to_retry = self._execution.waiting_to_retry, None
-        if waited is not None:
-            self._scope.end_attempt(is_news=True)
-            self._log_event(events.WaitOver(attempts=waited.attempts, seconds=now - waited.since), now)
+        """Try again, if the goal waits for that."""
+        if self._retry_wait.begin_attempt():
+            yield from self._plan(now)
 
     def _adopt_plan(self, plan: Plan, now: float) -> EffectsReturning[NextAction | None]:
         execution = self._execution
@@ -270,10 +230,8 @@ class GoalExecutor:
         execution = self._execution
         yield from self._withdraw_request()
         execution.waiting_for, execution.resumed = None, False
-        execution.waiting_to_retry = execution.retry_at = None
+        yield from self._retry_wait.abandon()
         if execution.kind is GoalKind.TASK:
-            self._scope.end_attempt(is_news=True)
-            yield SetTimer(RetryDue(self._scope.state.id), None)
             self._context.reservations.stop_waiting(self._scope.state.id)
         yield from execution.calls.close_all()
 
@@ -295,7 +253,7 @@ class GoalExecutor:
         elif (failed := workflow.failed) is not None:
             return (yield from self._begin_recovery(failed, (failed.failure or "",), now))
         elif workflow.is_completed:
-            self._end_wait(now)
+            self._retry_wait.end(now)
             return (yield from self._finish(now))
         elif not execution.fixed and (redefined := self._redefined_types(workflow)):
             return (yield from self._replan(now, tuple(f"{name} is defined anew" for name in redefined)))
@@ -310,7 +268,7 @@ class GoalExecutor:
                 if not stands:
                     return action
         elif workflow.arranged:
-            self._end_wait(now)
+            self._retry_wait.end(now)
             execution.phase = Phase.EXECUTING
             for run in workflow.ready:
                 if reasons := (yield from StepExecutor(execution, self._scope).begin(run, now)):
@@ -471,7 +429,7 @@ class GoalExecutor:
             return (yield from self._fail(reasons, now))
         reasons_to_stop = (*reasons, str(execution.replans))
         is_exhausted = execution.replans.is_exhausted and not self._recognises  # no observation is planned twice
-        if is_exhausted and not self._passing_hindrances:
+        if is_exhausted and not self._retry_wait.passing_hindrances:
             return (yield from self._fail(reasons_to_stop, now))
         yield from self._withdraw("the plan changed", now)
         if execution.workflow is not None and execution.workflow.busy:

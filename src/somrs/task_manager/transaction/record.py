@@ -31,6 +31,7 @@ def record(state: TaskState) -> TaskRecord:
         messages=tuple(message_view(entry.at, entry.message) for entry in state.messages),
         priority=task.priority,
         waits=task.waits,
+        retry_of=task.retry_of,
         time_value=task.time_value,
         handlers=task.handlers,
         recognise=task.recognise,

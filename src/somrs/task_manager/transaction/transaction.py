@@ -35,6 +35,7 @@ from somrs.task_manager.transaction.goal_executor import GoalExecutor
 from somrs.task_manager.transaction.next_action import GoalReached, GoalUnreachable, NextAction, NoPlanFound, Proceed, StepLost, UndoFirst
 from somrs.task_manager.transaction.participant_events import GoalAction, ParticipantEvents
 from somrs.task_manager.transaction.record import record
+from somrs.task_manager.transaction.retry_wait import RetryWait
 from somrs.task_manager.transaction.scope import TaskScope
 from somrs.task_manager.transaction.state import GoalExecution, TaskState, waiting_texts
 from somrs.task_manager.transaction.step_executor import StepExecutor
@@ -114,7 +115,7 @@ class Transaction:
                 self._observation.assumed(subject, result.problems, now)
             case subject:
                 self._participants.settled(subject, result, now)
-        yield from self._executor(self.state.goal).hasten(now)
+        yield from RetryWait(self.state.goal, self._scope).hasten(now)
         if reports.settle_first():
             yield from self.proceed(now)
         else:
@@ -152,7 +153,7 @@ class Transaction:
     def services_joined(self, services: Iterable[str], now: float) -> Effects:
         """Handle the arrival of services: a task that waits tries again."""
         self._scope.services.returned(services)
-        yield from self._executor(self.state.goal).hasten(now)
+        yield from RetryWait(self.state.goal, self._scope).hasten(now)
 
     def map_changed(self, now: float) -> Effects:
         """Handle a change of the map: services whose invariant it breaks are stopped."""
@@ -164,7 +165,7 @@ class Transaction:
     def objects_changed(self, objects: AbstractSet[str], now: float) -> Effects:
         """Handle a change of the map: a task that waits for a device which changed tries again."""
         if self.state.goal.retry_at is not None and not objects.isdisjoint(self._scope.services.excluded_providers):
-            yield from self._executor(self.state.goal).hasten(now)
+            yield from RetryWait(self.state.goal, self._scope).hasten(now)
 
     def cancel(self, now: float, reason: str) -> Effects:
         """Cancel the task for its client."""

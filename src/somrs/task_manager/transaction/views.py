@@ -59,6 +59,7 @@ def view(task: TaskState) -> TaskView:
         handlers=task.task.handlers,
         priority=task.task.priority,
         waits=task.task.waits,
+        retry_of=task.task.retry_of,
         waiting_for=task.goal.waiting_for,
         waiting_to_retry=task.goal.waiting_to_retry,
     )

@@ -27,13 +27,20 @@ export default {
           <q-td class="somrs-task-took">{{ props.row.took }}</q-td>
           <q-td class="somrs-task-due">{{ props.row.due }}</q-td>
           <q-td class="somrs-task-priority">{{ props.row.priority }}</q-td>
+          <q-td class="somrs-task-retry">
+            <button v-if="props.row.retry" type="button" class="somrs-task-again" :aria-label="props.row.retry" title="Retry"
+              @click="$emit('retry', {task: props.row.task, once: visit + props.row.task})">
+              <i class="q-icon material-icons" aria-hidden="true">replay</i></button>
+          </q-td>
         </q-tr>
       </template>
       <template v-slot:no-data><span class="somrs-soft">{{ nothing }}</span></template>
     </q-table>
   `,
+  emits: ["retry"],
   props: { rows: { type: Array, default: () => [] }, columns: { type: Array, default: () => [] }, nothing: { type: String, default: "" } },
   data() {
-    return { pages: { rowsPerPage: 25 } };
+    // The key of the buttons: a second click on one, such as a double click, submits no second task.
+    return { pages: { rowsPerPage: 25 }, visit: `${Date.now()}-${Math.random()}-` };
   },
 };

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from typing import Any
 
 from nicegui.element import Element
 
 
 class TaskList(Element, component="list.js"):
-    """`empty_text`: shown while there are no rows."""
+    """`empty_text`: shown while there are no rows. `on_retry`: called with the id of an ended task that the user retries, and a key that is
+    the same for all clicks on its button."""
 
-    def __init__(self, columns: Sequence[dict[str, Any]], empty_text: str) -> None:
+    def __init__(self, columns: Sequence[dict[str, Any]], empty_text: str, on_retry: Callable[[str, str], Awaitable[object]]) -> None:
         super().__init__()
+        self.on("retry", lambda event: on_retry(str(event.args["task"]), str(event.args["once"])))
         self._props["columns"] = list(columns)
         self._props["rows"] = []
         self._props["nothing"] = empty_text

@@ -51,6 +51,7 @@ class Draft(msgspec.Struct, kw_only=True):
     deadline: str = ""
     deadline_unit: str = "min"
     priority: int = 0
+    waits: bool = True
     procedures: list[Procedure] = []
     repeat: Repeat = msgspec.field(default_factory=Repeat)
     link: str = ""
@@ -67,6 +68,7 @@ class Draft(msgspec.Struct, kw_only=True):
             handlers=tuple(_handler(procedure) for procedure in self.procedures if procedure.effect.strip()),
             priority=self.priority,
             recognise=self.recognise,
+            waits=self.waits,
         )
 
     def preview(self) -> Preview:
@@ -102,6 +104,7 @@ class Draft(msgspec.Struct, kw_only=True):
         """Fill the draft from a task."""
         self.effect, self.precondition, self.recognise = task.effect, task.precondition or "", task.recognise
         self.policy, self.time_value, self.priority = task.policy, f"{task.time_value:g}", task.priority
+        self.waits = task.waits
         self.deadline, self.deadline_unit = "", "min"
         if task.deadline is not None:
             unit = next(unit for unit in ("h", "min", "s") if task.deadline % UNITS[unit] == 0 or unit == "s")

@@ -23,6 +23,7 @@ _POLICIES = {
     Policy.TIME: ("Soonest", "The earliest completion; at equal times, the lowest price."),
     Policy.WEIGHTED: ("Weighted", "The lowest sum of the price and a cost for each second until completion:"),
 }
+_UNAVAILABLE = {True: "Wait", False: "Fail"}
 _REPEATS = {NOW: "Now", ONE_TIME: "Once, later", INTERVAL: "At intervals", DAILY: "On days of the week"}
 _DAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
 
@@ -49,6 +50,9 @@ class ExecutionOptions:
                     "somrs-define-unit"
                 )
             ui.label("Counted from submission. A task that misses its deadline fails and is undone.").classes("somrs-soft")
+            with _field("If no service is free"):
+                self._waits = _toggle(dict(_UNAVAILABLE), "If no service is free")
+            ui.label("A task that waits tries again, and goes on when a device joins or is mended.").classes("somrs-soft")
             self._repeat = _Repeating(form)
             with _fold("Precondition", "The task starts only if this formula holds. Leave it empty to start it in any situation."):
                 self._precondition = FormulaField(
@@ -60,6 +64,7 @@ class ExecutionOptions:
                 self._procedures = Procedures(form)
         self._policy.on_value_change(lambda event: self._set_value("policy", event.value))
         self._priority.on_value_change(lambda event: self._set_value("priority", event.value))
+        self._waits.on_value_change(lambda event: self._set_value("waits", event.value))
         for field, path in ((self._time_value, "time_value"), (self._deadline, "deadline")):
             field.on_value_change(self._typed(path))
             form.mirror(field, path)
@@ -82,7 +87,7 @@ class ExecutionOptions:
         draft = self._form.draft
         if draft.priority not in self._priority.options:  # templates may have priorities without a name of their own
             self._priority.set_options({**PRIORITIES, draft.priority: priority_text(draft.priority)})
-        for field, value in ((self._policy, draft.policy), (self._priority, draft.priority)):
+        for field, value in ((self._policy, draft.policy), (self._priority, draft.priority), (self._waits, draft.waits)):
             if field.value != value:
                 field.value = value
         for typed, text in (
@@ -184,6 +189,7 @@ def _summary(draft: Draft) -> str:
     parts = [_POLICIES[draft.policy][0].lower()]
     parts += [f"{priority_text(draft.priority)} priority".lower()] if draft.priority else []
     parts += [f"within {draft.deadline} {draft.deadline_unit}"] if draft.deadline.strip() else []
+    parts += [] if draft.waits else ["fails if no service is free"]
     parts += [_REPEATS[draft.repeat.recurrence].lower()] if draft.repeat.recurrence != NOW else []
     return ", ".join(parts)
 

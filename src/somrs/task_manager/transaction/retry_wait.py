@@ -1,0 +1,78 @@
+"""The wait of a task's goal that cannot be reached now, for reasons that pass (docs/decisions/0031): its begin, its attempts, its end."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from somrs.kernel.component import Effects, SetTimer
+from somrs.protocol.messages import events
+from somrs.protocol.messages.clients import Phase
+from somrs.protocol.messages.events import GoalKind
+from somrs.task_manager.timers import RetryDue
+from somrs.task_manager.transaction.retry import hastened, is_repeated, next_wait
+from somrs.task_manager.transaction.scope import TaskScope
+from somrs.task_manager.transaction.state import GoalExecution
+
+
+class RetryWait:
+    """Continues the wait of one goal. It has no state of its own."""
+
+    def __init__(self, execution: GoalExecution, scope: TaskScope) -> None:
+        self._execution, self._scope, self._context = execution, scope, scope.context
+
+    @property
+    def is_allowed(self) -> bool:
+        """Whether the goal may wait at all."""
+        return self._execution.kind is GoalKind.TASK and self._scope.state.task.waits
+
+    @property
+    def passing_hindrances(self) -> dict[str, str]:
+        """The hindrances for which the goal may wait, by subject."""
+        return self._scope.services.passing_hindrances() if self.is_allowed else {}
+
+    def begin(self, hindrances: Mapping[str, str], now: float) -> Effects:
+        """Wait until the next attempt. The caller has withdrawn all calls and dismissed all participants that have not begun."""
+        execution, task = self._execution, self._scope.state.id
+        self._context.reservations.release(task)
+        wait = next_wait(execution.waiting_to_retry, hindrances, now)
+        is_news = not is_repeated(wait, execution.waiting_to_retry)
+        self._scope.end_attempt(is_news=is_news)
+        if is_news:
+            self._scope.log_event(wait, now)
+        execution.replans.wait()
+        execution.phase, execution.waiting_to_retry, execution.retry_at = Phase.WAITING, wait, wait.next_attempt
+        execution.replan_because = None
+        self._context.touched[task] = None
+        yield SetTimer(RetryDue(task), execution.retry_at)
+        yield from self._context.requests.follow_arrivals(now)
+
+    def hasten(self, now: float) -> Effects:
+        """Try again soon: there is news that may concern the hindrances."""
+        execution = self._execution
+        if execution.retry_at is not None and execution.waiting_to_retry is not None:
+            execution.waiting_to_retry = hastened(execution.waiting_to_retry, now)
+            execution.retry_at = execution.waiting_to_retry.next_attempt
+            yield SetTimer(RetryDue(self._scope.state.id), execution.retry_at)
+
+    def begin_attempt(self) -> bool:
+        """Prepare an attempt: services whose hindrance may have passed are asked again. Returns whether the goal waits for one."""
+        if self._execution.retry_at is None:
+            return False
+        self._execution.retry_at = None
+        self._scope.begin_attempt()
+        self._scope.services.readmit_refused()
+        return True
+
+    def end(self, now: float) -> None:
+        """End the wait, if there is one: the plan is arranged."""
+        waited, self._execution.waiting_to_retry = self._execution.waiting_to_retry, None
+        if waited is not None:
+            self._scope.end_attempt(is_news=True)
+            self._scope.log_event(events.WaitOver(attempts=waited.attempts, seconds=now - waited.since), now)
+
+    def abandon(self) -> Effects:
+        """End the wait of a goal that is given up."""
+        self._execution.waiting_to_retry = self._execution.retry_at = None
+        if self._execution.kind is GoalKind.TASK:
+            self._scope.end_attempt(is_news=True)
+            yield SetTimer(RetryDue(self._scope.state.id), None)
