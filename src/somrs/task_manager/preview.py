@@ -288,11 +288,8 @@ class PreviewExecutor:
         state, run = self._state, self._arrangement.run(call)
         yield from state.calls.close(call)
         conditions = Conditions(state.conditions, self._arrangement, self._context.quotes)
-        if (
-            state.owner is None
-            and now < state.bidding_start + MOST_ROUNDS * self._reply_time
-            and conditions.consider(call, state.task, (), now)
-        ):
+        has_time = now < state.bidding_start + MOST_ROUNDS * self._reply_time
+        if state.owner is None and has_time and conditions.consider(call, state.task, (), now):
             yield from self._arrangement.withdraw(call, PREVIEW_ONLY, now)
             return
         bids: dict[str, Bid] = {}
