@@ -1,0 +1,49 @@
+"""A whole system with the simulator, on the site of scenario 3: a door that is shut, and a cupboard with doors."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import pytest
+
+from somrs.protocol.messages.frp import Outcome
+from tests.support.paths import ROOT
+from tests.system.test_system import accomplish, running
+
+pytestmark = pytest.mark.long
+
+SCENARIO_3 = ROOT / "src" / "somrs" / "demo" / "data" / "scenario-3.yaml"
+
+
+def _powered(folder: Path) -> Path:
+    """The site with a door that has a drive."""
+    site = folder / "powered.yaml"
+    site.write_text(SCENARIO_3.read_text("utf-8").replace("Door001: {type: Door,", "Door001: {type: PoweredDoor, Price: 1 EUR,"), "utf-8")
+    return site
+
+
+@pytest.mark.parametrize(("powered", "opener"), [(False, "Robot1"), (True, "Door001")], ids=["by hand", "by its drive"])
+def test_what_is_behind_a_shut_door_is_reached(tmp_path: Path, powered: bool, opener: str) -> None:
+    async def test() -> None:
+        async with running(tmp_path / "data", _powered(tmp_path) if powered else SCENARIO_3) as (_, client, operator):
+            view = await accomplish(client, "Carton001 isOn Shelf001")
+            assert view.outcome is Outcome.ACCOMPLISHED, view.explanation
+            assert [step.service for step in view.steps] == [f"{opener}.OpenDoor", "Robot1.TransferObject"]
+            assert (await operator.observe("Carton001")).support == "Shelf001"
+
+    asyncio.run(test())
+
+
+def test_a_jar_is_put_into_a_shut_cupboard_and_another_taken_out(tmp_path: Path) -> None:
+    async def test() -> None:
+        async with running(tmp_path / "data", SCENARIO_3) as (_, client, operator):
+            view = await accomplish(client, "Jar002 isIn Cupboard002 AND Cupboard002.Open = FALSE")
+            assert view.outcome is Outcome.ACCOMPLISHED, view.explanation
+            assert (await operator.observe("Jar002")).container == "Cupboard002"
+            assert (await operator.observe("Cupboard002")).open is False
+            view = await accomplish(client, "Jar005 isOn Table001")
+            assert view.outcome is Outcome.ACCOMPLISHED, view.explanation
+            assert (await operator.observe("Jar005")).support == "Table001"
+
+    asyncio.run(test())
