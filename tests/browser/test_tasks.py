@@ -268,7 +268,8 @@ def test_a_task_waits_for_robots_to_be_mended_and_is_retried(system: RunningSyst
         wait_for_task(system, task, lambda task_state: task_state["view"]["phase"] == "waiting")
         page = window(f"{system.url}/tasks/{task}")
         head = page.locator("header").filter(has_text=goal)
-        expect(head).to_contain_text("Waits for Robot1.TransferObject and Robot2.TransferObject")
+        for robot in ("Robot1", "Robot2"):
+            expect(head).to_contain_text(f"{robot}.TransferObject: {robot} is out of order: its gripper is stuck.")
         expect(head).to_contain_text("next attempt at")
         for size in ("390", "1280"):
             resize(page, size)
