@@ -21,6 +21,8 @@ from verification.fault_runs.scenario import (
     Scenario,
     Setting,
     Sight,
+    Slam,
+    Store,
     TaskRequest,
     Undo,
     WorkFault,
@@ -53,6 +55,7 @@ class _Draw:
         self.shelves = [(f"Shelf{number}", dice.choice(self.doors)[0]) for number in range(1, dice.randint(1, 3) + 1)]
         self.supports = [*self.tables, *(shelf for shelf, _ in self.shelves)]
         self.things = [(f"Jar{number}", dice.choice(self.tables)) for number in range(1, dice.choice((3, 4, 5, 6, 10)) + 1)]
+        self.store = self.more_dice.choice(list(Store)) if self.setting is Setting.DOORS else Store.PRECONDITION
         self.devices = [*self._devices()]
         self.count = dice.choice((1, 1, 2, 2, 3, 4, 6, 8))
         self.quarrel = self.chance(OFTEN)
@@ -95,7 +98,7 @@ class _Draw:
         dice = self.dice
         return DeviceTraits(
             name=name,
-            services=services,
+            services=tuple(self.store.value if service == Store.PRECONDITION else service for service in services),
             price=dice.randint(1, 9),
             duration=dice.choice((3.0, 6.0, 12.0, 18.0)),
             undo=dice.choice((Undo.RESTORE, Undo.RESTORE, Undo.RESTORE, Undo.IMPOSSIBLE, Undo.IMPOSSIBLE, Undo.FAIL, Undo.HANG)),
@@ -108,6 +111,7 @@ class _Draw:
             drops=self.chance(OFTEN),
             lays_down=self.chance(OFTEN),
             mended_at=self.waiting_dice.choice((20.0, 60.0, 200.0)) if self.waiting_dice.random() < SELDOM else 0.0,
+            refuses_conditionally=self.store is Store.CONDITION and self.more_dice.random() < OFTEN,
         )
 
     # Tasks
@@ -175,6 +179,11 @@ class _Draw:
                     self._person,
                 )
             )()
+        if self.setting is Setting.DOORS:
+            for _ in range(self.more_dice.choice((0, 0, 1, 2))):
+                door, _ = self.more_dice.choice(self.doors)
+                at = round(self.more_dice.random() * EVENTFUL, 2)
+                yield Slam(at=at, door=door, is_open=self.more_dice.random() < SELDOM)
 
     def _device(self) -> DeviceTraits:
         return self.dice.choice(self.devices)

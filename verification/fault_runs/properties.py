@@ -70,6 +70,7 @@ class Witness:
         self._message_count = 0
         self._terms: dict[Pair, frp.Terms] = {}
         self._accepted: dict[Pair, None] = {}
+        self._told_to_start: set[Pair] = set()
         self._accepted_at: dict[Pair, float] = {}
         """The time at which each participant received Accept, or the Execute that counts as one."""
         self._released: set[Pair] = set()
@@ -167,6 +168,9 @@ class Witness:
                 case frp.Accept() | frp.Execute():
                     if pair[0] in self._previews:
                         raise Violation(Property.CONTRACT, f"{pair[1]} was accepted, although it was only asked for a preview")
+                    if isinstance(message.body, frp.Execute) and pair not in self._told_to_start:
+                        self._told_to_start.add(pair)
+                        self._check_condition(pair, message.header.sender)
                     self._accepted[pair] = None
                 case frp.End() | frp.Cancel() | frp.Refuse():
                     self._released.add(pair)
@@ -175,6 +179,15 @@ class Witness:
                 case frp.Arrange():
                     self._managers[pair[0]] = message.header.sender
                     self._check_recorded(pair[0], f"{pair[1]} was asked for terms")
+
+    def _check_condition(self, pair: Pair, sender: str) -> None:
+        """Check property 2 for conditional terms: what they demand holds on the coordinator's map when it sends the first Execute."""
+        terms, manager = self._terms.get(pair), self._scenario_run.task_manager(sender)
+        if terms is None or terms.condition is None or manager is None:
+            return
+        replica = manager.state.replica
+        if not formula_holds(parse(terms.condition), replica.map, replica.ontology):
+            raise Violation(Property.CONTRACT, f"{pair[1]} is told to start, although its terms demand {terms.condition}")
 
     def _note_update(self, request: str) -> None:
         """Note the Repository's answer to a request to change the map: only then is the change known to be on its disk."""

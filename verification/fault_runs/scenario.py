@@ -21,6 +21,17 @@ class Setting(StrEnum):
     GRIP = "the device that picks a thing up has to put it down"
 
 
+class Store(StrEnum):
+    """How it is known that a thing can be put on a shelf only if the door in front of it is open, by the service type."""
+
+    PRECONDITION = "StoreObject"
+    """The service type has it as a precondition."""
+    CONDITION = "StoreFreely"
+    """Only the devices know it: they state it as a condition of their terms, or when they refuse."""
+    INVARIANT = "StoreThrough"
+    """The service type says that the door has to stay open as long as the service runs."""
+
+
 class WorkFaultKind(StrEnum):
     """What goes wrong in one execution."""
 
@@ -64,6 +75,8 @@ class DeviceTraits:
     joins: float = 0.0
     drops: bool = False
     lays_down: bool = True
+    refuses_conditionally: bool = False
+    """It refuses on a condition instead of stating one in its terms."""
 
     @property
     def address(self) -> str:
@@ -140,6 +153,15 @@ class Move:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Slam:
+    """A person opens or shuts a door; a sensor reports it."""
+
+    at: float
+    door: str
+    is_open: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Sight:
     """A camera reports an object's situation to the Repository."""
 
@@ -155,7 +177,7 @@ class Departure:
     device: str
 
 
-Fault = Kill | Cut | Disturbance | WorkFault | Move | Sight | Departure
+Fault = Kill | Cut | Disturbance | WorkFault | Move | Slam | Sight | Departure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -43,6 +43,7 @@ from verification.fault_runs.scenario import (
     Move,
     Scenario,
     Sight,
+    Slam,
     Undo,
     WorkFault,
     WorkFaultKind,
@@ -211,6 +212,8 @@ class ScenarioRun:
                 self._schedule(offset + seconds, partial(self._disturbances.remove, fault))
             case Move(at=offset):
                 self._schedule(offset, partial(self._move, fault))
+            case Slam(at=offset):
+                self._schedule(offset, partial(self._slam, fault))
             case Sight(at=offset, object=object):
                 self._schedule(offset, partial(self._report_sighting, object))
             case Departure(at=offset, device=device):
@@ -315,6 +318,11 @@ class ScenarioRun:
         self.reality.doubtful.add(move.thing)
         if move.is_reported:
             self._send_update("a person", f"{move.thing} isOn {move.place}")
+
+    def _slam(self, slam: Slam) -> None:
+        self._note(f"a person {'opens' if slam.is_open else 'shuts'} {slam.door}")
+        self.reality.move_object(slam.door, slam.is_open, self.world.now, None, "a person")
+        self._report_sighting(slam.door)
 
     def _report_sighting(self, object: str) -> None:
         self.reality.doubtful.add(object)  # the map may get this sighting of a moving object after the report of where it came to rest

@@ -13,7 +13,7 @@ from somrs.service_manager.participant.participant import ServiceManager
 from somrs.service_manager.participant.timers import Activity, WorkWanted
 from somrs.service_manager.sdk.orders import Advance, Halt, Order, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo, WorkDone
 from verification.fault_runs.ground_truth import Place, Reality, placements
-from verification.fault_runs.scenario import DeviceTraits, WorkFaultKind
+from verification.fault_runs.scenario import DeviceTraits, Store, WorkFaultKind
 from verification.fault_runs.scenario import Undo as Undoing
 from verification.fault_runs.site import FLOOR, RECOGNITION
 
@@ -81,8 +81,8 @@ class SimulatedDevice:
 
     def carry_out(self, task: object) -> Work:
         match task:
-            case Quote():
-                return self._quote()
+            case Quote(order):
+                return self._quote(order)
             case Perform(order):
                 return self._perform(order)
             case Undo(order, situation):
@@ -94,15 +94,25 @@ class SimulatedDevice:
 
     # Its actions
 
-    def _quote(self) -> Work:
+    def _quote(self, order: Order) -> Work:
         if self.traits.mute:
             return
+        condition = self._condition(order) if order.method == Store.CONDITION else None
         if self.traits.refuses:
             yield 0.1, Refusal("it is too heavy for me")
         elif self.now() < self._started_at + self.traits.mended_at:
             yield 0.1, Refusal("it is out of order", not_now=True)
+        elif condition is not None and self.traits.refuses_conditionally:
+            yield 0.1, Refusal("the door is shut", condition=condition)
         else:
-            yield 0.1, Quoted(price=self.traits.price, duration=self.traits.duration)
+            yield 0.1, Quoted(price=self.traits.price, duration=self.traits.duration, condition=condition)
+
+    def _condition(self, order: Order) -> str | None:
+        """What it demands: that the door of the shelf is open, unless it will be in the promised situation."""
+        door = self.reality.shelf_doors.get(order.inputs["Shelf"], "")
+        promised = dict(placements(parse(order.situation))) if order.situation is not None else {}
+        is_open = promised.get(door, self.reality.open.get(door, True))
+        return f"{door}.Open = TRUE" if not is_open else None
 
     def _perform(self, order: Order) -> Work:
         fault_kind = self.next_fault()

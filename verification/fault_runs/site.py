@@ -27,6 +27,15 @@ services:
     inputs: {Object: Graspable, Shelf: Shelf}
     precondition: "?Object isOn ?Source AND ?Shelf isBehind ?Door AND ?Door.Open = TRUE"
     effect: "?Object isOn ?Shelf"
+  StoreFreely:
+    inputs: {Object: Graspable, Shelf: Shelf}
+    precondition: "?Object isOn ?Source"
+    effect: "?Object isOn ?Shelf"
+  StoreThrough:
+    inputs: {Object: Graspable, Shelf: Shelf, Door: Door}
+    precondition: "?Object isOn ?Source AND ?Shelf isBehind ?Door"
+    while: "?Door.Open = TRUE"
+    effect: "?Object isOn ?Shelf"
   UnlockDoor:
     inputs: {Door: Door}
     precondition: "?Door.Open = FALSE"
