@@ -30,6 +30,7 @@ from somrs.service_manager.participant.participant import ServiceManager
 from somrs.service_manager.participant.state import ServiceManagerState
 from somrs.service_manager.sdk.device import Device, Situation, Task, service
 from somrs.storage.journal import Journal
+from tests.support.effects import timeless
 from tests.support.hang import HANG_TIME
 from tests.support.lab import contents
 
@@ -133,7 +134,7 @@ def state_of(data: Path, address: str) -> ServiceManagerState:
 
 def test_a_device_at_work(tmp_path: Path) -> None:
     completed, stopped, state = asyncio.run(_scenario(tmp_path))
-    assert completed == frp.Completed(situation="Jar1 isOn Table2")
+    assert timeless(completed) == frp.Completed(situation="Jar1 isOn Table2")
     assert stopped == frp.Stopped(situation="Jar1 isOn Floor1")
     assert [(job.session.participant, job.session.state) for job in state.jobs] == [
         ("Robot1.TransferObject#s1", State.COMPLETED),

@@ -29,7 +29,9 @@ def test_a_patrol_finds_a_jar_that_stands_where_it_was_and_measures_it() -> None
             assert map.has_fact("isOn", ("Jar1", "Table1"))
             values = map.objects["Jar1"].values
             assert values["Unknown"] is False
-            assert [values[f"Position{axis}"] for axis in "XYZ"] == [round(v, 3) for v in (truth.x, truth.y, truth.z)]
+            assert [values[f"Position{axis}"] for axis in "XYZ"] == pytest.approx([truth.x, truth.y, truth.z], abs=0.03), (
+                "as far as a camera can tell"
+            )
             robot = (await harness.operator.robots())["Patrol1"]
             assert (map.objects["Patrol1"].values["PositionX"], map.objects["Patrol1"].values["PositionY"]) == (
                 round(robot.x, 3),
@@ -75,7 +77,7 @@ def test_a_jar_in_the_hand_of_a_silent_robot_is_found_there() -> None:
             assert map.has_fact("isHeldBy", ("Jar1", "Robot1"))
             assert not map.has_fact("isOn", ("Jar1", "Table1"))
             robot_now = map.objects["Robot1"].values
-            assert (robot_now["PositionX"], robot_now["PositionY"]) == pytest.approx((truth.x, truth.y), abs=0.002)
+            assert (robot_now["PositionX"], robot_now["PositionY"]) == pytest.approx((truth.x, truth.y), abs=0.03)
             assert math.dist((truth.x, truth.y), (2, 1.5)) > 1, "and that is not where the map had it"
             of_robot = map_after(await harness.recognize(patrol, "Robot1"))
             assert of_robot.has_fact("isHeldBy", ("Jar1", "Robot1")), "who looks at the robot sees what it holds"
@@ -154,7 +156,7 @@ def test_a_patrol_that_is_stopped_stands_and_one_that_is_undone_has_nothing_to_u
             robot = (await harness.operator.robots())["Patrol1"]
             assert robot.activity is None
             assert (stopped["PositionX"], stopped["PositionY"]) == pytest.approx((robot.x, robot.y), abs=0.3)
-            capability = next(c for c in patrol.profile().capabilities if c.type_name == "RecognizeSituation")
+            (capability,) = [capability for capability in patrol.profile().capabilities if capability.method == "recognize"]
             assert capability.undoable, "else a Service Manager would report it as stranded"
             undone = await harness.run_task(patrol, Undo(look_order("Jar1"), "Jar1.Unknown = TRUE"))
             assert isinstance(undone, WorkDone)
@@ -201,7 +203,7 @@ def test_a_robot_that_fell_silent_is_said_to_have_failed_and_nothing_is_claimed_
 
 def test_the_documentation_shows_how_to_offer_it_oneself() -> None:
     page = (ROOT / "docs" / "how-to" / "cognitive-services.md").read_text()
-    (python,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    (python,) = [block for block in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "LabelReader" in block]
     names: dict[str, object] = {}
     exec(python, names)
     kind = names["LabelReader"]

@@ -162,7 +162,7 @@ def test_a_robot_carries_a_jar_and_says_where_it_is_all_the_time() -> None:
             assert times == sorted(times)
             assert len(states) > 10
             surroundings = await robot.sense()
-            assert "Jar1" in [sighting.object for sighting in surroundings.object_states]
+            assert "Jar" in [sighting.type for sighting in surroundings.sightings]
 
     run(test())
 

@@ -6,7 +6,19 @@ import math
 
 import pytest
 
-from somrs.devices.simulator.link.commands import CommandDone, CommandGivenUp, DriveTo, Fault, Grip, LookAround, LookAt, ObjectState, Sense
+from somrs.devices.simulator.link.commands import (
+    CommandDone,
+    CommandGivenUp,
+    DriveTo,
+    Fault,
+    Grip,
+    Likeness,
+    LookAround,
+    LookAt,
+    ObjectState,
+    Sense,
+)
+from somrs.devices.simulator.world.vision import view
 from somrs.ontology.objects import Object
 from somrs.ontology.types import Value
 from tests.support.simulator_room import Run, box, robot, room, thing
@@ -19,9 +31,23 @@ def hung(x: float, y: float, z: float, turned: float, **values: Value) -> Object
 
 
 def sense_objects(run: Run, viewer: str, radius: float | None = None) -> dict[str, ObjectState]:
-    result = run.execute(viewer, Sense(radius=radius))
+    """What the camera has in view, as it truly is."""
+    return {state.object: state for state in view(run.simulation.scene, viewer, radius)}
+
+
+def test_things_are_recognised_by_their_looks_and_not_by_name() -> None:
+    run = Run(room(extra_objects=[hung(0.1, 5.9, 2.3, -0.8, OperationRange=6, Accuracy=0.004)]))
+    result = run.execute("Camera1", Sense(like=Likeness(type="Graspable")))
     assert isinstance(result, CommandDone)
-    return {sighting.object: sighting for sighting in result.object_states}
+    (jar,) = [sighting for sighting in result.sightings if sighting.alike]
+    truth = run.simulation.observe("Jar002")
+    assert (jar.type, jar.support, jar.values["Shape.Form"]) == ("Jar", "Cupboard001", "Cylinder")
+    assert (jar.x, jar.y, jar.z) == pytest.approx((truth.x, truth.y, truth.z), abs=0.02)
+    assert (jar.x, jar.y, jar.z) != (truth.x, truth.y, truth.z), "a camera measures with noise"
+    assert not {"Jar002", "Robot1"} & {state.object for state in result.object_states}
+    again = run.execute("Camera1", Sense(like=Likeness(type="Graspable")))
+    assert isinstance(again, CommandDone)
+    assert again.sightings == result.sightings, "the same moment gives the same noise"
 
 
 def test_a_camera_sees_what_is_in_range_and_in_its_field_of_view() -> None:
@@ -75,12 +101,12 @@ def test_a_robot_goes_where_it_can_see_a_place_and_stops_when_it_sees_the_thing(
     screen = box("Wall9", "Wall", (1.8, 3.9, 0), (0.1, 2, 2.5))
     run = Run(room(extra_objects=[screen, robot("Patrol1", (5, 4, 0), type="PatrolRobot")]))
     assert "Jar002" not in sense_objects(run, "Patrol1")
-    result = run.execute("Patrol1", LookAt(x=0.43, y=3.9, z=0.9, object="Jar002"))
+    result = run.execute("Patrol1", LookAt(x=0.43, y=3.9, z=0.9, like=Likeness(type="Jar")))
     assert isinstance(result, CommandDone)
-    assert "Jar002" in [sighting.object for sighting in result.object_states]
+    assert [sighting.type for sighting in result.sightings if sighting.alike] == ["Jar"]
     assert not run.collisions
     start = run.simulation.time
-    second_result = run.execute("Patrol1", LookAt(x=7.5, y=5.5, z=0.3, object="Jar002"))
+    second_result = run.execute("Patrol1", LookAt(x=7.5, y=5.5, z=0.3, like=Likeness(type="Jar")))
     assert isinstance(second_result, CommandDone)
     assert run.simulation.time - start < 2, "it sees the jar already, and need not drive to the other corner"
 
@@ -91,7 +117,8 @@ def test_turning_about_it_sees_all_around() -> None:
     assert "Cupboard001" not in ahead, "that is behind it"
     result = run.execute("Patrol1", LookAround())
     assert isinstance(result, CommandDone)
-    assert {"Cupboard001", "Jar002", "Robot1", "Platform001", "Table001"} <= {sighting.object for sighting in result.object_states}
+    assert {"Cupboard001", "Platform001", "Table001"} <= {state.object for state in result.object_states}
+    assert {"Jar", "PioneerP3DX"} <= {sighting.type for sighting in result.sightings}
     state = run.simulation.state("Patrol1")
     assert (state.x, state.y) == pytest.approx((2.5, 2.5), abs=0.02)
 

@@ -8,14 +8,15 @@ from contextlib import asynccontextmanager
 
 from somrs.devices.simulator.server.server import Server
 from somrs.devices.simulator.server.simulation import Simulation
+from somrs.entish.formula import variables
 from somrs.entish.parse import parse
-from somrs.ontology.check import check
-from somrs.ontology.effects import changes
 from somrs.ontology.files.loading import LoadedModel, load_text, upper
 from somrs.ontology.objects import Map
 from somrs.ontology.truth import formula_holds
+from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.repository.component import Repository
 from somrs.repository.state import Contents
+from somrs.repository.update import update_outcome
 from somrs.service_manager.sdk.device import Device
 from somrs.service_manager.sdk.orders import Advance, Halt, Perform, Quote, Undo
 from somrs.service_manager.sdk.service_runner import carry_out
@@ -46,13 +47,14 @@ def site(text: str = SITE) -> tuple[LoadedModel, Map]:
 
 
 def map_after(situation: str | None, text: str = SITE) -> Map:
-    """Return the site's map after the situation, in Entish, was made to hold."""
+    """Return the site's map after the situation, in Entish, was reported to its Repository."""
     assert situation is not None
     loaded, map = site(text)
-    formula = check(parse(situation), loaded.ontology, map)
-    changed = map.changed(changes(formula, map, loaded.ontology))
-    assert formula_holds(formula, changed, loaded.ontology)
-    return changed
+    outcome = update_outcome(map, loaded.ontology, UpdateMap(situation=situation))
+    assert not outcome.broken
+    formula = parse(situation)
+    assert variables(formula) or formula_holds(formula, outcome.map, loaded.ontology)
+    return outcome.map
 
 
 def repository(text: str = SITE) -> Repository:

@@ -41,9 +41,11 @@ class MapService:
     async def change(self, body: UpdateMap) -> Updated:
         """Change the map: all changes or none, checked against the ontology.
 
-        With `expected_version`, the request is refused if an object that it concerns has changed since that version.
+        With `expected_version`, the request is refused if an object that it concerns has changed since that version. A typed variable of
+        the situation is a sighted object, and `observation` says when and how it was observed; `reception` in the answer has the names of
+        the sighted objects, and the parts of the report that were old news.
         """
-        return Updated(version=await self._context.client.update(body))
+        return await self._context.client.report(body)
 
     @operation("POST", "/map/consider")
     async def consider(self, body: UpdateMap) -> Considered:

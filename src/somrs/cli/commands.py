@@ -181,7 +181,10 @@ async def history(name: str, data: Path, *, json: bool) -> None:
 
 async def update(situation: str, author: str, data: Path) -> None:
     async with Client(Addresses.read(data)) as client:
-        print(f"the map is at version {await client.update(UpdateMap(situation=situation, author=author))}")
+        updated = await client.report(UpdateMap(situation=situation, author=author))
+    for variable, name in updated.reception.names.items() if updated.reception is not None else ():
+        print(f"?{variable} is {name}{', new on the map' if updated.reception and name in updated.reception.added else ''}")
+    print(f"the map is at version {updated.version}")
 
 
 async def export(output: Path, data: Path) -> None:

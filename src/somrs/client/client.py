@@ -167,7 +167,11 @@ class Client:
 
     async def update(self, update: knowledge.UpdateMap) -> int:
         """Update the map, and return its new version."""
-        return (await self.ask(self.addresses.repository, update, knowledge.Updated)).version
+        return (await self.report(update)).version
+
+    async def report(self, update: knowledge.UpdateMap) -> knowledge.Updated:
+        """Update the map, and return its new version and what became of the report, such as the names of sighted objects."""
+        return await self.ask(self.addresses.repository, update, knowledge.Updated)
 
     async def define(self, define: knowledge.Define) -> int:
         """Change the ontology, and return its new version."""

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from somrs.devices.simulator.drivers.looking import describe_things
-from somrs.devices.simulator.drivers.recognition import describe_recognition
+from somrs.devices.simulator.drivers.recognition import Search
 from somrs.devices.simulator.drivers.simulated import SimulatedDevice
-from somrs.devices.simulator.link.commands import ObjectState
+from somrs.devices.simulator.link.commands import CommandDone, Likeness
 from somrs.entish.formula import Formula
 from somrs.errors import RemoteError
 from somrs.service_manager.sdk.device import Situation, Task, service
@@ -15,16 +15,17 @@ from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
 async def _able(device: FixedCamera, task: Task) -> None:
     """Check that the camera works, and that the object is in view now. Raises Refusal."""
     await device.check_working()
-    object = str(task.inputs["Object"])
-    if object not in await device.view():
-        raise Refusal(f"{device.name} does not see {object}", not_now=True)
+    search = await Search.begin(device, task)
+    view = await device.view(search.like)
+    if not any(sighting.alike for sighting in view.sightings) and all(state.object != search.object for state in view.object_states):
+        raise Refusal(f"{device.name} does not see {search.object}", not_now=True)
 
 
 async def _able_to_look(device: FixedCamera, task: Task) -> None:
     """Check that the camera works, and that the place is in view now. Raises Refusal."""
     await device.check_working()
     place = str(task.inputs["Place"])
-    if place not in await device.view():
+    if place not in [state.object for state in (await device.view(None)).object_states]:
         raise Refusal(f"{device.name} does not see {place}")
 
 
@@ -39,31 +40,32 @@ class FixedCamera(SimulatedDevice):
     features = ("OperationRange", "FieldOfView", "Price")
     mobile = False
 
-    async def view(self) -> dict[str, ObjectState]:
-        """The objects that it sees now, by name. Raises Refusal when the camera does not answer."""
+    async def view(self, like: Likeness | None) -> CommandDone:
+        """What it sees now; `like`: what it looks for. Raises Refusal when the camera does not answer."""
         try:
-            return {state.object: state for state in (await self.retry_when_link_lost(self._link.sense)).object_states}
+            return await self.retry_when_link_lost(lambda: self._link.sense(like=like))
         except RemoteError as error:
             raise Refusal(f"{self.name} does not answer: {error}", not_now=True) from None
 
     @service("RecognizeSituation", price=_price, duration="1 s", able=_able)
     async def recognize(self, task: Task) -> Situation:
-        object = str(task.inputs["Object"])
+        search = await Search.begin(self, task)
         try:
-            observations = await self.view()
+            await search.note(await self.view(search.like))
         except Refusal as silent:
             raise ServiceFailed(str(silent), self._out_of_order()) from None
-        if object not in observations:
-            raise ServiceFailed(f"{self.name} no longer sees {object}")
-        return await describe_recognition(task, object, observations)
+        if search.situation is None:
+            sees = f"sees something like {search.object}, which is another object" if search.mistaken else f"no longer sees {search.object}"
+            raise ServiceFailed(f"{self.name} {sees}")
+        return search.situation
 
     @service("LookAt", price=_price, duration="1 s", able=_able_to_look)
     async def look_at_place(self, task: Task) -> Situation:
         try:
-            observations = await self.view()
+            view = await self.view(None)
         except Refusal as silent:
             raise ServiceFailed(str(silent), self._out_of_order()) from None
-        return " AND ".join(describe_things(str(task.inputs["Place"]), observations.values()) or [f"{self.name}.Working = TRUE"])
+        return " AND ".join(describe_things(str(task.inputs["Place"]), view.sightings) or [f"{self.name}.Working = TRUE"])
 
     @recognize.compensation
     @look_at_place.compensation

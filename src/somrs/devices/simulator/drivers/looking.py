@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 
-from somrs.devices.simulator.drivers.simulated import format_number, metres
-from somrs.devices.simulator.link.commands import ObjectState
+from somrs.devices.simulator.drivers.recognition import SEEN, sighting_parts
+from somrs.devices.simulator.drivers.simulated import metres
+from somrs.devices.simulator.link.commands import Sighting
 from somrs.service_manager.sdk.device import Task
 from somrs.service_manager.sdk.orders import Refusal
 
@@ -23,13 +24,13 @@ async def point_at(task: Task, place: str) -> tuple[float, float, float]:
     return x, y, z + (metres(heights[0]["Height"]) if heights else 0.0) + LOOK_HEIGHT
 
 
-def describe_things(place: str, object_states: Iterable[ObjectState]) -> list[str]:
-    """Which things are on or in the place, and where exactly, as parts of a formula."""
+def describe_things(place: str, sightings: Sequence[Sighting]) -> list[str]:
+    """Which things are on or in the place, what they look like and where exactly, as parts of a formula.
+
+    They are variables: the Repository finds out which objects of the map they are.
+    """
     parts: list[str] = []
-    for state in object_states:
-        if place not in (state.support, state.container):
-            continue
-        parts.append(f"{state.object} {'isOn' if state.support == place else 'isIn'} {place}")
-        parts += [f"{state.object}.Position{axis} = {format_number(v)}" for axis, v in zip("XYZ", (state.x, state.y, state.z), strict=True)]
-        parts.append(f"{state.object}.Unknown = FALSE")
+    for number, sighting in enumerate(sightings):
+        if place in (sighting.support, sighting.container) and not sighting.robot:
+            parts += [*sighting_parts(sightings, number), f"?{SEEN}{number}.Unknown = FALSE"]
     return parts

@@ -179,7 +179,7 @@ class MobileRobot(SimulatedDevice):
             raise ServiceFailed(str(refusal)) from None
         note = f"looks at {place}"
         look = await self._result(task, lambda: self._driving(task, self._link.look_at(x, y, z), 0.0, 0.95, note))
-        return " AND ".join([*describe_things(place, look.object_states), *await self.whereabouts(task, look.state)])
+        return " AND ".join([*describe_things(place, look.sightings), *await self.whereabouts(task, look.state)])
 
     async def way_to_view(self, task: Task) -> float:
         """The driving distance to what is to be looked at, m. Raises Refusal when there is no path."""

@@ -7,13 +7,11 @@ the furniture, and last the floors, each nearest first. The search ends as soon 
 from __future__ import annotations
 
 import math
-from collections.abc import Coroutine
 from dataclasses import dataclass, replace
 
 from somrs.devices.simulator.drivers.mobile_robot import MobileRobot
-from somrs.devices.simulator.drivers.recognition import describe_recognition
+from somrs.devices.simulator.drivers.recognition import Search
 from somrs.devices.simulator.drivers.simulated import is_of_type
-from somrs.devices.simulator.link.commands import CommandDone, ObjectState
 from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.entish.formula import Formula, Number
 from somrs.errors import RemoteError, UsageError
@@ -79,32 +77,33 @@ class PatrolRobot(MobileRobot):
 
     @service("RecognizeSituation", price=_price, duration=_duration, able=_able)
     async def recognize(self, task: Task) -> Situation:
-        object = str(task.inputs["Object"])
-        observations: dict[str, ObjectState] = {}
+        search = await Search.begin(self, task)
         try:
-            searched_places, missed_places = await self.retry_when_link_lost(lambda: self._search(task, object, observations))
+            searched_places, missed_places = await self.retry_when_link_lost(lambda: self._search(search))
             state = (await self.retry_when_link_lost(self._link.status)).state
         except RobotGaveUp as failure:
             raise ServiceFailed(failure.description, self._failure_situation(failure)) from failure
         own_pose = self._own_pose(state)
-        if object not in observations:
-            raise ServiceFailed(_failure_text(self.name, object, searched_places, missed_places), " AND ".join(own_pose))
-        return " AND ".join([await describe_recognition(task, object, observations), *own_pose])
+        if search.situation is None:
+            raise ServiceFailed(_failure_text(self.name, search.object, searched_places, missed_places), " AND ".join(own_pose))
+        return " AND ".join([search.situation, *own_pose])
 
-    async def _search(self, task: Task, object: str, observations: dict[str, ObjectState]) -> tuple[list[str], list[str]]:
-        """Search until the object is among the observations. Return the labels of the searched and of the unreachable places."""
+    async def _search(self, search: Search) -> tuple[list[str], list[str]]:
+        """Search until the object is found. Return the labels of the searched and of the unreachable places."""
+        task, object = search.task, search.object
         searched_places: list[str] = []
         missed_places: list[str] = []
-        await self._run_and_record(self._link.look_around(object), observations)
+        await self._look_around(search)
         spots = await self._spots(task, object)
         for i, spot in enumerate(spots):
-            if object in observations:
+            if search.situation is not None:
                 break
             begin, end = 0.9 * i / len(spots), 0.9 * (i + 1) / len(spots)
             try:
-                look = self._run_and_record(self._link.look_at(spot.x, spot.y, spot.z, object), observations)
-                await self._driving(task, look, begin, end, f"looks for {object} at {spot.label}")
-                await self._run_and_record(self._link.look_around(object), observations)
+                look = self._link.look_at(spot.x, spot.y, spot.z, search.landmark, search.like, whole=search.mistaken)
+                await search.note(await self._driving(task, look, begin, end, f"looks for {object} at {spot.label}"))
+                if search.situation is None:
+                    await self._look_around(search)
             except RobotGaveUp as failure:
                 if failure.reason not in SKIP_REASONS:
                     raise
@@ -131,10 +130,8 @@ class PatrolRobot(MobileRobot):
         out_of_order = self._link.silent or not self._link.connected or (failure.state is not None and failure.state.faults)
         return " AND ".join([*pose, *([self._out_of_order()] if out_of_order or not pose else [])])
 
-    async def _run_and_record(self, command: Coroutine[object, object, CommandDone], observations: dict[str, ObjectState]) -> CommandDone:
-        result = await command
-        observations.update({object_state.object: object_state for object_state in result.object_states})
-        return result
+    async def _look_around(self, search: Search) -> None:
+        await search.note(await self._link.look_around(search.landmark, search.like, whole=search.mistaken))
 
     # Places to search
 

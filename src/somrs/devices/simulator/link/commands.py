@@ -10,6 +10,8 @@ from enum import StrEnum
 
 from msgspec import Struct, field
 
+from somrs.ontology.types import Value
+
 
 class DriveTo(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
     """Drive to a point around obstacles; then turn to `yaw`, if given."""
@@ -65,28 +67,44 @@ class PutDown(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
     """Put the held object down within reach of the current position, and release it. Works without the drive."""
 
 
+class Likeness(Struct, frozen=True, kw_only=True):
+    """What an object that is looked for looks like: its type, of which subtypes and super-types count too, and attributes by path."""
+
+    type: str
+    values: dict[str, Value] = {}
+
+
 class Sense(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
     """Report what the camera sees in its current pose: things, robots and furniture that nothing hides.
 
-    `radius`: largest distance; None: as far as the camera sees. Does not interrupt the command in progress.
+    `radius`: largest distance; None: as far as the camera sees. `like`: mark what is alike. Does not interrupt the command in progress.
     """
 
     radius: float | None = None
+    like: Likeness | None = None
 
 
 class LookAt(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
-    """Drive to where a point is in view, and turn to it. With `object`: end as soon as the object is seen, also on the way."""
+    """Drive to where a point is in view, and turn to it.
+
+    With `object`, a landmark, or `like`: end as soon as it, or something like it, is seen, also on the way. `whole`: do not end early, and
+    only mark what is alike.
+    """
 
     x: float
     y: float
     z: float
     object: str | None = None
+    like: Likeness | None = None
+    whole: bool = False
 
 
 class LookAround(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
-    """Turn once around, and report everything that came into view. With `object`: end as soon as the object is seen."""
+    """Turn once around, and report everything that came into view. With `object`, `like` and `whole` as in LookAt."""
 
     object: str | None = None
+    like: Likeness | None = None
+    whole: bool = False
 
 
 class Stop(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
@@ -142,11 +160,33 @@ class ObjectState(Struct, frozen=True, kw_only=True):
     """Whether a door or a container stands open."""
 
 
+class Sighting(Struct, frozen=True, kw_only=True):
+    """A thing or a robot as a camera recognises it: without its name.
+
+    `values`: colour, form and sizes, by attribute path; the pose is that of the middle of its underside. All are measured with the camera's
+    noise. `support` and `container`: the landmark that it is on or in; `held_by`: the position, in the same result, of the robot that
+    holds it. `robot`: whether it is one. `alike`: whether it looks like what the command was to look for.
+    """
+
+    type: str
+    values: dict[str, Value] = {}
+    robot: bool = False
+    alike: bool = False
+    x: float
+    y: float
+    z: float
+    yaw: float
+    support: str | None = None
+    container: str | None = None
+    held_by: int | None = None
+
+
 class CommandDone(Struct, frozen=True, kw_only=True):
-    """A command was carried out. `object_states`: the objects that it touched or observed, as they are now."""
+    """A command was carried out. `object_states`: the objects that it touched, and landmarks that it saw. `sightings`: what else it saw."""
 
     state: RobotState
     object_states: tuple[ObjectState, ...] = ()
+    sightings: tuple[Sighting, ...] = ()
 
 
 class CommandGivenUp(Struct, frozen=True, kw_only=True):
@@ -161,3 +201,4 @@ class CommandGivenUp(Struct, frozen=True, kw_only=True):
     description: str
     state: RobotState
     object_states: tuple[ObjectState, ...] = ()
+    sightings: tuple[Sighting, ...] = ()

@@ -10,7 +10,7 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta, Struct, field
 
-from somrs.devices.simulator.link.commands import Command, Fault, ObjectState, RobotState
+from somrs.devices.simulator.link.commands import Command, Fault, ObjectState, RobotState, Sighting
 from somrs.errors import WireError
 
 PROTOCOL = "SO-MRS robot link"
@@ -206,6 +206,7 @@ class OrderDone(Struct, frozen=True, kw_only=True, tag="done", tag_field="say"):
     id: int
     state: RobotState
     object_states: tuple[ObjectState, ...] = field(default=(), name="seen")
+    sightings: tuple[Sighting, ...] = ()
 
 
 class OrderGivenUp(Struct, frozen=True, kw_only=True, tag="gave", tag_field="say"):
@@ -216,6 +217,7 @@ class OrderGivenUp(Struct, frozen=True, kw_only=True, tag="gave", tag_field="say
     description: str
     state: RobotState
     object_states: tuple[ObjectState, ...] = field(default=(), name="seen")
+    sightings: tuple[Sighting, ...] = ()
 
 
 class Answer(Struct, frozen=True, kw_only=True, tag="answer", tag_field="say"):

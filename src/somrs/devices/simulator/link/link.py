@@ -20,6 +20,7 @@ from somrs.devices.simulator.link.commands import (
     Fault,
     Grip,
     Insert,
+    Likeness,
     LookAround,
     LookAt,
     ObjectState,
@@ -137,14 +138,16 @@ class RobotLink(Link):
     async def put_down_object(self) -> CommandDone:
         return await self.command(PutDown())
 
-    async def sense(self, radius: float | None = None) -> CommandDone:
-        return await self.command(Sense(radius=radius))
+    async def sense(self, radius: float | None = None, like: Likeness | None = None) -> CommandDone:
+        return await self.command(Sense(radius=radius, like=like))
 
-    async def look_at(self, x: float, y: float, z: float, object: str | None = None) -> CommandDone:
-        return await self.command(LookAt(x=x, y=y, z=z, object=object))
+    async def look_at(
+        self, x: float, y: float, z: float, object: str | None = None, like: Likeness | None = None, *, whole: bool = False
+    ) -> CommandDone:
+        return await self.command(LookAt(x=x, y=y, z=z, object=object, like=like, whole=whole))
 
-    async def look_around(self, object: str | None = None) -> CommandDone:
-        return await self.command(LookAround(object=object))
+    async def look_around(self, object: str | None = None, like: Likeness | None = None, *, whole: bool = False) -> CommandDone:
+        return await self.command(LookAround(object=object, like=like, whole=whole))
 
     async def stop(self) -> CommandDone:
         return await self.command(Stop())
@@ -157,8 +160,8 @@ class RobotLink(Link):
         if self.silent:
             raise RobotGaveUp("silent", f"{self.robot} has sent nothing for {self._silence:g} s", self.state)
         match await self._exchange(lambda id: Order(id=id, command=command)):
-            case OrderDone(state=state, object_states=object_states):
-                return CommandDone(state=state, object_states=object_states)
+            case OrderDone(state=state, object_states=object_states, sightings=sightings):
+                return CommandDone(state=state, object_states=object_states, sightings=sightings)
             case OrderGivenUp(reason=reason, description=description, state=state, object_states=object_states):
                 raise RobotGaveUp(reason, description, state, object_states)
             case Refused(description=description):

@@ -25,7 +25,7 @@ from somrs.devices.simulator.motion.handling import get_within_reach, let_go, pi
 from somrs.devices.simulator.motion.leaves import move_leaves
 from somrs.devices.simulator.motion.placement import outline_spots
 from somrs.devices.simulator.motion.robot import CHARGING, PERIOD, GivenUp, Robot, Routine, stand
-from somrs.devices.simulator.motion.searching import look_around, look_at
+from somrs.devices.simulator.motion.searching import Sought, look_around, look_at
 from somrs.devices.simulator.world.distances import Array
 from somrs.devices.simulator.world.scene import Scene
 from somrs.devices.simulator.world.solids import Role, Solid
@@ -49,10 +49,10 @@ def make_routine(command: Command, robot: Robot, scene: Scene, observations: dic
             return _move_leaves(robot, scene, name, opening=isinstance(command, Open))
         case Charge():
             return _charge(robot, scene)
-        case LookAt(x=x, y=y, z=z, object=name):
-            return look_at(robot, (x, y, z), name, observations)
-        case LookAround(object=name):
-            return look_around(robot, name, observations)
+        case LookAt(x=x, y=y, z=z, object=name, like=like, whole=whole):
+            return look_at(robot, (x, y, z), Sought(name, like if not whole else None), observations)
+        case LookAround(object=name, like=like, whole=whole):
+            return look_around(robot, Sought(name, like if not whole else None), observations)
         case Stop():
             return _stop(robot)
         case PutDown():

@@ -6,15 +6,17 @@ These are routines, as in `driving.py`. They add what they see to the `observati
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
-from somrs.devices.simulator.link.commands import ObjectState
+from somrs.devices.simulator.link.commands import Likeness, ObjectState
 from somrs.devices.simulator.motion.driving import MARGIN, drive_to, floor_things, robot_discs, turn_to
 from somrs.devices.simulator.motion.handling import withdraw
 from somrs.devices.simulator.motion.robot import GivenUp, Robot, Routine
 from somrs.devices.simulator.world.distances import Array
+from somrs.devices.simulator.world.recognition import look_alikes
 from somrs.devices.simulator.world.solids import Point
 from somrs.devices.simulator.world.vision import Place, eye_of, looks_towards, view, visible
 
@@ -29,14 +31,31 @@ GLANCE = 5
 _BLOCKED = ("blocked", "unreachable")
 
 
-def look_at(robot: Robot, point: Place, object: str | None, observations: dict[str, ObjectState]) -> Routine:
+@dataclass(frozen=True, slots=True)
+class Sought:
+    """What ends a search when it is seen: a landmark by its name, or anything of this likeness. Without both, nothing does."""
+
+    object: str | None = None
+    like: Likeness | None = None
+
+    def in_view(self, robot: Robot) -> bool:
+        names = (self.object,) if self.object is not None else look_alikes(robot.scene, self.like) if self.like is not None else ()
+        return any(visible(robot.scene, robot.name, name) for name in names)
+
+    def is_among(self, robot: Robot, observations: Mapping[str, ObjectState]) -> bool:
+        return self.object in observations or (
+            self.like is not None and any(name in observations for name in look_alikes(robot.scene, self.like))
+        )
+
+
+def look_at(robot: Robot, point: Place, sought: Sought, observations: dict[str, ObjectState]) -> Routine:
     """Drive to where the point is in view, and face it; stop earlier when the object comes into view. Raises GivenUp."""
     yield from withdraw(robot)
     problem = GivenUp("unreachable", f"there is no place from which {robot.name} could see ({point[0]:.2f}, {point[1]:.2f})")
     for x, y in _varied(_viewpoints(robot, point)):
         yaw = math.atan2(point[1] - y, point[0] - x)
         try:
-            yield from _move_until_seen(robot, drive_to(robot, (x, y), yaw, patience=4.0), object)
+            yield from _move_until_seen(robot, drive_to(robot, (x, y), yaw, patience=4.0), sought)
         except GivenUp as failure:
             if failure.reason not in _BLOCKED:
                 raise
@@ -47,16 +66,16 @@ def look_at(robot: Robot, point: Place, object: str | None, observations: dict[s
     raise problem
 
 
-def look_around(robot: Robot, object: str | None, observations: dict[str, ObjectState]) -> Routine:
+def look_around(robot: Robot, sought: Sought, observations: dict[str, ObjectState]) -> Routine:
     """Turn once around, and record everything that comes into view; stop earlier when the object does."""
     yield from withdraw(robot)
     _note(robot, observations)
     view, start = robot.solid.view, robot.pose()[2]
     turns = math.ceil(math.tau / (0.8 * view)) if view < math.tau else 1
     for i in range(1, turns):
-        if object is not None and object in observations:
+        if sought.is_among(robot, observations):
             return
-        yield from _move_until_seen(robot, turn_to(robot, start + i * math.tau / turns), object)
+        yield from _move_until_seen(robot, turn_to(robot, start + i * math.tau / turns), sought)
         _note(robot, observations)
 
 
@@ -64,10 +83,10 @@ def _note(robot: Robot, observations: dict[str, ObjectState]) -> None:
     observations.update({object_state.object: object_state for object_state in view(robot.scene, robot.name)})
 
 
-def _move_until_seen(robot: Robot, moving: Routine, object: str | None) -> Routine:
+def _move_until_seen(robot: Robot, moving: Routine, sought: Sought) -> Routine:
     """Run a routine until the object is seen."""
     for period, _ in enumerate(moving):
-        if object is not None and period % GLANCE == 0 and visible(robot.scene, robot.name, object):
+        if period % GLANCE == 0 and sought.in_view(robot):
             moving.close()
             return
         yield

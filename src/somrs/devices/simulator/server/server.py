@@ -218,7 +218,9 @@ class Server:
             if self._connections.is_mute(robot):
                 return
             if isinstance(result, CommandDone):
-                connection.send_line(OrderDone(id=order.id, state=result.state, object_states=result.object_states))
+                connection.send_line(
+                    OrderDone(id=order.id, state=result.state, object_states=result.object_states, sightings=result.sightings)
+                )
             else:
                 connection.send_line(
                     OrderGivenUp(
@@ -227,6 +229,7 @@ class Server:
                         description=result.description,
                         state=result.state,
                         object_states=result.object_states,
+                        sightings=result.sightings,
                     )
                 )
 

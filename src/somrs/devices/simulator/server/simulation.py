@@ -11,13 +11,26 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from somrs.devices.simulator.link.commands import Command, CommandDone, CommandGivenUp, Fault, ObjectState, RobotState, Sense, Status, Stop
+from somrs.devices.simulator.link.commands import (
+    Command,
+    CommandDone,
+    CommandGivenUp,
+    Fault,
+    LookAround,
+    LookAt,
+    ObjectState,
+    RobotState,
+    Sense,
+    Status,
+    Stop,
+)
 from somrs.devices.simulator.motion.door_drive import DoorDrive
 from somrs.devices.simulator.motion.driving import make_way
 from somrs.devices.simulator.motion.handling import set_down, withdraw
 from somrs.devices.simulator.motion.navigation import Navigator
 from somrs.devices.simulator.motion.robot import PERIOD, GivenUp, Robot, Routine
 from somrs.devices.simulator.motion.routines import concerned_objects, make_routine
+from somrs.devices.simulator.world.recognition import landmarks, sightings
 from somrs.devices.simulator.world.scene import RESTING, Scene
 from somrs.devices.simulator.world.solids import Role, Solid, solid_of
 from somrs.devices.simulator.world.vision import StationaryCamera, view
@@ -138,7 +151,9 @@ class Simulation:
         if Fault.SILENT in device.faults:
             return
         if isinstance(command, Sense):
-            on_end(CommandDone(state=device.state(), object_states=view(self.scene, robot, command.radius)))
+            states = view(self.scene, robot, command.radius)
+            seen = landmarks(self.scene, states), sightings(self.scene, robot, states, command.like)
+            on_end(CommandDone(state=device.state(), object_states=seen[0], sightings=seen[1]))
             return
         if isinstance(device, DoorDrive):
             device.command(command, on_end)
@@ -219,13 +234,25 @@ class Simulation:
             return
         dropped = self._dropped.pop(device.name, None)
         touched = dict.fromkeys([*work.touched, *([dropped] if dropped else []), *([device.holding] if device.holding else [])])
-        object_states = (*work.observations.values(), *(self.observe(name) for name in touched if name in self.scene.world.solids))
+        observed = [state for name, state in work.observations.items() if name in self.scene.world.solids]
+        object_states = (
+            *landmarks(self.scene, observed),
+            *(self.observe(name) for name in touched if name in self.scene.world.solids),
+        )
+        like = work.command.like if isinstance(work.command, LookAt | LookAround) else None
+        seen = sightings(self.scene, device.name, observed, like)
         on_end, work.on_end = work.on_end, None
         if failure is None:
-            on_end(CommandDone(state=device.state(), object_states=object_states))
+            on_end(CommandDone(state=device.state(), object_states=object_states, sightings=seen))
         else:
             on_end(
-                CommandGivenUp(reason=failure.reason, description=failure.description, state=device.state(), object_states=object_states)
+                CommandGivenUp(
+                    reason=failure.reason,
+                    description=failure.description,
+                    state=device.state(),
+                    object_states=object_states,
+                    sightings=seen,
+                )
             )
 
     # Observations

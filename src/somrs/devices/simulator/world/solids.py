@@ -96,6 +96,8 @@ class Solid:
     """Field of view of its camera, rad."""
     sight: float = SIGHT
     """Range of its camera, m."""
+    accuracy: float = 0.0
+    """Standard deviation of the positions that its camera measures, m."""
 
     @property
     def top(self) -> float:
@@ -199,6 +201,7 @@ def solid_of(object: Object, ontology: Ontology) -> Solid | None:
         pitch=number("RotationY"),
         view=number("FieldOfView", math.tau),
         sight=SIGHT if gripper else number("OperationRange", SIGHT),  # a manipulator's OperationRange is that of its arm
+        accuracy=number("Accuracy"),
     )
     if role is not Role.MARK and (solid.extent <= 0 or solid.height <= 0):
         raise SimulationError(f"{object.name}: a {object.type} without extent cannot be built; give it a Shape in the map")
