@@ -75,6 +75,7 @@ class Client:
             handlers=request.handlers,
             priority=request.priority,
             waits=request.waits,
+            recognise=request.recognise,
         )
         return [self._send(self._id(number), request.task_manager, body, now), SetTimer(f"submit {number}", now + PATIENCE)]
 
@@ -82,7 +83,14 @@ class Client:
         if number not in self.pending_previews:
             return []
         request = self._requests[number]
-        body = Preview(effect=request.effect, policy=request.policy, deadline=request.deadline, priority=request.priority, quotes=True)
+        body = Preview(
+            effect=request.effect,
+            policy=request.policy,
+            deadline=request.deadline,
+            priority=request.priority,
+            quotes=True,
+            recognise=request.recognise,
+        )
         return [self._send(preview_id(number), request.task_manager, body, now), SetTimer(f"preview {number}", now + PREVIEW_PATIENCE)]
 
     def _cancel(self, number: int, now: float) -> list[Effect]:

@@ -17,6 +17,7 @@ from verification.fault_runs.scenario import (
     Disturbance,
     Fault,
     Kill,
+    Loss,
     Move,
     Scenario,
     Setting,
@@ -48,6 +49,7 @@ class _Draw:
         self.dice = dice = random.Random(seed)
         self.more_dice = random.Random(f"{seed}: how urgent, and whether it is asked what it costs")
         self.waiting_dice = random.Random(f"{seed}: which tasks wait, and which devices are mended late")
+        self.questions = random.Random(f"{seed}: what is asked, and what is not known")
         self.setting = dice.choice(list(Setting))
         self.managers = [f"tm{number}" for number in range(1, dice.choice((1, 1, 2, 3)) + 1)]
         self.tables = [f"Table{number}" for number in range(1, dice.randint(2, 4) + 1)]
@@ -134,6 +136,7 @@ class _Draw:
             cancelled=self.seconds(60) if self.chance(SELDOM) else None,
             priority=self.more_dice.choice((0, 0, 0, -1, 1, 5)),
             previewed=self.more_dice.random() < 2 * SELDOM,
+            recognise=self.questions.random() < SELDOM,
         )
         if self.waiting_dice.random() < OFTEN:  # without a deadline, it could wait for ever
             deadline = request.deadline or self.waiting_dice.choice((300.0, 900.0, 3600.0))
@@ -166,6 +169,9 @@ class _Draw:
     # Faults
 
     def _faults(self) -> Iterator[Fault]:
+        for thing, _ in self.things:
+            if self.questions.random() < RARELY:
+                yield Loss(at=round(self.questions.random() * EVENTFUL / 2, 2), object=thing)
         for _ in range(self.dice.choice((0, 1, 1, 2, 2, 3, 4, 5, 6, 8))):
             yield from self.dice.choice(
                 (

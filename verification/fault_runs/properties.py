@@ -258,8 +258,11 @@ class Witness:
         decided = self._endings.get(task.id)
         if decided is not None and decided is not task_view.outcome:
             raise Violation(Property.RESTART, f"{task.id} was to end {decided}, and ended {task_view.outcome}")
+        if task_view.recognise:
+            self._check_findings(task_view)
         if task_view.outcome is Outcome.ACCOMPLISHED:
-            if not formula_holds(parse(task_view.effect), manager.state.replica.map, manager.state.replica.ontology):
+            map, ontology = manager.state.replica.map, manager.state.replica.ontology
+            if not task_view.recognise and not formula_holds(parse(task_view.effect), map, ontology):
                 raise Violation(Property.MAP, f"{task.id} was accomplished, but {task_view.effect} does not hold on the map")
             return
         if not task_view.reasons:
@@ -267,6 +270,18 @@ class Witness:
         for work in task_view.work:
             self._accounted(work, task_view)
         self._check_objects(task, task_view)
+
+    def _check_findings(self, task_view: TaskView) -> None:
+        """Check that a task that only asks has changed nothing, and that each sighting is what a service reported."""
+        changed = [work.service for work in task_view.work if work.service_type != RECOGNITION]
+        if changed:
+            raise Violation(Property.MAP, f"{task_view.task} asks what is so, and {', '.join(changed)} worked for it")
+        findings, reports = task_view.findings, {work.situation for work in task_view.work if work.state is State.COMPLETED}
+        if findings is None or (task_view.outcome is Outcome.ACCOMPLISHED and not findings.observations):
+            raise Violation(Property.PARTIAL_RESULT, f"{task_view.task} was asked, and ended {task_view.outcome} without findings")
+        invented = [sighting for answer in findings.answers for sighting in answer.sightings if sighting.situation not in reports]
+        if invented:
+            raise Violation(Property.PARTIAL_RESULT, f"{task_view.task} was told {invented[0].situation}, which nobody reported")
 
     def _accounted(self, work: WorkView, task_view: TaskView) -> None:
         """Check property 4: work is compensated, or its result is reported to the client."""

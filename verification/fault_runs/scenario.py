@@ -98,6 +98,8 @@ class TaskRequest:
     priority: int = 0
     previewed: bool = False
     waits: bool = False
+    recognise: bool = False
+    """It asks whether `effect` holds, instead of making it so."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -170,6 +172,14 @@ class Sight:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Loss:
+    """A person does not find an object at its place, and marks it on the map as unknown."""
+
+    at: float
+    object: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Departure:
     """A device leaves in an orderly way."""
 
@@ -177,7 +187,7 @@ class Departure:
     device: str
 
 
-Fault = Kill | Cut | Disturbance | WorkFault | Move | Slam | Sight | Departure
+Fault = Kill | Cut | Disturbance | WorkFault | Move | Slam | Sight | Loss | Departure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -40,6 +40,7 @@ from verification.fault_runs.scenario import (
     DeviceTraits,
     Disturbance,
     Kill,
+    Loss,
     Move,
     Scenario,
     Sight,
@@ -214,6 +215,8 @@ class ScenarioRun:
                 self._schedule(offset, partial(self._move, fault))
             case Slam(at=offset):
                 self._schedule(offset, partial(self._slam, fault))
+            case Loss(at=offset, object=object):
+                self._schedule(offset, partial(self._report_loss, object))
             case Sight(at=offset, object=object):
                 self._schedule(offset, partial(self._report_sighting, object))
             case Departure(at=offset, device=device):
@@ -327,6 +330,10 @@ class ScenarioRun:
     def _report_sighting(self, object: str) -> None:
         self.reality.doubtful.add(object)  # the map may get this sighting of a moving object after the report of where it came to rest
         self._send_update("a camera", self.reality.situation_of(object))
+
+    def _report_loss(self, object: str) -> None:
+        self.reality.doubtful.add(object)  # its mark may hide what devices have reported
+        self._send_update("a person", f"{object}.Unknown = TRUE")
 
     def _send_update(self, author: str, situation: str) -> None:
         self._note(f"{author} reports: {situation}")
