@@ -108,7 +108,7 @@ def test_a_question_that_nobody_can_answer_fails_and_says_why() -> None:
     system = KnowingSystem()
     (view,) = system.finish(system.submit("Jar001 isOn ?Where", recognise=True, waits=False))
     assert view.outcome is Outcome.FAILED
-    assert "nobody can look: no device offers RecognizeSituation now" in view.explanation
+    assert "nobody can look: no device offers RecognizeSituation" in view.explanation
     assert view.findings is not None
     assert view.findings.answers[0].sightings == (), "the map says so, and nobody has looked"
     system.observe("Camera9", finds_nothing)

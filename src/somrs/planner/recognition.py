@@ -75,6 +75,7 @@ class _Recognition:
         absent = tuple(name for name in able if name not in offered)
         in_vain = sorted({device for device, _ in self.problem.fruitless})
         if in_vain:
+            absent = ()  # they have looked; whoever else could look is not waited for
             text = f"{' and '.join(in_vain)} looked, and found nothing"
         elif absent and len(absent) == len(able):
             text = f"nobody can look: no device offers {' or '.join(absent)} now"

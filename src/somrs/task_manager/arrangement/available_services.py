@@ -194,9 +194,7 @@ class AvailableServices:
         return offer is None or not self._works(offer) or service not in self._state.failures
 
     def readmit_refused(self) -> None:
-        """Readmit the services whose reason may have passed, to ask them again; not those that are silent, or that do not work. What told
-        nothing may tell something by now."""
-        self._state.fruitless.clear()
+        """Readmit the services whose reason may have passed, to ask them again; not those that are silent, or that do not work."""
         offers = {offer.service: offer for offer in self._state.offers}
         for service in [*self.broken]:
             offer, failures = offers.get(service), self._state.failures.get(service, 0)
