@@ -2,18 +2,28 @@
 
 The world is built from the map. It follows objects that are added, removed or renamed, changes of their types, and doors that open or
 close. Positions come from the physics alone: positions that robots report to the map do not move objects.
+
+An object that comes to the map may be a thing that is in the world already: a camera saw it where the map did not have it. Two like
+things cannot be in one place, so the thing gets the name of the object instead of being built again. It gets its own name back if the
+object is removed because it turned out to be that thing.
 """
 
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Iterable
 
 from somrs.devices.simulator.server.simulation import Simulation
+from somrs.devices.simulator.world.recognition import are_alike
+from somrs.devices.simulator.world.solids import Role, solid_of
 from somrs.kernel.component import Effect, Input, Started
 from somrs.kernel.replica import Replica
 from somrs.ontology.naming import Renaming, Section
-from somrs.ontology.objects import Change, Map, ObjectAdded, ObjectRemoved, ValueSet, differences
+from somrs.ontology.objects import Change, Map, Object, ObjectAdded, ObjectRemoved, ValueSet, differences
+
+SAME_PLACE = 0.1
+"""Largest distance between a thing of the world and the place that the map states for it, m."""
 
 
 class Follower:
@@ -24,6 +34,8 @@ class Follower:
         self.read = asyncio.Event()
         self.simulation: Simulation | None = None
         self._map = Map()
+        self._own_names: dict[str, str] = {}
+        """The names that things had before they were seen as new objects, by the names of these objects."""
 
     def handle(self, event: Input, now: float) -> list[Effect]:
         if isinstance(event, Started):
@@ -49,11 +61,37 @@ class Follower:
             match change:
                 case ObjectAdded(object) if renamed and renamed[0].to == object.name:
                     simulation.rename(renamed.pop(0).name, object)
+                case ObjectAdded(object) if (thing := self._thing_seen_as(object, simulation)) is not None:
+                    self._own_names[object.name] = thing
+                    simulation.rename(thing, object)
                 case ObjectAdded(object):
                     simulation.add(object)
                 case ObjectRemoved(name) if renamed and renamed[0].name == name:
                     pass  # the next addition is the renamed object
                 case ObjectRemoved(name):
-                    simulation.remove(name)
+                    own_object = self.replica.map.objects.get(self._own_names.pop(name, name))
+                    if own_object is None or own_object.name in simulation.scene.world.solids:
+                        simulation.remove(name)
+                    else:
+                        simulation.rename(name, own_object)
                 case ValueSet(name, "Open") if (door := self.replica.map.objects.get(name)) is not None:
                     simulation.renew(door)
+
+    def _thing_seen_as(self, object: Object, simulation: Simulation) -> str | None:
+        """The nearest thing of the world that looks like a new object, in its place, if the map does not have that thing there."""
+        solids, new = simulation.scene.world.solids, solid_of(object, self.replica.ontology)
+        if new is None or new.role is not Role.THING or new.name in solids:
+            return None
+        place = new.x, new.y, new.z
+        distances = {
+            thing: math.dist(simulation.scene.pose(thing)[:3], place)
+            for thing in simulation.scene.things()
+            if simulation.scene.holder(thing) is None and are_alike(solids[thing], new, self.replica.ontology)
+        }
+        near = [thing for thing, distance in distances.items() if distance <= SAME_PLACE and not self._is_mapped_at(thing, place)]
+        return min(near, key=distances.__getitem__, default=None)
+
+    def _is_mapped_at(self, thing: str, place: tuple[float, float, float]) -> bool:
+        object = self.replica.map.objects.get(thing)
+        on_map = solid_of(object, self.replica.ontology) if object is not None else None
+        return on_map is not None and math.dist((on_map.x, on_map.y, on_map.z), place) <= SAME_PLACE

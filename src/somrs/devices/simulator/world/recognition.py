@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from somrs.devices.simulator.link.commands import Likeness, ObjectState, Sighting
 from somrs.devices.simulator.world.scene import Scene
 from somrs.devices.simulator.world.solids import Role, Solid
-from somrs.ontology.types import Value
+from somrs.ontology.types import Ontology, Value
 
 RECOGNISED = (Role.THING, Role.ROBOT)
 """The roles of the objects that are recognised by their looks."""
@@ -76,12 +76,19 @@ def looks(solid: Solid) -> Iterator[tuple[str, Value]]:
 
 def look_alikes(scene: Scene, like: Likeness) -> Iterator[str]:
     """The things and robots of the likeness."""
-    ontology = scene.world.ontology
     for solid in scene.world.by_role(*RECOGNISED):
-        if (ontology.is_subtype(solid.type, like.type) or ontology.is_subtype(like.type, solid.type)) and all(
-            _is_alike(value, like.values.get(path)) for path, value in looks(solid)
-        ):
+        if _looks_like(solid, like, scene.world.ontology):
             yield solid.name
+
+
+def are_alike(solid: Solid, other: Solid, ontology: Ontology) -> bool:
+    """Whether two solids cannot be told apart: one's type is the other's or a super-type of it, and their looks agree."""
+    return _looks_like(solid, Likeness(type=other.type, values=dict(looks(other))), ontology)
+
+
+def _looks_like(solid: Solid, like: Likeness, ontology: Ontology) -> bool:
+    related = ontology.is_subtype(solid.type, like.type) or ontology.is_subtype(like.type, solid.type)
+    return related and all(_is_alike(value, like.values.get(path)) for path, value in looks(solid))
 
 
 def _is_alike(value: Value, sought: Value | None) -> bool:

@@ -15,6 +15,7 @@ from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.naming import Renaming, Section
 from somrs.ontology.objects import FactAdded, Object, ObjectAdded, ObjectRemoved
 from somrs.protocol.messages.knowledge import Alteration, Define, Definitions, RenameObject, UpdateMap
+from somrs.protocol.messages.observations import Observation
 from somrs.repository.component import Repository
 from somrs.repository.state import Contents
 from tests.support.lab import REPOSITORY, request
@@ -121,6 +122,61 @@ def test_a_thing_with_another_name_stays_where_it_is() -> None:
     assert "Jar1" not in pair.simulation.scene.world.solids
     pair.update(RenameObject(name="Platform1", to="Stage1"))
     assert "Stage1" in pair.simulation.scene.world.solids
+
+
+SEEN_JAR = "?Seen: Jar.PositionX = 3.01 AND ?Seen.PositionY = 4 AND ?Seen.PositionZ = 0 AND ?Seen isOn Floor1"
+
+
+def see_moved_jar() -> RepositoryAndWorld:
+    """The world after somebody moved Jar1, and a camera that did not look for it saw a jar: the Repository takes that for another."""
+    pair = RepositoryAndWorld()
+    pair.simulation.move("Jar1", 3.0, 4.0, 0.0)
+    pair.update(UpdateMap(situation=SEEN_JAR, observation=Observation()))
+    assert {"Jar1", "Jar002"} <= pair.repository.contents.map.objects.keys()
+    return pair
+
+
+def test_a_thing_that_is_seen_as_a_new_object_stands_in_the_world_once() -> None:
+    pair = see_moved_jar()
+    assert list(pair.simulation.scene.things()) == ["Jar002"]
+    assert pair.simulation.scene.pose("Jar002")[:2] == pytest.approx((3.0, 4.0), abs=1e-3), (
+        "it stays where it is, not where it was measured"
+    )
+    pair.update(UpdateMap(changes=(ObjectRemoved("Jar1"),)))
+    assert list(pair.simulation.scene.things()) == ["Jar002"]
+
+
+def test_a_thing_that_only_the_world_has_gets_the_name_under_which_it_comes_to_the_map() -> None:
+    pair = RepositoryAndWorld()
+    pair.simulation.add(Object(name="Hidden1", type="Jar", values={"PositionX": 3.0, "PositionY": 4.0, "PositionZ": 0.0}))
+    pair.update(UpdateMap(situation=SEEN_JAR, observation=Observation()))
+    assert {*pair.simulation.scene.things()} == {"Jar1", "Jar002"}
+
+
+def test_a_new_object_that_turns_out_to_be_a_thing_of_the_map_gives_it_its_name_back() -> None:
+    pair = see_moved_jar()
+    pair.update(UpdateMap(situation=SEEN_JAR, observation=Observation(sought=("Jar1",))))
+    assert "Jar002" not in pair.repository.contents.map.objects
+    assert list(pair.simulation.scene.things()) == ["Jar1"]
+    assert pair.simulation.scene.pose("Jar1")[:2] == pytest.approx((3.0, 4.0), abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("new", "shape", "y"), [("Can", {}, 4.0), ("Jar", {"Shape.Height": 0.3}, 4.0), ("Jar", {}, 4.15)], ids=["type", "size", "place"]
+)
+def test_an_object_that_is_of_another_type_size_or_place_is_another_thing(new: str, shape: dict[str, float], y: float) -> None:
+    pair = RepositoryAndWorld()
+    pair.simulation.move("Jar1", 3.0, 4.0, 0.0)
+    added = Object(name="New1", type=new, values={"PositionX": 3.0, "PositionY": y, "PositionZ": 0.0, **shape})
+    pair.update(UpdateMap(changes=(ObjectAdded(added),)))
+    assert {*pair.simulation.scene.things()} == {"Jar1", "New1"}
+
+
+def test_an_object_beside_a_thing_that_the_map_has_there_is_another_thing() -> None:
+    pair = RepositoryAndWorld()
+    beside = Object(name="Jar2", type="Jar", values={"PositionX": 1.15, "PositionY": 4.09, "PositionZ": 0.7})
+    pair.update(UpdateMap(changes=(ObjectAdded(beside),)))
+    assert {*pair.simulation.scene.things()} == {"Jar1", "Jar2"}
 
 
 def test_a_thing_in_a_robots_hand_may_get_another_name_or_go() -> None:
