@@ -71,6 +71,20 @@ def test_a_transaction_survives_dead_robots_a_dead_task_manager_and_a_client_tha
     assert "<svg" in (tmp_path / "out" / "timeline.svg").read_text()
 
 
+def test_robots_and_a_person_achieve_together_what_none_can_alone(tmp_path: Path) -> None:
+    console = Console(file=(tmp_path / "said.txt").open("w"), width=150)
+    folder = tmp_path / "out"
+    code = asyncio.run(play("3", folder, None, console, launcher=warm.launcher()))
+    output = (tmp_path / "said.txt").read_text()
+    assert code == 0, output
+    assert "NO" not in output.split("Checks")[1]
+    executed = [line.recipient for line in lines_of(folder) if line.type == "Execute"]
+    assert executed == ["Robot1.OpenDoor", "Patrol1.RecognizeSituation", "Robot2.TransferObject", "Anna.SealJar"]
+    ET.parse(folder / "messages.svg")
+    if "no pictures" not in output:
+        assert sorted(picture.stem for picture in folder.glob("?.png")) == ["A", "B", "C", "D"]
+
+
 def conversation(folder: Path) -> list[Line]:
     """What was said but for Progress; first two are asked, and one of them gets the contract."""
     lines = [line for line in lines_of(folder) if line.type != "Progress"]

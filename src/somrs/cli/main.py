@@ -59,7 +59,10 @@ class FaultOption(StrEnum):
 @app.command()
 def demo(
     scenario: Annotated[
-        str, typer.Argument(help="1: no faults. 1b: the drive of the first robot breaks. 2: recovery from several faults.")
+        str,
+        typer.Argument(
+            help="1: no faults. 1b: the drive of the first robot breaks. 2: recovery from several faults. 3: several devices and a person."
+        ),
     ] = "1b",
     out: Annotated[Path | None, typer.Option(help="The folder for pictures, messages and maps.")] = None,
     seed: Annotated[int | None, typer.Option(help="Seed for random start positions, and a random time of the fault.")] = None,

@@ -1,8 +1,8 @@
 """Plays the paper's scenarios in the simulator with a whole system of separate processes (paper, "Experiments").
 
 Scenario 1: the cheaper of two robots moves a jar from a cupboard to a platform. Scenario 1b: its drive breaks on the way; the robot
-puts the jar down and reports its position, and the other robot continues from there. Scenario 2 is not in the paper; `recovery.py`
-plays it.
+puts the jar down and reports its position, and the other robot continues from there. Scenarios 2 and 3 are not in the paper;
+`recovery.py` and `cooperation.py` play them.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from somrs.client import terminal
 from somrs.client.client import Client
 from somrs.client.message_chart import chart
 from somrs.client.trace import Follower, Line
+from somrs.demo import cooperation as cooperation_demo
 from somrs.demo import recovery as recovery_demo
 from somrs.demo.picture_sheet import sheet
 from somrs.deployment.launcher import Launcher
@@ -42,7 +43,7 @@ from somrs.ontology.types import Ontology
 from somrs.protocol.messages.clients import Submit, TaskView
 from somrs.protocol.messages.frp import Outcome
 
-_SCENARIOS = ("1", "1b", "2")
+_SCENARIOS = ("1", "1b", "2", "3")
 REQUEST = Submit(effect="Jar002 isOn Platform001", precondition="Jar002 isOn ?Shelf")
 CHEAP_ROBOT, _EXPENSIVE_ROBOT, _JAR, _CUPBOARD, _DESTINATION = "Robot1", "Robot2", "Jar002", "Cupboard001", "Platform001"
 STEPS = {
@@ -96,6 +97,8 @@ async def play(scenario: str, folder: Path, seed: int | None, console: Console |
             await system.start()
         if scenario == "2":
             return await recovery_demo.perform(system, folder, console)
+        if scenario == "3":
+            return await cooperation_demo.perform(system, folder, console)
         played = await _perform(scenario, system, folder, distance, console)
     finally:
         await system.stop()

@@ -1,0 +1,190 @@
+"""Scenario 3: a goal that takes several devices and a person, none of which can achieve it alone.
+
+A person is to seal a jar on a table. Nobody knows where the jar is. The patrol robot offers to look for it on the condition that a door is
+open, so that a robot opens the door first. The jar is found and is too heavy for the cheaper robot; the other one carries it. The last
+step is done by a person, whose replies this program gives as the person's page would.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import shutil
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from rich.console import Console
+
+from somrs.client import people, terminal
+from somrs.client.client import Client
+from somrs.client.message_chart import chart
+from somrs.client.trace import Follower, Line
+from somrs.demo.picture_sheet import sheet
+from somrs.deployment.system import System
+from somrs.devices.person.assignments import Reply, ReplyKind
+from somrs.devices.simulator.link.link import OperatorLink
+from somrs.entish.parse import parse
+from somrs.errors import SimulationError
+from somrs.ontology.files.site import dump_site
+from somrs.ontology.truth import formula_holds
+from somrs.protocol.messages.clients import Submit, TaskView
+from somrs.protocol.messages.events import EventKind
+from somrs.protocol.messages.frp import Outcome
+
+_JAR, _TABLE, _DOOR, _PERSON = "Jar004", "Table002", "Door001", "Anna"
+REQUEST = Submit(effect=f"{_JAR} isSealedBy {_PERSON} AND {_JAR} isOn {_TABLE}")
+_WEAK_ROBOT, _STRONG_ROBOT, _PATROL_ROBOT = "Robot1", "Robot2", "Patrol1"
+STEPS = {
+    "A": "a robot has opened the door",
+    "B": "the patrol robot sees the jar through the door",
+    "C": "robot 2 carries the jar",
+    "D": "the jar is on the table",
+}
+"""The pictures, by letter."""
+_LASTING = {"A": ("OpenDoor", _DOOR), "B": ("RecognizeSituation", _PATROL_ROBOT), "D": ("TransferObject", _JAR)}
+"""For the pictures of situations that last: the service type whose completion leads to them, and the subject."""
+_CARRIED = 0.5
+"""Distance in metres for which the robot has carried the jar when the picture of its transport is taken."""
+_MOST_TIME = 300.0
+"""Longest duration of the scenario, in seconds."""
+
+
+@dataclass(slots=True)
+class _ScenarioRecord:
+    """The messages that were observed, the latest view of the task, and the replies of the person."""
+
+    lines: list[Line] = field(default_factory=list)
+    view: TaskView | None = None
+    replies: list[ReplyKind] = field(default_factory=list)
+
+    def completed(self, service_type: str) -> list[str]:
+        """The devices that completed a step of a service type, in order."""
+        return _devices(line.sender for line in self.lines if line.type == "Completed" and line.sender.endswith(f".{service_type}"))
+
+
+class _ScenarioPlayer:
+    """Plays the scenario in a running system: watches the task, replies as the person, and takes pictures."""
+
+    def __init__(self, system: System, client: Client, operator: OperatorLink, folder: Path, console: Console) -> None:
+        self.record = _ScenarioRecord()
+        self._data, self._client, self._operator, self._folder, self._console = system.data, client, operator, folder, console
+        self._trace = Follower(system.data / "messages.jsonl")
+
+    async def play(self) -> _ScenarioRecord:
+        task = await self._client.submit(REQUEST)
+        watcher, photographer = asyncio.create_task(self._watch(task)), asyncio.create_task(self._take_pictures())
+        try:
+            async with asyncio.timeout(_MOST_TIME):
+                while not watcher.done():
+                    self._print()
+                    await self._reply()
+                    await asyncio.sleep(0.01)
+                await watcher
+                await self._operator.idle()
+                if self.record.completed("TransferObject") == [_STRONG_ROBOT]:  # else there is no picture of its transport
+                    await photographer
+        finally:
+            watcher.cancel()
+            photographer.cancel()
+        await asyncio.sleep(0.3)  # the last End messages are in transit
+        self._print()
+        return self.record
+
+    async def _watch(self, task: str) -> None:
+        """Follow the events of the task until it ends."""
+        async for news in self._client.news(task):
+            self.record.view = news.view
+            for event in news.events:
+                if event.kind is not EventKind.NEWS:
+                    self._console.print(terminal.event(event))
+
+    async def _reply(self) -> None:
+        """Accept each assignment of the person, and say that it is done."""
+        for assignment in await asyncio.to_thread(people.open_assignments, self._data, _PERSON):
+            for kind in (ReplyKind.ACCEPT, ReplyKind.DONE):
+                await asyncio.to_thread(people.put_reply, assignment.number, Reply(kind=kind), self._data)
+                self.record.replies.append(kind)
+                self._console.print(f"[bold red]{'':>10} ◆ {_PERSON} replies to assignment {assignment.number}: {kind.value}[/]")
+
+    async def _take_pictures(self) -> None:
+        """Take the pictures. Without OpenGL, print a notice and return."""
+        try:
+            async with asyncio.TaskGroup() as pictures:
+                pictures.create_task(self._take_picture("C", _STRONG_ROBOT, robot=_STRONG_ROBOT, carried=_CARRIED))
+                for letter, (service_type, subject) in _LASTING.items():
+                    while not self.record.completed(service_type):
+                        await asyncio.sleep(0.01)
+                    await self._take_picture(letter, subject)
+        except* SimulationError as errors:
+            self._console.print(f"[yellow]no pictures: {errors.exceptions[0]}[/]")
+
+    async def _take_picture(self, letter: str, subject: str, *, robot: str | None = None, carried: float | None = None) -> None:
+        (self._folder / f"{letter}.png").write_bytes(await self._operator.picture(subject, robot=robot, carried=carried))
+
+    def _print(self) -> None:
+        for line in self._trace.new():
+            self.record.lines.append(line)
+            if line.type != "Progress":
+                self._console.print(terminal.passing(line, self.record.lines[0].at))
+
+
+async def perform(system: System, folder: Path, console: Console) -> int:
+    """Play the scenario, and write its results to `folder`. Return the exit code: 0 if all checks pass."""
+    assert system.addresses.simulator is not None
+    host, _, port = system.addresses.simulator.rpartition(":")
+    started = time.monotonic()
+    async with Client(system.addresses) as client, OperatorLink(host, int(port)) as operator:
+        console.print(f"[bold]Scenario 3[/]: {REQUEST.effect}")
+        record = await _ScenarioPlayer(system, client, operator, folder, console).play()
+        ontology, map = await client.ontology(), await client.map()
+        jar, door = await operator.observe(_JAR), await operator.observe(_DOOR)
+    assert record.view is not None, "an accepted task has news"
+    (folder / "map-after.yaml").write_text(dump_site(ontology, map), encoding="utf-8")
+    shutil.copy(system.data / "messages.jsonl", folder / "messages.jsonl")
+    (folder / "messages.svg").write_text(chart([line for line in record.lines if line.type != "Progress"], "Scenario 3"), encoding="utf-8")
+    checks = {
+        "the task was accomplished": record.view.outcome is Outcome.ACCOMPLISHED,
+        "the goal holds in the Repository": formula_holds(parse(REQUEST.effect), map, ontology),
+        "in the simulator, the jar is on the table and the door is open": jar.support == _TABLE and door.open is True,
+        **_checks_of_services(record),
+    }
+    console.print()
+    if pictures := sorted(folder.glob("[A-D].png")):
+        sheet(pictures, STEPS, folder / "pictures.png")
+        console.print(terminal.table("Pictures", ("file", "content"), ((picture.name, STEPS[picture.stem]) for picture in pictures)))
+    completed = [line for line in record.lines if line.type == "Completed"]
+    console.print(
+        terminal.table("Completed steps", ("service", "situation"), ((line.sender, line.body["situation"]) for line in completed))
+    )
+    console.print(terminal.outcome(record.view))
+    console.print(terminal.table("Checks", ("", ""), ((check, "yes" if passed else "NO") for check, passed in checks.items())))
+    console.print(f"It took {time.monotonic() - started:.0f} s. All files are in {folder}/")
+    return 0 if all(checks.values()) else 1
+
+
+def _checks_of_services(record: _ScenarioRecord) -> dict[str, bool]:
+    """Which services did what, each with whether it is so in the messages."""
+    lines = record.lines
+    conditions = [line.body.get("condition") for line in lines if line.type == "Terms" and line.sender.startswith(f"{_PATROL_ROBOT}.")]
+    refusals = _devices(line.sender for line in lines if line.type == "Refuse" and line.sender.endswith(".TransferObject"))
+    executions = [line.recipient.partition(".")[2] for line in lines if line.type == "Execute"]
+    accepted = {line.participant for line in lines if line.type == "Accept"}
+    released = {line.participant for line in lines if line.type in ("End", "Cancel")}
+    return {
+        "the patrol robot demanded that the door is open, and a robot opened it": f"{_DOOR}.Open = TRUE" in conditions
+        and bool(record.completed("OpenDoor")),
+        "the patrol robot found the jar": record.completed("RecognizeSituation") == [_PATROL_ROBOT],
+        "the jar is too heavy for one robot, and the other one carried it": _WEAK_ROBOT in refusals
+        and record.completed("TransferObject") == [_STRONG_ROBOT],
+        "the person was asked, and sealed the jar": record.replies == [ReplyKind.ACCEPT, ReplyKind.DONE]
+        and record.completed("SealJar") == [_PERSON],
+        "the steps came in the order that their preconditions demand": executions
+        == ["OpenDoor", "RecognizeSituation", "TransferObject", "SealJar"],
+        "each participant with a contract was released": accepted <= released,
+    }
+
+
+def _devices(services: Iterable[str]) -> list[str]:
+    """The devices of services: `Robot1` of `Robot1.OpenDoor`."""
+    return [service.partition(".")[0] for service in services]
