@@ -28,7 +28,7 @@ from somrs.protocol.messages.observations import Observation, Reception
 from somrs.repository.association import DEVICE
 from somrs.repository.names import is_name, text_problem
 from somrs.repository.outcome import SITUATION, Outcome
-from somrs.repository.provenance import Provenance, aspects_of
+from somrs.repository.provenance import Provenance, aspects_of, fact_aspect, location_aspect
 from somrs.repository.reports import read_report
 
 
@@ -50,7 +50,7 @@ def update_outcome(
     at = min(observation.as_of, now) if observation.as_of is not None else now
     if impossible := (*_impossible(map, ontology, update.changes), *_wrong_observation(map, ontology, observation, provenance)):
         return Outcome(map=map, ontology=ontology, broken=impossible)
-    changes, superseded = _newer_changes(_both_ways(update.changes, ontology), ontology, provenance, at)
+    changes, superseded = _newer_changes(_both_ways(update.changes, ontology), map, ontology, provenance, at)
     aspects = [aspect for change in changes for aspect in aspects_of(change, ontology)]
     changed = map.changed(changes)
     try:
@@ -81,22 +81,31 @@ def _wrong_observation(map: Map, ontology: Ontology, observation: Observation, p
 
 
 def _newer_changes(
-    changes: Iterable[Change], ontology: Ontology, provenance: Provenance, at: float
+    changes: Iterable[Change], map: Map, ontology: Ontology, provenance: Provenance, at: float
 ) -> tuple[list[Change], tuple[str, ...]]:
     """The changes about which the map has nothing newer, and the others as text."""
     newer: list[Change] = []
     superseded: list[str] = []
     for change in changes:
-        aspect = next(aspects_of(change, ontology), None)
-        if isinstance(change, ObjectRemoved):
-            time = provenance.latest(change.name)
-        else:
-            time = provenance.time(aspect) if aspect is not None else 0.0
-        if time > at:
+        if _latest_news(change, map, ontology, provenance) > at:
             superseded.append(_format_change(change))
         else:
             newer.append(change)
     return newer, tuple(superseded)
+
+
+def _latest_news(change: Change, map: Map, ontology: Ontology, provenance: Provenance) -> float:
+    """When the latest news held that the change may contradict."""
+    match change:
+        case ObjectRemoved(name):
+            return provenance.latest(name)
+        case FactRemoved(fact) if map.has_fact(fact.relation, fact.arguments):
+            # Who says where the object is says so of all its locations, and confirms the one that the map has.
+            aspects = [fact_aspect(fact, ontology), location_aspect(fact, ontology)]
+            return max(provenance.time(aspect) for aspect in aspects if aspect is not None)
+        case _:
+            aspect = next(aspects_of(change, ontology), None)
+            return provenance.time(aspect) if aspect is not None else 0.0
 
 
 def _format_change(change: Change) -> str:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from msgspec import structs
 
 from somrs.kernel.component import Record, Send
-from somrs.ontology.objects import Map, Object, ObjectAdded, ObjectRemoved, ValueSet
+from somrs.ontology.objects import Fact, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import UNKNOWN, Value
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.knowledge import Event, Rejected, RenameObject, Updated, UpdateMap
@@ -207,6 +207,22 @@ def test_a_changed_value_is_marked_by_its_time_too(lab: Reporting) -> None:
     answer = lab.update(blue)
     assert isinstance(answer, Updated)
     assert answer.reception == Reception(as_of=40.0, superseded=("Jar1.Color = Blue", "Jar1 is gone"))
+
+
+@pytest.mark.parametrize("confirmed", ["Jar2 isOn Table2", "Jar2.PositionX = 8 AND Jar2 isOn Table2"])
+def test_news_that_changes_nothing_is_newer_than_that_nothing_was_known_before(lab: Reporting, confirmed: str) -> None:
+    lab.reception("Jar2 isOn Table2 AND Jar2.PositionX = 8 AND Jar2.PositionY = 8", as_of=20.0)
+    event_count = len(lab.events)
+    lab.reception(confirmed, as_of=50.0)
+    assert len(lab.events) == event_count, "the map has it already"
+    fact = Fact("isOn", ("Jar2", "Table2"))
+    changes = (FactRemoved(fact), ValueSet("Jar2", UNKNOWN, True))
+    answer = lab.update(UpdateMap(changes=changes, observation=Observation(as_of=40.0)))
+    assert isinstance(answer, Updated)
+    assert answer.reception == Reception(as_of=40.0, superseded=("NOT Jar2 isOn Table2", "Jar2.Unknown = True"))
+    assert (lab.place("Jar2"), lab.map.objects["Jar2"].values.get(UNKNOWN)) == ("Table2", None)
+    lab.update(UpdateMap(changes=changes, observation=Observation(as_of=60.0)))
+    assert (lab.place("Jar2"), lab.map.objects["Jar2"].values.get(UNKNOWN)) == (None, True)
 
 
 def test_a_renamed_object_keeps_its_times(lab: Reporting) -> None:
