@@ -28,6 +28,10 @@ class Member(Struct, kw_only=True, eq=False):
     queried: bool = False
     last_order: frp.Execute | frp.Compensate | None = field(default=None, name="told")
     """The last order that the participant received."""
+    last_order_time: float = 0.0
+    """When it was last told to work or to compensate, in seconds since 1970."""
+    last_news_time: float = 0.0
+    """Since when the latest situation that it reported held, in seconds since 1970. What it did later is not known."""
     begins_by: float = 0.0
     """Until when it may begin the last order; 0 once its state has moved."""
     exit_reason: str = field(default="", name="last_word")

@@ -131,8 +131,9 @@ class Observation:
             replica = self._context.replica
             changes = tuple(unknown_changes(look.object, replica.map, replica.ontology))
             self._log_event(events.NobodyLooks(object=look.object), now, work)
-            # Nothing is known of the object since the work on it began: whatever is reported about a later time is newer.
-            unseen = observations.Observation(as_of=work.started_at)
+            # Nothing is known of the object since the last order to its participant, or the last report of it: later news is newer.
+            told = (member.last_order_time, member.last_news_time) if member is not None else ()
+            unseen = observations.Observation(as_of=max((work.started_at, *told)))
             update = UpdateMap(changes=changes, author="nobody could look", expected_version=look.since_version, observation=unseen)
             report = Report(update=update, subject=UnobservedSubject(look.object, look.work))
             yield from self._reports.add_report(self._owner, report, self._context, now)

@@ -185,9 +185,9 @@ class ParticipantEvents:
         expected_version = member.lost_version
         if observation is not None and observation.as_of is not None:
             # The clock of the participant's host may be slow; what it reports was not so before it was told to work.
-            work = self._state.log.work_of(member)
-            began = work.started_at if work is not None else observation.as_of
-            observation, expected_version = structs.replace(observation, as_of=max(observation.as_of, began)), None
+            as_of = max(observation.as_of, member.last_order_time)
+            member.last_news_time = max(member.last_news_time, min(as_of, now))
+            observation, expected_version = structs.replace(observation, as_of=as_of), None
         update = UpdateMap(situation=situation, author=member.offer.service, expected_version=expected_version, observation=observation)
         yield from self._state.reports.add_report(self._state.id, Report(update=update, subject=subject), self._scope.context, now)
 

@@ -161,6 +161,16 @@ def test_when_nobody_can_look_the_map_says_that_nothing_is_known(offers: tuple[O
     assert harness.known_services.offers == (() if isinstance(offers, str) else offers)
 
 
+@pytest.mark.parametrize(("order", "news", "known_until"), [(0.0, 0.0, 1.0), (1.0, 3.0, 3.0), (4.0, 3.0, 4.0)])
+def test_nothing_is_known_since_the_last_order_or_the_last_report(order: float, news: float, known_until: float) -> None:
+    harness = ObservationHarness()
+    harness.member.last_order_time, harness.member.last_news_time = order, news
+    harness.begin_look()
+    harness.discovered()
+    (report,) = harness.reports.waiting
+    assert report.update.observation == Observed(as_of=known_until)
+
+
 def test_an_answer_to_what_is_not_asked_any_more_means_nothing() -> None:
     harness = ObservationHarness()
     assert run_effects(harness.observation.discovered(ForLook("task1", 0), (offer("Robot1", look_service_type()),), 6.0)) == ([], None)

@@ -20,6 +20,7 @@ from somrs.protocol.messages.envelope import Header, Message, reply
 from somrs.protocol.messages.events import Event, GoalKind
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.knowledge import Rejected, Updated, UpdateMap
+from somrs.protocol.messages.observations import Observation
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.manager import TaskManager
 from somrs.task_manager.timers import DeadlineDue, OverdueDue, SilenceDue, StopDue, Timer
@@ -247,6 +248,18 @@ def test_a_failure_of_which_nothing_is_known_is_looked_at() -> None:
     assert [type(event).__name__ for event, *_ in harness.news(event_count)][:2] == ["StepFailed", "NobodyLooks"]
     (report,) = harness.reports
     assert (report.author, report.situation) == ("nobody could look", None)
+
+
+def test_what_a_lost_participant_reported_before_does_not_hold_for_sure() -> None:
+    harness = TaskManagerHarness()
+    harness.executing()
+    ordered = harness.member().last_order_time
+    held = "Jar002 isHeldBy Robot1"
+    for told, counts in ((ordered - 9.0, ordered), (ordered + 2.0, ordered + 2.0), (ordered + 1.0, ordered + 1.0)):
+        harness.service_says(frp.Progress(fraction=0.4, situation=held, observation=Observation(as_of=told)), ordered + 3.0)
+        assert harness.reports[-1].observation == Observation(as_of=counts)
+    harness.service_says(frp.Failed(description="stuck"), ordered + 4.0)
+    assert (harness.reports[-1].author, harness.reports[-1].observation) == ("nobody could look", Observation(as_of=ordered + 2.0))
 
 
 def test_progress_is_told_when_it_is_news_and_put_on_the_map_when_it_changed_something() -> None:
