@@ -332,11 +332,11 @@ def test_a_preview_says_what_would_be_done_and_what_it_costs(open_page: Callable
 
 def test_an_impossible_wish_says_why(open_page: Callable[..., Page]) -> None:
     page = open_page()
-    write(page, "Door001.Open = FALSE")
+    write(page, "Table001.Color = Red")
     page.get_by_role("button", name="Preview").click()
     refused = page.get_by_role("alert")
     expect(refused).to_contain_text("No plan is possible now")
-    expect(refused).to_contain_text("Door001.Open = FALSE does not hold on the map, and no service type brings it about")
+    expect(refused).to_contain_text("Table001.Color = Red does not hold on the map, and no service type brings it about")
     expect(refused).to_contain_text("?Object isOn ?Destination")
     take_screenshot(page, "define-impossible-1280-light")
 

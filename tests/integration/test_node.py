@@ -18,6 +18,7 @@ from somrs.runtime.host import Host
 from somrs.runtime.wire import Wire
 from somrs.service_manager.sdk.device import Device, Situation, Task, service
 from somrs.storage.repository_store import repository_journal
+from tests.support.effects import timeless
 from tests.support.hang import HANG_TIME
 from tests.support.lab import contents
 
@@ -103,13 +104,13 @@ def test_a_coordinator_without_an_address_gets_reports_on_its_connections(tmp_pa
         carrier.release_event.set()
         completed = await work
         assert completed is not None
-        assert completed.body == frp.Completed(situation="Jar1 isOn Table2")
+        assert timeless(completed.body) == frp.Completed(situation="Jar1 isOn Table2")
         assert completed.header.relates_to == message_id("Execute", 0)
         assert await post_body(EXECUTE) == completed, "whoever missed it asks again"
         assert await post_body(frp.Stop(reason="too late")) == completed
         compensated = await post_body(frp.Compensate(situation="Jar1 isOn Table1"))
         assert compensated is not None
-        assert compensated.body == frp.Compensated(situation="Jar1 isOn Table1")
+        assert timeless(compensated.body) == frp.Compensated(situation="Jar1 isOn Table1")
         assert await post_body(frp.End(outcome=frp.Outcome.CANCELLED)) is None
 
     run_with_carrier(scenario, tmp_path)
@@ -120,7 +121,7 @@ def test_who_waits_for_the_work_hears_that_it_was_stopped(tmp_path: Path) -> Non
         work = await executing(post_body)
         stopped = await post_body(frp.Stop(reason="enough"))
         assert stopped is not None
-        assert stopped.body == frp.Stopped(situation="Jar1 isOn Floor1")
+        assert timeless(stopped.body) == frp.Stopped(situation="Jar1 isOn Floor1")
         assert await work == stopped
 
     run_with_carrier(scenario, tmp_path)

@@ -31,7 +31,7 @@ while True:
 def test_nothing_that_was_acknowledged_is_lost_when_the_process_is_killed(tmp_path: Path) -> None:
     path = tmp_path / "repository.sqlite"
     acknowledged = 0
-    for lines in (30, 7, 55):
+    for lines in (30, 7, 40):
         acknowledged += run_until_killed(WRITER_PROGRAM, path, lines)
         reopened = Keeper(path)
         contents = reopened.contents

@@ -211,5 +211,6 @@ def test_sensing_sees_what_nothing_hides() -> None:
     run = Run(Map(objects))
     end = run.execute("Robot1", Sense(radius=10))
     assert isinstance(end, CommandDone)
-    assert [sighting.object for sighting in end.object_states] == ["Near"]
-    assert end.object_states[0].support == "Floor1"
+    [sighting] = end.sightings
+    assert (sighting.type, sighting.support) == ("Cup", "Floor1")
+    assert sighting.x == pytest.approx(3, abs=0.1)

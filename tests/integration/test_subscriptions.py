@@ -128,7 +128,7 @@ def test_nobody_waits_for_what_is_there(awaited: str, silent: bool) -> None:
     robots = (Robot("Robot1", 10, 60, works=breaks), Robot("Robot2", 25, 30)) if not silent else (Robot("Robot1", 10, 600),)
     system = VirtualSystem(*robots, watch=look)
     systems.append(system)
-    task = system.submit(GOAL)
+    task = system.submit(GOAL, waits=False)
     version, known_count, latest_news = 0, 0, news(system, task, contracts=0, wait=0)
     while latest_news.view.outcome is None:
         if silent and any(step.state is State.EXECUTING for step in latest_news.view.steps):

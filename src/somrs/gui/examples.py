@@ -9,6 +9,7 @@ from msgspec import Struct
 from somrs.ontology.completion import fitting_objects, service_effects
 from somrs.ontology.cursor import Slot
 from somrs.ontology.objects import Fact, Map
+from somrs.ontology.services import PROVIDER
 from somrs.ontology.types import ROOT, Ontology
 
 MAX_THINGS = 50
@@ -43,7 +44,10 @@ def with_variables(example: str, types: Mapping[str, str], map: Map, ontology: O
     """The example with a variable in place of its first object, if one of these types admits the object."""
     thing, _, rest = example.partition(" ")
     object = map.objects.get(thing)
-    variable = next((name for name, type_name in types.items() if object is not None and ontology.is_subtype(object.type, type_name)), None)
+    if object is None:
+        return example
+    inputs = {name: type_name for name, type_name in types.items() if name != PROVIDER}  # handlers concern what the device handled
+    variable = next((name for name, type_name in inputs.items() if ontology.is_subtype(object.type, type_name)), None)
     return f"?{variable} {rest}" if variable is not None else example
 
 

@@ -44,7 +44,7 @@ _COLUMNS: list[dict[str, Any]] = [
     {"name": "took", "label": "Time", "field": "seconds", "align": "left"},
     {"name": "due", "label": "Deadline", "field": "due", "align": "left"},
     {"name": "priority", "label": "Priority", "field": "priority", "align": "left"},
-    {"name": "retry", "label": "", "field": "retry", "align": "right"},
+    {"name": "retry", "label": "Retry", "field": "retry", "align": "right"},
 ]
 
 
