@@ -1,5 +1,6 @@
-"""Measures planning by the size of the map and by the length of the plan: `python benchmarks/planning.py`.
+"""Measures planning by the size of the map, of the fleet and of the plan: `python benchmarks/planning.py`.
 
+`python benchmarks/planning.py fleet` measures only by the size of the fleet.
 `python benchmarks/planning.py somrs 10000 five` runs one measurement, in a process that measures its own memory.
 """
 
@@ -16,6 +17,7 @@ import time
 from collections.abc import Callable, Iterator
 from functools import partial
 
+from building import PLACES, delivery_problem
 from contestants import unified
 from msgspec.structs import replace
 from timing import format_time
@@ -26,13 +28,14 @@ from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Fact, FactAdded, FactRemoved, Map, Object
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import AttributeType, Kind, ObjectType, Ontology, RelationType
-from somrs.planner.model.plan import NoPlan
+from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import AvailableService, Problem
 from somrs.planner.planning import plan
 from somrs.planner_service.engines import driver, plan_in_process
 
 RUNS = 3
 SIZES = (50, 100, 1_000, 10_000, 100_000)
+FLEETS = (10, 100, 1_000)
 PATIENCE = 60.0
 """Seconds after which a contestant is stopped."""
 MEGABYTE = 1024
@@ -139,6 +142,13 @@ def _seconds(work: Callable[[], object]) -> float:
     return time.perf_counter() - started
 
 
+def _processor_seconds(work: Callable[[], object]) -> float:
+    """Return the processor time of work in this process alone, which a busy machine hardly changes."""
+    started = time.process_time()
+    work()
+    return time.process_time() - started
+
+
 def _memory() -> float:
     """Return the peak memory of this process and its children, in megabytes."""
     kilobytes = max(resource.getrusage(owner).ru_maxrss for owner in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
@@ -177,7 +187,24 @@ def by_size() -> None:
 def main() -> None:
     by_size()
     print()
+    by_fleet()
+    print()
     by_length()
+
+
+def by_fleet() -> None:
+    """Print the processor time to plan deliveries across storeys, by the number of robots that could make them."""
+    print(f"{'':55} {'found':>10} {'first plan':>12} {'median':>12} {'robots':>7}")
+    for deliveries, label in ((1, "one delivery"), (30, "thirty deliveries")):
+        for robots in FLEETS:
+            current_problem = delivery_problem(robots, deliveries)
+            times = [_processor_seconds(partial(plan, current_problem)) for _ in range(RUNS)]
+            result = plan(current_problem)
+            assert isinstance(result, Plan), result
+            name = f"{label}, {robots} robots, {PLACES} places"
+            at_work = len({step.provider for step in result.steps})
+            times_text = f"{format_time(times[0]):>12} {format_time(statistics.median(times)):>12}"
+            print(f"{name:55} {len(result.steps):4} steps {times_text} {at_work:7}", flush=True)
 
 
 def by_length() -> None:
@@ -196,7 +223,9 @@ def by_length() -> None:
 
 
 if __name__ == "__main__":
-    if len(sys.argv) > 1:
+    if sys.argv[1:] == ["fleet"]:
+        by_fleet()
+    elif len(sys.argv) > 1:
         print(json.dumps(measure(sys.argv[1], int(sys.argv[2]), sys.argv[3])))
     else:
         main()

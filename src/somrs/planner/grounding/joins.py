@@ -35,12 +35,13 @@ class Joins:
         self.world, self.facts, self.narrow = world, facts, narrow
         self.guessed = False
         """Whether a service has a number or text as input that the goal does not determine; such inputs are not tried."""
-        self._effort = effort
+        self.effort = effort
+        """The effort that is left."""
 
     def spend(self, effort: int, operator: Operator) -> None:
         """Count effort. Raises TooLarge at the limit."""
-        self._effort -= effort
-        if self._effort < 0:
+        self.effort -= effort
+        if self.effort < 0:
             raise TooLarge(f"there are too many ways to use services, {operator_name(operator)} among them")
 
     def orders(self, predicate: str, arguments: tuple[Argument, ...]) -> tuple[tuple[Argument, ...], ...]:

@@ -20,6 +20,7 @@ from somrs.entish import Term, Variable
 from somrs.entish.formula import conjunction, substitute
 from somrs.ontology.effects import apply_effect
 from somrs.ontology.truth import formula_holds
+from somrs.planner.grounding import exploration
 from somrs.planner.grounding.actions import Action, added_facts, argument_of, make_action
 from somrs.planner.grounding.bags import Bag, find_bags
 from somrs.planner.grounding.exploration import Exploration, pattern_variables
@@ -47,6 +48,10 @@ DEPTH = 300
 """The maximum length of a chain of actions."""
 STEPS = 3_000
 """The maximum number of steps."""
+EFFORT = 200_000
+"""The maximum number of facts to match with conditions in all explorations together: one to three seconds."""
+EARNED_EFFORT = 20_000
+"""The effort that is added for each part of the goal when it is first reached: many parts may take long, a dead end may not."""
 FACTS = 20_000
 """The maximum number of facts to match when one action is bound."""
 
@@ -74,15 +79,17 @@ class Lookahead:
             return None  # no chain makes a fact false, or counts
         if any(demand.operator.tells or demand.operator.is_choice for demand in self._demanded):
             return None  # the map does not show what will be known, or is chosen
+        effort = EFFORT
         for direct in (True, False):
             demanded = self._demanded if direct else demands(self._goals, self._world)
             bags = self._bags if direct else find_bags(self._problem, self._world, demanded)
-            execution = _Execution(self._problem, self._world, self._goals[0], demanded, bags, direct=direct)
+            execution = _Execution(self._problem, self._world, self._goals[0], demanded, bags, direct=direct, effort=effort)
             try:
                 if execution.run():
                     return _moves(execution, self._goals)
             except (TooLarge, _GivenUp):
-                continue
+                pass
+            effort = execution.effort
         return None
 
 
@@ -90,13 +97,16 @@ class _Execution:
     """The map after the actions so far."""
 
     def __init__(
-        self, problem: Problem, world: World, goal: Operator, demanded: Sequence[Demand], bags: Sequence[Bag], *, direct: bool
+        self, problem: Problem, world: World, goal: Operator, demanded: Sequence[Demand], bags: Sequence[Bag], *, direct: bool, effort: int
     ) -> None:
         self.problem, self.world, self.start = problem, world, world
         self.demanded, self.bags, self._goal, self.direct = demanded, bags, goal, direct
+        self.effort = effort
+        """The effort that is left for explorations."""
         self.actions: list[Action] = []
         self._demands_by_part: dict[Fact, list[Demand]] = {}
         self._used: set[str] = set()
+        self._reached: set[Fact] = set()
         self._demand_of = {demand.operator: Demand(demand.operator, (), ()) for demand in demanded}
 
     def run(self) -> bool:
@@ -125,15 +135,21 @@ class _Execution:
         casts = guide.casts(part, self._used)
         for roles in casts[:1]:
             if guide.achieve(part, roles):
-                self._used.update(roles.values())
+                self._note_reached(part, roles)
                 return
             self.undo(count, world)
         for roles in casts:
             bags = [bag.only(roles[bag.representative]) if bag.representative in roles else bag for bag in self.bags]
             if self._pursue_alone(part, bags):
-                self._used.update(roles.values())
+                self._note_reached(part, roles)
                 return
             self.undo(count, world)
+
+    def _note_reached(self, part: Fact, roles: Mapping[str, str]) -> None:
+        self._used.update(roles.values())
+        if part not in self._reached:
+            self._reached.add(part)
+            self.effort += EARNED_EFFORT
 
     def _pursue_alone(self, part: Fact, bags: Sequence[Bag]) -> bool:
         nearest = float("inf")
@@ -207,9 +223,17 @@ class _Guide:
         left_out = {member for bag in bags for member in bag.left_out}
         world = execution.world.without(left_out) if left_out else execution.world
         known = (fact for holders in self.holders.values() for fact in holders)
-        self.exploration = Exploration(world, demanded, known, target)
+        self.exploration = self._explore(world, demanded, known, target)
         self._under_way: set[Fact] = set()
         self._touched_by: dict[Fact, frozenset[object]] = {}
+
+    def _explore(self, world: World, demanded: Sequence[Demand], known: Iterable[Fact], target: Fact) -> Exploration:
+        """Explore at the expense of the lookahead."""
+        available = min(self.execution.effort, exploration.EFFORT)
+        self.execution.effort -= available
+        result = Exploration(world, demanded, known, target, effort=available)
+        self.execution.effort += max(result.joins.effort, 0)
+        return result
 
     def casts(self, part: Fact, used: Collection[str]) -> list[Mapping[str, str]]:
         """For each representative in the chain to the part, a device; the best choices first."""
