@@ -35,8 +35,8 @@ def test_what_is_so_is_asked_and_the_answer_says_who_saw_it(watched: RunningSyst
     expect(page.get_by_text("Nothing is moved.")).to_be_visible()
     page.get_by_role("button", name="Preview", exact=True).click()
     plan = page.get_by_role("group", name="Plan preview")
-    expect(plan.get_by_role("button", name=re.compile("RecognizeSituation"))).to_have_count(2)
-    expect(plan.get_by_text("finds out Jar002")).to_be_visible()
+    expect(plan.get_by_role("button", name=re.compile("LookAt"))).to_have_count(1)  # one look at the place, not one at each jar
+    expect(plan.get_by_text("finds out ?Thing isOn")).to_be_visible()
     take_screenshot(page, "find-out-define-1280-light")
     page.get_by_role("button", name="Start", exact=True).click()
     page.wait_for_url(re.compile("/tasks/"))

@@ -105,7 +105,7 @@ def test_a_type_is_built_renamed_moved_and_all_of_it_undone(system: RunningSyste
     form = page.get_by_role("form", name="Definition")
     form.get_by_role("button", name="Make a new attribute").click()
     dialog = page.get_by_role("dialog", name="New attribute")
-    dialog.get_by_role("textbox", name="Name").fill("Volume")
+    dialog.get_by_role("textbox", name="Name").fill("Capacity")
     dialog.get_by_role("textbox", name="Unit").fill("litres of water")
     dialog.get_by_role("button", name="Save").click()
     expect(dialog.get_by_text("pint knows no unit litres of water")).to_be_visible()
@@ -113,9 +113,9 @@ def test_a_type_is_built_renamed_moved_and_all_of_it_undone(system: RunningSyste
     dialog.get_by_role("textbox", name="At least").fill("0")
     dialog.get_by_role("button", name="Save").click()
     expect(dialog).to_be_hidden()
-    expect(form.get_by_role("group", name="attribute 1").get_by_role("combobox")).to_have_value("Volume")
+    expect(form.get_by_role("group", name="attribute 1").get_by_role("combobox")).to_have_value("Capacity")
     for index, (path, value) in enumerate(
-        (("Shape.Form", "Cylinder"), ("Shape.Height", "30 cm"), ("Shape.Radius", "0.06"), ("Volume", "2")), 1
+        (("Shape.Form", "Cylinder"), ("Shape.Height", "30 cm"), ("Shape.Radius", "0.06"), ("Capacity", "2")), 1
     ):
         form.get_by_role("button", name="Add default").click()
         default = form.get_by_role("group", name=f"default {index}")
@@ -128,7 +128,7 @@ def test_a_type_is_built_renamed_moved_and_all_of_it_undone(system: RunningSyste
     save(page)
     expect(heading(page, "Vase")).to_be_visible()
     expect(page.get_by_role("row", name=re.compile("^Height"))).to_contain_text("0.3 m")
-    expect(page.get_by_role("row", name=re.compile("^Volume"))).to_contain_text("own")
+    expect(page.get_by_role("row", name=re.compile("^Capacity"))).to_contain_text("own")
     expect(page.get_by_role("row", name=re.compile("^Weight"))).to_contain_text("from PhysicalObject")
 
     page.get_by_role("article").get_by_role("button", name="Rename").click()
@@ -144,7 +144,7 @@ def test_a_type_is_built_renamed_moved_and_all_of_it_undone(system: RunningSyste
     page.get_by_role("dialog", name="Move Amphora below Plant").get_by_role("button", name="Move").click()
     expect(page.get_by_role("navigation", name="Ancestors")).to_contain_text("Plant")
 
-    for text in ("Plant", "Vase", "Vase added", "Volume"):
+    for text in ("Plant", "Vase", "Vase added", "Capacity"):
         undo(page, text)
     expect(row(page, "Vase")).to_have_count(0)
     page.get_by_role("button", name="History").first.click()

@@ -266,15 +266,15 @@ def test_what_is_added_and_removed_is_seen_also_when_connections_are_lost(system
     page.add_init_script(SOCKETS)
     open_scene(system, page)
     values = {"PositionX": 9.0, "PositionY": 5.0, "PositionZ": 0.0, "Shape.Form": "Box", "Shape.Width": 0.6, "Shape.Depth": 0.6}
-    table = {"name": "Table009", "type": "Table", "values": {**values, "Shape.Height": 0.7}}
-    call_api(system, "POST", "/map/changes", {"changes": [{"type": "ObjectAdded", "object": table}], "author": "Ada"})
-    page.wait_for_function("somrsScene.where('Table009')?.x === 9")
-    move = {"type": "ValueSet", "object": "Table009", "path": "PositionX", "value": 9.5}
+    shelf = {"name": "Shelf009", "type": "Shelf", "values": {**values, "Shape.Height": 0.7}}
+    call_api(system, "POST", "/map/changes", {"changes": [{"type": "ObjectAdded", "object": shelf}], "author": "Ada"})
+    page.wait_for_function("somrsScene.where('Shelf009')?.x === 9")
+    move = {"type": "ValueSet", "object": "Shelf009", "path": "PositionX", "value": 9.5}
     call_api(system, "POST", "/map/changes", {"changes": [move], "author": "Ada"})
-    page.wait_for_function("somrsScene.where('Table009').x === 9.5")
+    page.wait_for_function("somrsScene.where('Shelf009').x === 9.5")
     page.evaluate("sockets.filter((one) => one.url.includes('/api/')).forEach((one) => one.close())")
-    call_api(system, "POST", "/map/changes", {"changes": [{"type": "ObjectRemoved", "name": "Table009"}], "author": "Ada"})
-    page.wait_for_function("somrsScene.where('Table009') === null")
+    call_api(system, "POST", "/map/changes", {"changes": [{"type": "ObjectRemoved", "name": "Shelf009"}], "author": "Ada"})
+    page.wait_for_function("somrsScene.where('Shelf009') === null")
     call_api(system, "POST", "/fleet/Robot1/faults/gripper")
     label = page.locator(".somrs-scene-label-robot", has_text="Robot1")
     try:

@@ -76,7 +76,8 @@ class Listing:
         return types
 
     def _reason(self, type_name: str, reasons: tuple[str, ...]) -> str:
-        holders = [offer.provider for name in self._providers for offer in self.offers_of(name) if offer.service_type.name == type_name]
+        offers = (offer for name in sorted(self._providers) for offer in self.offers_of(name))
+        holders = [offer.provider for offer in offers if offer.service_type.name == type_name]
         known = type_name in self._ontology.services
         offered = f"{_names(holders)} offer{'s' if len(holders) == 1 else ''} it so" if holders else ""
         source = "the Repository defines it otherwise" if known else "another provider defines it otherwise"
