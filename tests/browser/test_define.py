@@ -332,7 +332,7 @@ def test_a_preview_says_what_would_be_done_and_what_it_costs(open_page: Callable
 
 def test_an_impossible_wish_says_why(open_page: Callable[..., Page]) -> None:
     page = open_page()
-    write(page, "Table001.Color = Red")
+    field(page).fill("Table001.Color = Red")
     page.get_by_role("button", name="Preview").click()
     refused = page.get_by_role("alert")
     expect(refused).to_contain_text("No plan is possible now")
