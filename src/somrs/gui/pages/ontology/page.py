@@ -147,8 +147,11 @@ class OntologyPage:
     # Content
 
     def _render(self) -> None:
-        """Show the open definition, or its draft, as it is now."""
+        """Show the index, and the open definition or its draft, as they are now."""
         self._show_index()
+        self._show_definition()
+
+    def _show_definition(self) -> None:
         self._editor = None
         view, section, name = self._view, self._section, self._name
         draft = self._drafts.get(self._key)
@@ -321,7 +324,7 @@ class OntologyPage:
     async def _read_services(self) -> None:
         self._view.set_services(await self._api.fleet.services())
         if self._editor is None and self._section is SERVICES:
-            self._render()
+            self._show_definition()  # and not the index, in which the user may have chosen another section
 
     async def _handle_services_news(self, news: News) -> None:
         await self._read_services()
