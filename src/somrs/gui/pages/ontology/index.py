@@ -30,7 +30,7 @@ class IndexCallbacks:
 class Index:
     def __init__(self, view: OntologyView, callbacks: IndexCallbacks) -> None:
         self._view, self._callbacks = view, callbacks
-        self._section = TYPES
+        self.section = TYPES
         self._tree: Tree | None = None
         self._marks: Marks = {}
         self._drafts: set[str] = set()
@@ -39,20 +39,20 @@ class Index:
                 for section in SECTIONS:
                     ui.tab(section.key, label=section.label)
             self._body = ui.element("div").classes("somrs-onto-index-body")
-            self._new = ui.button("", icon="add", on_click=lambda: callbacks.new(self._section)).props("flat no-caps")
+            self._new = ui.button("", icon="add", on_click=lambda: callbacks.new(self.section)).props("flat no-caps")
             self._new.classes("somrs-onto-new")
 
     def _switch_tab(self, event: ValueChangeEventArguments[Any]) -> None:
         section = SECTION[str(event.value)]
-        if section is not self._section:
+        if section is not self.section:
             self._callbacks.switch_section(section)
 
     def render(self, section: Section, name: str | None, marks: Marks, drafts: set[str]) -> None:
         """Show a section and mark the open definition."""
         self._marks = marks
         nodes = self._nodes(section, marks, drafts)
-        if section is not self._section or self._tree is None:
-            self._section = section
+        if section is not self.section or self._tree is None:
+            self.section = section
             self._tabs.value = section.key
             self._body.clear()
             with self._body:
@@ -71,7 +71,7 @@ class Index:
     def mark_drafts(self, drafts: set[str]) -> None:
         """Mark the definitions with unsaved drafts."""
         if self._tree is not None and drafts != self._drafts:
-            self._tree.show_nodes(self._nodes(self._section, self._marks, drafts))
+            self._tree.show_nodes(self._nodes(self.section, self._marks, drafts))
 
     def _nodes(self, section: Section, marks: Marks, drafts: set[str]) -> list[Node]:
         counts = self._view.counts() if section is TYPES else {}

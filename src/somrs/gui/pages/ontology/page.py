@@ -191,9 +191,11 @@ class OntologyPage:
     def _build_missing(self, section: Section, name: str) -> None:
         heading.show_missing(section, name, lambda: self._history_dialog.open_history(section, name))
 
-    def _show_index(self) -> None:
+    def _show_index(self, section: Section | None = None) -> None:
+        """Show a section of the index; None: that of the open definition."""
+        section = section or self._section
         self._version_label.text = f"version {self._view.version}"
-        self._index.render(self._section, self._name, self._all_marks(), self._unsaved())
+        self._index.render(section, self._name if section is self._section else None, self._all_marks(), self._unsaved())
 
     def _show_unsaved(self) -> None:
         """Show links to unsaved drafts."""
@@ -338,11 +340,11 @@ class OntologyPage:
         old_ontology = self._view.ontology
         await self._read()
         await self._follow_renamed(old_ontology)
+        self._show_index(self._index.section)  # the user may have chosen another section there
         if self._editor is not None:
-            self._show_index()
             self._editor.check_for_changes()
         else:
-            self._render()
+            self._show_definition()
 
     async def _follow_renamed(self, old_ontology: Ontology) -> None:
         """If another user renamed the open definition, open it by its new name."""
