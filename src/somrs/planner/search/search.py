@@ -15,6 +15,10 @@ EFFORT = 1_500_000
 """The number of moves and effects that the search examines before it gives up: about half a second."""
 
 
+REDUNDANCY_EFFORT = 300_000_000
+"""The number of values in the states that are computed to find redundant moves: some seconds."""
+
+
 class TooHard(Exception):
     """The search gave up at its limit of effort. There may or may not be a plan."""
 
@@ -78,7 +82,11 @@ def _path(parents: dict[State, tuple[State, Move] | None], state: State) -> list
 
 
 def remove_redundant_moves(moves: Sequence[Move], task: Task) -> list[Move]:
-    """The plan without redundant moves, and without moves that only redundant moves make applicable (Nakhost and Müller 2010)."""
+    """The plan without redundant moves, and without moves that only redundant moves make applicable (Nakhost and Müller 2010).
+
+    The effort is quadratic, so a plan beyond `REDUNDANCY_EFFORT` stays as it is."""
+    if len(moves) ** 2 * len(task.initial) > REDUNDANCY_EFFORT:
+        return list(moves)
     kept_moves = list(moves)
     place = 0
     while place < len(kept_moves):
