@@ -7,7 +7,6 @@ An assignment is open until the person has done it, could not do it, or declined
 from __future__ import annotations
 
 import secrets
-import sqlite3
 import time
 from collections.abc import Sequence
 from enum import StrEnum
@@ -16,6 +15,7 @@ from pathlib import Path
 import msgspec
 from msgspec import Struct
 
+from somrs.devices.person.store import open_store
 from somrs.errors import UsageError
 
 FILE = "people.sqlite"
@@ -91,15 +91,7 @@ class Assignments:
     """The assignments of one data folder, and the codes of the people. Numbers are never reused."""
 
     def __init__(self, folder: Path) -> None:
-        path = folder / FILE
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            self._db = sqlite3.connect(path, isolation_level=None, timeout=5.0)
-            self._db.execute("PRAGMA journal_mode=WAL")
-            for table in _TABLES:
-                self._db.execute(table)
-        except (sqlite3.Error, OSError) as error:
-            raise UsageError(f"{path}: the assignments cannot be kept here: {error}") from None
+        self._db = open_store(folder / FILE, _TABLES, "assignments")
 
     def close(self) -> None:
         self._db.close()

@@ -4,17 +4,21 @@ command line and the windows write the answers (docs/decisions/0010).
 
 from __future__ import annotations
 
-import sqlite3
 import time
 from collections.abc import Sequence
 from pathlib import Path
 
 from msgspec import Struct
 
+from somrs.devices.person.store import open_store
 from somrs.errors import UsageError
 
 FILE = "questions.sqlite"
 """Name of the file in the data folder of the system."""
+_TABLE = (
+    "CREATE TABLE IF NOT EXISTS questions (number INTEGER PRIMARY KEY AUTOINCREMENT, person TEXT, about TEXT, text TEXT,"
+    " asked REAL, until REAL, answer TEXT, problem TEXT DEFAULT '', ended TEXT)"
+)
 _COLUMNS = "number, person, about, text, asked, until, answer, problem, ended"
 
 
@@ -39,17 +43,7 @@ class Questions:
     """The questions of one data folder. Numbers are never reused, so that no answer goes to another question."""
 
     def __init__(self, folder: Path) -> None:
-        path = folder / FILE
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            self._db = sqlite3.connect(path, isolation_level=None, timeout=5.0)
-            self._db.execute("PRAGMA journal_mode=WAL")
-            self._db.execute(
-                "CREATE TABLE IF NOT EXISTS questions (number INTEGER PRIMARY KEY AUTOINCREMENT, person TEXT, about TEXT, text TEXT,"
-                " asked REAL, until REAL, answer TEXT, problem TEXT DEFAULT '', ended TEXT)"
-            )
-        except (sqlite3.Error, OSError) as error:
-            raise UsageError(f"{path}: the questions cannot be kept here: {error}") from None
+        self._db = open_store(folder / FILE, (_TABLE,), "questions")
 
     def close(self) -> None:
         self._db.close()
