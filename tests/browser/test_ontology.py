@@ -489,6 +489,19 @@ def test_sheet_and_form_fit_every_window(system: RunningSystem, window: OpenPage
         take_screenshot(page, f"ontology-edit-{look}")
 
 
+def test_news_leave_the_section_that_was_chosen_in_the_index(system: RunningSystem, window: OpenPage) -> None:
+    page = window(f"{system.url}/ontology?service=TransferObject")
+    expect(heading(page, "TransferObject")).to_be_visible()
+    page.get_by_role("tab", name="Relations").click()
+    expect(row(page, "isOn")).to_be_visible()
+    call(system, "POST", "/ontology/changes", {"definitions": {"relations": [{"name": "faces", "joins": ["Object", "Object"]}]}})
+    expect(row(page, "faces")).to_be_visible()  # the news has come
+    call(system, "POST", "/ontology/changes", {"removed": [{"section": "relations", "name": "faces"}]})
+    expect(row(page, "faces")).to_have_count(0)
+    expect(row(page, "isOn")).to_be_visible()
+    expect(heading(page, "TransferObject")).to_be_visible()
+
+
 def test_attributes_relations_functions_and_services_are_written(system: RunningSystem, window: OpenPage) -> None:
     page = window(f"{system.url}/ontology")
     form = page.get_by_role("form", name="Definition")
