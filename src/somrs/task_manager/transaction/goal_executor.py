@@ -1,5 +1,5 @@
-"""The execution of one goal: planning, arrangement, execution of the steps, and recovery of a failed step by replacement or replanning
-(`recovery/ladder.py`).
+"""The execution of one goal: planning, arrangement (`step_arranger.py`), execution of the steps (`step_executor.py`), and recovery of a
+failed step by replacement or replanning (`recovery/ladder.py`).
 
 The goals are that of the task, and further goals on the way: what a handler demands, what a cognitive service observes, what a
 compensation restores. Decisions that concern the whole task are returned to the transaction as a `NextAction`.
@@ -16,15 +16,14 @@ from somrs.entish.parse import parse
 from somrs.kernel.component import Effects, EffectsReturning
 from somrs.ontology.services import ServiceKind
 from somrs.planner.model.plan import NoPlan, Plan
-from somrs.protocol.messages import events, frp
+from somrs.protocol.messages import events
 from somrs.protocol.messages.clients import Phase, Previewed
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.event_text import holders_text
 from somrs.protocol.messages.events import GoalKind
 from somrs.protocol.messages.frp import State
 from somrs.task_manager.arrangement.available_services import service_names
-from somrs.task_manager.arrangement.call_for_proposals import MAX_OPEN_CALLS, REPLY_TIME, Arrangement, CallForProposals
-from somrs.task_manager.arrangement.conditions import Conditions
+from somrs.task_manager.arrangement.call_for_proposals import MAX_OPEN_CALLS
 from somrs.task_manager.arrangement.plan_request import MOST_PLANS, PlanRequest, PlanRequester, PlanResult, ServicesUnknown
 from somrs.task_manager.context import known_to_hold
 from somrs.task_manager.execution.knowledge import told
@@ -38,6 +37,7 @@ from somrs.task_manager.transaction.plan_comparison import PlanComparison
 from somrs.task_manager.transaction.retry_wait import RetryWait
 from somrs.task_manager.transaction.scope import TaskScope
 from somrs.task_manager.transaction.state import GoalExecution
+from somrs.task_manager.transaction.step_arranger import StepArranger
 from somrs.task_manager.transaction.step_executor import StepExecutor
 from somrs.task_manager.transaction.weighing import undoing_is_cheaper
 
@@ -187,7 +187,7 @@ class GoalExecutor:
         passing = {**hindrances, **self._services.passing_hindrances()} if self._retry_wait.is_allowed else {}
         if not passing:
             return (yield from self._fail(reasons, now))
-        yield from self._withdraw("the task has to wait", now)
+        yield from self.arranger.withdraw("the task has to wait", now)
         yield from self._dismiss_arranged("the task has to wait", now)
         yield from self._retry_wait.begin(passing, now)
         return None
@@ -264,9 +264,8 @@ class GoalExecutor:
         elif (runs := workflow.open) or execution.calls:
             execution.phase = Phase.ARRANGING
             for run in runs[: MAX_OPEN_CALLS - len(execution.calls)]:
-                stands, action = yield from self._arrange(run, now)
-                if not stands:
-                    return action
+                if reasons := (yield from self.arranger.arrange(run, now)):
+                    return (yield from self._begin_recovery(run, reasons, now))
         elif workflow.arranged:
             self._retry_wait.end(now)
             execution.phase = Phase.EXECUTING
@@ -280,95 +279,20 @@ class GoalExecutor:
         redefined = self._services.redefined_types()
         return sorted(redefined & {run.step.service_type for run in workflow.unarranged}) if redefined else []
 
-    def _arrange(self, run: StepRun, now: float) -> EffectsReturning[tuple[bool, NextAction | None]]:
-        """Ask every able service for terms. Returns whether the plan is still valid, and otherwise the next action.
-
-        If a participant that was given up has returned and still holds the step, its report is awaited first.
-        """
-        calls = self._execution.calls
-        if self._scope.state.members.held(run.key) or calls.settles(run.step):
-            return True, None
-        invited = self._services.able_offers(run)
-        if not invited:
-            exclusions = "; ".join(f"{service}: {reason}" for service, reason in run.excluded.items())
-            reasons = (f"no service takes it ({exclusions})" if exclusions else "no device offers it any more",)
-            return False, (yield from self._begin_recovery(run, reasons, now))
-        earliest, latest = self._workflow.earliest_start(run, now), self._scope.state.latest_finish
-        seconds = self._context.pace.answer_time(REPLY_TIME)
-        call = yield from self._arrangement.invite_services(run, invited, earliest, latest, now, seconds)
-        yield from calls.open(call)
-        self._log_event(events.ServicesAsked(services=service_names(invited)), now, run)
-        return True, None
-
-    def ask_anew(self, now: float) -> Effects:
-        """Repeat all open calls after a restart: answers could not arrive, so that silence does not exclude a service."""
-        yield from self._withdraw("the Task Manager restarted, and asks again", now)
-
-    def _withdraw(self, reason: str, now: float) -> Effects:
-        """Withdraw all open calls."""
-        calls = self._execution.calls
-        for call in calls:
-            yield from self._arrangement.withdraw(call, reason, now)
-        yield from calls.close_all()
-
-    def bids_due(self, now: float) -> EffectsReturning[NextAction | None]:
-        """Choose among the bids of the calls whose time to answer is over."""
-        calls = self._execution.calls
-        due = [*calls.due(now)]
-        for call in due:
-            yield from self._choose(call, now)
-        yield from calls.set_timer()
-        return Proceed() if due else None
-
-    def terms_received(self, member: Member, terms: frp.Terms, id: str, now: float) -> EffectsReturning[NextAction | None]:
-        """Handle the terms of a participant."""
-        service = member.offer.service
-        self._context.quotes.record_quote(service, terms.price, terms.duration)
-        call = self._execution.calls.find_call(member)
-        if call is None:
-            return None
-        offered = events.TermsOffered(
-            service=service, price=terms.price, currency=terms.currency, duration=terms.duration, condition=terms.condition
-        )
-        arrangement = self._arrangement
-        self._log_event(offered, now, arrangement.run(call))
-        arrangement.add_bid(call, member, terms, id)
-        if not arrangement.is_answered(call):
-            return None
-        yield from self._choose(call, now)
-        return Proceed()
-
     def participant_left(self, member: Member, reason: str, now: float) -> EffectsReturning[NextAction | None]:
         """A participant left before it began its step."""
-        call = self._execution.calls.find_call(member)
-        if call is not None:
-            self._arrangement.participant_left(call, member, reason)
-            if not self._arrangement.is_answered(call):
-                return None
-            yield from self._choose(call, now)
-            return Proceed()
+        if self._execution.calls.find_call(member) is not None:
+            return Proceed() if (yield from self.arranger.participant_left(member, reason, now)) else None
         if (run := self.run_of(member)) is not None:
             run.excluded[member.offer.service] = reason
             self._workflow.release(run)
             return Proceed()
         return None
 
-    def _choose(self, call: CallForProposals, now: float) -> Effects:
-        """Close a call and accept the best bid. Without one, the step is open again, and the remaining services are asked."""
-        yield from self._execution.calls.close(call)
-        state = self._scope.state
-        if all(member.state is State.ARRANGING for member in self._arrangement.invited(call)):
-            self._context.pace.answered(now - call.asked_at)  # all are late: the next call gives them more time
-        conditions = Conditions(self._execution.conditions, self._arrangement, self._context.quotes)
-        if not self._execution.fixed and conditions.consider(call, state.task, self._services.broken, now):
-            yield from self._arrangement.withdraw(call, "the plan is to meet conditions", now)
-            return
-        chosen = yield from self._arrangement.award(call, state.task, self._context.commitments(), self._services.broken, now)
-        if chosen is not None and chosen.bid is not None:
-            run, terms = self._arrangement.run(call), chosen.bid.terms
-            self._workflow.bind(run, chosen.offer.provider)
-            event = events.ServiceChosen(service=chosen.offer.service, price=terms.price, currency=terms.currency, duration=terms.duration)
-            self._log_event(event, now, run)
+    @property
+    def arranger(self) -> StepArranger:
+        """What asks the services for terms, and chooses among them."""
+        return StepArranger(self._execution, self._scope)
 
     def run_of(self, member: Member) -> StepRun | None:
         """The step that the participant is asked for, is committed to, or executes."""
@@ -431,7 +355,7 @@ class GoalExecutor:
         is_exhausted = execution.replans.is_exhausted and not self._recognises  # no observation is planned twice
         if is_exhausted and not self._retry_wait.passing_hindrances:
             return (yield from self._fail(reasons_to_stop, now))
-        yield from self._withdraw("the plan changed", now)
+        yield from self.arranger.withdraw("the plan changed", now)
         if execution.workflow is not None and execution.workflow.busy:
             execution.replan_because, execution.phase = reasons, Phase.RECOVERING
             return None
@@ -465,7 +389,7 @@ class GoalExecutor:
         return None
 
     def _fail(self, reasons: tuple[str, ...], now: float) -> EffectsReturning[NextAction | None]:
-        yield from self._withdraw("the plan was given up", now)
+        yield from self.arranger.withdraw("the plan was given up", now)
         yield from self.abandon()
         for run in self._execution:
             member = self._member(run)
@@ -488,10 +412,6 @@ class GoalExecutor:
     def _workflow(self) -> Workflow:
         assert self._execution.workflow is not None, "there is a plan"
         return self._execution.workflow
-
-    @property
-    def _arrangement(self) -> Arrangement:
-        return Arrangement(self._workflow, self._scope.state.members, self._participants, self._context.replica)
 
     def _member(self, run: StepRun) -> Member | None:
         return self._scope.state.members.find_member(run.participant)

@@ -80,8 +80,9 @@ class ParticipantEvents:
                     self._log_event(events.ServiceRefused(service=name, reason=error), run, now)
                     yield from self._scope.participants.dismiss(member, error, now)
                     return (yield from self._participant_left(member, error, now))
-                action = yield from self._executor(execution).terms_received(member, terms, message.header.message_id, now)
-                return (execution, action) if action is not None else None
+                arranger = self._executor(execution).arranger
+                is_settled = yield from arranger.terms_received(member, terms, message.header.message_id, now)
+                return (execution, Proceed()) if is_settled else None
             case frp.Refuse(reason=reason, not_now=not_now, condition=condition):
                 self._scope.services.refused(name, not_now=not_now or condition is not None)
                 refused = events.ServiceRefused(service=name, reason=reason, not_now=not_now, condition=condition)

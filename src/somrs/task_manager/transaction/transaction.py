@@ -126,8 +126,8 @@ class Transaction:
         match timer:
             case BidsDue(goal=goal):
                 execution = self._execution(goal)
-                if execution is not None:
-                    yield from self._apply_action(execution, (yield from self._executor(execution).bids_due(now)), now)
+                if execution is not None and (yield from self._executor(execution).arranger.bids_due(now)):
+                    yield from self._apply_action(execution, Proceed(), now)
             case SilenceDue(participant=participant):
                 yield from self._apply_goal_action((yield from self._participants.silent(participant, now)), now)
             case OverdueDue(participant=participant):
@@ -142,7 +142,7 @@ class Transaction:
     def restarted(self, now: float) -> Effects:
         """Continue after a restart of the Task Manager."""
         for execution in self.state.executions:
-            yield from self._executor(execution).ask_anew(now)
+            yield from self._executor(execution).arranger.ask_anew(now)
         yield from self.proceed(now)
 
     def freed(self, now: float) -> Effects:
