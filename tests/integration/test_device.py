@@ -21,9 +21,11 @@ from somrs.protocol.frp.session import CoordinatorBody
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.frp import State
-from somrs.protocol.messages.knowledge import Definitions
+from somrs.protocol.messages.knowledge import Definitions, UpdateMap
+from somrs.protocol.messages.observations import Observation
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
+from somrs.runtime.clock import Clock
 from somrs.runtime.host import Host
 from somrs.service_manager.participant.job import REMEMBERED, Job, Jobs
 from somrs.service_manager.participant.participant import ServiceManager
@@ -140,6 +142,57 @@ def test_a_device_at_work(tmp_path: Path) -> None:
         ("Robot1.TransferObject#s1", State.COMPLETED),
         ("Robot1.TransferObject#s2", State.STOPPED),
     ]
+
+
+class ManualClock(Clock):
+    """A clock that the test advances."""
+
+    def __init__(self) -> None:
+        self.time = 1_000.0
+
+    def now(self) -> float:
+        return self.time
+
+    def advance_to(self, timestamp: float) -> None:
+        self.time = max(self.time, timestamp)
+
+
+async def _reported(data: Path) -> tuple[list[UpdateMap], list[UpdateMap]]:
+    """What arrives of a device that sees a jar before it joins and another time later, and what it should be. Each answer takes 50 s."""
+    host = Host(clock=ManualClock())
+    received: list[UpdateMap] = []
+    expected: list[UpdateMap] = []
+
+    def expect(situation: str) -> str:
+        expected.append(UpdateMap(situation=situation, author="Robot1", observation=Observation(as_of=host.clock.now())))
+        return situation
+
+    class SlowRepository(Repository):
+        def handle(self, event: Input, now: float) -> list[Effect]:
+            if isinstance(event, Received) and isinstance(event.message.body, UpdateMap) and event.message.body.situation is not None:
+                received.append(event.message.body)
+            host.clock.advance_to(now + 50.0)
+            return super().handle(event, now)
+
+    class Seer(Carrier):
+        async def open(self) -> None:
+            self.observed(expect("Jar1 isOn Table2"))
+
+    await host.start()
+    repository = host.add("/repository", lambda address: SlowRepository(address, contents()))
+    registry = host.add("/registry", lambda address: Registry(address, repository=repository.address))
+    addresses = Addresses(repository=repository.address, registry=registry.address, task_manager=f"{host.url}/desk")
+    runner = DeviceRunner(Seer("Robot1"), addresses, data, host)
+    await runner.start()
+    await runner.device.report(expect("Jar1 isOn Table1"))
+    await runner.stop()
+    await host.stop()
+    return received, expected
+
+
+def test_what_a_device_reports_was_so_when_it_reported_it(tmp_path: Path) -> None:
+    received, expected = asyncio.run(_reported(tmp_path))
+    assert received == expected
 
 
 def arrange_message(device: str, step: str) -> Received:

@@ -31,6 +31,6 @@ def bodies(effects: list[Effect]) -> list[object]:
 def timeless(body: object) -> object:
     """Return a report without an observation that says only when it was made."""
     observation = getattr(body, "observation", None)
-    if observation is not None and observation == Observation(as_of=observation.as_of):
+    if observation is not None and observation == Observation(as_of=observation.as_of, caused=observation.caused):
         return structs.replace(body, observation=None)  # type: ignore[type-var]  # a Struct with an observation
     return body

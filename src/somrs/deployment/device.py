@@ -16,13 +16,16 @@ from pathlib import Path
 from types import ModuleType
 from urllib.parse import urlsplit
 
+from msgspec import structs
+
 from somrs.client.client import Addresses
 from somrs.deployment.programs import run_program, until_stopped
 from somrs.errors import DeviceError, InputError, RemoteError
 from somrs.kernel.component import Notified
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message
-from somrs.protocol.messages.observations import Observation
+from somrs.protocol.messages.knowledge import UpdateMap
+from somrs.protocol.messages.observations import Observation, observed_at
 from somrs.runtime.host import Host
 from somrs.runtime.node import Node, Report
 from somrs.runtime.wire import retry_unanswered
@@ -133,7 +136,8 @@ class DeviceRunner:
             self._journal.close()
 
     def _observed(self, situation: str | None, observation: Observation) -> None:
-        observed = Observed(situation, observation)
+        assert self._runtime is not None, "devices observe after they listen"
+        observed = Observed(situation, observed_at(observation, self._runtime.clock.now()))
         if self._node is None:
             self._early.append(observed)
         else:
@@ -172,10 +176,16 @@ class DeviceRunner:
                 raise RemoteError(f"a device cannot do {type(task).__name__}")
 
     async def _ask(self, body: Body) -> Body:
-        """Send a request to the Repository, and repeat it for `MAP_TIME`: a service does not fail because the Repository restarts."""
-        header = Header(sender=ANONYMOUS, recipient=self._addresses.repository, message_id=uuid.uuid4().urn)
-        runtime, question = self._runtime, Message(header=header, body=body)
+        """Send a request to the Repository, and repeat it for `MAP_TIME`: a service does not fail because the Repository restarts.
+
+        What a device reports holds now, and not when the Repository is there again.
+        """
+        runtime = self._runtime
         assert runtime is not None, "devices send requests after they listen"
+        if isinstance(body, UpdateMap):
+            body = structs.replace(body, observation=observed_at(body.observation, runtime.clock.now()))
+        header = Header(sender=ANONYMOUS, recipient=self._addresses.repository, message_id=uuid.uuid4().urn)
+        question = Message(header=header, body=body)
         return (await retry_unanswered(lambda: runtime.request(question), MAP_TIME)).body
 
 

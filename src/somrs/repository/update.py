@@ -28,7 +28,7 @@ from somrs.protocol.messages.observations import Observation, Reception
 from somrs.repository.association import DEVICE
 from somrs.repository.names import is_name, text_problem
 from somrs.repository.outcome import SITUATION, Outcome
-from somrs.repository.provenance import Provenance, aspects_of, fact_aspect, location_aspect
+from somrs.repository.provenance import Aspect, Provenance, aspects_of, fact_aspect, location_aspect
 from somrs.repository.reports import read_report
 
 
@@ -47,11 +47,10 @@ def update_outcome(
     """
     provenance = provenance if provenance is not None else Provenance()
     observation = update.observation or Observation()
-    at = min(observation.as_of, now) if observation.as_of is not None else now
+    at = observation.holds_from(now)
     if impossible := (*_impossible(map, ontology, update.changes), *_wrong_observation(map, ontology, observation, provenance)):
         return Outcome(map=map, ontology=ontology, broken=impossible)
-    changes, superseded = _newer_changes(_both_ways(update.changes, ontology), map, ontology, provenance, at)
-    aspects = [aspect for change in changes for aspect in aspects_of(change, ontology)]
+    changes, aspects, superseded = _newer_changes(_both_ways(update.changes, ontology), map, ontology, provenance, at)
     changed = map.changed(changes)
     try:
         report = read_report(update.situation, observation, changed, ontology, provenance, at, reserved)
@@ -82,16 +81,26 @@ def _wrong_observation(map: Map, ontology: Ontology, observation: Observation, p
 
 def _newer_changes(
     changes: Iterable[Change], map: Map, ontology: Ontology, provenance: Provenance, at: float
-) -> tuple[list[Change], tuple[str, ...]]:
-    """The changes about which the map has nothing newer, and the others as text."""
+) -> tuple[list[Change], list[Aspect], tuple[str, ...]]:
+    """The changes about which the map has nothing newer, what is news, and the other changes as text."""
     newer: list[Change] = []
+    aspects: list[Aspect] = []
     superseded: list[str] = []
     for change in changes:
-        if _latest_news(change, map, ontology, provenance) > at:
-            superseded.append(_format_change(change))
-        else:
+        if _latest_news(change, map, ontology, provenance) <= at:
             newer.append(change)
-    return newer, tuple(superseded)
+        else:
+            superseded.append(_format_change(change))
+            if not _was_so(change, ontology, provenance, at):
+                continue
+        aspects += aspects_of(change, ontology)
+    return newer, aspects, tuple(superseded)
+
+
+def _was_so(change: Change, ontology: Ontology, provenance: Provenance, at: float) -> bool:
+    """Whether the change is the latest news of where an object was, although the object has left that place since."""
+    location = location_aspect(change.fact, ontology) if isinstance(change, FactAdded) else None
+    return location is not None and provenance.time(location) <= at
 
 
 def _latest_news(change: Change, map: Map, ontology: Ontology, provenance: Provenance) -> float:
@@ -99,13 +108,16 @@ def _latest_news(change: Change, map: Map, ontology: Ontology, provenance: Prove
     match change:
         case ObjectRemoved(name):
             return provenance.latest(name)
-        case FactRemoved(fact) if map.has_fact(fact.relation, fact.arguments):
+        case FactRemoved(fact) if not map.has_fact(fact.relation, fact.arguments):
+            return provenance.time(fact_aspect(fact, ontology))
+        case FactAdded(fact) | FactRemoved(fact):
             # Who says where the object is says so of all its locations, and confirms the one that the map has.
             aspects = [fact_aspect(fact, ontology), location_aspect(fact, ontology)]
             return max(provenance.time(aspect) for aspect in aspects if aspect is not None)
-        case _:
-            aspect = next(aspects_of(change, ontology), None)
-            return provenance.time(aspect) if aspect is not None else 0.0
+        case ValueSet(name, path):
+            return provenance.time((name, path))
+        case ObjectAdded():
+            return 0.0
 
 
 def _format_change(change: Change) -> str:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from msgspec import structs
 
 from somrs.kernel.component import Record, Send
-from somrs.ontology.objects import Fact, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
+from somrs.ontology.objects import Fact, FactAdded, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import UNKNOWN, Value
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.knowledge import Event, Rejected, RenameObject, Updated, UpdateMap
@@ -223,6 +223,31 @@ def test_news_that_changes_nothing_is_newer_than_that_nothing_was_known_before(l
     assert (lab.place("Jar2"), lab.map.objects["Jar2"].values.get(UNKNOWN)) == ("Table2", None)
     lab.update(UpdateMap(changes=changes, observation=Observation(as_of=60.0)))
     assert (lab.place("Jar2"), lab.map.objects["Jar2"].values.get(UNKNOWN)) == (None, True)
+
+
+@pytest.mark.parametrize("seen_first", [True, False])
+def test_what_a_service_did_is_newer_than_what_was_seen_at_the_same_time(lab: Reporting, seen_first: bool) -> None:
+    reports = [("Jar1 isHeldBy Robot1 AND Jar1.Unknown = FALSE", False), ("Jar1 isOn Table2", True)]
+    for situation, caused in reports if seen_first else reversed(reports):
+        lab.report(situation, as_of=50.0, caused=caused)
+    assert (lab.place("Jar1"), [*lab.map.facts("isHeldBy")]) == ("Table2", [])
+    lab.report("Jar1 isOn Table1", as_of=50.001)
+    assert lab.place("Jar1") == "Table1"
+
+
+def test_a_fact_that_is_older_than_its_end_is_not_added(lab: Reporting) -> None:
+    """News of facts as changes, in any order, leads to the same map as news of them in formulas."""
+    on_table2, adjacent = Fact("isOn", ("Jar1", "Table2")), Fact("isAdjacentTo", ("Room1", "Room2"))
+    for fact in (on_table2, adjacent):
+        lab.update(UpdateMap(changes=(FactRemoved(fact),), observation=Observation(as_of=50.0)))
+    on_table1 = Fact("isOn", ("Jar1", "Table1"))
+    late = UpdateMap(changes=(FactRemoved(on_table1), FactAdded(on_table2), FactAdded(adjacent)), observation=Observation(as_of=40.0))
+    answer = lab.update(late)
+    assert isinstance(answer, Updated)
+    assert answer.reception == Reception(as_of=40.0, superseded=("Jar1 isOn Table2", "Room1 isAdjacentTo Room2"))
+    assert (lab.place("Jar1"), [*lab.map.facts("isAdjacentTo")]) == (None, [])
+    assert lab.reception("Jar1 isOn Table1", as_of=30.0).superseded == ("Jar1 isOn Table1",), "it was on Table2 after that"
+    assert lab.reception("Jar1 isOn Table1", as_of=45.0).superseded == ()
 
 
 def test_a_renamed_object_keeps_its_times(lab: Reporting) -> None:

@@ -6,6 +6,8 @@ object of the map it is, or adds it.
 
 from __future__ import annotations
 
+import math
+
 from msgspec import Struct, structs
 
 
@@ -13,6 +15,7 @@ class Observation(Struct, frozen=True, kw_only=True):
     """How a reported situation was observed. Without it, the situation holds at the time when the report arrives.
 
     `as_of`: when the situation held, in seconds since 1970. News that is newer stays on the map.
+    `caused`: the author made it so at that time. What others only saw at the same time was so before.
     `gone`: objects that exist no longer.
     `searched`: supports and spaces that were seen whole; objects that the map has there and the report does not mention become unknown.
     `sought`: objects that may be anywhere, wherever the map has them.
@@ -22,6 +25,16 @@ class Observation(Struct, frozen=True, kw_only=True):
     gone: tuple[str, ...] = ()
     searched: tuple[str, ...] = ()
     sought: tuple[str, ...] = ()
+    caused: bool = False
+
+    def holds_from(self, now: float) -> float:
+        """The time that orders this news among other news of the same: seconds since 1970, not in the future.
+
+        A cause comes at the least possible time after everything that was seen at the same time.
+        """
+        if self.as_of is None:
+            return now
+        return min(math.nextafter(self.as_of, math.inf) if self.caused else self.as_of, now)
 
 
 class Reception(Struct, frozen=True, kw_only=True):

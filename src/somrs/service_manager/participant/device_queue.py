@@ -101,8 +101,9 @@ class DeviceWork:
         yield from self._begin(now)
 
     def _report_to_map(self, job: Job, situation: str, now: float) -> Effects:
-        """Report the situation to the Repository, because no coordinator waits for it."""
-        yield from self._state.reports.add(service_of(job.session.participant), situation, now, LEFTOVER_REPORT_TIME, job.observation)
+        """Report the situation in which the service was stopped to the Repository, because no coordinator waits for it."""
+        observation = structs.replace(job.observation, caused=True) if job.observation is not None else None
+        yield from self._state.reports.add(service_of(job.session.participant), situation, now, LEFTOVER_REPORT_TIME, observation)
 
     def _advance(self, job: Job, value: Advance, now: float) -> Effects:
         job.fraction = value.fraction

@@ -188,7 +188,8 @@ class ParticipantEvents:
             # The clock of the participant's host may be slow; what it reports was not so before it was told to work.
             as_of = max(observation.as_of, member.last_order_time)
             member.last_news_time = max(member.last_news_time, min(as_of, now))
-            observation, expected_version = structs.replace(observation, as_of=as_of), None
+            caused = member.offer.service_type.kind is ServiceKind.PHYSICAL
+            observation, expected_version = structs.replace(observation, as_of=as_of, caused=caused), None
         update = UpdateMap(situation=situation, author=member.offer.service, expected_version=expected_version, observation=observation)
         yield from self._state.reports.add_report(self._state.id, Report(update=update, subject=subject), self._scope.context, now)
 

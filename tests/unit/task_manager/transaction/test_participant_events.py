@@ -257,7 +257,7 @@ def test_what_a_lost_participant_reported_before_does_not_hold_for_sure() -> Non
     held = "Jar002 isHeldBy Robot1"
     for told, counts in ((ordered - 9.0, ordered), (ordered + 2.0, ordered + 2.0), (ordered + 1.0, ordered + 1.0)):
         harness.service_says(frp.Progress(fraction=0.4, situation=held, observation=Observation(as_of=told)), ordered + 3.0)
-        assert harness.reports[-1].observation == Observation(as_of=counts)
+        assert harness.reports[-1].observation == Observation(as_of=counts, caused=True)
     harness.service_says(frp.Failed(description="stuck"), ordered + 4.0)
     assert (harness.reports[-1].author, harness.reports[-1].observation) == ("nobody could look", Observation(as_of=ordered + 2.0))
 
