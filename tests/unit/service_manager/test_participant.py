@@ -481,6 +481,8 @@ def test_a_waiting_one_that_is_stopped_never_begins() -> None:
     harness.executing("s2")
     harness.ask("s2", frp.Stop(reason="not needed any more"))
     harness.run_until("s2", State.STOPPED, 1)
+    stopped = [message.body for message in harness.coordinator.messages if isinstance(message.body, frp.Stopped)]
+    assert stopped == [frp.Stopped(tried=False)]
     harness.run_until("s1", State.COMPLETED)
     assert harness.device.peak_count == 1
 

@@ -396,7 +396,7 @@ def test_what_waits_at_a_restart_is_given_up_with_its_reason() -> None:
     harness.session = harness.make_session(harness.participant)
     harness.executing()
     failures = [body for body in bodies(harness.manager.handle(Started(ME), NOW + 1)) if isinstance(body, frp.Failed)]
-    assert failures == [frp.Failed(description="the Service Manager of Washer1 was restarted while it worked")]
+    assert failures == [frp.Failed(description="the Service Manager of Washer1 was restarted while it worked", tried=False)]
     assert harness.state is State.FAILED
 
 

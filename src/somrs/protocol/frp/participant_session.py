@@ -115,7 +115,7 @@ class ParticipantSession(Session, tag="participant", kw_only=True):
             "Status": Status(state=self.state, last_message=self.last_message),
             "Fault": Fault(code=NOT_ALLOWED, text=f"{request_name} does not fit the state {self.state.value}"),
             "Failed": Failed(description=f"there is no contract here, so {request_name} started nothing"),
-            "Stopped": Stopped(),
+            "Stopped": Stopped(tried=False),
             "Stranded": Stranded(description="nothing was done under this contract that could be undone", tried=False),
         }
         if entry.kind is Kind.REPEATED and name not in FLEETING:

@@ -152,9 +152,10 @@ class Stop(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class Stopped(MessageBody, frozen=True, kw_only=True, tag=True):
-    """The service stopped in a safe state."""
+    """The service stopped in a safe state. `tried` FALSE: the Stop came before it had begun, so nothing was changed."""
 
     situation: str | None = None
+    tried: bool = True
     observation: Observation | None = None
 
 

@@ -63,6 +63,7 @@ class DeviceWork:
         job.verdict = verdict
         if job.waiting:
             job.waiting = False
+            job.verdict = structs.replace(verdict, tried=False) if verdict is not None else None
             self._queue.waiting.remove(job.key)
             yield from self._conclude(job, now)
         elif job.activity in (Activity.PERFORM, Activity.UNDO):

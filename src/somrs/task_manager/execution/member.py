@@ -41,8 +41,8 @@ class Member(Struct, kw_only=True, eq=False):
     """It has reported how its work ended."""
     reporting: bool = False
     """Its report is not on the map yet."""
-    broken_invariant: str | None = None
-    """What had to hold while it worked, and does not hold any more: it was stopped through no fault of its own."""
+    interruption: str | None = None
+    """Why it was stopped through no fault of its own: what had to hold does not hold any more."""
     halting: bool = False
     """It received End during compensation, and its device may still be moving."""
     final_state: State | None = field(default=None, name="left_in")

@@ -148,6 +148,15 @@ class Participants:
         member.last_order = structs.replace(body, begin_by=member.begins_by)
         yield from self._send(member, member.last_order, now, self._silence_time)
 
+    def is_unreached(self, member: Member, body: object) -> bool:
+        """Whether the message shows that the last order has not arrived."""
+        return isinstance(body, frp.Status) and member.last_order is not None and body.state in UNREACHED_STATES.get(member.state, ())
+
+    def order_again(self, member: Member, now: float) -> Effects:
+        """Repeat the last order."""
+        assert member.last_order is not None, "there is an order that has not arrived"
+        yield from self._send_order(member, member.last_order, now)
+
     def dismiss(self, member: Member, reason: str, now: float) -> Effects:
         """Cancel a participant that is not needed, if it has not begun."""
         if frp.Cancel in COORDINATOR_SENDS.get(member.state, {}):
@@ -215,12 +224,6 @@ class Participants:
         member.last_heard_time, member.queried = now, False
         if transition.moved:
             member.begins_by = 0.0
-        elif (
-            isinstance(message.body, frp.Status)
-            and message.body.state in UNREACHED_STATES.get(member.state, ())
-            and member.last_order is not None
-        ):
-            yield from self._send_order(member, member.last_order, now)
         if transition.state_before in WORKING and transition.state not in WORKING:
             yield from self._unwatch(member)
         elif transition.state_before not in WORKING and transition.state in WORKING:

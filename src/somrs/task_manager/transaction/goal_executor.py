@@ -284,7 +284,10 @@ class GoalExecutor:
         if self._execution.calls.find_call(member) is not None:
             return Proceed() if (yield from self.arranger.participant_left(member, reason, now)) else None
         if (run := self.run_of(member)) is not None:
-            run.excluded[member.offer.service] = reason
+            if member.interruption is None:
+                run.excluded[member.offer.service] = reason
+            else:  # what the step needs has to be made true first
+                self._execution.replan_because = (reason,)
             self._workflow.release(run)
             return Proceed()
         return None

@@ -47,9 +47,19 @@ class ParticipantEvents:
         self._scope.services.returned((member.offer.service,))
         if transition.moved:
             return (yield from self._process_message(member, message, now))
+        if self._scope.participants.is_unreached(member, message.body):
+            yield from self._order_again(member, now)
         if member.lost_version is not None:
             yield from self._process_late_message(member, message, now)
         return None
+
+    def _order_again(self, member: Member, now: float) -> Effects:
+        """Repeat an order that has not arrived; an Execute only if its step may still begin."""
+        execution, run = self._assignment(member)
+        if member.state is State.EXECUTING and execution is not None and run is not None:
+            yield from StepExecutor(execution, self._scope).order_again(run, now)
+        else:
+            yield from self._scope.participants.order_again(member, now)
 
     def delivery_failed(self, message: Message, reason: str, now: float) -> EffectsReturning[GoalAction]:
         """Handle a message that could not be delivered."""
@@ -104,10 +114,13 @@ class ParticipantEvents:
             case frp.Failed(description=description, situation=situation, observation=observation):
                 self._log_event(events.StepFailed(service=name, description=description, situation=situation), run, now)
                 return (yield from self._reported(member, situation, observation, f"failed: {description}", now))
+            case frp.Stopped(tried=False) if member.lost_version is None:
+                reason = member.interruption or "it was stopped first"
+                self._log_event(events.NotBegun(service=name, description=reason), run, now)
+                return (yield from self._participant_left(member, reason, now))
             case frp.Stopped(situation=situation, observation=observation):
                 self._log_event(events.StepStopped(service=name), run, now)
-                broken = member.broken_invariant
-                trouble = f"stopped, because {broken} does not hold any more" if broken is not None else "stopped"
+                trouble = f"stopped, because {member.interruption}" if member.interruption is not None else "stopped"
                 return (yield from self._reported(member, situation, observation, trouble, now))
             case _:
                 return (yield from self._process_undo_message(member, run, message, now))
@@ -216,7 +229,7 @@ class ParticipantEvents:
         compensated = member.state in (State.COMPENSATED, State.STRANDED)
         was_cancelled = member.state is State.STOPPED and state.ending is not None
         if trouble is not None and not compensated and not was_cancelled:
-            if member.broken_invariant is not None:
+            if member.interruption is not None:
                 pass  # it was stopped through no fault of its own
             elif work is not None and work.service_type.kind is not ServiceKind.PHYSICAL:
                 services.tells_nothing(member.offer.provider, work.step)  # it may well tell other things

@@ -53,9 +53,22 @@ class StepExecutor:
                 continue
             broken = broken_invariant(scope.services.type_of(run.step), run, member.offer.provider, scope.context.replica)
             if broken is not None:
-                member.broken_invariant = broken
                 scope.log_event(events.InvariantBroken(service=member.offer.service, invariant=broken), now, run)
-                yield from scope.participants.halt(member, f"{broken} does not hold any more", now)
+                yield from self._interrupt(member, f"{broken} does not hold any more", now)
+
+    def order_again(self, run: StepRun, now: float) -> Effects:
+        """The order to begin has not reached the service. It is repeated if the step may still begin; otherwise the service is stopped."""
+        member = self._member(run)
+        try:
+            self._scope.services.precondition(run, member)
+        except LookupError as error:
+            yield from self._interrupt(member, str(error), now)
+        else:
+            yield from self._scope.participants.order_again(member, now)
+
+    def _interrupt(self, member: Member, reason: str, now: float) -> Effects:
+        member.interruption = reason
+        yield from self._scope.participants.halt(member, reason, now)
 
     def start_reporting(self, run: StepRun) -> None:
         """The step has ended, and its report goes to the map."""
@@ -70,7 +83,7 @@ class StepExecutor:
             self._note_what_is_told(run, situation, now)
             return
         member = self._member(run)
-        if member.broken_invariant is None:
+        if member.interruption is None:
             run.excluded[member.offer.service] = failure
         run.reported = parse(situation) if situation is not None else None
         self._workflow.release(run, failure)

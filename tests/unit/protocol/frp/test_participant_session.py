@@ -107,7 +107,7 @@ def test_the_last_message_is_no_sign_of_life() -> None:
             Stranded(description="nothing was done under this contract that could be undone", tried=False),
             State.STRANDED,
         ),
-        (State.COMMITTED, STOP, Stopped(), State.STOPPED),
+        (State.COMMITTED, STOP, Stopped(tried=False), State.STOPPED),
         (
             State.COMMITTED,
             COMPENSATE,

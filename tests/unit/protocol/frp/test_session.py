@@ -229,7 +229,7 @@ def test_stop_overtaking_execute_starts_nothing() -> None:
     pair = _offered()
     accept, execute, stop = pair.coordinator.accept(), pair.coordinator.send(EXECUTE), pair.coordinator.send(Stop(reason="no more"))
     (stopped,) = pair.participant.receive(stop).answers
-    assert stopped.body == Stopped()
+    assert stopped.body == Stopped(tried=False)
     for late in (execute, accept):
         assert pair.participant.receive(late).kind is Kind.LATE
     pair.coordinator.receive(stopped)

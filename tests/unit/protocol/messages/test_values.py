@@ -54,6 +54,7 @@ def test_what_is_left_out_of_a_message_is_false_or_empty_but_for_these() -> None
         "BrokenRule.section": "objects",
         "Blank.type": "Object",
         "Failed.tried": True,
+        "Stopped.tried": True,
         "Stranded.tried": True,
         "StandingOrder.enabled": True,
         "StandingOrder.skip": True,

@@ -364,10 +364,15 @@ def test_who_has_come_to_an_end_is_not_watched_any_more_and_who_comes_back_is() 
 def test_who_was_not_reached_by_what_it_was_told_is_told_again(state: State, status: State, repeated: bool) -> None:
     transaction = TransactionHarness()
     member = transaction.in_state(state)
-    first_order = member.last_order
-    effects, _ = transaction.member_says(member, frp.Status(state=status), 110.0)
-    assert [expires_at for _, expires_at in sends(effects)] == ([130.0] if repeated else [])
-    assert (type(member.last_order), member.begins_by) == (type(first_order), 130.0 if repeated else 120.0)
+    first_order, body = member.last_order, frp.Status(state=status)
+    effects, _ = transaction.member_says(member, body, 110.0)
+    assert (sends(effects), member.begins_by) == ([], 120.0), "whether the step may still begin is for others to say"
+    assert transaction.participants.is_unreached(member, body) is repeated
+    if not repeated:
+        return
+    effects, _ = run_effects(transaction.participants.order_again(member, 110.0))
+    assert [(type(order), expires_at) for order, expires_at in sends(effects)] == [(type(first_order), 130.0)]
+    assert (type(member.last_order), member.begins_by) == (type(first_order), 130.0)
 
 
 def test_a_stranger_is_sent_home() -> None:

@@ -240,6 +240,19 @@ def test_what_a_failure_left_is_on_the_map_before_another_is_asked(body: FrpBody
     assert harness.task.look_queue.unseen == []
 
 
+def test_who_was_stopped_before_it_began_has_left_nothing_to_observe() -> None:
+    harness = TaskManagerHarness("Robot1", "Robot2")
+    harness.executing()
+    event_count = len(harness.task.events)
+    effects = harness.service_says(frp.Stopped(tried=False), 5.0)
+    assert [event for event, *_ in harness.news(event_count)] == [
+        events.NotBegun(service=FIRST_SERVICE, description="it was stopped first"),
+        events.ServicesAsked(services=(SECOND_SERVICE,)),
+    ]
+    assert bodies(effects) == ["Arrange"]
+    assert (harness.reports, harness.task.log.works, harness.task.services.failures) == ([], [], {})
+
+
 def test_a_failure_of_which_nothing_is_known_is_looked_at() -> None:
     harness = TaskManagerHarness("Robot1", "Robot2")
     harness.executing()
