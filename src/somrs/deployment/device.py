@@ -30,7 +30,7 @@ from somrs.runtime.host import Host
 from somrs.runtime.node import Node, Report
 from somrs.runtime.wire import retry_unanswered
 from somrs.service_manager.participant.participant import SCHEMA, ServiceManager
-from somrs.service_manager.participant.timers import DepartureRequested, Equipped, Observed
+from somrs.service_manager.participant.timers import DepartureRequested, Equipped, Observed, ServicesChanged
 from somrs.service_manager.sdk import orders
 from somrs.service_manager.sdk.device import Device, MapReader
 from somrs.service_manager.sdk.orders import Halt, Perform, Quote, Undo
@@ -93,6 +93,7 @@ class DeviceRunner:
         self._runtime = runtime = await self._listen()
         self.device.map = MapReader(self._ask)
         self.device.observer = self._observed
+        self.device.publisher = self._services_changed
         await self.device.open()
         profile = self.device.profile()
         repository, registry = self._addresses.repository, self._addresses.registry
@@ -142,6 +143,10 @@ class DeviceRunner:
             self._early.append(observed)
         else:
             self._node.feed(Notified(observed))
+
+    def _services_changed(self) -> None:
+        if self._node is not None:
+            self._node.feed(Notified(ServicesChanged(self.device.profile())))
 
     async def _listen(self) -> Host:
         """Listen at the port of the last run if it is free: coordinators that have a contract know the device by that address."""

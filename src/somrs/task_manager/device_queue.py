@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 
 from msgspec import Struct, field
 
-from somrs.protocol.messages.directory import CAPACITY_ATTRIBUTE, Offer
+from somrs.protocol.messages.directory import Offer
 
 Rank = tuple[float, float, float, str]
 """The order of waiting tasks, lowest first."""
@@ -43,11 +43,13 @@ class DeviceQueues(Struct, kw_only=True):
     """By device, then by task."""
 
     def add_work(self, device: str, work: AtWork) -> None:
-        """Register an order to a participant on the device."""
+        """Register an order to a participant whose service occupies the device."""
         self.at_work.setdefault(device, []).append(work)
 
     def request_turn(self, offer: Offer, task: str, rank: Rank, still_at_work: StillAtWork) -> bool:
         """Whether the task may start a step at the device now. If not, it waits, and `admit_waiting` yields it later."""
+        if not offer.occupies:
+            return True
         waiting = self.waiting.get(offer.provider, {})
         if self._has_room(offer, still_at_work) and all(rank <= turn.rank for other_task, turn in waiting.items() if other_task != task):
             return True
@@ -75,5 +77,4 @@ class DeviceQueues(Struct, kw_only=True):
             self.at_work[offer.provider] = at_work
         else:
             self.at_work.pop(offer.provider, None)
-        capacity = offer.attributes.get(CAPACITY_ATTRIBUTE, 1)
-        return len(at_work) < (capacity if isinstance(capacity, int | float) and not isinstance(capacity, bool) else 1)
+        return len(at_work) < offer.capacity

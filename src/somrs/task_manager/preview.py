@@ -370,6 +370,8 @@ class PreviewExecutor:
         return fit_bid(make_bid(member.id, terms, "", self._state.workflow.earliest_start(run, now)), self._busy(offer))
 
     def _busy(self, offer: Offer) -> list[Interval]:
+        if not offer.occupies:
+            return []
         return [*self._commitments.get(offer.provider, ()), *self._state.workflow.promised(offer.provider)]
 
     @cached_property

@@ -10,7 +10,7 @@ from somrs.ontology.objects import Object, ObjectAdded
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import ObjectType
 from somrs.protocol.messages.bodies import Body
-from somrs.protocol.messages.directory import CAPACITY_ATTRIBUTE, Offer, Publish, Published, Renew, Retract
+from somrs.protocol.messages.directory import CAPACITY_ATTRIBUTE, UNOCCUPIED, Offer, Publish, Published, Renew, Retract
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import (
@@ -228,3 +228,18 @@ def test_a_device_offers_the_types_that_are_there_and_the_others_when_they_come(
     _, publication = joiner.last_request()
     assert isinstance(publication, Publish)
     assert [offer.service for offer in publication.offers] == ["Washer1.Wash", "Washer1.Dry"]
+
+
+def test_a_device_whose_services_change_publishes_those_that_it_has_then() -> None:
+    joiner = Joiner()
+    joiner.run_effects(joiner.joining.services_changed(PROFILE, NOW))
+    assert len(joiner.requests) == 1, "who has not joined yet publishes later"
+    joiner.published()
+    joiner.answer(Published(until=40.0, renew_within=10.0))
+    beside = Capability(type="Dry", method="dry", occupies=False)
+    joiner.run_effects(joiner.joining.services_changed(structs.replace(PROFILE, capabilities=(beside,)), NOW))
+    assert joiner.last_request() == (REPOSITORY, ReadOntology())
+    joiner.answer(ontology(services=(DRY, WASH)))
+    _, publication = joiner.last_request()
+    assert isinstance(publication, Publish)
+    assert [(offer.service, offer.attributes) for offer in publication.offers] == [("Washer1.Dry", {CAPACITY_ATTRIBUTE: UNOCCUPIED})]

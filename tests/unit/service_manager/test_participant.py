@@ -28,7 +28,7 @@ from somrs.runtime.virtual_time import KillPoint, World
 from somrs.service_manager.participant.calendar import Commitment, first_free_time
 from somrs.service_manager.participant.messaging import CUT_OFF
 from somrs.service_manager.participant.participant import SCHEMA, ServiceManager
-from somrs.service_manager.participant.timers import DepartureRequested, HeartbeatDue, Observed
+from somrs.service_manager.participant.timers import DepartureRequested, HeartbeatDue, Observed, ServicesChanged
 from somrs.service_manager.sdk.device import Device, Result, Situation, Task, predecessor_name, service
 from somrs.service_manager.sdk.orders import Order, Refusal, Report, ServiceFailed
 from somrs.service_manager.sdk.values import as_term, money, python_value, seconds
@@ -152,7 +152,8 @@ class DeviceHarness:
         self.world.send(session.accept() if isinstance(body, frp.Accept) else session.send(body))
 
     def session(self, step: str) -> CoordinatorSession:
-        identity = participant_id("Washer1.WashObject", step)
+        """The session of a step. A step `weigh` is of the other service."""
+        identity = participant_id("Washer1.WeighObject" if step == "weigh" else "Washer1.WashObject", step)
         if identity not in self.coordinator.sessions:
             self.coordinator.sessions[identity] = CoordinatorSession(transaction="t1", participant=identity, me=CLIENT, peer=WASHER)
         return self.coordinator.sessions[identity]
@@ -495,6 +496,40 @@ def test_capacity() -> None:
     harness.executing("s2")
     harness.run_until("s2", State.COMPLETED, 61)
     assert device.peak_count == 2
+
+
+class Attendant(Washer):
+    """A washer that weighs beside its other work."""
+
+    @service(WEIGHING, duration="2 s", occupies=False)
+    async def weigh(self, task: Task) -> Result:
+        await Pause(2)
+        return Result(outputs={"Mass": 0.3})
+
+
+def test_a_service_that_does_not_occupy_its_device_waits_for_no_other() -> None:
+    harness = DeviceHarness(Attendant("Washer1"))
+    harness.executing("s1")
+    weighing = msgspec.structs.replace(ARRANGE, service_type="WeighObject", effect="Jar1.Weight = ?Mass", precondition=None)
+    harness.ask("weigh", weighing)
+    harness.run_until("weigh", State.OFFERED)
+    terms = harness.session("weigh").terms
+    assert terms is not None
+    assert terms.start_from == pytest.approx(harness.world.now, abs=1)
+    harness.ask("weigh", ACCEPT)
+    harness.ask("weigh", EXECUTE)
+    harness.run_until("weigh", State.COMPLETED, 3)
+    assert harness.session("s1").state is State.EXECUTING
+
+
+def test_a_device_whose_services_change_offers_those_that_it_has_then() -> None:
+    harness = DeviceHarness(Attendant("Washer1"))
+    assert len(harness.offers()) == 2
+    profile = harness.device.profile()
+    fewer = msgspec.structs.replace(profile, capabilities=profile.capabilities[:1])
+    harness.world.notify(WASHER, ServicesChanged(fewer))
+    harness.world.run(1.0)
+    assert harness.offers() == [fewer.service(fewer.capabilities[0])]
 
 
 @pytest.mark.parametrize("body", [frp.End(outcome=frp.Outcome.CANCELLED), frp.Cancel(reason="r")])

@@ -6,7 +6,7 @@ import pytest
 
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Value
-from somrs.protocol.messages.directory import CAPACITY_ATTRIBUTE, Offer
+from somrs.protocol.messages.directory import CAPACITY_ATTRIBUTE, UNOCCUPIED, Offer
 from somrs.task_manager.device_queue import AtWork, DeviceQueues, Rank
 
 WORK = AtWork("busy task", "participant")
@@ -52,6 +52,13 @@ def test_a_device_does_as_many_things_at_once_as_it_says(attributes: dict[str, V
         queues.add_work("Robot1", WORK)
     assert queues.request_turn(offer(attributes=attributes), "a", rank(0), always_at_work) is False
     assert queues.request_turn(offer("Robot2", attributes), "a", rank(0), always_at_work) is True
+
+
+def test_what_does_not_occupy_a_device_waits_for_nothing() -> None:
+    queues = DeviceQueues()
+    queues.add_work("Robot1", WORK)
+    assert queues.request_turn(offer(), "a", rank(0), always_at_work) is False
+    assert queues.request_turn(offer(attributes={CAPACITY_ATTRIBUTE: UNOCCUPIED}), "b", rank(1), always_at_work) is True
 
 
 def test_what_is_over_is_forgotten() -> None:

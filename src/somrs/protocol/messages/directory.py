@@ -10,6 +10,8 @@ from somrs.protocol.messages.body import MessageBody
 
 CAPACITY_ATTRIBUTE = "AtOnce"
 """The attribute with the number of services that a device performs at the same time; without it, one."""
+UNOCCUPIED = 0
+"""The value of this attribute for a service that a device performs beside all others, such as an answer to a question."""
 
 
 class Offer(Struct, frozen=True, kw_only=True):
@@ -25,6 +27,17 @@ class Offer(Struct, frozen=True, kw_only=True):
     address: str
     service_type: ServiceType
     attributes: dict[str, Value] = {}
+
+    @property
+    def capacity(self) -> float:
+        """How many services that occupy it the device performs at the same time."""
+        value = self.attributes.get(CAPACITY_ATTRIBUTE, 1)
+        return value if isinstance(value, int | float) and not isinstance(value, bool) else 1
+
+    @property
+    def occupies(self) -> bool:
+        """Whether the service occupies its device, so that it has to wait for others."""
+        return self.capacity != UNOCCUPIED
 
 
 class Publish(MessageBody, frozen=True, kw_only=True, tag=True):

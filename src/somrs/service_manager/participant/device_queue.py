@@ -39,10 +39,10 @@ class DeviceWork:
 
     def _begin(self, now: float) -> Effects:
         """Begin waiting jobs in the order of their orders, as far as the device has free capacity."""
-        queue = self._queue
-        while queue.waiting and len(queue.at_work) < self._state.profile.capacity:
-            job = self._jobs.find_job(*queue.waiting.pop(0))
-            assert job is not None, "every waiting job is stored"
+        for job in self._state.waiting():
+            if self._state.occupies(job) and self._occupied >= self._state.profile.capacity:
+                continue
+            self._queue.waiting.remove(job.key)
             job.waiting, job.started_at = False, now
             assert job.order is not None, "only what was arranged is executed"
             compensate_message = job.session.received_messages.get("Compensate")
@@ -50,6 +50,12 @@ class DeviceWork:
                 yield from self._start_activity(job, Activity.UNDO, Undo(job.order, compensate_message.body.situation))
             else:
                 yield from self._start_activity(job, Activity.PERFORM, Perform(job.order))
+
+    @property
+    def _occupied(self) -> int:
+        """How much of the device's capacity is taken."""
+        jobs = (self._jobs.find_job(*key) for key in self._queue.at_work)
+        return sum(job is not None and self._state.occupies(job) for job in jobs)
 
     def _start_activity(self, job: Job, activity: Activity, work: Perform | Halt | Undo) -> Effects:
         job.activity = activity

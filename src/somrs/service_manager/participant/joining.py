@@ -19,7 +19,17 @@ from somrs.ontology.agreement import disagreements
 from somrs.ontology.objects import Object, ObjectAdded
 from somrs.ontology.services import ServiceType
 from somrs.protocol.messages.bodies import Body
-from somrs.protocol.messages.directory import CAPACITY_ATTRIBUTE, Offer, Publish, Published, Renew, Retract, ServiceTypesChanged, Withheld
+from somrs.protocol.messages.directory import (
+    CAPACITY_ATTRIBUTE,
+    UNOCCUPIED,
+    Offer,
+    Publish,
+    Published,
+    Renew,
+    Retract,
+    ServiceTypesChanged,
+    Withheld,
+)
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import (
@@ -89,6 +99,16 @@ class Joining(Struct, kw_only=True):
         yield SetTimer(JoiningDue(), None)
         yield self._ask(self.registry, Retract(provider=self.profile.name), now)
 
+    def services_changed(self, profile: Profile, now: float) -> Effects:
+        """Offer the services of this profile from now on."""
+        self.profile = profile
+        if self.joined:
+            yield from self._read_types_again(now)
+
+    def _read_types_again(self, now: float) -> Effects:
+        self.ontology_offset = 0
+        yield from self._take_step(JoinStep.READ, now)
+
     def timer_fired(self, now: float) -> Effects:
         """Repeat a request without an answer, or renew the lease. A device whose renewal has no answer publishes its offers again."""
         if self.step is JoinStep.RENEW:
@@ -101,8 +121,7 @@ class Joining(Struct, kw_only=True):
         """Handle an answer or a notification. An answer to an earlier request is out of date and ignored."""
         if isinstance(message.body, ServiceTypesChanged):
             if self.joined:
-                self.ontology_offset = 0
-                yield from self._take_step(JoinStep.READ, now)
+                yield from self._read_types_again(now)
             return
         if message.header.relates_to != self.pending_request or self.step is JoinStep.DEPARTED:
             return
@@ -208,13 +227,14 @@ class Joining(Struct, kw_only=True):
         return tuple(self._offer(capability) for capability in self._offered_capabilities())
 
     def _offer(self, capability: Capability) -> Offer:
+        capacity = self.profile.capacity if capability.occupies else UNOCCUPIED
         return Offer(
             service=self.profile.service(capability),
             provider=self.profile.name,
             provider_type=self.object_type,
             address=self.address,
             service_type=self._service_type(capability),
-            attributes={**capability.attributes, **({CAPACITY_ATTRIBUTE: self.profile.capacity} if self.profile.capacity != 1 else {})},
+            attributes={**capability.attributes, **({CAPACITY_ATTRIBUTE: capacity} if capacity != 1 else {})},
         )
 
     def _service_type(self, capability: Capability) -> ServiceType:

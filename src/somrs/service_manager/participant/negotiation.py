@@ -26,7 +26,7 @@ class Negotiation:
         """Return the commitments of the device. Overdue ones start, or end, at `now`."""
         busy: list[Commitment] = []
         for job in self._jobs:
-            if not job.has_contract or (terms := job.session.terms) is None:
+            if not job.has_contract or (terms := job.session.terms) is None or not self._state.occupies(job):
                 continue
             start = job.started_at if job.started_at is not None else max(terms.start_from or now, now)
             busy.append((start, max(start + terms.duration, now)))
@@ -87,9 +87,9 @@ class Negotiation:
         assert job.order is not None, "a quote follows an order"
         order = job.order
         capacity = self._state.profile.capacity
-        start = first_free_time(
-            resolve_overlaps(self.calendar(now), capacity), max(now, order.earliest_start or now), quoted.duration, capacity
-        )
+        start = max(now, order.earliest_start or now)
+        if self._state.occupies(job):
+            start = first_free_time(resolve_overlaps(self.calendar(now), capacity), start, quoted.duration, capacity)
         latest_start = None if order.latest_finish is None else order.latest_finish - quoted.duration
         if latest_start is not None and start > latest_start:
             return frp.Refuse(

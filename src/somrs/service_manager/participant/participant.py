@@ -40,6 +40,7 @@ from somrs.service_manager.participant.timers import (
     Question,
     ReportDue,
     ReportWanted,
+    ServicesChanged,
     StartDue,
     TermsDue,
     Timer,
@@ -254,6 +255,8 @@ class ServiceManager:
                 joining.profile, joining.repository, joining.registry = profile, repository, registry
             case Observed(situation, observation):
                 yield from self._reports.add(self.profile.name, situation, now, OBSERVATION_REPORT_TIME, observed_at(observation, now))
+            case ServicesChanged(profile):
+                yield from self._joining.services_changed(profile, now)
             case DepartureRequested():
                 yield from self._depart(now)
 

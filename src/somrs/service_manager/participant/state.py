@@ -32,6 +32,11 @@ class ServiceManagerState(Struct, kw_only=True):
     def profile(self) -> Profile:
         return self.joining.profile
 
+    def occupies(self, job: Job) -> bool:
+        """Whether the job takes up some of the device's capacity."""
+        method = job.order.method if job.order is not None else None
+        return all(capability.occupies for capability in self.profile.capabilities if capability.method == method)
+
     def waiting(self) -> list[Job]:
         """Return the participants that wait for the device."""
         return [job for key in self.queue.waiting if (job := self.jobs.find_job(*key)) is not None]

@@ -83,8 +83,14 @@ class Observed(Struct, frozen=True, tag=True):
     observation: Observation | None = None
 
 
+class ServicesChanged(Struct, frozen=True, tag=True):
+    """The device has other services than when it joined; the profile has them."""
+
+    profile: Profile
+
+
 class DepartureRequested(Struct, frozen=True, tag="Leave"):
     """The device is to leave the system."""
 
 
-Notice = Equipped | Observed | DepartureRequested
+Notice = Equipped | Observed | ServicesChanged | DepartureRequested

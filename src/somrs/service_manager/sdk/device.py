@@ -157,9 +157,11 @@ class Service:
         duration: Amounts,
         able: AbilityCheck | None,
         penalty: Amounts | None = None,
+        *,
+        occupies: bool = True,
     ) -> None:
         self.performs, self.type, self.price, self.duration, self.able = performs, type, price, duration, able
-        self.penalty = penalty
+        self.penalty, self.occupies = penalty, occupies
         self.stops: StopFunction | None = None
         self.undoes: UndoFunction | None = None
         self.name = performs.__name__
@@ -197,6 +199,7 @@ class Service:
             attributes=attributes,
             stoppable=self.stops is not None,
             undoable=self.undoes is not None,
+            occupies=self.occupies,
         )
 
 
@@ -207,13 +210,15 @@ def service(
     duration: Amounts,
     able: AbilityCheck | None = None,
     penalty: Amounts | None = None,
+    occupies: bool = True,
 ) -> Callable[[PerformFunction], Service]:
     """Make a method a service of this type, or of the type with this name in the common ontology.
 
     `price`, `duration` and `penalty` are amounts, or functions of the device and the task. `able` may raise Refusal. `penalty` is what it
-    costs to have the work undone by the device; the Task Manager then weighs undoing against going on after a failure.
+    costs to have the work undone by the device; the Task Manager then weighs undoing against going on after a failure. A service that does
+    not occupy the device is performed beside others, whatever the device's `capacity`.
     """
-    return lambda performs: Service(performs, type, price, duration, able, penalty)
+    return lambda performs: Service(performs, type, price, duration, able, penalty, occupies=occupies)
 
 
 def _check_definition(definition: Definition, owner: type[object]) -> Definition:
@@ -226,6 +231,10 @@ def _check_definition(definition: Definition, owner: type[object]) -> Definition
 
 
 def _ignore_observation(situation: str | None, observation: Observation) -> None:
+    """Do nothing: no program runs the device."""
+
+
+def _publish_nothing() -> None:
     """Do nothing: no program runs the device."""
 
 
@@ -247,7 +256,7 @@ class Device:
     data: Path = Path(".somrs")
     """The data folder of the running system, where a device may store data; it may not exist yet."""
     capacity: int = 1
-    """How many services the device can perform at the same time."""
+    """How many of the services that occupy the device it can perform at the same time."""
     heartbeat: float = 5.0
     """Seconds between two heartbeats during work."""
     valid_for: float = 120.0
@@ -281,6 +290,13 @@ class Device:
         observation = Observation(as_of=as_of, gone=tuple(gone), searched=tuple(searched))
         self.observer(str(parse(str(situation))) if situation is not None else None, observation)
 
+    publisher: Callable[[], None] = staticmethod(_publish_nothing)
+    """Offers the services anew; the program that runs the device sets it."""
+
+    def services_changed(self) -> None:
+        """Offer the services anew, because `services` returns others than before. Contracts for the former services stay."""
+        self.publisher()
+
     async def report(self, situation: str | Formula | None = None, observation: Observation | None = None) -> Reception:
         """Report to the map at once, and return what became of the report: the names of the sighted objects, and what was old news.
 
@@ -296,8 +312,15 @@ class Device:
         """Release the hardware. Called once after the device has left."""
 
     def services(self) -> Mapping[str, Service]:
-        """Return the services, including inherited ones, by the names of their methods."""
+        """Return the services, including inherited ones, by the names of their methods.
+
+        A subclass may return others as time goes by; it then calls `services_changed`.
+        """
         return _services(type(self))  # type: ignore[arg-type]  # classes are hashable; mypy takes the attribute `type` for the metaclass's
+
+    def find_service(self, method: str) -> Service | None:
+        """Return the service with which the device carries out a contract; None if it cannot any more."""
+        return self.services().get(method)
 
     def profile(self) -> Profile:
         """Return the description of the device for the Service Manager. Raises DeviceError when the class is not complete."""

@@ -22,6 +22,8 @@ class Capability(Struct, frozen=True, kw_only=True):
     stoppable: bool = False
     """Whether the author defines how the service reaches a safe state when it is interrupted."""
     undoable: bool = False
+    occupies: bool = True
+    """Whether it takes up some of the device's capacity."""
 
     @property
     def type_name(self) -> str:

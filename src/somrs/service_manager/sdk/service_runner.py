@@ -21,7 +21,9 @@ async def carry_out(device: Device, work: Work, ask: Ask, report: Callable[[obje
 
     Exceptions of the author's code are passed on; those other than Refusal and ServiceFailed are also logged.
     """
-    service = device.services()[work.order.method]
+    service = device.find_service(work.order.method)
+    if service is None:  # contracted before the device changed
+        raise ServiceFailed(f"{device.name} does not offer this any more", tried=not isinstance(work, Perform))
     try:
         task = Task(device.name, work.order, ask, report, quoting=isinstance(work, Quote))
         match work:

@@ -18,7 +18,7 @@ from somrs.protocol.messages import frp
 from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.frp import State
-from somrs.task_manager.context import Commitments
+from somrs.task_manager.context import Commitments, Interval
 from somrs.task_manager.execution.bids import choose_bid, fit_bid, make_bid
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.participants import Members, Participants
@@ -164,7 +164,7 @@ class Arrangement:
                 member.exit_reason = run.excluded[member.offer.service] = f"needs {condition}"
                 yield from participants.dismiss(member, f"the plan does not meet its condition: {condition}", now)
         bidders = {m.id: (m, m.bid) for m in self.invited(call) if m.bid is not None and m.state is State.OFFERED}
-        bids = [fit_bid(bid, commitments.get(m.offer.provider, ())) for m, bid in bidders.values() if m.offer.service not in broken]
+        bids = [fit_bid(bid, _busy(m.offer, commitments)) for m, bid in bidders.values() if m.offer.service not in broken]
         if call.latest is not None:
             for late in [candidate for candidate in bids if candidate.finish > call.latest]:
                 member, _ = bidders[late.participant]
@@ -231,6 +231,11 @@ class Arrangement:
         """What the map will have changed to when the step starts, by the effects of the steps before it; None if nothing."""
         situation = net_effect(self._workflow.promised_effects(run), self._replica.map, self._replica.ontology)
         return str(situation) if situation is not None else None
+
+
+def _busy(offer: Offer, commitments: Commitments) -> Sequence[Interval]:
+    """The intervals in which a device cannot do what it offers, because of its other commitments."""
+    return commitments.get(offer.provider, ()) if offer.occupies else ()
 
 
 def make_call(

@@ -137,7 +137,8 @@ class Participants:
         return True
 
     def _start_work(self, member: Member, body: frp.Execute | frp.Compensate, now: float) -> Effects:
-        self._context.queues.add_work(member.offer.provider, AtWork(self._transaction, member.id))
+        if member.offer.occupies:
+            self._context.queues.add_work(member.offer.provider, AtWork(self._transaction, member.id))
         member.last_order_time = now
         yield from self._send_order(member, body, now)
         yield from self._watch(member, now)
