@@ -14,6 +14,7 @@ from somrs.devices.person.device import Person
 from somrs.devices.person.questions import Question, Questions
 from somrs.errors import UsageError
 from somrs.ontology.objects import Object, ObjectAdded
+from somrs.protocol.messages.knowledge import Updated, UpdateMap
 from somrs.repository.component import Repository
 from somrs.repository.state import Contents
 from somrs.service_manager.sdk.device import MapReader
@@ -32,7 +33,12 @@ class PersonHarness:
 
     def __init__(self, folder: Path) -> None:
         ontology, map = lab()
-        contents = Contents(ontology=ontology, map=map.changed([ObjectAdded(Object(name="Anna", type="Person"))]))
+        contents = Contents(
+            ontology=ontology,
+            map=map.changed(
+                [ObjectAdded(Object(name="Anna", type="Person", values={"PositionX": 1.0, "PositionY": 1.0, "PositionZ": 0.0}))]
+            ),
+        )
         self.ask = make_ask(Repository("http://here/repository", contents), lambda: 0.0)
         self.folder = folder
         self.person = Person("Anna")
@@ -41,6 +47,11 @@ class PersonHarness:
 
     async def perform(self, request: Quote | Perform) -> object:
         return await carry_out(self.person, request, self.ask, lambda report: None)
+
+    async def change(self, situation: str) -> None:
+        """Change the map, and let the person's program read it."""
+        assert isinstance(await self.ask(UpdateMap(situation=situation)), Updated)
+        await self.person.refresh_offers()
 
     async def next_question(self) -> Question:
         while not (open_questions := self.questions.open()):
@@ -129,12 +140,12 @@ def test_an_answer_that_will_not_do_is_shown_with_a_caret_and_asked_again(
 def test_who_does_not_answer_or_cannot_tell_leaves_it_unknown(tmp_path: Path) -> None:
     async def test() -> None:
         async with person_harness(tmp_path) as harness:
-            harness.person.patience = 0.1
-            with pytest.raises(ServiceFailed, match="did not answer within") as failed:
+            await harness.change("Anna.AnswerTime = 0.1")
+            with pytest.raises(ServiceFailed, match="there was no answer within") as failed:
                 await harness.perform(Perform(ORDER))
             assert failed.value.situation is None
             assert harness.questions.open() == []
-            harness.person.patience = 60
+            await harness.change("Anna.AnswerTime = 60")
             waiting = asyncio.create_task(harness.perform(Perform(ORDER)))
             harness.questions.answer((await harness.next_question()).number, "")
             with pytest.raises(ServiceFailed, match="cannot tell where Jar1 is"):

@@ -11,15 +11,18 @@ from pathlib import Path
 import pytest
 
 from somrs.client.people import put_reply
-from somrs.devices.person.assignments import Assignment, Assignments, Reply, ReplyKind
+from somrs.devices.person.assignments import CODE_LENGTH, Assignment, Assignments, Reply, ReplyKind
 from somrs.devices.person.device import Person
+from somrs.devices.person.offers import read_offers
+from somrs.devices.person.wording import sentence
+from somrs.entish.parse import parse
 from somrs.errors import UsageError
 from somrs.ontology.objects import Object, ObjectAdded
 from somrs.protocol.messages.knowledge import Updated, UpdateMap
 from somrs.repository.component import Repository
 from somrs.repository.state import Contents
 from somrs.service_manager.sdk.device import MapReader
-from somrs.service_manager.sdk.orders import Order, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo, WorkDone
+from somrs.service_manager.sdk.orders import Halt, Order, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo, WorkDone
 from somrs.service_manager.sdk.service_runner import carry_out
 from tests.support.command import somrs
 from tests.support.lab import lab
@@ -50,7 +53,10 @@ class Worker:
         self.person.observer = lambda situation, observation: self.reported.append(situation or "")
         self.notes: list[object] = []
 
-    async def carry_out(self, work: Quote | Perform | Undo) -> object:
+    async def change(self, situation: str) -> None:
+        assert isinstance(await self.ask(UpdateMap(situation=situation)), Updated)
+
+    async def carry_out(self, work: Quote | Perform | Undo | Halt) -> object:
         return await carry_out(self.person, work, self.ask, self.notes.append)
 
     async def next_assignment(self) -> Assignment:
@@ -83,6 +89,151 @@ def test_a_person_offers_what_the_map_says(tmp_path: Path) -> None:
             assert types == ["RecognizeSituation", "TransferObject", "OpenDoor"]
         async with worker(tmp_path, "") as harness:
             assert [capability.type_name for capability in harness.person.profile().capabilities] == ["RecognizeSituation"]
+
+    run(test())
+
+
+def test_prices_and_durations_are_those_that_the_map_states_now(tmp_path: Path) -> None:
+    async def test() -> None:
+        async with worker(tmp_path, "TransferObject (4 EUR, 2 min), Weigh") as harness:
+
+            async def terms(order: Order) -> tuple[float, float]:
+                quoted = await harness.carry_out(Quote(order))
+                assert isinstance(quoted, Quoted)
+                return quoted.price, quoted.duration
+
+            assert (await terms(CARRY), await terms(WEIGH)) == ((4, 120), (20, 600))
+            await harness.change("Anna.Price = 7 AND Anna.StepTime = 3 min")
+            assert (await terms(CARRY), await terms(WEIGH)) == ((4, 120), (7, 180))
+            await harness.change('Anna.Offers = "TransferObject (1 min), Weigh (1 EUR)"')
+            assert (await terms(CARRY), await terms(WEIGH)) == ((7, 60), (1, 180))
+
+    run(test())
+
+
+def test_a_person_offers_at_once_what_the_map_says_while_the_program_runs(tmp_path: Path) -> None:
+    async def test() -> None:
+        async with worker(tmp_path, "TransferObject") as harness:
+            changed = asyncio.Event()
+            harness.person.publisher, harness.person.review = changed.set, 0.01
+            await harness.change('Anna.Offers = "Weigh"')
+            await changed.wait()
+            assert [capability.type_name for capability in harness.person.profile().capabilities] == ["RecognizeSituation", "Weigh"]
+            working = asyncio.create_task(harness.carry_out(Perform(CARRY)))
+            await harness.reply(Reply(kind=ReplyKind.DONE))
+            assert await working == WorkDone(situation="Jar1 isOn Table2"), "contracts stay"
+
+    run(test())
+
+
+@pytest.mark.parametrize(
+    ("offers", "types", "problem"),
+    [
+        ("TransferObject(4 EUR,2 min),Weigh", ["TransferObject", "Weigh"], None),
+        ("TransferObject, Weigh (4 kg)", ["TransferObject"], "'4 kg' of Weigh is neither a price nor a duration"),
+        ("TransferObject, Weigh (5)", ["TransferObject"], "'5' of Weigh is neither a price nor a duration"),
+        ("TransferObject, 3 jars", ["TransferObject"], "'3 jars' does not begin with the name of a service type"),
+        ("TransferObject, Weigh (4 EUR", ["TransferObject", "Weigh"], "'(4 EUR' does not begin with the name"),
+    ],
+)
+def test_what_is_wrong_in_the_offers_is_said_and_the_rest_counts(offers: str, types: list[str], problem: str | None) -> None:
+    read = read_offers(Object(name="Anna", type="Person", values={"Offers": offers}))
+    assert [step.service_type for step in read.steps] == types
+    assert (problem is None) == (read.problems == ())
+    assert problem is None or problem in read.problems[0]
+
+
+def test_who_does_not_answer_in_time_counts_as_not_available(tmp_path: Path) -> None:
+    async def test() -> None:
+        async with worker(tmp_path) as harness:
+            await harness.change("Anna.AnswerTime = 0.05")
+            await harness.person.refresh_offers()
+            with pytest.raises(ServiceFailed, match="Anna did not answer within") as missed:
+                await harness.carry_out(Perform(CARRY))
+            assert not missed.value.tried
+            assert harness.reported[-1] == "Anna.Working = FALSE"
+            request = harness.person.assignments.missed("Anna")
+            assert request is not None
+            assert request.work.effect == "Jar1 isOn Table2"
+            await harness.change("Anna.AnswerTime = 60 AND Anna.Working = TRUE")
+            await harness.person.refresh_offers()
+            assert isinstance(await harness.carry_out(Quote(CARRY)), Quoted), "it was no refusal for good"
+            working = asyncio.create_task(harness.carry_out(Perform(CARRY)))
+            await harness.reply(Reply(kind=ReplyKind.DONE))
+            await working
+            assert harness.person.assignments.missed("Anna") is None
+
+    run(test())
+
+
+def test_the_work_is_described_in_words(tmp_path: Path) -> None:
+    async def test() -> None:
+        async with worker(tmp_path) as harness:
+            working = asyncio.create_task(harness.carry_out(Perform(CARRY)))
+            work = (await harness.next_assignment()).work
+            assert work.aim == "Jar1 (jar) is on Table2 (red table)"
+            assert work.present == "Jar1 (jar) is on Table1 (table)"
+            assert [(outcome.text, outcome.situation) for outcome in work.outcomes] == [
+                ("Nothing has changed: Jar1 (jar) is on Table1 (table)", "Jar1 isOn Table1"),
+                ("It is done: Jar1 (jar) is on Table2 (red table)", "Jar1 isOn Table2"),
+                ("I have it with me: Jar1 (jar) is held by Anna (person)", "Jar1 isHeldBy Anna"),
+            ]
+            working.cancel()
+
+    run(test())
+
+
+@pytest.mark.parametrize(
+    ("formula", "text"),
+    [
+        ("Jar1 isOn Table1 AND NOT Jar1 isOn Table2", "Jar1 is on Table1, and Jar1 is not on Table2"),
+        ("Door1.Open = TRUE", "Door1 is open"),
+        ("Door1.Open = FALSE", "Door1 is not open"),
+        ("Jar1.Weight = 1.5 kg", "the weight of Jar1 is 1.5 kg"),
+        ("Jar1.Weight = ?Weight", "the weight of Jar1 is to be found out"),
+        ("Jar1.Shape.Height >= 3 m", "the shape height of Jar1 is at least 3 m"),
+        ("?Thing: Jar isOn Table1", "something (jar) is on Table1"),
+        ("Jar1 isOn Table1 OR Jar1 isOn Table2", "Jar1 isOn Table1 OR Jar1 isOn Table2"),
+    ],
+)
+def test_formulas_in_words(formula: str, text: str) -> None:
+    assert sentence(parse(formula), {}) == text
+
+
+def test_who_is_stopped_at_work_says_what_is_so_then(tmp_path: Path) -> None:
+    async def stop(harness: Worker, reply: Reply) -> object:
+        working = asyncio.create_task(harness.carry_out(Perform(CARRY)))
+        await harness.reply(Reply(kind=ReplyKind.ACCEPT))
+        working.cancel()
+        await asyncio.wait({working})
+        halting = asyncio.create_task(harness.carry_out(Halt(CARRY)))
+        assert (await harness.next_assignment()).work.stops
+        with pytest.raises(UsageError, match="asks what is so now"):
+            await harness.reply(Reply(kind=ReplyKind.DECLINE))
+        with pytest.raises(UsageError, match="Tabel1"):
+            await harness.reply(Reply(kind=ReplyKind.COULD_NOT, situation="Jar1 isOn Tabel1"))
+        await harness.reply(reply)
+        return await halting
+
+    async def test() -> None:
+        async with worker(tmp_path) as harness:
+            left = Reply(kind=ReplyKind.COULD_NOT, situation="Jar1 isHeldBy Anna")
+            assert await stop(harness, left) == WorkDone(situation="Jar1 isHeldBy Anna")
+            assert await stop(harness, Reply(kind=ReplyKind.DONE)) == WorkDone(situation="Jar1 isOn Table2")
+            assert await stop(harness, Reply(kind=ReplyKind.COULD_NOT)) == WorkDone(situation=None)
+            assert harness.person.assignments.open() == []
+
+    run(test())
+
+
+def test_who_is_stopped_before_accepting_has_changed_nothing_and_is_not_asked(tmp_path: Path) -> None:
+    async def test() -> None:
+        async with worker(tmp_path) as harness:
+            working = asyncio.create_task(harness.carry_out(Perform(CARRY)))
+            await harness.next_assignment()
+            working.cancel()
+            await asyncio.wait({working})
+            assert await harness.carry_out(Halt(CARRY)) == WorkDone(situation="Jar1 isOn Table1")
 
     run(test())
 
@@ -235,6 +386,6 @@ def test_codes_stay_and_differ(tmp_path: Path) -> None:
     store = Assignments(tmp_path)
     codes = {store.code_of(name) for name in ("Anna", "Berta", "Carla")}
     assert len(codes) == 3
-    assert all(len(code) == 6 and code.isalnum() for code in codes)
+    assert all(len(code) == CODE_LENGTH and code.isalnum() for code in codes)
     assert {store.code_of(name) for name in ("Anna", "Berta", "Carla")} == codes
     store.close()

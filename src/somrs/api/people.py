@@ -11,7 +11,7 @@ from somrs.client.operations import operation
 from somrs.client.people import codes, open_assignments, put_reply
 from somrs.client.refusals import NotFound
 from somrs.devices.person.assignments import Assignment, Reply
-from somrs.devices.person.device import OFFERS
+from somrs.devices.person.offers import OFFERS
 from somrs.ontology.types import WORKING
 from somrs.ontology.values import value_of
 from somrs.protocol.messages.knowledge import UpdateMap

@@ -18,7 +18,8 @@ REQUIRED_NAMES: Mapping[Section, frozenset[str]] = {
             "PositionX", "PositionY", "PositionZ", "RotationY", "RotationZ",
             "Shape", "Form", "Width", "Depth", "Height", "Radius", "Outline",
             "Weight", "Color", "Label", "Elevation", "Open",
-            "OperationRange", "FieldOfView", "Accuracy", "Payload", "Speed", "Price", "Charge", "Offers", "Unknown", "Working",
+            "OperationRange", "FieldOfView", "Accuracy", "Payload", "Speed", "Price", "Charge",
+            "Offers", "StepTime", "AnswerTime", "Unknown", "Working",
         )
     ),
     Section.RELATIONS: frozenset(("isPartOf", "isOn", "isIn", "isHeldBy", "isAt")),

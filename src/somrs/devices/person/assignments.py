@@ -20,7 +20,10 @@ from somrs.errors import UsageError
 
 FILE = "people.sqlite"
 """Name of the file in the data folder of the system."""
-CODE_LENGTH = 6
+UNANSWERED = "there was no answer in time"
+"""Why an assignment is closed that the person has neither accepted nor declined."""
+CODE_LENGTH = 8
+"""Of the 31 to the power of 8 codes, a guess at 1,000 a second finds one of 10 people within some years."""
 _LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ23456789"
 """The characters of codes, without those that look like others."""
 _TABLES = (
@@ -44,6 +47,9 @@ class ReplyKind(StrEnum):
     """The person tried, and the effect does not hold."""
 
 
+_BEFORE_WORK = (ReplyKind.ACCEPT, ReplyKind.DECLINE, ReplyKind.NOT_NOW)
+
+
 class Reply(Struct, frozen=True, kw_only=True):
     """A reply. `reason`: for people. `situation`: what holds now, a formula, for work that could not be done.
 
@@ -56,10 +62,18 @@ class Reply(Struct, frozen=True, kw_only=True):
     values: dict[str, str] = {}
 
 
+class Outcome(Struct, frozen=True):
+    """What may be so after work that ended early: in words, and as a formula."""
+
+    text: str
+    situation: str
+
+
 class Work(Struct, frozen=True, kw_only=True):
     """What a person is to do: make `effect` true. `undoes`: it undoes a step. `open_variables`: what the person has to find out.
 
-    `objects`: the objects that it is about.
+    `stops`: the person worked on it, and is to stop and say what is so now. `objects`: the objects that it is about; `aim`: the effect in
+    words; `present`: what the map says now, in words; `outcomes`: what can be left of it.
     """
 
     transaction: str
@@ -69,6 +83,11 @@ class Work(Struct, frozen=True, kw_only=True):
     objects: tuple[str, ...] = ()
     open_variables: tuple[str, ...] = ()
     undoes: bool = False
+    participant: str = ""
+    stops: bool = False
+    aim: str = ""
+    present: str = ""
+    outcomes: tuple[Outcome, ...] = ()
 
 
 class Assignment(Struct, frozen=True, kw_only=True):
@@ -136,6 +155,12 @@ class Assignments:
         past = self._read("person = ? AND ended = ?", (person, ReplyKind.DECLINE))
         return any((a.work.transaction, a.work.effect) == (transaction, effect) for a in past)
 
+    def latest(self, person: str, transaction: str, participant: str) -> Assignment | None:
+        """The latest assignment of a participant of a task."""
+        assignments = self._read("person = ?", (person,))
+        ids = transaction, participant
+        return next((a for a in reversed(assignments) if (a.work.transaction, a.work.participant) == ids), None)
+
     # Its readers
 
     def open(self, person: str | None = None) -> list[Assignment]:
@@ -143,6 +168,11 @@ class Assignments:
         if person is None:
             return self._read("ended IS NULL", ())
         return self._read("ended IS NULL AND person = ?", (person,))
+
+    def missed(self, person: str) -> Assignment | None:
+        """The person's latest assignment, if the person did not answer it."""
+        latest = self._read("number = (SELECT MAX(number) FROM assignments WHERE person = ?)", (person,))
+        return latest[0] if latest and latest[0].ended == UNANSWERED else None
 
     def read(self, number: int) -> Assignment | None:
         return next(iter(self._read("number = ?", (number,))), None)
@@ -162,7 +192,9 @@ class Assignments:
         if assignment is None or assignment.ended is not None:
             reason = "it does not exist" if assignment is None else f"it is closed: {assignment.ended}"
             raise UsageError(f"there is no reply to assignment {number}: {reason}; `somrs people` lists those that are open")
-        if assignment.accepted is not None and reply.kind in (ReplyKind.ACCEPT, ReplyKind.DECLINE, ReplyKind.NOT_NOW):
+        if assignment.work.stops and reply.kind in _BEFORE_WORK:
+            raise UsageError(f"assignment {number} asks what is so now that the work has stopped: reply done, or could not with what is so")
+        if assignment.accepted is not None and reply.kind in _BEFORE_WORK:
             raise UsageError(f"assignment {number} is accepted already: reply done, or could not with what is left")
         self._db.execute("UPDATE assignments SET reply = ?, problem = '' WHERE number = ?", (msgspec.json.encode(reply), number))
 

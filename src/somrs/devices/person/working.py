@@ -3,9 +3,11 @@
 | reply | the Task Manager receives |
 |---|---|
 | accept | Progress with a note |
-| decline, not now | Failed with `tried` FALSE: nothing was begun, and another service does the step |
+| decline, not now, none in time | Failed with `tried` FALSE: nothing was begun, and another service does the step |
 | done | Completed with the effect, and the values that the person found out |
 | could not | Failed with what the person says of what is left |
+
+When the Task Manager stops a person at work, a second assignment says so, and asks what is so now.
 """
 
 from __future__ import annotations
@@ -13,13 +15,18 @@ from __future__ import annotations
 import asyncio
 from typing import Protocol
 
+from msgspec import structs
+
 from somrs.devices.person.answers import check_situation
-from somrs.devices.person.assignments import Assignments, Reply, ReplyKind, Work
-from somrs.entish.formula import substitute, variables
+from somrs.devices.person.assignments import UNANSWERED, Assignments, Reply, ReplyKind, Work
+from somrs.devices.person.offers import PersonOffers
+from somrs.devices.person.outcomes import possible_outcomes, present_situation
+from somrs.devices.person.wording import in_words
+from somrs.entish.formula import Formula, names, substitute, variables
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError, RemoteError
 from somrs.ontology.types import WORKING
-from somrs.service_manager.sdk.device import Result, Task
+from somrs.service_manager.sdk.device import Result, Situation, Task
 from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
 from somrs.service_manager.sdk.values import python_value, term
 
@@ -34,6 +41,9 @@ class Worker(Protocol):
     glance: float
     assignments: Assignments
 
+    @property
+    def offers(self) -> PersonOffers: ...
+
     def observed(self, situation: str) -> None: ...
 
 
@@ -45,6 +55,24 @@ async def check_available(person: Worker, task: Task) -> None:
         raise Refusal(f"{person.name} has declined this step")
 
 
+async def describe_work(person: Worker, task: Task, service_type: str, effect: Formula) -> Work:
+    """What the person is to do, in words, too."""
+    inputs = [text for text in task.order.inputs.values() if text.isidentifier()]
+    present = await present_situation(task.map, effect)
+    return Work(
+        transaction=task.order.transaction,
+        participant=task.order.participant,
+        service_type=service_type,
+        inputs=dict(task.order.inputs),
+        effect=str(effect),
+        objects=tuple(dict.fromkeys([*inputs, *names(effect)])),
+        open_variables=tuple(variables(effect)),
+        aim=await in_words(task.map, effect),
+        present=await in_words(task.map, present) if present is not None else "",
+        outcomes=await possible_outcomes(task.map, person.name, effect),
+    )
+
+
 async def do_work(person: Worker, task: Task, work: Work) -> Result:
     """Have the person do the work. Returns the result with the effect. Raises ServiceFailed as the person replies."""
     assignments = person.assignments
@@ -52,10 +80,9 @@ async def do_work(person: Worker, task: Task, work: Work) -> Result:
     reason = "it is no longer needed"
     try:
         await task.progress(0.0, note=f"assignment {number} to {person.name}: {work.effect}")
-        while True:
-            assignment = assignments.read(number)
-            assert assignment is not None, "assignments are kept"
-            if (reply := assignment.reply) is not None:
+        async with asyncio.timeout(person.offers.answer_time) as answer_time:
+            while True:
+                reply = await _next_reply(person, number)
                 try:
                     result = await _read_reply(person.name, task, work, reply)
                 except (FormulaError, RemoteError) as error:
@@ -69,11 +96,57 @@ async def do_work(person: Worker, task: Task, work: Work) -> Result:
                     if result is not None:
                         reason = reply.kind.value
                         return result
+                    answer_time.reschedule(None)
                     assignments.accept(number)
                     await task.progress(ACCEPTED, note=f"{person.name} has accepted assignment {number}")
-            await asyncio.sleep(person.glance)
+    except TimeoutError:
+        reason = UNANSWERED
+        person.observed(f"{person.name}.{WORKING} = FALSE")
+        text = f"{person.name} did not answer within {person.offers.answer_time:g} s, and counts as not available"
+        raise ServiceFailed(text, tried=False) from None
     finally:
         assignments.end(number, reason)
+
+
+async def stop_work(person: Worker, task: Task) -> Situation:
+    """Tell the person to stop, and return what is so then; None if the person does not say.
+
+    What the person had not accepted has not been begun: then the situation is what it was.
+    """
+    assignments = person.assignments
+    stopped = assignments.latest(person.name, task.order.transaction, task.order.participant)
+    if stopped is None:
+        return None
+    if stopped.accepted is None:
+        return await present_situation(task.map, parse(stopped.work.effect)) or f"{person.name}.{WORKING} = TRUE"
+    outcomes = await possible_outcomes(task.map, person.name, parse(stopped.work.effect))
+    number = assignments.assign(person.name, structs.replace(stopped.work, stops=True, outcomes=outcomes, open_variables=()))
+    reason = UNANSWERED
+    try:
+        async with asyncio.timeout(person.offers.answer_time):
+            while True:
+                reply = await _next_reply(person, number)
+                situation = stopped.work.effect if reply.kind is ReplyKind.DONE else reply.situation
+                try:
+                    checked = await check_situation(task, situation) if situation else None
+                except (FormulaError, RemoteError) as error:
+                    assignments.reject(number, str(error))
+                else:
+                    reason = reply.kind.value
+                    return checked
+    except TimeoutError:
+        return None
+    finally:
+        assignments.end(number, reason)
+
+
+async def _next_reply(person: Worker, number: int) -> Reply:
+    while True:
+        assignment = person.assignments.read(number)
+        assert assignment is not None, "assignments are kept"
+        if assignment.reply is not None:
+            return assignment.reply
+        await asyncio.sleep(person.glance)
 
 
 async def _read_reply(provider: str, task: Task, work: Work, reply: Reply) -> Result | None:
