@@ -103,6 +103,37 @@ def test_an_accept_is_too_late_from_when_the_terms_expire(delay: float, state: S
     assert bodies(effects) == ([frp.Refuse(reason="the terms expired", not_now=True)] if state is State.ENDED else [])
 
 
+OPEN_AND_FREE = "Door1.Open = TRUE AND NOT Jar1 isOn Floor1"
+
+
+@pytest.mark.parametrize("accepted", [False, True])
+@pytest.mark.parametrize("stated", [None, "Jar1 isOn Table1", "Door1.Open = TRUE", "Jar1 isOn"])
+def test_an_execute_that_does_not_state_the_condition_of_the_terms_begins_nothing(stated: str | None, accepted: bool) -> None:
+    harness = ServiceManagerHarness()
+    harness.ask(ARRANGE)
+    harness.device_answers(Activity.QUOTE, Quoted(price=2.0, duration=60.0, condition=OPEN_AND_FREE))
+    with_condition = harness.session.copy()
+    accept, stranger = with_condition.accept(), with_condition.copy()
+    stranger.received_messages = {}  # a coordinator that knows nothing of conditions
+    execute = stranger.send(frp.Execute(inputs={}, precondition=stated))
+    execute = msgspec.structs.replace(execute, header=msgspec.structs.replace(execute.header, relates_to=with_condition.terms_id))
+    if accepted:
+        harness.hear(accept)
+    reason = f"Execute does not say that {OPEN_AND_FREE}, on which the terms depend; nothing was done"
+    answer = frp.Failed(description=reason, tried=False) if accepted else frp.Refuse(reason=reason, not_now=True)
+    assert bodies(harness.manager.handle(Received(execute), NOW)) == [answer]
+    assert harness.manager.idle
+
+
+def test_an_execute_that_states_the_condition_of_the_terms_is_carried_out() -> None:
+    harness = ServiceManagerHarness()
+    harness.ask(ARRANGE)
+    harness.device_answers(Activity.QUOTE, Quoted(price=2.0, duration=60.0, condition=OPEN_AND_FREE))
+    harness.hear(harness.session.accept())
+    harness.ask(frp.Execute(inputs={}, precondition="NOT Jar1 isOn Floor1 AND Jar1 isOn Table1 AND Door1.Open = TRUE"))
+    assert harness.state is State.EXECUTING
+
+
 @pytest.mark.parametrize(("late", "state"), [(0.0, State.EXECUTING), (0.5, State.FAILED)])
 def test_an_execute_is_too_late_after_the_time_that_it_names(late: float, state: State) -> None:
     harness = ServiceManagerHarness()

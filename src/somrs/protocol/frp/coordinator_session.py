@@ -6,7 +6,7 @@ from msgspec import structs
 
 from somrs.errors import UsageError
 from somrs.protocol.frp import states
-from somrs.protocol.frp.session import CoordinatorBody, ReceiveResult, Session, body_of_type
+from somrs.protocol.frp.session import CoordinatorBody, ReceiveResult, Session, body_of_type, unstated_condition
 from somrs.protocol.frp.states import Entry, Kind
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.frp import (
@@ -14,6 +14,7 @@ from somrs.protocol.messages.frp import (
     Arrange,
     Cancel,
     End,
+    Execute,
     Failed,
     Fault,
     Outcome,
@@ -48,6 +49,12 @@ class CoordinatorSession(Session, tag="coordinator", kw_only=True):
         return body_of_type(self.received_messages, Refuse)
 
     @property
+    def condition(self) -> str | None:
+        """The condition on which the service would do the step: that of its refusal, or else that of its terms."""
+        refusal, terms = self.refusal, self.terms
+        return refusal.condition if refusal is not None else terms.condition if terms is not None else None
+
+    @property
     def terms_id(self) -> str | None:
         """The id of the Terms, which an Accept names."""
         return self.received_messages["Terms"].id if "Terms" in self.received_messages else None
@@ -76,6 +83,8 @@ class CoordinatorSession(Session, tag="coordinator", kw_only=True):
             raise self._state_error(kind, allowed)
         if isinstance(body, Accept) and body.terms != self.terms_id:
             raise UsageError(f"{self.participant} offered the terms {self.terms_id}; the Accept names {body.terms}")
+        if isinstance(body, Execute) and (condition := unstated_condition(self.terms, body)) is not None:
+            raise UsageError(f"{self.participant} offered its terms on the condition {condition}; the Execute does not say that it holds")
         message = self._create_message("coordinator", body)
         self.state = allowed[kind]
         if isinstance(body, Cancel):

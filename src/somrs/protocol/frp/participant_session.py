@@ -6,7 +6,7 @@ from msgspec import structs
 
 from somrs.errors import WireError
 from somrs.protocol.frp import states
-from somrs.protocol.frp.session import FLEETING, NOT_ALLOWED, ParticipantBody, ReceiveResult, Session, body_of_type
+from somrs.protocol.frp.session import FLEETING, NOT_ALLOWED, ParticipantBody, ReceiveResult, Session, body_of_type, unstated_condition
 from somrs.protocol.frp.states import Entry, Kind
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message
 from somrs.protocol.messages.frp import (
@@ -91,6 +91,21 @@ class ParticipantSession(Session, tag="participant", kw_only=True):
         if isinstance(body, Refuse):
             self.reason = body.reason
         return message
+
+    def objection(self, message: Message, now: float) -> str:
+        """Why an order to begin must not be carried out, although the state allows it; empty for all other messages.
+
+        It comes too late, or it does not say that the condition of the terms holds.
+        """
+        body = message.body
+        if isinstance(body, Execute | Compensate) and body.begin_by is not None and now > body.begin_by:
+            return (
+                f"{type(body).__name__} came {now - body.begin_by:.1f} s too late to begin; nothing was done: "
+                "a slow network, or the clocks of the two hosts do not agree"
+            )
+        if isinstance(body, Execute) and (condition := unstated_condition(self.terms, body)) is not None:
+            return f"Execute does not say that {condition}, on which the terms depend; nothing was done"
+        return ""
 
     def last_report(self) -> tuple[Message, ...]:
         """Return the last report, unchanged, to send it again after a restart: the coordinator may not have received it."""

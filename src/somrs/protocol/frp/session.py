@@ -12,7 +12,9 @@ from typing import TypeVar
 
 from msgspec import Struct, field, structs
 
-from somrs.errors import UsageError
+from somrs.entish.formula import conjuncts
+from somrs.entish.parse import parse
+from somrs.errors import FormulaError, UsageError
 from somrs.protocol.frp.states import Entry, Kind
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import (
@@ -189,6 +191,17 @@ class Session(Struct, kw_only=True):
     def copy(self) -> Session:
         """Return a copy that later changes do not affect."""
         return structs.replace(self)
+
+
+def unstated_condition(terms: Terms | None, execute: Execute) -> str | None:
+    """The condition of the terms, if the order does not say that it holds (Execute: `precondition`); None if it does, or there is none."""
+    if terms is None or terms.condition is None:
+        return None
+    try:
+        stated = conjuncts(parse(execute.precondition)) if execute.precondition is not None else ()
+        return None if {*conjuncts(parse(terms.condition))} <= {*stated} else terms.condition
+    except FormulaError:
+        return terms.condition
 
 
 def body_of_type(messages: dict[str, MessageRecord], kind: type[B]) -> B | None:

@@ -202,5 +202,11 @@ WORKING = frozenset((EXECUTING, STOPPING, COMPENSATING))
 HOLDING_STATES = frozenset((COMMITTED, EXECUTING, STOPPING, COMPENSATING))
 """The coordinator's states in which the participant holds the step. Meanwhile no other participant is accepted for it."""
 
+UNBEGUN: dict[State, MessageType] = {OFFERED: Refuse, COMMITTED: Failed}
+"""What a participant answers to an Execute that it must not carry out (`ParticipantSession.objection`), by its state. Nothing begins.
+
+In other states such an Execute is like any other. The answer to such a Compensate is Stranded.
+"""
+
 RESUMES: dict[State, MessageType] = {EXECUTING: Failed, STOPPING: Stopped, COMPENSATING: Stranded}
 """What a participant reports after a restart or a lost connection in the middle of its work, once its device is in a safe state."""

@@ -98,6 +98,11 @@ class Refuse(MessageBody, frozen=True, kw_only=True, tag=True):
     not_now: bool = False
     condition: str | None = None
 
+    @property
+    def passes(self) -> bool:
+        """Whether the service may be asked again: later, or in another situation. In a session of its own: this one is over."""
+        return self.not_now or self.condition is not None
+
 
 class Accept(MessageBody, frozen=True, kw_only=True, tag=True):
     """Accept the terms: there is a contract. `terms` is the message id of the Terms."""
@@ -112,7 +117,7 @@ class Cancel(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class Execute(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Start. `precondition` is the present situation."""
+    """Start. `precondition` is the present situation; it includes the condition of the Terms."""
 
     inputs: dict[str, str]
     precondition: str | None = None

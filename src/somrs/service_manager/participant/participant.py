@@ -16,7 +16,7 @@ from somrs.kernel.codec import Schema
 from somrs.kernel.component import Answered, Ask, DeliveryFailed, Effect, Effects, Input, Notified, Received, Send, Started, TimerFired
 from somrs.protocol.frp.participant_session import ParticipantSession
 from somrs.protocol.frp.session import NOT_ALLOWED, ParticipantBody
-from somrs.protocol.frp.states import TO_COORDINATOR, TO_PARTICIPANT, WORKING
+from somrs.protocol.frp.states import TO_COORDINATOR, TO_PARTICIPANT, UNBEGUN, WORKING
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.envelope import ANONYMOUS, Message, reply
 from somrs.protocol.messages.frp import State
@@ -129,13 +129,13 @@ class ServiceManager:
                 if kind is not frp.Fault:
                     yield Send(reply(message, frp.Fault(code=NOT_ALLOWED, text=error.text), self.address))
                 return
-        terms, late = job.session.terms, _lateness_reason(message, now)
+        terms, objection = job.session.terms, job.session.objection(message, now)
         if job.session.state is State.OFFERED and terms and terms.valid_until is not None and terms.valid_until <= now:
             yield from self._send_message(job, frp.Refuse(reason="the terms expired", not_now=True), now)
-        elif late and kind is frp.Execute and job.session.state in (State.OFFERED, State.COMMITTED):
-            offered = job.session.state is State.OFFERED
+        elif objection and kind is frp.Execute and job.session.state in UNBEGUN:
+            refuses = UNBEGUN[job.session.state] is frp.Refuse
             yield from self._send_message(
-                job, frp.Refuse(reason=late, not_now=True) if offered else frp.Failed(description=late, tried=False), now
+                job, frp.Refuse(reason=objection, not_now=True) if refuses else frp.Failed(description=objection, tried=False), now
             )
             return
         transition = job.session.receive(message)
@@ -181,19 +181,19 @@ class ServiceManager:
             case State.STOPPING:
                 yield from self._work.interrupt(job, frp.Stopped(situation=job.situation, observation=job.observation), now)
             case State.COMPENSATING:
-                yield from self._compensate(job, _lateness_reason(message, now), now)
+                yield from self._compensate(job, job.session.objection(message, now), now)
             case State.ENDED:
                 for kind in (TermsDue, StartDue, HeartbeatDue):
                     yield from job.set_timer(kind, None)
                 if old_state in WORKING:
                     yield from self._work.interrupt(job, None, now)
 
-    def _compensate(self, job: Job, late: str, now: float) -> Effects:
+    def _compensate(self, job: Job, objection: str, now: float) -> Effects:
         capability = next(
             (candidate for candidate in self.profile.capabilities if job.order and candidate.method == job.order.method), None
         )
-        if late or capability is None or not capability.undoable:
-            text = late or f"{self.profile.name} cannot undo {capability.type_name if capability else 'an unknown service'}"
+        if objection or capability is None or not capability.undoable:
+            text = objection or f"{self.profile.name} cannot undo {capability.type_name if capability else 'an unknown service'}"
             yield from self._send_message(job, frp.Stranded(description=text, tried=False), now)
             return
         yield from job.set_timer(HeartbeatDue, now + self.profile.heartbeat)
@@ -286,17 +286,6 @@ class ServiceManager:
                     yield from self._send_message(job, frp.Failed(description=reason, tried=False), now)
                 case _:
                     yield from self._cut_off(job, reason, now)
-
-
-def _lateness_reason(message: Message, now: float) -> str:
-    """Return why an order comes too late to be carried out; empty when it came in time."""
-    body = message.body
-    if not isinstance(body, frp.Execute | frp.Compensate) or body.begin_by is None or now <= body.begin_by:
-        return ""
-    return (
-        f"{type(body).__name__} came {now - body.begin_by:.1f} s too late to begin; nothing was done: "
-        "a slow network, or the clocks of the two hosts do not agree"
-    )
 
 
 SCHEMA = Schema(

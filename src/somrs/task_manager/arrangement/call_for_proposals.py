@@ -14,6 +14,7 @@ from somrs.ontology.effects import apply_effect, net_effect
 from somrs.ontology.truth import formula_holds
 from somrs.planner.model.plan import Step
 from somrs.planner.model.provider_choice import assign_provider
+from somrs.protocol.frp.coordinator_session import CoordinatorSession
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.directory import Offer
@@ -118,15 +119,7 @@ class Arrangement:
 
     def unmet_condition(self, run: StepRun, member: Member) -> Formula | None:
         """The condition that the service states for the step, in its terms or its refusal, unless the plan meets it."""
-        refusal = member.refusal
-        stated = member.bid.terms.condition if member.bid is not None else refusal.condition if refusal is not None else None
-        if stated is None:
-            return None
-        map, ontology = self._replica.map, self._replica.ontology
-        situation = net_effect(self._workflow.promised_effects(run), map, ontology)
-        promised_map = apply_effect(situation, map, ontology) if situation is not None else map
-        condition = parse(stated)
-        return condition if not formula_holds(condition, promised_map, ontology) else None
+        return unmet_condition(member.session, self._workflow.promised_effects(run), self._replica)
 
     def is_answered(self, call: CallForProposals) -> bool:
         """Whether no answer is missing."""
@@ -236,6 +229,16 @@ class Arrangement:
 def _busy(offer: Offer, commitments: Commitments) -> Sequence[Interval]:
     """The intervals in which a device cannot do what it offers, because of its other commitments."""
     return commitments.get(offer.provider, ()) if offer.occupies else ()
+
+
+def unmet_condition(session: CoordinatorSession, promised: Sequence[Formula], replica: Replica) -> Formula | None:
+    """The condition that the participant states, unless it holds on the map with the promised effects, which come true in this order."""
+    if session.condition is None:
+        return None
+    situation = net_effect(promised, replica.map, replica.ontology)
+    promised_map = apply_effect(situation, replica.map, replica.ontology) if situation is not None else replica.map
+    condition = parse(session.condition)
+    return condition if not formula_holds(condition, promised_map, replica.ontology) else None
 
 
 def make_call(

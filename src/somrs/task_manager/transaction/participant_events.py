@@ -93,8 +93,8 @@ class ParticipantEvents:
                 arranger = self._executor(execution).arranger
                 is_settled = yield from arranger.terms_received(member, terms, message.header.message_id, now)
                 return (execution, Proceed()) if is_settled else None
-            case frp.Refuse(reason=reason, not_now=not_now, condition=condition):
-                self._scope.services.refused(name, not_now=not_now or condition is not None)
+            case frp.Refuse(reason=reason, not_now=not_now, condition=condition) as refusal:
+                self._scope.services.refused(name, not_now=refusal.passes)
                 refused = events.ServiceRefused(service=name, reason=reason, not_now=not_now, condition=condition)
                 self._log_event(refused, run, now)
                 return (yield from self._participant_left(member, reason, now))

@@ -225,6 +225,19 @@ def test_stop_crossing_completed() -> None:
     assert pair.states() == (State.COMPENSATING, State.COMPENSATING)
 
 
+def test_an_execute_says_that_the_condition_of_the_terms_holds() -> None:
+    pair = _offered()
+    pair.coordinator.received_messages["Terms"] = msgspec.structs.replace(
+        pair.coordinator.received_messages["Terms"], body=msgspec.structs.replace(TERMS, condition="Door001.Open = TRUE")
+    )
+    pair.ask_with(pair.coordinator.accept())
+    with pytest.raises(UsageError, match="the Execute does not say that it holds"):
+        pair.coordinator.send(EXECUTE)
+    assert pair.coordinator.state is State.COMMITTED
+    pair.ask(Execute(inputs={}, precondition="Jar002 isOn Shelf001 AND Door001.Open = TRUE"))
+    assert pair.states() == (State.EXECUTING, State.EXECUTING)
+
+
 def test_stop_overtaking_execute_starts_nothing() -> None:
     pair = _offered()
     accept, execute, stop = pair.coordinator.accept(), pair.coordinator.send(EXECUTE), pair.coordinator.send(Stop(reason="no more"))

@@ -206,7 +206,7 @@ wsaw:Action="urn:so-mrs:orders:1.0:OrdersRejected"/>
       <wsdl:output message="c:Status" wsam:Action="urn:so-mrs:frp:1.0:Status" wsaw:Action="urn:so-mrs:frp:1.0:Status"/>
     </wsdl:operation>
     <wsdl:operation name="Execute">
-      <wsdl:documentation>Start. `precondition` is the present situation.</wsdl:documentation>
+      <wsdl:documentation>Start. `precondition` is the present situation; it includes the condition of the Terms.</wsdl:documentation>
       <wsdl:input message="c:Execute" wsam:Action="urn:so-mrs:frp:1.0:Execute" wsaw:Action="urn:so-mrs:frp:1.0:Execute"/>
     </wsdl:operation>
   </wsdl:portType>
