@@ -24,7 +24,8 @@ from somrs.ontology.objects import Map, ObjectRemoved, ValueSet
 from somrs.ontology.types import ObjectType, RelationType
 from somrs.ports import Reservation
 from somrs.protocol.messages.clients import Submit
-from somrs.protocol.messages.knowledge import Define, Definitions, RenameObject, UpdateMap
+from somrs.protocol.messages.knowledge import Define, Definitions, MergeObject, RenameObject, UpdateMap
+from somrs.protocol.messages.observations import Discovery, Observation
 from somrs.protocol.messages.orders import Blank, Daily, OrderSaved, TemplateSaved
 from somrs.protocol.messages.people import person_name
 from tests.support.hang import HANG_TIME
@@ -245,6 +246,31 @@ def test_what_is_exported_is_read_back(tmp_path: Path) -> None:
         reloaded_site = load([site])
         assert set(map(str, reloaded_site.ontology)) == set(map(str, ontology))
         assert reloaded_site.map == api.context.map
+
+    run_with_api(tmp_path, use)
+
+
+def test_a_discovered_object_turns_out_to_be_a_known_one(tmp_path: Path) -> None:
+    async def use(api: LiveApi) -> None:
+        sighting = "?It: Jar isOn Platform001 AND ?It.PositionX = 6 AND ?It.PositionY = 1 AND ?It.PositionZ = 0.7"
+        report = UpdateMap(situation=sighting, author="Camera001", observation=Observation(as_of=50.0))
+        received = await api.map.change(report)
+        assert received.reception is not None
+        (name,) = received.reception.added
+        history = await api.map.history(name)
+        assert history.discovered == Discovery(author="Camera001", at=50.0)
+        considered = await api.map.consider_merge(MergeObject(name=name, into="Jar002"))
+        assert ObjectRemoved(name) in considered.changes
+        with pytest.raises(Refused, match="super-type"):
+            await api.map.merge(MergeObject(name=name, into="Platform001"))
+        merged = await api.map.merge(MergeObject(name=name, into="Jar002", author="Ann"))
+        await wait_for_version(api, merged.version)
+        assert api.context.map.has_fact("isOn", ("Jar002", "Platform001"))
+        assert name not in api.context.map.objects
+        history = await api.map.history("Jar002", limit=1)
+        assert ([event.author for event in history.events], history.more) == (["Ann"], True)
+        history = await api.map.history("Jar002", before=merged.version)
+        assert ([event.author for event in history.events], history.more) == (["Camera001"], False)
 
     run_with_api(tmp_path, use)
 

@@ -18,6 +18,7 @@ from somrs.protocol.messages.knowledge import (
     Events,
     History,
     MapPage,
+    MergeObject,
     ReadEvents,
     ReadHistory,
     ReadMap,
@@ -154,9 +155,11 @@ def test_an_event_that_is_too_long_for_a_message_is_told_in_part(keeper: Keeper)
         UpdateMap(changes=(FactRemoved(Fact("isAdjacentTo", ("Room2", "Room1"))),)),
         RenameObject(name="Jar1", to="Krug"),
         RenameObject(name="Storey1", to="Ground"),
+        MergeObject(name="Jar1", into="Jar2"),
+        MergeObject(name="Table2", into="Table1"),
     ],
 )
-def test_undoing_brings_back_what_was_and_undoing_that_what_came(keeper: Keeper, body: UpdateMap | RenameObject) -> None:
+def test_undoing_brings_back_what_was_and_undoing_that_what_came(keeper: Keeper, body: UpdateMap | RenameObject | MergeObject) -> None:
     map_before = keeper.contents.map
     keeper.ask(body, Updated)
     map_after = keeper.contents.map
@@ -253,6 +256,46 @@ def test_history_stays_with_what_was_renamed_and_not_with_the_name(keeper: Keepe
     assert [event.version for event in history.events] == [5, 4, 2, 1]
     assert [event.version for event in keeper.ask(ReadHistory(object="Kanne", limit=3), History).events] == [5, 4, 2]
     assert 3 in [event.version for event in keeper.ask(ReadHistory(object="Jar1"), History).events]
+
+
+def versions(keeper: Keeper, name: str, limit: int = 100, before: int | None = None) -> list[int]:
+    return [event.version for event in keeper.ask(ReadHistory(object=name, limit=limit, before=before), History).events]
+
+
+def test_history_has_what_happened_to_an_object_under_both_names(keeper: Keeper) -> None:
+    update(keeper, ValueSet("Jar1", "Color", "Red"))
+    update(keeper, ObjectAdded(Object(name="Jar3", type="Jar", values=JAR)))
+    keeper.ask(RenameObject(name="Jar3", to="Jar4"), Updated)
+    update(keeper, ValueSet("Jar2", "Color", "Red"))
+    keeper.ask(MergeObject(name="Jar4", into="Jar1"), Updated)
+    update(keeper, ObjectAdded(Object(name="Jar4", type="Jar", values=JAR)))
+    update(keeper, ValueSet("Jar1", "Color", "Blue"))
+    assert versions(keeper, "Jar1") == [7, 5, 3, 2, 1], "the new Jar4 is another jar"
+    assert versions(keeper, "Jar1", limit=2, before=5) == [3, 2]
+    assert versions(keeper, "Jar4", before=6) == [5, 3, 2]
+    keeper.ask(RenameObject(name="Jar1", to="Krug"), Updated)
+    assert versions(keeper, "Krug", limit=4) == [8, 7, 5, 3]
+    keeper.restart(snapshot=True)
+    assert versions(keeper, "Krug", limit=4) == [8, 7, 5, 3]
+
+
+def test_history_forgets_a_merge_that_was_undone(keeper: Keeper) -> None:
+    update(keeper, ObjectAdded(Object(name="Jar3", type="Jar", values=JAR)))
+    keeper.ask(MergeObject(name="Jar3", into="Jar1"), Updated)
+    assert versions(keeper, "Jar1") == [2, 1]
+    keeper.ask(Undo(version=2), Updated)
+    assert (versions(keeper, "Jar1"), versions(keeper, "Jar3")) == ([2], [3, 2, 1])
+
+
+def test_a_history_that_is_too_long_for_a_message_is_read_by_pages(keeper: Keeper) -> None:
+    for number in range(12):
+        update(keeper, ValueSet("Jar1", "Label", str(number) * 20_000))
+    pages = [keeper.ask(ReadHistory(object="Jar1"), History)]
+    while pages[-1].more:
+        pages.append(keeper.ask(ReadHistory(object="Jar1", before=pages[-1].events[-1].version), History))
+    assert len(pages) > 1
+    assert [event.version for page in pages for event in page.events] == [*range(12, 0, -1)]
+    assert not keeper.ask(ReadHistory(object="Jar1", before=1), History).events
 
 
 def test_undoing_a_new_name_takes_along_what_came_since(keeper: Keeper) -> None:

@@ -96,3 +96,21 @@ def test_a_map_is_looked_back_on_and_its_changes_undone(data: Path) -> None:
     run(data, "map", "undo", str(renamed["version"]))
     assert "Jar003" in run(data, "map", "show", "Jar003")
     assert "is a device" in run(data, "map", "rename", "Robot1", "Rob", code=1)
+
+
+def test_a_discovered_object_is_a_known_one(data: Path) -> None:
+    sighting = "?It: Jar isOn Platform001 AND ?It.PositionX = 6 AND ?It.PositionY = 1 AND ?It.PositionZ = 0.7"
+    told = run(data, "map", "update", sighting, "--author", "Camera001")
+    name = told.split()[2].rstrip(",")
+    assert "new on the map" in told
+    assert "discovered by Camera001" in run(data, "map", "show", name)
+    assert "discovered by Camera001" in run(data, "map", "history", name)
+    assert json.loads(run(data, "map", "show", name, "--json"))["discovered"]["author"] == "Camera001"
+    assert f"{name} disappeared" in run(data, "map", "merge", name, "Jar002", "--dry-run")
+    run(data, "map", "merge", name, "Jar002", "--author", "Ben")
+    assert f"{name} is Jar002" in plain(run(data, "map", "history", "Jar002"))
+    assert "--before" in run(data, "map", "history", "Jar002", "--limit", "1")
+    assert "is known to be Jar002 already" in run(data, "map", "merge", name, "Jar002", code=1)
+    (merged,) = json.loads(run(data, "map", "events", "--limit", "1", "--json"))
+    run(data, "map", "undo", str(merged["version"]))
+    assert "discovered by Camera001" in run(data, "map", "show", name)

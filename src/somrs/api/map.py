@@ -8,7 +8,7 @@ from somrs.api.context import Context
 from somrs.client.operations import Document, operation
 from somrs.ontology.files.site import dump_site
 from somrs.ontology.objects import Fact, Map, Object
-from somrs.protocol.messages.knowledge import Considered, Events, History, ReadEvents, RenameObject, Rows, Updated, UpdateMap
+from somrs.protocol.messages.knowledge import Considered, Events, History, MergeObject, ReadEvents, RenameObject, Rows, Updated, UpdateMap
 from somrs.repository.rollback import rewind_map
 
 _YAML = "application/yaml"
@@ -57,15 +57,32 @@ class MapService:
         """Rename an object and all references to it. The object keeps its history."""
         return Updated(version=await self._context.client.rename(body))
 
+    @operation("POST", "/map/merges")
+    async def merge(self, body: MergeObject) -> Updated:
+        """State that two objects are one: `name` is `into`, which keeps its name and has what is known under both.
+
+        Of where it is, the newer news counts. It can be undone like any change.
+        """
+        return Updated(version=await self._context.client.merge(body))
+
+    @operation("POST", "/map/merges/consider")
+    async def consider_merge(self, body: MergeObject) -> Considered:
+        """Report how the map would change if two objects were one, without changing it."""
+        return await self._context.client.consider(body)
+
     @operation("GET", "/map/query")
     async def query(self, formula: str, limit: int = 100) -> Rows:
         """Find the objects and values for which a formula holds."""
         return await self._context.client.query(formula, limit)
 
     @operation("GET", "/map/objects/{name}/history")
-    async def history(self, name: str, limit: int = 100) -> History:
-        """Read the history of an object, newest first, including the time when it had another name."""
-        return await self._context.client.history(name, limit)
+    async def history(self, name: str, limit: int = 100, before: int | None = None) -> History:
+        """Read the history of an object with versions below `before`, newest first, and who discovered it.
+
+        It includes the time when the object had another name, and that of objects that turned out to be this one. `more`: there are
+        earlier events, before the version of the last one.
+        """
+        return await self._context.client.history(name, limit, before)
 
     @operation("GET", "/map/events")
     async def events(self, before: int | None = None, after: int | None = None, limit: int = 100, brief: bool = False) -> Events:

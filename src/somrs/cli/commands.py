@@ -153,30 +153,37 @@ async def show_object(name: str, data: Path, *, json: bool) -> None:
 
     async with Client(Addresses.read(data)) as client:
         map = await client.map()
+        discovered = (await client.history(name, limit=1)).discovered if name in map.objects else None
     if name not in map.objects:
         raise UsageError(f"there is no {name} on the map; {nearest(name, map.objects) or '`somrs map query` finds objects'}")
     object, facts = map.objects[name], [str(fact) for fact in map.facts_about(name)]
     if json:
-        terminal.print_json({"name": name, "type": object.type, "values": object.values, "facts": facts})
+        terminal.print_json({"name": name, "type": object.type, "values": object.values, "facts": facts, "discovered": discovered})
         return
     console = terminal.console()
     console.print(terminal.table(f"{name}: {object.type}", ("attribute", "value"), sorted(object.values.items())))
     for fact in facts:
         console.print(fact)
+    if discovered is not None:
+        console.print(terminal.discovered(discovered))
 
 
-async def history(name: str, data: Path, *, json: bool) -> None:
+async def history(name: str, limit: int, before_version: int | None, data: Path, *, json: bool) -> None:
     from somrs.cli.edit_commands import describe_event
 
     async with Client(Addresses.read(data)) as client:
-        page = await client.history(name)
+        page = await client.history(name, limit, before_version)
     if json:
         terminal.print_json(page.events)
         return
     rows = ((event.version, terminal.clock(event.at), person_name(event.author), "\n".join(describe_event(event))) for event in page.events)
     terminal.console().print(
-        terminal.table(name, ("version", "time", "author", "change"), rows) if page.events else f"{name} has no history yet"
+        terminal.table(name, ("version", "time", "author", "change"), rows) if page.events else f"{name} has no earlier history"
     )
+    if page.discovered is not None:
+        print(terminal.discovered(page.discovered))
+    if page.more:
+        print(f"there are more before version {page.events[-1].version}; --before {page.events[-1].version} shows them")
 
 
 async def update(situation: str, author: str, data: Path) -> None:

@@ -11,7 +11,7 @@ from somrs.client import terminal
 from somrs.client.client import Addresses, Client
 from somrs.errors import RemoteError, UsageError
 from somrs.ontology.naming import SINGULAR, DefinitionKey, Renaming, Section, key_of
-from somrs.protocol.messages.knowledge import Alteration, Considered, Define, Event, ReadEvents, RenameObject, Revision, Undo
+from somrs.protocol.messages.knowledge import Alteration, Considered, Define, Event, MergeObject, ReadEvents, RenameObject, Revision, Undo
 from somrs.protocol.messages.people import person_name
 from somrs.repository.ontology_diff import diff_ontologies
 
@@ -61,6 +61,7 @@ def describe_event(event: Event) -> Iterator[str]:
     if event.undoes is not None:
         yield f"undid version {event.undoes}"
     yield from (f"renamed {renaming}" for renaming in event.renamed)
+    yield from map(str, event.merged)
     if event.revision is not None:
         yield from _describe_revision(
             event.revision,
@@ -105,6 +106,8 @@ async def _make_change(client: Client, alteration: Alteration, *, dry: bool, jso
             version = await client.define(alteration)
         case RenameObject():
             version = await client.rename(alteration)
+        case MergeObject():
+            version = await client.merge(alteration)
         case Undo(version=undone, author=author):
             version = await client.undo(undone, author)
         case _:

@@ -271,11 +271,17 @@ def show(name: Annotated[str, typer.Argument(help="An object of the map.")], dat
 
 
 @map_app.command()
-def history(name: Annotated[str, typer.Argument(help="An object of the map.")], data: Data = DEFAULT_FOLDER, json: Json = False) -> None:
-    """Show the history of an object, newest first."""
+def history(
+    name: Annotated[str, typer.Argument(help="An object of the map.")],
+    limit: Limit = 100,
+    before: BeforeOption = None,
+    data: Data = DEFAULT_FOLDER,
+    json: Json = False,
+) -> None:
+    """Show the history of an object, newest first, and who discovered it."""
     from somrs.cli.commands import history as run
 
-    awaited(run(name, data, json=json))
+    awaited(run(name, limit, before, data, json=json))
 
 
 @map_app.command()
@@ -315,6 +321,22 @@ def rename(
     from somrs.protocol.messages.knowledge import RenameObject
 
     sys.exit(awaited(alter(RenameObject(name=name, to=to, author=author), data, dry=dry, json=json)))
+
+
+@map_app.command()
+def merge(
+    name: Annotated[str, typer.Argument(help="An object of the map.")],
+    into: Annotated[str, typer.Argument(help="The object that it is. Its name stays.")],
+    author: Author = DEFAULT_AUTHOR,
+    dry: Dry = False,
+    data: Data = DEFAULT_FOLDER,
+    json: Json = False,
+) -> None:
+    """State that two objects are one, such as one that a camera discovered and one that was known before."""
+    from somrs.cli.edit_commands import alter
+    from somrs.protocol.messages.knowledge import MergeObject
+
+    sys.exit(awaited(alter(MergeObject(name=name, into=into, author=author), data, dry=dry, json=json)))
 
 
 @map_app.command()

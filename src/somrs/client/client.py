@@ -181,6 +181,10 @@ class Client:
         """Rename an object, and return the new version of the map."""
         return (await self.ask(self.addresses.repository, rename, knowledge.Updated)).version
 
+    async def merge(self, merge: knowledge.MergeObject) -> int:
+        """State that an object is another one, and return the new version of the map."""
+        return (await self.ask(self.addresses.repository, merge, knowledge.Updated)).version
+
     async def undo(self, version: int, author: str = "") -> int:
         """Undo the changes of a version, and return the new version."""
         return (await self.ask(self.addresses.repository, knowledge.Undo(version=version, author=author), knowledge.Updated)).version
@@ -201,8 +205,16 @@ class Client:
             further = {"before" if request.after is None else "after": page.events[-1].version}
             request = msgspec.structs.replace(request, limit=remaining_count, **further)
 
-    async def history(self, name: str, limit: int = 100) -> knowledge.History:
-        return await self.ask(self.addresses.repository, knowledge.ReadHistory(object=name, limit=limit), knowledge.History)
+    async def history(self, name: str, limit: int = 100, before: int | None = None) -> knowledge.History:
+        """Up to `limit` events of an object, newest first, from before the version `before`, read page by page."""
+        events: list[knowledge.Event] = []
+        while True:
+            question = knowledge.ReadHistory(object=name, limit=limit - len(events), before=before)
+            page = await self.ask(self.addresses.repository, question, knowledge.History)
+            events += page.events
+            if len(events) >= limit or not page.more or not page.events:
+                return msgspec.structs.replace(page, events=tuple(events))
+            before = page.events[-1].version
 
     # The Service Registry
 

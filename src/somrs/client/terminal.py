@@ -28,6 +28,8 @@ from somrs.protocol.messages.event_text import short_id
 from somrs.protocol.messages.events import EventKind, TaskEnded
 from somrs.protocol.messages.findings import Findings
 from somrs.protocol.messages.frp import Outcome, State
+from somrs.protocol.messages.observations import Discovery
+from somrs.protocol.messages.people import person_name
 
 MARKS = {Outcome.ACCOMPLISHED: ("✔", "green"), Outcome.FAILED: ("✘", "red"), Outcome.CANCELLED: ("■", "yellow")}
 """A sign and a colour for each outcome; colour is never the only sign."""
@@ -238,6 +240,11 @@ def moment(timestamp: float) -> str:
     """The time of day, with the date unless that is today."""
     date_time = datetime.fromtimestamp(timestamp)
     return f"{date_time:%H:%M:%S}" if date_time.date() == datetime.now().date() else f"{date_time:%Y-%m-%d %H:%M}"
+
+
+def discovered(discovery: Discovery) -> str:
+    """Who put an object on the map by a sighting, and when."""
+    return f"discovered by {person_name(discovery.author)}, {moment(discovery.at)}"
 
 
 def event(task_event: TaskEvent) -> Text:

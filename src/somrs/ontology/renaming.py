@@ -153,7 +153,7 @@ class Renamer:
         values = constraint.values
         if constraint.attribute is not None and self._is_complex(constraint.attribute):
             values = tuple(self._path(str(value)) for value in values)
-        return structs.replace(constraint, attribute=attribute, values=values, formula=self._text(constraint.formula))
+        return structs.replace(constraint, attribute=attribute, values=values, formula=self.text(constraint.formula))
 
     def _is_complex(self, path: str) -> bool:
         attribute = self._ontology.attributes.get(path.rpartition(".")[2])
@@ -166,9 +166,9 @@ class Renamer:
             parent=self._name(Section.SERVICES, service.parent) if service.parent is not None else None,
             inputs=tuple(map(self._parameter, service.inputs)),
             outputs=tuple(map(self._parameter, service.outputs)),
-            precondition=self._text(service.precondition),
-            invariant=self._text(service.invariant),
-            effect=self._text(service.effect) or service.effect,
+            precondition=self.text(service.precondition),
+            invariant=self.text(service.invariant),
+            effect=self.text(service.effect) or service.effect,
             handlers=tuple(map(self._handler, service.handlers)),
             cost=self._cost(service.cost),
         )
@@ -178,12 +178,12 @@ class Renamer:
 
     def _handler(self, handler: Handler) -> Handler:
         service_type = self._name(Section.SERVICES, handler.service_type) if handler.service_type is not None else None
-        effect = self._text(handler.effect) or handler.effect
-        return structs.replace(handler, effect=effect, when=self._text(handler.when), service_type=service_type)
+        effect = self.text(handler.effect) or handler.effect
+        return structs.replace(handler, effect=effect, when=self.text(handler.when), service_type=service_type)
 
     # Formulas
 
-    def _text(self, text: str | None) -> str | None:
+    def text(self, text: str | None) -> str | None:
         """The renamed formula. The original text stays if no name in it changes, or if it cannot be parsed."""
         if text is None:
             return None

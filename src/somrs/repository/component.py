@@ -46,6 +46,7 @@ from somrs.protocol.messages.knowledge import (
     MapChanged,
     MapPage,
     MapSubscribed,
+    MergeObject,
     OntologyChanged,
     OntologyPage,
     QueryMap,
@@ -66,6 +67,7 @@ from somrs.protocol.messages.paging import PAGE_BYTES, fit_page, size
 from somrs.repository.brought_definitions import brought_outcome
 from somrs.repository.definition import define_outcome, rename_outcome
 from somrs.repository.history_queries import archive_reply, events_query, history_query, page_query, undo_query
+from somrs.repository.merging import merge_outcome
 from somrs.repository.outcome import VERSION, Outcome, considered, note_provenance, rejected
 from somrs.repository.pages import MapPages, ontology_page
 from somrs.repository.promised_maps import PromisedMaps
@@ -149,13 +151,13 @@ class Repository:
                 yield self._read(message, question)
             case QueryMap() as query:
                 yield self._answer(message, self._rows(query))
-            case UpdateMap() | Define() | RenameObject() as alteration:
+            case UpdateMap() | Define() | RenameObject() | MergeObject() as alteration:
                 yield from self._run_once(message, lambda: self._alter(message, alteration, self._alteration_outcome(alteration, now), now))
             case Undo() as undo:
                 yield from self._run_once(message, lambda: iter([_ask(message, undo_query(undo))]))
             case Consider(change=Undo() as undo):
                 yield _ask(message, undo_query(undo))
-            case Consider(change=UpdateMap() | Define() | RenameObject() as alteration):
+            case Consider(change=UpdateMap() | Define() | RenameObject() | MergeObject() as alteration):
                 yield self._consider(message, alteration, self._alteration_outcome(alteration, now))
             case ReadHistory() as question:
                 yield _ask(message, history_query(question))
@@ -219,7 +221,7 @@ class Repository:
         else:
             yield from work()
 
-    def _alteration_outcome(self, alteration: UpdateMap | Define | RenameObject, now: float) -> Outcome:
+    def _alteration_outcome(self, alteration: UpdateMap | Define | RenameObject | MergeObject, now: float) -> Outcome:
         map, ontology, contents = self.contents.map, self.contents.ontology, self.contents
         match alteration:
             case UpdateMap():
@@ -230,6 +232,8 @@ class Repository:
                 return define_outcome(map, ontology, alteration)
             case RenameObject():
                 return rename_outcome(map, ontology, alteration)
+            case MergeObject():
+                return merge_outcome(map, ontology, contents.provenance, alteration)
 
     def _undo_outcome(self, undo: Undo, events: tuple[Event, ...]) -> Outcome:
         contents = self.contents
@@ -270,6 +274,7 @@ class Repository:
             undoes=alteration.version if isinstance(alteration, Undo) else None,
             before=inverse(contents.map, outcome.changes),
             reception=outcome.reception,
+            merged=outcome.merged,
         )
         contents.version = event.version
         contents.map, contents.ontology = outcome.map, outcome.ontology

@@ -28,7 +28,8 @@ MAX_EVENTS = 1000
 
 
 def history_query(question: ReadHistory) -> HistoryOf:
-    return HistoryOf(object=question.object, limit=_limit(question.limit))
+    # One event more than requested shows that there are more.
+    return HistoryOf(object=question.object, limit=_limit(question.limit) + 1, before=question.before)
 
 
 def events_query(question: ReadEvents) -> EventsOf:
@@ -58,8 +59,8 @@ def page_query(question: ReadMap | ReadOntology, at_version: int, contents: Cont
 def archive_reply(message: Message, value: object, contents: Contents) -> Body:
     """The reply to a request from the archive's answer."""
     match message.body, value:
-        case ReadHistory(object=name), ArchivedEvents(events):
-            return _history(name, events, contents)
+        case ReadHistory() as question, ArchivedEvents(events):
+            return _history(question, events, contents)
         case ReadEvents(limit=limit), ArchivedEvents(events):
             page = tuple(fit_page(map(shorten_event, events), _limit(limit)))
             return Events(events=page, more=len(page) < len(events), since=contents.since)
@@ -74,8 +75,10 @@ def _limit(limit: int) -> int:
     return min(max(limit, 1), MAX_EVENTS)
 
 
-def _history(name: str, events: tuple[Event, ...], contents: Contents) -> Body:
-    if not events and name not in contents.map.objects:
+def _history(question: ReadHistory, events: tuple[Event, ...], contents: Contents) -> Body:
+    name = question.object
+    if not events and question.before is None and name not in contents.map.objects:
         hint = nearest(name, contents.map.objects)
         return Fault(code="Sender", text=f"there never was an object {name} on the map. {hint}".rstrip())
-    return History(object=name, events=tuple(fit_page(map(shorten_event, events), MAX_EVENTS)))
+    page = tuple(fit_page(map(shorten_event, events), _limit(question.limit)))
+    return History(object=name, events=page, more=len(page) < len(events), discovered=contents.provenance.discoveries.get(name))

@@ -9,10 +9,10 @@ from somrs.ontology.conformance import Violation
 from somrs.ontology.naming import DefinitionKey, Renaming, Section, find_definition, key_of, revise_ontology
 from somrs.ontology.objects import Change, Map, ObjectAdded, ObjectRemoved, objects_of
 from somrs.ontology.types import Definition, Ontology
-from somrs.protocol.messages.knowledge import BrokenRule, Considered, Definitions, OntologyChanged, Rejected, Revision, by_kind
-from somrs.protocol.messages.observations import Reception
+from somrs.protocol.messages.knowledge import BrokenRule, Considered, Definitions, Merging, OntologyChanged, Rejected, Revision, by_kind
+from somrs.protocol.messages.observations import Discovery, Reception
 from somrs.protocol.messages.paging import PAGE_BYTES, PAGE_ITEMS, fit_page
-from somrs.repository.provenance import Aspect, Discovery, Provenance, aspects_of
+from somrs.repository.provenance import Aspect, Provenance, aspects_of
 
 SITUATION, VERSION = "situation", "version"
 """Parts of a request that a violation may refer to."""
@@ -28,6 +28,7 @@ class Outcome:
     A change with `broken` rules must not be applied. The other fields are then filled only as far as they could be computed.
 
     `at`: when the change held, in seconds since 1970; None: now. `aspects`: what it is news about. `reception`: what became of a report.
+    `merged`: objects that turned out to be others.
     """
 
     map: Map
@@ -39,11 +40,13 @@ class Outcome:
     at: float | None = None
     aspects: tuple[Aspect, ...] = ()
     reception: Reception | None = None
+    merged: tuple[Merging, ...] = ()
 
     @property
     def objects(self) -> tuple[str, ...]:
         """The names of the changed objects, each once."""
-        return tuple(dict.fromkeys(name for change in self.changes for name in objects_of(change)))
+        changed = (name for change in self.changes for name in objects_of(change))
+        return tuple(dict.fromkeys((*changed, *(merging.into for merging in self.merged))))
 
     @property
     def definitions(self) -> tuple[DefinitionKey, ...]:
@@ -146,15 +149,18 @@ def note_provenance(provenance: Provenance, outcome: Outcome, map: Map, author: 
     renamed = {renaming.name: renaming.to for renaming in outcome.renamed if renaming.section is Section.OBJECTS}
     for name, to in renamed.items():
         provenance.rename(name, to)
+    merged = {merging.name: merging.into for merging in outcome.merged}
+    for name, into in merged.items():
+        provenance.merge(map.objects[name], into)
     for change in outcome.changes:
-        if isinstance(change, ObjectRemoved) and change.name not in renamed:
+        if isinstance(change, ObjectRemoved) and change.name not in renamed and change.name not in merged:
             provenance.remove(map.objects[change.name], at)
         elif isinstance(change, ObjectAdded):
-            provenance.add(change.object.name)
+            provenance.add(change.object)
     if outcome.reception is not None:
         for name in outcome.reception.added:
             provenance.discoveries[name] = Discovery(author=author, at=at)
     if outcome.at is not None:
         provenance.note(outcome.aspects, at)
-    elif outcome.revision is None and not outcome.renamed:  # an undo holds from now on
+    elif outcome.revision is None and not outcome.renamed and not outcome.merged:  # an undo holds from now on
         provenance.note((aspect for change in outcome.changes for aspect in aspects_of(change, outcome.ontology)), at)

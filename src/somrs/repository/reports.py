@@ -31,19 +31,25 @@ from somrs.ontology.check import check
 from somrs.ontology.effects import changes as changes_by
 from somrs.ontology.objects import Change, Fact, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import PART_OF, UNKNOWN, Ontology, Value
+from somrs.protocol.messages.knowledge import Merging
 from somrs.protocol.messages.observations import Observation, Reception
 from somrs.repository.association import DEVICE, Sighting, Surroundings, associate, exclusive_relations
+from somrs.repository.merged_object import merge_changes
 from somrs.repository.provenance import Aspect, Provenance, fact_aspect, location_aspect
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reading:
-    """The changes that a report makes, what it is news about, and what became of it. `recognized`: objects that are known again by it."""
+    """The changes that a report makes, what it is news about, and what became of it.
+
+    `recognized`: objects that are known again by it. `merged`: objects that it shows to be others.
+    """
 
     changes: tuple[Change, ...]
     aspects: tuple[Aspect, ...]
     recognized: frozenset[str]
     reception: Reception
+    merged: tuple[Merging, ...]
 
 
 def read_report(
@@ -90,13 +96,16 @@ class _Report:
         map_then = self.map.changed(ObjectAdded(object) for object in self._departed() if object.name not in self.map.objects)
         situation = check(text, self.ontology, map_then) if text is not None else None
         identities = self._identify(situation, map_then) if situation is not None and variables(situation) else _Identities()
+        merged = tuple(Merging(name=name, into=into) for name, into in identities.duplicates.items())
         changes: list[Change] = [ObjectAdded(object) for object in identities.new.values()]
+        for merging in merged:
+            changes += merge_changes(merging, self.map.changed(changes), self.ontology, self.provenance)
         if situation is not None:
             changes += self._situation_changes(situation, identities, self.map.changed(changes))
         missing = [*self._missing()]
         for name in missing:
             changes += self._unknown_changes(name)
-        changes += self._departures(identities)
+        changes += self._departures()
         reception = Reception(
             as_of=self.observation.as_of,
             names=dict(identities.names),
@@ -105,7 +114,8 @@ class _Report:
             superseded=tuple(self.superseded),
         )
         recognized = frozenset(self.asserted - self.doubted)
-        return Reading(changes=tuple(changes), aspects=tuple(self.aspects), recognized=recognized, reception=reception)
+        aspects = tuple(self.aspects)
+        return Reading(changes=tuple(changes), aspects=aspects, recognized=recognized, reception=reception, merged=merged)
 
     # Sighted objects
 
@@ -150,7 +160,7 @@ class _Report:
             if self.observation.as_of is not None
             else (),
             departed=self._departed(),
-            provisional=provenance.discoveries,
+            provisional=provenance.provisional,
         )
 
     # The situation
@@ -231,7 +241,7 @@ class _Report:
         self.aspects.append((name, UNKNOWN))
         yield ValueSet(name, UNKNOWN, True)
 
-    def _departures(self, identities: _Identities) -> Iterator[Change]:
+    def _departures(self) -> Iterator[Change]:
         for name in dict.fromkeys(self.observation.gone):
             if name not in self.map.objects:
                 continue  # it is known already
@@ -239,7 +249,6 @@ class _Report:
                 self.superseded.append(f"{name} is gone")
             else:
                 yield ObjectRemoved(name)
-        yield from (ObjectRemoved(name) for name in identities.duplicates)
 
 
 def sightings_of(situation: Formula, map: Map, ontology: Ontology) -> list[Sighting]:

@@ -28,11 +28,12 @@ class ArchiveWanted(Struct, frozen=True, tag=True):
 
 
 class HistoryOf(Struct, frozen=True, kw_only=True, tag=True):
-    """A task of the archive: the latest `limit` events that changed an object, newest first, as `ArchivedEvents`. Events from before a
-    renaming of the object are included."""
+    """A task of the archive: the latest `limit` events that changed an object, newest first, as `ArchivedEvents`, with versions less than
+    `before`. Events from before a renaming of the object are included, and those of objects that turned out to be this one."""
 
     object: str
     limit: int
+    before: int | None = None
 
 
 class EventsOf(Struct, frozen=True, kw_only=True, tag=True):

@@ -26,6 +26,7 @@ from somrs.ontology.types import ABSTRACT, UNKNOWN, Ontology
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.protocol.messages.observations import Observation, Reception
 from somrs.repository.association import DEVICE
+from somrs.repository.former_names import with_current_names
 from somrs.repository.names import is_name, text_problem
 from somrs.repository.outcome import SITUATION, Outcome
 from somrs.repository.provenance import Aspect, Provenance, aspects_of, fact_aspect, location_aspect
@@ -46,6 +47,7 @@ def update_outcome(
     update gives to no new object.
     """
     provenance = provenance if provenance is not None else Provenance()
+    update = with_current_names(update, map, ontology, provenance)
     observation = update.observation or Observation()
     at = observation.holds_from(now)
     if impossible := (*_impossible(map, ontology, update.changes), *_wrong_observation(map, ontology, observation, provenance)):
@@ -66,6 +68,7 @@ def update_outcome(
         at=at,
         aspects=(*aspects, *report.aspects),
         reception=reception if reception != Reception() else None,
+        merged=report.merged,
     )
 
 

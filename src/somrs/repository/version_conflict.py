@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from somrs.ontology.conformance import Violation
 from somrs.ontology.naming import DefinitionKey, find_definition, key_of
 from somrs.ontology.objects import objects_of
-from somrs.protocol.messages.knowledge import Alteration, Define, RenameObject, Undo, UpdateMap
+from somrs.protocol.messages.knowledge import Alteration, Define, MergeObject, RenameObject, Undo, UpdateMap
 from somrs.protocol.messages.people import person_name
 from somrs.repository.outcome import VERSION, Outcome
 from somrs.repository.state import Contents
@@ -27,6 +27,8 @@ def version_conflicts(alteration: Alteration, outcome: Outcome, contents: Conten
             yield from _definitions(alteration, expected, contents)
         case RenameObject(name=name):
             yield from _objects([name], expected, contents)
+        case MergeObject(name=name, into=into):
+            yield from _objects([name, into], expected, contents)
         case UpdateMap():
             # A fact describes its first object: when an object leaves a table, the table does not change.
             yield from _objects([objects_of(change)[0] for change in outcome.changes], expected, contents)

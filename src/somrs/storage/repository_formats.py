@@ -102,5 +102,11 @@ MIGRATIONS: Mapping[int, Step] = {
     4: journal.WITHOUT_INDEX,
     # What became of the reports that events come from.
     5: "ALTER TABLE events ADD COLUMN reception TEXT;",
+    # Objects that turned out to be others.
+    6: """
+    ALTER TABLE events ADD COLUMN merged TEXT;
+    CREATE TABLE merged (name TEXT NOT NULL, version INTEGER NOT NULL, before TEXT NOT NULL, PRIMARY KEY (name, version, before))
+      WITHOUT ROWID;
+    """,
 }
 """The migration to the next format, by the format of the file."""

@@ -31,10 +31,12 @@ MAX_PAST_VERSIONS = 4
 
 _TABLES = """
     CREATE TABLE events (version INTEGER PRIMARY KEY, at REAL NOT NULL, author TEXT NOT NULL, changes TEXT NOT NULL, before TEXT,
-      revision TEXT, renamed TEXT, undoes INTEGER, reception TEXT);
+      revision TEXT, renamed TEXT, undoes INTEGER, reception TEXT, merged TEXT);
     CREATE INDEX revisions ON events (version) WHERE revision IS NOT NULL;
     CREATE TABLE touched (object TEXT NOT NULL, version INTEGER NOT NULL, PRIMARY KEY (object, version)) WITHOUT ROWID;
     CREATE TABLE renamed (name TEXT NOT NULL, version INTEGER NOT NULL, before TEXT NOT NULL, PRIMARY KEY (name, version)) WITHOUT ROWID;
+    CREATE TABLE merged (name TEXT NOT NULL, version INTEGER NOT NULL, before TEXT NOT NULL, PRIMARY KEY (name, version, before))
+      WITHOUT ROWID;
 """
 
 KIND = Kind(
@@ -42,7 +44,7 @@ KIND = Kind(
     content="ontology, map or event",
     rival="another process",
     application=0x534F4D52,  # `SOMR` in ASCII
-    version=6,
+    version=7,
     tables=journal.TABLES + _TABLES,
     migrations=MIGRATIONS,
 )
@@ -115,11 +117,16 @@ def _insert(event: Event, db: sqlite3.Connection) -> None:
         _json(event.renamed) if event.renamed else None,
         event.undoes,
         _json(event.reception) if event.reception is not None else None,
+        _json(event.merged) if event.merged else None,
     )
-    db.execute("INSERT INTO events VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", row)
+    db.execute("INSERT INTO events VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", row)
     objects = [renaming for renaming in event.renamed if renaming.section is Section.OBJECTS]
     db.executemany("INSERT INTO renamed VALUES (?, ?, ?)", ((renaming.to, version, renaming.name) for renaming in objects))
-    names = dict.fromkeys(name for change in event.changes for name in objects_of(change))
+    db.executemany("INSERT INTO merged VALUES (?, ?, ?)", ((merging.into, version, merging.name) for merging in event.merged))
+    if event.undoes is not None:
+        db.execute("DELETE FROM merged WHERE version = ?", (event.undoes,))  # they are two objects after all
+    changed = (name for change in event.changes for name in objects_of(change))
+    names = dict.fromkeys((*changed, *(merging.into for merging in event.merged)))
     db.executemany("INSERT INTO touched VALUES (?, ?)", ((name, version) for name in names))
 
 
@@ -132,4 +139,4 @@ def _comparable_event(event: Event) -> object:
     revision = event.revision if event.revision is not None else Revision()
     groups = (event.changes, event.before, tuple(revision.before.all_definitions()), tuple(revision.after.all_definitions()))
     lists = [sorted(msgspec.json.encode(item, order="sorted") for item in group) for group in groups]
-    return event.version, event.at, event.author, event.revision is None, event.renamed, event.undoes, event.reception, lists
+    return event.version, event.at, event.author, event.revision is None, event.renamed, event.undoes, event.reception, event.merged, lists

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import functools
 import sqlite3
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import msgspec
 
 from somrs.ontology.naming import Renaming
 from somrs.ontology.objects import Change
-from somrs.protocol.messages.knowledge import Event, Revision
+from somrs.protocol.messages.knowledge import Event, Merging, Revision
 from somrs.protocol.messages.observations import Reception
 from somrs.repository.outcome import revert_revision
 from somrs.repository.rollback import PastState, rewind_map
@@ -21,11 +21,15 @@ from somrs.storage.disk import Job
 _CHANGES = msgspec.json.Decoder(tuple[Change, ...])
 _REVISION = msgspec.json.Decoder(Revision)
 _RENAMED = msgspec.json.Decoder(tuple[Renaming, ...])
-
+_MERGED = msgspec.json.Decoder(tuple[Merging, ...])
 _RECEPTION = msgspec.json.Decoder(Reception)
 
-_COLUMNS = "events.version, at, author, changes, before, revision, renamed, undoes, NULL, reception"
-_BRIEF = "version, at, author, '[]', '[]', iif(revision IS NULL, NULL, '{}'), renamed, undoes, json_array_length(changes), NULL"
+_COLUMNS = "events.version, at, author, changes, before, revision, renamed, undoes, NULL, reception, merged"
+_BRIEF = "version, at, author, '[]', '[]', iif(revision IS NULL, NULL, '{}'), renamed, undoes, json_array_length(changes), NULL, merged"
+
+
+_LATEST = 1 << 62
+"""A number above all versions."""
 
 
 class Row(NamedTuple):
@@ -41,6 +45,7 @@ class Row(NamedTuple):
     undoes: int | None
     all_changes: int | None
     reception: str | None
+    merged: str | None
 
 
 def event_of(row: Row) -> Event:
@@ -55,14 +60,15 @@ def event_of(row: Row) -> Event:
         undoes=row.undoes,
         all_changes=row.all_changes,
         reception=_RECEPTION.decode(row.reception) if row.reception is not None else None,
+        merged=_MERGED.decode(row.merged) if row.merged is not None else (),
     )
 
 
 def read_job(task: HistoryOf | EventsOf) -> Job[list[Row]]:
     """Return the job that reads the requested events."""
     match task:
-        case HistoryOf(object=object, limit=limit):
-            return functools.partial(_history, object, limit)
+        case HistoryOf():
+            return functools.partial(_history, task)
         case EventsOf():
             return functools.partial(_read_events, task)
 
@@ -70,7 +76,7 @@ def read_job(task: HistoryOf | EventsOf) -> Job[list[Row]]:
 def _read_events(query: EventsOf, db: sqlite3.Connection) -> list[Row]:
     """Return the requested events."""
     condition, order = ("version > ?", "ASC") if query.after is not None else ("version < ?", "DESC")
-    bound = query.after if query.after is not None else query.before if query.before is not None else 1 << 62
+    bound = query.after if query.after is not None else query.before if query.before is not None else _LATEST
     if query.ontology:
         condition += " AND revision IS NOT NULL"
     columns = _BRIEF if query.brief else _COLUMNS
@@ -84,26 +90,40 @@ def read_event(version: int, db: sqlite3.Connection) -> Row | None:
     return Row(*row) if row is not None else None
 
 
-def _history(object: str, limit: int, db: sqlite3.Connection) -> list[Row]:
+class _Span(NamedTuple):
+    """The versions from `first` to `last` in which an object had a name."""
+
+    name: str
+    first: int
+    last: int
+
+
+def _history(query: HistoryOf, db: sqlite3.Connection) -> list[Row]:
     """Return the latest events that changed the object, newest first, under all names that it had."""
-    found_rows: list[Row] = []
-    name, last_version = object, 1 << 62
-    while len(found_rows) < limit:
-        # The object got this name in this version; an earlier object of the same name was another one.
-        renaming_row = db.execute(
-            "SELECT version, before FROM renamed WHERE name = ? AND version <= ? ORDER BY version DESC", (name, last_version)
-        ).fetchone()
-        first, old_name = renaming_row if renaming_row is not None else (0, None)
-        rows = db.execute(
-            f"SELECT {_COLUMNS} FROM events JOIN touched USING (version) WHERE object = ? AND version BETWEEN ? AND ?"
-            " ORDER BY touched.version DESC LIMIT ?",
-            (name, first, last_version, limit - len(found_rows)),
-        )
-        found_rows += [Row(*row) for row in rows]
-        if old_name is None:
-            break
-        name, last_version = old_name, first - 1
-    return found_rows
+    latest = query.before - 1 if query.before is not None else _LATEST
+    # Each name by itself: SQLite then reads only the latest versions of each from the index.
+    versions: set[int] = set()
+    for span in _name_spans(query.object, _LATEST, db):
+        bounds = (span.name, span.first, min(span.last, latest), query.limit)
+        touched = "SELECT version FROM touched WHERE object = ? AND version BETWEEN ? AND ? ORDER BY version DESC LIMIT ?"
+        versions.update(version for (version,) in db.execute(touched, bounds))
+    rows = (read_event(version, db) for version in sorted(versions, reverse=True)[: query.limit])
+    return [row for row in rows if row is not None]
+
+
+def _name_spans(name: str, last: int, db: sqlite3.Connection) -> Iterator[_Span]:
+    """Return when an object had which name, up to the version `last`: its own names, and those of objects that turned out to be it."""
+    # The object got this name in this version; an earlier object of the same name was another one.
+    renaming = db.execute(
+        "SELECT version, before FROM renamed WHERE name = ? AND version <= ? ORDER BY version DESC", (name, last)
+    ).fetchone()
+    first, old_name = renaming if renaming is not None else (0, None)
+    yield _Span(name, first, last)
+    merged = db.execute("SELECT before, version FROM merged WHERE name = ? AND version BETWEEN ? AND ?", (name, first, last)).fetchall()
+    for other_name, version in merged:
+        yield from _name_spans(other_name, version - 1, db)
+    if old_name is not None:
+        yield from _name_spans(old_name, first - 1, db)
 
 
 class Way(NamedTuple):

@@ -358,7 +358,7 @@ def test_history_comes_from_the_store(repository: Repository) -> None:
     message = request(ReadHistory(object="Jar1", limit=2))
     (question,) = repository.handle(Received(message), 1.0)
     assert isinstance(question, Ask)
-    assert question.task == HistoryOf(object="Jar1", limit=2)
+    assert question.task == HistoryOf(object="Jar1", limit=3), "one more shows whether there are more"
     assert repository.handle(Received(message), 1.0) == [question], "it waits for the same answer"
     event = Event(version=3, at=1.0, author="Robot1", changes=(ValueSet("Jar1", "Color", "Red"),))
     effects = repository.handle(Answered(question.question, ArchivedEvents((event,))), 2.0)

@@ -72,9 +72,9 @@ def archived(repository: Repository, body: Body, value: object) -> Body:
 @pytest.mark.parametrize(
     ("question", "task"),
     [
-        (ReadHistory(object="Jar1", limit=2), HistoryOf(object="Jar1", limit=2)),
-        (ReadHistory(object="Jar1", limit=0), HistoryOf(object="Jar1", limit=1)),
-        (ReadHistory(object="Jar1", limit=2000), HistoryOf(object="Jar1", limit=1000)),
+        (ReadHistory(object="Jar1", limit=2), HistoryOf(object="Jar1", limit=3)),
+        (ReadHistory(object="Jar1", limit=0, before=7), HistoryOf(object="Jar1", limit=2, before=7)),
+        (ReadHistory(object="Jar1", limit=2000), HistoryOf(object="Jar1", limit=1001)),
         (ReadEvents(limit=3), EventsOf(limit=4)),
         (ReadEvents(limit=5000, before=7), EventsOf(limit=1001, before=7)),
         (ReadEvents(limit=-1, after=7, ontology=True, brief=True), EventsOf(limit=2, after=7, ontology=True, brief=True)),

@@ -21,7 +21,7 @@ REVISION = Revision(after=Definitions(attributes=(AttributeType(name="Smell", ki
 def test_of_what_is_too_long_the_beginning_is_told_and_how_much_there_is(revision: Revision | None, room: int) -> None:
     event = Event(version=7, at=1.0, author="a person", changes=CHANGES, before=CHANGES, revision=revision)
     short_event = shorten_event(event, room)
-    assert size(short_event) < room + 100
+    assert size(short_event) < room + 120
     assert 1 < len(short_event.changes) < len(CHANGES)
     room_left = room // 2 - sum(map(size, short_event.changes))
     assert 0 <= room_left < size(CHANGES[len(short_event.changes)]), "changes take half of the room"

@@ -29,6 +29,7 @@ from somrs.protocol.messages.knowledge import (
     History,
     MapPage,
     MapSubscribed,
+    MergeObject,
     QueryMap,
     ReadEvents,
     ReadHistory,
@@ -244,19 +245,23 @@ UPDATES = st.builds(
     st.lists(CHANGES, max_size=4),
     st.none() | st.builds(lambda name, place: f"{name} isOn {place}", NAMES, PLACES),
 )
+MERGES = st.builds(lambda name, into: MergeObject(name=name, into=into), NAMES, NAMES)
 RESTARTS = st.sampled_from(["", "", "", "kill", "stop"])
 
 
 @examples(40)
-@given(st.lists(st.tuples(UPDATES, RESTARTS), max_size=12))
-def test_the_file_holds_the_map_and_history_adds_up_to_it(updates: list[tuple[UpdateMap, str]]) -> None:
+@given(st.lists(st.tuples(UPDATES | MERGES, RESTARTS), max_size=12))
+def test_the_file_holds_the_map_and_history_adds_up_to_it(updates: list[tuple[UpdateMap | MergeObject, str]]) -> None:
     with tempfile.TemporaryDirectory() as folder:
         keeper = Keeper(Path(folder) / "repository.sqlite")
         for update, restart in [*updates, (UpdateMap(), "kill")]:
             map_before, version = keeper.contents.map, keeper.contents.version
             answer = keeper.ask(update, object)
             if answer == Updated(version=version + 1):
-                assert keeper.contents.map == plain(map_before, update)
+                if isinstance(update, UpdateMap):
+                    assert keeper.contents.map == plain(map_before, update)
+                else:
+                    assert map_before.objects.keys() - keeper.contents.map.objects.keys() == {update.name}
             else:
                 assert keeper.contents.map == map_before
             if restart:
@@ -286,7 +291,7 @@ def changed_names(event: Event) -> list[str]:
                 names.append(name)
             case FactAdded(fact) | FactRemoved(fact):
                 names += fact.arguments
-    return names
+    return [*names, *(merging.into for merging in event.merged)]
 
 
 def plain(map: Map, update: UpdateMap) -> Map:

@@ -22,8 +22,8 @@ KnowledgeBody = (
     knowledge.ReadOntology | knowledge.OntologyPage | knowledge.Define | knowledge.Defined | knowledge.ReadMap
     | knowledge.MapPage | knowledge.QueryMap | knowledge.Rows | knowledge.UpdateMap | knowledge.Updated
     | knowledge.Rejected | knowledge.ReadHistory | knowledge.History | knowledge.SubscribeMap | knowledge.MapSubscribed
-    | knowledge.MapChanged | knowledge.OntologyChanged | knowledge.RenameObject | knowledge.Undo | knowledge.Consider
-    | knowledge.Considered | knowledge.ReadEvents | knowledge.Events
+    | knowledge.MapChanged | knowledge.OntologyChanged | knowledge.RenameObject | knowledge.MergeObject | knowledge.Undo
+    | knowledge.Consider | knowledge.Considered | knowledge.ReadEvents | knowledge.Events
 )  # fmt: skip
 ClientBody = (
     clients.Submit | clients.Submitted | clients.TaskRejected | clients.CancelTask | clients.Cancelling
@@ -55,6 +55,7 @@ REQUESTS: dict[type[Body], tuple[type[Body], ...]] = {
     knowledge.QueryMap: (knowledge.Rows,),
     knowledge.UpdateMap: (knowledge.Updated, knowledge.Rejected),
     knowledge.RenameObject: (knowledge.Updated, knowledge.Rejected),
+    knowledge.MergeObject: (knowledge.Updated, knowledge.Rejected),
     knowledge.Undo: (knowledge.Updated, knowledge.Rejected),
     knowledge.Consider: (knowledge.Considered,),
     knowledge.ReadHistory: (knowledge.History,),

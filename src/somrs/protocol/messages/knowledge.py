@@ -15,7 +15,7 @@ from somrs.ontology.objects import Change, Fact, Object
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import AttributeType, Definition, FunctionType, ObjectType, RelationType
 from somrs.protocol.messages.body import MessageBody
-from somrs.protocol.messages.observations import Observation, Reception
+from somrs.protocol.messages.observations import Discovery, Observation, Reception
 
 
 class Definitions(Struct, frozen=True, kw_only=True):
@@ -162,6 +162,18 @@ class RenameObject(MessageBody, frozen=True, kw_only=True, tag=True):
     expected_version: int | None = None
 
 
+class MergeObject(MessageBody, frozen=True, kw_only=True, tag=True):
+    """Two objects of the map are one: `name` is `into`, which keeps its name and has what is known under both, completely or not at all.
+
+    Reports that name `name` later are about `into`. `expected_version`: only if neither changed after that version.
+    """
+
+    name: str
+    into: str
+    author: str = ""
+    expected_version: int | None = None
+
+
 class Undo(MessageBody, frozen=True, kw_only=True, tag=True):
     """Revert the changes of a version, if nothing has changed them since. This is a change like any other, and can be undone itself."""
 
@@ -169,7 +181,7 @@ class Undo(MessageBody, frozen=True, kw_only=True, tag=True):
     author: str = ""
 
 
-Alteration = Define | UpdateMap | RenameObject | Undo
+Alteration = Define | UpdateMap | RenameObject | MergeObject | Undo
 """A change that can be considered before it is made."""
 
 
@@ -225,16 +237,29 @@ class Considered(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class ReadHistory(MessageBody, frozen=True, kw_only=True, tag=True):
-    """Read the events of an object, newest first."""
+    """Read the events of an object, newest first, from before the version `before`: under all names that it had, and those of the objects
+    that turned out to be this one."""
 
     object: str
     limit: int = 100
+    before: int | None = None
+
+
+class Merging(Struct, frozen=True, kw_only=True):
+    """The object `name` turned out to be the object `into`, whose name it has now."""
+
+    name: str
+    into: str
+
+    def __str__(self) -> str:
+        return f"{self.name} is {self.into}"
 
 
 class Event(Struct, frozen=True, kw_only=True):
     """One change of the map or the ontology: its author, time (seconds since 1970), changes of the map, and `revision` of the ontology.
 
-    `renamed`: what the change renamed; `undoes`: the version that it reverts; `reception`: what became of the report that it comes from.
+    `renamed`: what the change renamed; `merged`: objects that turned out to be others; `undoes`: the version that it reverts; `reception`:
+    what became of the report that it comes from.
 
     In answers, `before` are the changes that revert the event, in order. Of an event that is too long for a message, the answer has the
     first `changes` and their number in `all_changes`, without `before` and `revision`.
@@ -250,11 +275,19 @@ class Event(Struct, frozen=True, kw_only=True):
     before: tuple[Change, ...] = ()
     all_changes: int | None = None
     reception: Reception | None = None
+    merged: tuple[Merging, ...] = ()
 
 
 class History(MessageBody, frozen=True, kw_only=True, tag=True):
+    """A page of the events of an object. `more`: another page follows, before the version of the last event.
+
+    `discovered`: who put it on the map by a sighting, and when; None if it was known otherwise.
+    """
+
     object: str
     events: tuple[Event, ...]
+    more: bool = False
+    discovered: Discovery | None = None
 
 
 class ReadEvents(MessageBody, frozen=True, kw_only=True, tag=True):

@@ -52,6 +52,17 @@ class Reception(Struct, frozen=True, kw_only=True):
     superseded: tuple[str, ...] = ()
 
 
+class Discovery(Struct, frozen=True, kw_only=True):
+    """Who put an object on the map by a sighting, and when, in seconds since 1970.
+
+    `confirmed`: a person has named it or said which object it is, so that it is not known from sightings only.
+    """
+
+    author: str
+    at: float
+    confirmed: bool = False
+
+
 def observed_at(observation: Observation | None, now: float) -> Observation:
     """The observation with the time at which it was made: `now`, if it has none."""
     if observation is None:

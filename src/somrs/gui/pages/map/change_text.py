@@ -19,6 +19,7 @@ MAX_OBJECTS = 6
 def describe_event(event: Event, ontology: Ontology) -> list[str]:
     """Describe an event, a sentence for each object."""
     lines = [f"{renaming.name} was renamed to {renaming.to}" for renaming in event.renamed]
+    lines += [f"{merging.name} turned out to be {merging.into}" for merging in event.merged]
     if event.revision is not None:
         names = [definition.name for definition in event.revision.after.all_definitions()] or [
             definition.name for definition in event.revision.before.all_definitions()

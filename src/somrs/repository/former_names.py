@@ -1,0 +1,59 @@
+"""Names that objects had: a report that is late, or whose author does not know better, may still use them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from msgspec import structs
+
+from somrs.ontology.naming import Renaming, Section
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, ObjectAdded, ObjectRemoved, ValueSet, objects_of
+from somrs.ontology.renaming import Renamer
+from somrs.ontology.types import Ontology
+from somrs.protocol.messages.knowledge import UpdateMap
+from somrs.protocol.messages.observations import Observation
+from somrs.repository.provenance import Provenance
+
+
+def with_current_names(update: UpdateMap, map: Map, ontology: Ontology, provenance: Provenance) -> UpdateMap:
+    """The update with the names that its objects have now."""
+    names = {name: former.name for name, former in provenance.former_names.items() if name not in map.objects}
+    added = {change.object.name for change in update.changes if isinstance(change, ObjectAdded)}
+    named, text = _named_objects(update), update.situation or ""
+    used = {name: now for name, now in names.items() if name not in added and (name in named or name in text)}
+    if not used:
+        return update
+    renamer = Renamer((Renaming(section=Section.OBJECTS, name=name, to=now) for name, now in used.items()), ontology)
+    return structs.replace(
+        update,
+        changes=tuple(_renamed_change(change, used) for change in update.changes),
+        situation=renamer.text(update.situation),
+        observation=_renamed_observation(update.observation, used) if update.observation is not None else None,
+    )
+
+
+def _named_objects(update: UpdateMap) -> set[str]:
+    """The objects that an update names, outside of its situation."""
+    observation = update.observation or Observation()
+    changed = (name for change in update.changes for name in objects_of(change))
+    return {*observation.gone, *observation.searched, *observation.sought, *changed}
+
+
+def _renamed_change(change: Change, names: Mapping[str, str]) -> Change:
+    match change:
+        case ObjectRemoved(name):
+            return ObjectRemoved(names.get(name, name))
+        case ValueSet(name):
+            return structs.replace(change, object=names.get(name, name))
+        case FactAdded(fact) | FactRemoved(fact):
+            return type(change)(Fact(fact.relation, tuple(names.get(argument, argument) for argument in fact.arguments)))
+        case _:
+            return change
+
+
+def _renamed_observation(observation: Observation, names: Mapping[str, str]) -> Observation:
+    gone, searched, sought = (
+        tuple(dict.fromkeys(names.get(name, name) for name in group))
+        for group in (observation.gone, observation.searched, observation.sought)
+    )
+    return structs.replace(observation, gone=gone, searched=searched, sought=sought)
