@@ -9,7 +9,7 @@ from somrs.ontology.types import Constraint, ObjectType
 from somrs.protocol.messages.clients import Phase
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Outcome, State
-from somrs.protocol.messages.knowledge import Alteration, Define, Defined, Definitions, RenameObject, Updated
+from somrs.protocol.messages.knowledge import Alteration, Define, Defined, Definitions, MergeObject, RenameObject, Updated
 from somrs.runtime.virtual_time import Work
 from somrs.service_manager.sdk.orders import Order, ServiceFailed
 from tests.support.keeper import renaming
@@ -66,20 +66,45 @@ def test_a_task_is_accomplished_whatever_is_called_otherwise_meanwhile(edit: Alt
     assert next_view.outcome is Outcome.ACCOMPLISHED
 
 
-@pytest.mark.parametrize("edit", [RenameObject(name="Jar002", to="Krug"), RenameObject(name="Platform001", to="Stage001")])
+NEW_NAMES = [
+    (RenameObject(name="Jar002", to="Krug"), "Krug isOn Platform001"),
+    (RenameObject(name="Platform001", to="Stage001"), "Jar002 isOn Stage001"),
+    (MergeObject(name="Jar002", into="LostJar"), "LostJar isOn Platform001"),
+]
+
+
+@pytest.mark.parametrize(("edit", "goal"), NEW_NAMES)
 @pytest.mark.parametrize("fails", [False, True])
-def test_a_task_whose_own_words_are_gone_ends_and_says_why(edit: RenameObject, fails: bool) -> None:
-    system = VirtualSystem(Robot("Robot1", 10, 60, works=slips if fails else None), Robot("Robot2", 20, 60))
+@pytest.mark.parametrize("moment", ["planned", "arranging", "executing"])
+def test_a_task_goes_on_with_the_new_names_of_its_objects(
+    edit: RenameObject | MergeObject, goal: str, fails: bool, moment: str
+) -> None:
+    system = VirtualSystem(Robot("Robot1", 10, 60, works=slips if fails else None), Robot("Robot2", 20, 60), planning=2.0)
     task = system.submit(GOAL)
-    assert system.world.run(60, lambda: any(step.state is State.EXECUTING for step in system.view(task).steps))
+    if moment == "arranging":
+        assert system.world.run(60, lambda: bool(system.view(task).steps))
+    elif moment == "executing":
+        assert system.world.run(60, lambda: any(step.state is State.EXECUTING for step in system.view(task).steps))
     assert alter(system, edit) == Updated(version=1)
     (view,) = system.finish(task)
-    assert view.phase is Phase.ENDED
-    assert view.outcome is Outcome.FAILED
-    assert edit.name in view.explanation
-    destination = "Stage001" if edit.to == "Stage001" else "Platform001"
-    (next_view,) = system.finish(system.submit(f"Tin001 isOn {destination}"))
+    assert (view.phase, view.outcome) == (Phase.ENDED, Outcome.ACCOMPLISHED), view.explanation
+    assert view.effect == goal
+    name, _, place = goal.split()
+    assert system.map.has_fact("isOn", (name, place))
+    assert not system.manager.state.reservations.held
+    (next_view,) = system.finish(system.submit(f"Tin001 isOn {place}"))
     assert next_view.outcome is Outcome.ACCOMPLISHED
+
+
+def test_a_task_that_waits_for_another_goes_on_with_the_new_names() -> None:
+    system = VirtualSystem(Robot("Robot1", 10, 60), Robot("Robot2", 20, 60))
+    first, second = system.submit(GOAL), system.submit("Jar002 isOn Cupboard002")
+    assert system.world.run(60, lambda: system.view(second).phase is Phase.WAITING)
+    assert alter(system, MergeObject(name="Jar002", into="LostJar")) == Updated(version=1)
+    views = system.finish(first, second)
+    assert [view.outcome for view in views] == [Outcome.ACCOMPLISHED, Outcome.ACCOMPLISHED]
+    assert views[1].effect == "LostJar isOn Cupboard002"
+    assert system.map.has_fact("isOn", ("LostJar", "Cupboard002"))
 
 
 def test_the_words_of_a_task_may_be_renamed_and_come_back_before_it_needs_them() -> None:

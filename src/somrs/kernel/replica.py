@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from msgspec import Struct, field
 
 from somrs.kernel.component import DeliveryFailed, Effect, Input, Received, Send, SetTimer, TimerFired
-from somrs.ontology.naming import DefinitionKey, Renaming, revise_ontology
+from somrs.ontology.naming import DefinitionKey, Renaming, Section, revise_ontology
 from somrs.ontology.objects import Change, Fact, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import Definition, Ontology
 from somrs.protocol.messages.bodies import Body
@@ -23,6 +23,7 @@ from somrs.protocol.messages.knowledge import (
     MapChanged,
     MapPage,
     MapSubscribed,
+    Merging,
     OntologyChanged,
     OntologyPage,
     ReadMap,
@@ -44,7 +45,7 @@ GAP_TIME = 1.0
 class ReplicaUpdate:
     """The result of an input: `effects` to carry out, and how the copy changed.
 
-    `changes` of the map and names that were `renamed` are in order. `definitions` are new or revised; `removed` are gone or have another
+    `changes` of the map and names that were `renamed` are in order. `merged`: objects that turned out to be others. `definitions` are new or revised; `removed` are gone or have another
     name. `reloaded`: the whole copy was read again, so that anything may have changed before `changes`.
     """
 
@@ -53,7 +54,14 @@ class ReplicaUpdate:
     definitions: tuple[Definition, ...] = ()
     removed: tuple[DefinitionKey, ...] = ()
     renamed: tuple[Renaming, ...] = ()
+    merged: tuple[Merging, ...] = ()
     reloaded: bool = False
+
+    @property
+    def new_names(self) -> dict[str, str]:
+        """The names that objects have now, by the names that they lost."""
+        renamed = {renaming.name: renaming.to for renaming in self.renamed if renaming.section is Section.OBJECTS}
+        return renamed | {merging.name: merging.into for merging in self.merged}
 
     @property
     def ontology_changed(self) -> bool:
@@ -248,6 +256,7 @@ class Replica(Struct):
         definitions: list[Definition] = []
         removed: list[DefinitionKey] = []
         renamed: list[Renaming] = []
+        merged: list[Merging] = []
         while self.ready and (event := self.events.get(self.version + 1)) is not None:
             self.version += 1
             change_event = event.event if isinstance(event, MapChanged) else event
@@ -256,7 +265,9 @@ class Replica(Struct):
             if applied:
                 self.map = self.map.changed(applied)
                 changes += applied
-            if isinstance(event, OntologyChanged):
+            if isinstance(event, MapChanged):
+                merged += event.event.merged
+            else:
                 definitions += event.definitions.all_definitions()
                 removed += event.removed
                 self.ontology = revise_ontology(self.ontology, event.removed, event.definitions.all_definitions())
@@ -268,6 +279,7 @@ class Replica(Struct):
             definitions=tuple(definitions),
             removed=tuple(removed),
             renamed=tuple(renamed),
+            merged=tuple(merged),
             reloaded=read,
         )
 

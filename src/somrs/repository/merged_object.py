@@ -29,7 +29,7 @@ class _Merge:
         self.name, self.into = merging.name, merging.into
         self.map, self.ontology, self.provenance = map, ontology, provenance
         self.places = {*exclusive_relations(ontology)}
-        self.is_elsewhere = self._place_time(self.name) > self._place_time(self.into) or not self._is_placed(self.into)
+        self.is_elsewhere = self._place_news(self.name) > self._place_news(self.into)
         """Whether the object is where the map has it under the name that it loses."""
 
     def changes(self) -> Iterator[Change]:
@@ -77,15 +77,12 @@ class _Merge:
     def _facts_of(self, name: str) -> Iterator[Fact]:
         return (fact for fact in self.map.facts_about(name) if fact.arguments[0] == name)
 
-    def _place_time(self, name: str) -> float:
-        """When the latest news held of where the object is. That it was missed somewhere is no such news."""
+    def _place_news(self, name: str) -> tuple[float, bool]:
+        """When the latest news held of where the object is, and whether a place is known. That it was missed somewhere is no such news."""
         groups = {f"<{relation.excludes}>" for relation in self.ontology.relations.values() if relation.name in self.places}
         times = self.provenance.times.get(name, {}).items()
-        return max((time for aspect, time in times if aspect in groups or aspect.startswith(_POSE)), default=0.0)
-
-    def _is_placed(self, name: str) -> bool:
-        has_fact = any(fact.relation in self.places for fact in self._facts_of(name))
-        return has_fact or any(path.startswith(_POSE) for path in self.map.objects[name].values)
+        latest = max((time for aspect, time in times if aspect in groups or aspect.startswith(_POSE)), default=0.0)
+        return latest, any(fact.relation in self.places for fact in self._facts_of(name))
 
     def _is_of_place(self, path: str) -> bool:
         return path == UNKNOWN or path.startswith(_POSE)

@@ -338,6 +338,8 @@ class TaskManager:
         state.map_version = state.replica.version
         due = [report for report in state.unsettled if begun_anew or report.version <= state.replica.version]
         state.unsettled = [report for report in state.unsettled if report not in due]
+        for task in state.running if news.new_names else ():
+            yield from self._transaction(task).objects_renamed(news.new_names, now)
         for report in due:
             if report.task in state.tasks:
                 yield from self._transaction(report.task).settled(report.result, now)

@@ -29,6 +29,11 @@ class Reservation(Struct, frozen=True, kw_only=True):
     def __or__(self, reservation: Reservation) -> Reservation:
         return Reservation(changes=self.changes | reservation.changes, relies_on=self.relies_on | reservation.relies_on)
 
+    def renamed(self, names: Mapping[str, str]) -> Reservation:
+        """The reservation with new names of objects."""
+        changes = frozenset(names.get(name, name) for name in self.changes)
+        return Reservation(changes=changes, relies_on=frozenset(names.get(name, name) for name in self.relies_on) - changes)
+
     def within(self, objects: Container[str]) -> Reservation:
         """The reservation of these objects only. A plan also names outputs, which no map has yet."""
         return Reservation(
@@ -117,6 +122,14 @@ class Reservations(Struct, kw_only=True):
         """Reserve for the task. It keeps its earlier reservations, because that work may have to be undone."""
         self.held[task] = self.held.get(task, Reservation()) | reservation
         self.waiting.pop(task, None)
+
+    def rename(self, task: str, names: Mapping[str, str], goal: str) -> None:
+        """Give objects of the task the names that they have now. `goal`: its goal with these names."""
+        self.goals[task] = goal
+        if task in self.held:
+            self.held[task] = self.held[task].renamed(names)
+        if task in self.waiting:
+            self.waiting[task].reservation = self.waiting[task].reservation.renamed(names)
 
     def wait(self, task: str, reservation: Reservation) -> None:
         """Release what the task holds, and let it wait for this reservation."""

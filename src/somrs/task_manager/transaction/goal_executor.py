@@ -218,6 +218,13 @@ class GoalExecutor:
             yield from self._withdraw_request()
             execution.replan_because, execution.phase = (reason,), Phase.RECOVERING
 
+    def plan_for_new_names(self, reason: str) -> Effects:
+        """The plan names objects that have other names now. It is made anew as soon as no step is executing."""
+        execution = self._execution
+        yield from self.invalidate_plan(reason)
+        if execution.workflow is not None and not execution.fixed and not execution.is_pending:
+            execution.replan_because = execution.replan_because or (reason,)
+
     def _withdraw_request(self) -> Effects:
         """Withdraw the question to the planner, or the comparison of its plans."""
         execution = self._execution

@@ -8,7 +8,7 @@ compensates the work of a task that is not accomplished (`recovery/compensation.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from collections.abc import Set as AbstractSet
 
 from somrs.entish.parse import parse
@@ -35,6 +35,7 @@ from somrs.task_manager.transaction.goal_executor import GoalExecutor
 from somrs.task_manager.transaction.next_action import GoalReached, GoalUnreachable, NextAction, NoPlanFound, Proceed, StepLost, UndoFirst
 from somrs.task_manager.transaction.participant_events import GoalAction, ParticipantEvents
 from somrs.task_manager.transaction.record import record
+from somrs.task_manager.transaction.renamed_objects import TaskRenamer
 from somrs.task_manager.transaction.retry_wait import RetryWait
 from somrs.task_manager.transaction.scope import TaskScope
 from somrs.task_manager.transaction.state import GoalExecution, TaskState, waiting_texts
@@ -166,6 +167,17 @@ class Transaction:
         """Handle a change of the map: a task that waits for a device which changed tries again."""
         if self.state.goal.retry_at is not None and not objects.isdisjoint(self._scope.services.excluded_providers):
             yield from RetryWait(self.state.goal, self._scope).hasten(now)
+
+    def objects_renamed(self, names: Mapping[str, str], now: float) -> Effects:
+        """Handle new names of objects: goals speak of them, and plans with the old names are made anew."""
+        state = self.state
+        outdated = TaskRenamer(names, self._context.replica.ontology).rename(state)
+        self._context.reservations.rename(state.id, names, state.task.effect)
+        if outdated and state.ending is None:
+            reason = "; ".join(f"{name} is {to} now" for name, to in names.items())
+            for execution in outdated:
+                yield from self._executor(execution).plan_for_new_names(reason)
+            yield from self.proceed(now)
 
     def cancel(self, now: float, reason: str) -> Effects:
         """Cancel the task for its client."""
