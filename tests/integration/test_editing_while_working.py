@@ -76,9 +76,7 @@ NEW_NAMES = [
 @pytest.mark.parametrize(("edit", "goal"), NEW_NAMES)
 @pytest.mark.parametrize("fails", [False, True])
 @pytest.mark.parametrize("moment", ["planned", "arranging", "executing"])
-def test_a_task_goes_on_with_the_new_names_of_its_objects(
-    edit: RenameObject | MergeObject, goal: str, fails: bool, moment: str
-) -> None:
+def test_a_task_goes_on_with_the_new_names_of_its_objects(edit: RenameObject | MergeObject, goal: str, fails: bool, moment: str) -> None:
     system = VirtualSystem(Robot("Robot1", 10, 60, works=slips if fails else None), Robot("Robot2", 20, 60), planning=2.0)
     task = system.submit(GOAL)
     if moment == "arranging":

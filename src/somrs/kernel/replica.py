@@ -45,8 +45,9 @@ GAP_TIME = 1.0
 class ReplicaUpdate:
     """The result of an input: `effects` to carry out, and how the copy changed.
 
-    `changes` of the map and names that were `renamed` are in order. `merged`: objects that turned out to be others. `definitions` are new or revised; `removed` are gone or have another
-    name. `reloaded`: the whole copy was read again, so that anything may have changed before `changes`.
+    `changes` of the map and names that were `renamed` are in order. `merged`: objects that turned out to be others. `definitions` are new
+    or revised; `removed` are gone or have another name. `reloaded`: the whole copy was read again, so that anything may have changed before
+    `changes`.
     """
 
     effects: list[Effect]

@@ -5,14 +5,14 @@ close. Positions come from the physics alone: positions that robots report to th
 
 An object that comes to the map may be a thing that is in the world already: a camera saw it where the map did not have it. Two like
 things cannot be in one place, so the thing gets the name of the object instead of being built again. It gets its own name back if the
-object is removed because it turned out to be that thing.
+object turns out to be that thing, or is removed.
 """
 
 from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from somrs.devices.simulator.server.simulation import Simulation
 from somrs.devices.simulator.world.recognition import are_alike
@@ -53,10 +53,11 @@ class Follower:
             # A reloaded map has no list of changes, so they are computed from the difference.
             changes = differences(map_before, self.replica.map) if news.reloaded else news.changes
             renamed = [renaming for renaming in news.renamed if renaming.section is Section.OBJECTS] if not news.reloaded else []
-            self._follow(self.simulation, changes, renamed)
+            merged = {merging.name: merging.into for merging in news.merged} if not news.reloaded else {}
+            self._follow(self.simulation, changes, renamed, merged)
         return news.effects
 
-    def _follow(self, simulation: Simulation, changes: Iterable[Change], renamed: list[Renaming]) -> None:
+    def _follow(self, simulation: Simulation, changes: Iterable[Change], renamed: list[Renaming], merged: Mapping[str, str]) -> None:
         for change in changes:
             match change:
                 case ObjectAdded(object) if renamed and renamed[0].to == object.name:
@@ -69,13 +70,30 @@ class Follower:
                 case ObjectRemoved(name) if renamed and renamed[0].name == name:
                     pass  # the next addition is the renamed object
                 case ObjectRemoved(name):
-                    own_object = self.replica.map.objects.get(self._own_names.pop(name, name))
-                    if own_object is None or own_object.name in simulation.scene.world.solids:
-                        simulation.remove(name)
-                    else:
-                        simulation.rename(name, own_object)
+                    self._remove(simulation, name, merged.get(name))
                 case ValueSet(name, "Open") if (door := self.replica.map.objects.get(name)) is not None:
                     simulation.renew(door)
+
+    def _remove(self, simulation: Simulation, name: str, into: str | None) -> None:
+        """Follow an object that leaves the map. `into`: the object that it turned out to be.
+
+        The thing in the world stays if the map still has it: under its own name, or as the object that it turned out to be.
+        """
+        solids, objects = simulation.scene.world.solids, self.replica.map.objects
+        own_name = self._own_names.pop(name, None)
+        kept = next((kept for kept in (own_name, into) if kept in objects and kept not in solids), None)
+        if kept is None and into in objects and self._stands_for(name, into, simulation):
+            simulation.remove(into)
+            kept = into
+        if kept is not None and name in solids:
+            simulation.rename(name, objects[kept])
+        else:
+            simulation.remove(name)
+
+    def _stands_for(self, name: str, into: str, simulation: Simulation) -> bool:
+        """Whether of two things of the world that are one, the first stands where the map has the object."""
+        solid = simulation.scene.world.solids.get(name)
+        return solid is not None and solid.role is Role.THING and self._is_mapped_at(into, simulation.scene.pose(name)[:3])
 
     def _thing_seen_as(self, object: Object, simulation: Simulation) -> str | None:
         """The nearest thing of the world that looks like a new object, in its place, if the map does not have that thing there."""

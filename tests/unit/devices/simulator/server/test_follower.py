@@ -13,8 +13,8 @@ from somrs.kernel.component import Component, Effect, Received, Send, Started, T
 from somrs.kernel.replica import GAP_TIME, ReplicaDue
 from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.naming import Renaming, Section
-from somrs.ontology.objects import FactAdded, Object, ObjectAdded, ObjectRemoved
-from somrs.protocol.messages.knowledge import Alteration, Define, Definitions, RenameObject, UpdateMap
+from somrs.ontology.objects import FactAdded, Object, ObjectAdded, ObjectRemoved, ValueSet
+from somrs.protocol.messages.knowledge import Alteration, Define, Definitions, MergeObject, RenameObject, UpdateMap
 from somrs.protocol.messages.observations import Observation
 from somrs.repository.component import Repository
 from somrs.repository.state import Contents
@@ -48,7 +48,7 @@ class RepositoryAndWorld:
                 messages += [effect.message for effect in recipient.handle(Received(message), self.now) if isinstance(effect, Send)]
 
     def update(self, update: Alteration) -> None:
-        self._carry(self.repository.handle(Received(request(update)), 0.0))
+        self._carry(self.repository.handle(Received(request(update)), self.now))
         self.now += 2 * GAP_TIME  # what it could not be told, it notices
         self._carry(self.follower.handle(TimerFired(ReplicaDue()), self.now))
         assert self.follower.replica.version == self.repository.contents.version
@@ -159,6 +159,33 @@ def test_a_new_object_that_turns_out_to_be_a_thing_of_the_map_gives_it_its_name_
     assert "Jar002" not in pair.repository.contents.map.objects
     assert list(pair.simulation.scene.things()) == ["Jar1"]
     assert pair.simulation.scene.pose("Jar1")[:2] == pytest.approx((3.0, 4.0), abs=1e-3)
+
+
+def test_a_person_says_which_thing_of_the_map_a_new_object_is() -> None:
+    pair = see_moved_jar()
+    pair.update(MergeObject(name="Jar002", into="Jar1"))
+    assert list(pair.simulation.scene.things()) == ["Jar1"]
+    assert pair.simulation.scene.pose("Jar1")[:2] == pytest.approx((3.0, 4.0), abs=1e-3)
+
+
+@pytest.mark.parametrize(("newer", "y"), [("Jar2", 2.0), ("Jar1", 4.0)])
+def test_of_two_things_that_are_one_the_one_stays_that_is_where_the_map_has_it(newer: str, y: float) -> None:
+    pair = RepositoryAndWorld()
+    added = Object(name="Jar2", type="Jar", values={"PositionX": 3.0, "PositionY": 2.0, "PositionZ": 0.0})
+    pair.update(UpdateMap(changes=(ObjectAdded(added),)))
+    pair.update(UpdateMap(changes=(ValueSet(newer, "PositionY", y + 0.01),)))
+    pair.update(MergeObject(name="Jar2", into="Jar1"))
+    assert list(pair.simulation.scene.things()) == ["Jar1"]
+    assert pair.simulation.scene.pose("Jar1")[1] == pytest.approx(y, abs=1e-2)
+
+
+def test_a_new_object_that_is_said_to_be_a_thing_that_stands_elsewhere_is_what_it_is() -> None:
+    pair = see_moved_jar()
+    elsewhere = Object(name="Jar9", type="Jar", values={"PositionX": 5.0, "PositionY": 2.0, "PositionZ": 0.0})
+    pair.update(UpdateMap(changes=(ObjectAdded(elsewhere),)))
+    pair.update(MergeObject(name="Jar002", into="Jar9"))
+    assert {*pair.simulation.scene.things()} == {"Jar1", "Jar9"}, "what the world has does not change by what somebody says"
+    assert pair.simulation.scene.pose("Jar9")[:2] == pytest.approx((5.0, 2.0), abs=1e-2)
 
 
 @pytest.mark.parametrize(
