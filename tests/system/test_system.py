@@ -79,10 +79,16 @@ def test_robots_and_a_person_achieve_together_what_none_can_alone(tmp_path: Path
     assert code == 0, output
     assert "NO" not in output.split("Checks")[1]
     executed = [line.recipient for line in lines_of(folder) if line.type == "Execute"]
-    assert executed == ["Robot1.OpenDoor", "Patrol1.RecognizeSituation", "Robot2.TransferObject", "Anna.SealJar"]
+    assert executed == [
+        "Robot1.OpenDoor",
+        "Patrol1.RecognizeSituation",
+        "Scale001.WeighObject",
+        "Robot2.TransferObject",
+        "Anna.SealJar",
+    ]
     ET.parse(folder / "messages.svg")
     if "no pictures" not in output:
-        assert sorted(picture.stem for picture in folder.glob("?.png")) == ["A", "B", "C", "D"]
+        assert sorted(picture.stem for picture in folder.glob("?.png")) == ["A", "B", "C", "D", "E"]
 
 
 def conversation(folder: Path) -> list[Line]:

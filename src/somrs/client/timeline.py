@@ -42,12 +42,13 @@ class Mark:
 
 def bars(lines: Sequence[Line]) -> list[Bar]:
     """The work that appears in the messages. Work without a final message is lost, and ends at the participant's last message."""
+    service_types = {_service_type(line) for line in lines if line.type in _BEGINS}
     last_times = {line.participant: line.at for line in lines if line.type != "End"}
     bars_by_work: dict[tuple[str, str], Bar] = {}
     for line in lines:
         if line.type in _BEGINS:
             device, _, _ = line.recipient.partition(".")
-            label = str(line.body.get("inputs", {}).get("Object") or str(line.body.get("situation", "")).partition(" ")[0])
+            label = _label(line, named=len(service_types) > 1)
             kind = _BEGINS[line.type]
             if (line.participant, kind) not in bars_by_work:
                 bars_by_work[line.participant, kind] = Bar(
@@ -61,6 +62,17 @@ def bars(lines: Sequence[Line]) -> list[Bar]:
                     device=bar.device, label=bar.label, kind=kind, start=bar.start, end=line.at, ending=line.type
                 )
     return [*bars_by_work.values()]
+
+
+def _service_type(line: Line) -> str:
+    return line.recipient.partition(".")[2]
+
+
+def _label(line: Line, *, named: bool) -> str:
+    """What the work is about: its first input, or what it restores. `named`: after its service type."""
+    inputs = [str(value) for value in line.body.get("inputs", {}).values()]
+    subject = inputs[0] if inputs else str(line.body.get("situation", "")).partition(" ")[0]
+    return f"{_service_type(line)} {subject}".strip() if named or not subject else subject
 
 
 def timeline_table(bars: Sequence[Bar], marks: Sequence[Mark], width: int = 64) -> Table:
@@ -87,7 +99,7 @@ def timeline_table(bars: Sequence[Bar], marks: Sequence[Mark], width: int = 64) 
     return table
 
 
-_LEFT_MARGIN, _TOP_MARGIN, _LANE, _CHART_WIDTH, _RIGHT_MARGIN = 130, 70, 44, 1100, 110
+_LEFT_MARGIN, _TOP_MARGIN, _LANE, _CHART_WIDTH, _RIGHT_MARGIN = 130, 70, 44, 1100, 140
 LETTER = 7.2
 """Maximum width of a letter, in pixels."""
 _STYLE = """

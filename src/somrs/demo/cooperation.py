@@ -1,8 +1,9 @@
 """Scenario 3: a goal that takes several devices and a person, none of which can achieve it alone.
 
 A person is to seal a jar on a table. Nobody knows where the jar is. The patrol robot offers to look for it on the condition that a door is
-open, so that a robot opens the door first. The jar is found and is too heavy for the cheaper robot; the other one carries it. The last
-step is done by a person, whose replies this program gives as the person's page would.
+open, so that a robot opens the door first. The jar is found on a scale. Nobody knows what it weighs, and the robots offer to carry it on
+the condition that it is light enough, so that the scale weighs it. It is too heavy for the cheaper robot; the other one carries it. The
+last step is done by a person, whose replies this program gives as the person's page would.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from rich.console import Console
 from somrs.client import people, terminal
 from somrs.client.client import Client
 from somrs.client.message_chart import chart
+from somrs.client.timeline import bars, svg, timeline_table
 from somrs.client.trace import Follower, Line
 from somrs.demo.picture_sheet import sheet
 from somrs.deployment.system import System
@@ -32,17 +34,23 @@ from somrs.protocol.messages.clients import Submit, TaskView
 from somrs.protocol.messages.events import EventKind
 from somrs.protocol.messages.frp import Outcome
 
-_JAR, _TABLE, _DOOR, _PERSON = "Jar004", "Table002", "Door001", "Anna"
+_JAR, _TABLE, _DOOR, _SCALE, _PERSON = "Jar004", "Table002", "Door001", "Scale001", "Anna"
 REQUEST = Submit(effect=f"{_JAR} isSealedBy {_PERSON} AND {_JAR} isOn {_TABLE}")
 _WEAK_ROBOT, _STRONG_ROBOT, _PATROL_ROBOT = "Robot1", "Robot2", "Patrol1"
 STEPS = {
     "A": "a robot has opened the door",
     "B": "the patrol robot sees the jar through the door",
-    "C": "robot 2 carries the jar",
-    "D": "the jar is on the table",
+    "C": "the scale has weighed the jar",
+    "D": "robot 2 carries the jar",
+    "E": "the jar is on the table",
 }
 """The pictures, by letter."""
-_LASTING = {"A": ("OpenDoor", _DOOR), "B": ("RecognizeSituation", _PATROL_ROBOT), "D": ("TransferObject", _JAR)}
+_LASTING = {
+    "A": ("OpenDoor", _DOOR),
+    "B": ("RecognizeSituation", _PATROL_ROBOT),
+    "C": ("WeighObject", _SCALE),
+    "E": ("TransferObject", _JAR),
+}
 """For the pictures of situations that last: the service type whose completion leads to them, and the subject."""
 _CARRIED = 0.5
 """Distance in metres for which the robot has carried the jar when the picture of its transport is taken."""
@@ -111,7 +119,7 @@ class _ScenarioPlayer:
         """Take the pictures. Without OpenGL, print a notice and return."""
         try:
             async with asyncio.TaskGroup() as pictures:
-                pictures.create_task(self._take_picture("C", _STRONG_ROBOT, robot=_STRONG_ROBOT, carried=_CARRIED))
+                pictures.create_task(self._take_picture("D", _STRONG_ROBOT, robot=_STRONG_ROBOT, carried=_CARRIED))
                 for letter, (service_type, subject) in _LASTING.items():
                     while not self.record.completed(service_type):
                         await asyncio.sleep(0.01)
@@ -143,6 +151,8 @@ async def perform(system: System, folder: Path, console: Console) -> int:
     (folder / "map-after.yaml").write_text(dump_site(ontology, map), encoding="utf-8")
     shutil.copy(system.data / "messages.jsonl", folder / "messages.jsonl")
     (folder / "messages.svg").write_text(chart([line for line in record.lines if line.type != "Progress"], "Scenario 3"), encoding="utf-8")
+    timeline_bars = bars(record.lines)
+    (folder / "timeline.svg").write_text(svg(timeline_bars, [], "Scenario 3: what nobody can do alone"), encoding="utf-8")
     checks = {
         "the task was accomplished": record.view.outcome is Outcome.ACCOMPLISHED,
         "the goal holds in the Repository": formula_holds(parse(REQUEST.effect), map, ontology),
@@ -150,13 +160,15 @@ async def perform(system: System, folder: Path, console: Console) -> int:
         **_checks_of_services(record),
     }
     console.print()
-    if pictures := sorted(folder.glob("[A-D].png")):
+    if pictures := sorted(folder.glob("[A-E].png")):
         sheet(pictures, STEPS, folder / "pictures.png")
         console.print(terminal.table("Pictures", ("file", "content"), ((picture.name, STEPS[picture.stem]) for picture in pictures)))
     completed = [line for line in record.lines if line.type == "Completed"]
     console.print(
         terminal.table("Completed steps", ("service", "situation"), ((line.sender, line.body["situation"]) for line in completed))
     )
+    console.print(terminal.steps("Steps", record.view.steps))
+    console.print(timeline_table(timeline_bars, []))
     console.print(terminal.outcome(record.view))
     console.print(terminal.table("Checks", ("", ""), ((check, "yes" if passed else "NO") for check, passed in checks.items())))
     console.print(f"It took {time.monotonic() - started:.0f} s. All files are in {folder}/")
@@ -168,6 +180,7 @@ def _checks_of_services(record: _ScenarioRecord) -> dict[str, bool]:
     lines = record.lines
     conditions = [line.body.get("condition") for line in lines if line.type == "Terms" and line.sender.startswith(f"{_PATROL_ROBOT}.")]
     refusals = _devices(line.sender for line in lines if line.type == "Refuse" and line.sender.endswith(".TransferObject"))
+    demands = {line.body.get("condition") for line in lines if line.type == "Terms" and line.sender.endswith(".TransferObject")}
     executions = [line.recipient.partition(".")[2] for line in lines if line.type == "Execute"]
     accepted = {line.participant for line in lines if line.type == "Accept"}
     released = {line.participant for line in lines if line.type in ("End", "Cancel")}
@@ -175,12 +188,15 @@ def _checks_of_services(record: _ScenarioRecord) -> dict[str, bool]:
         "the patrol robot demanded that the door is open, and a robot opened it": f"{_DOOR}.Open = TRUE" in conditions
         and bool(record.completed("OpenDoor")),
         "the patrol robot found the jar": record.completed("RecognizeSituation") == [_PATROL_ROBOT],
+        "the robots demanded that the jar is light enough, and the scale weighed it": demands
+        >= {f"{_JAR}.Weight <= {robot}.Payload" for robot in (_WEAK_ROBOT, _STRONG_ROBOT)}
+        and record.completed("WeighObject") == [_SCALE],
         "the jar is too heavy for one robot, and the other one carried it": _WEAK_ROBOT in refusals
         and record.completed("TransferObject") == [_STRONG_ROBOT],
         "the person was asked, and sealed the jar": record.replies == [ReplyKind.ACCEPT, ReplyKind.DONE]
         and record.completed("SealJar") == [_PERSON],
         "the steps came in the order that their preconditions demand": executions
-        == ["OpenDoor", "RecognizeSituation", "TransferObject", "SealJar"],
+        == ["OpenDoor", "RecognizeSituation", "WeighObject", "TransferObject", "SealJar"],
         "each participant with a contract was released": accepted <= released,
     }
 

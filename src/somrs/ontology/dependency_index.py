@@ -29,13 +29,14 @@ REQUIRED_NAMES: Mapping[Section, frozenset[str]] = {
             "Object", "PhysicalObject", "AbstractObject", "Storey", "Space",
             "BuildingElement", "Wall", "Floor", "Ceiling", "Window", "Passage", "Opening", "Door", "PoweredDoor", "Place", "Charger",
             "Furniture", "FurnitureLeg", "Support", "Cupboard", "Graspable",
-            "Device", "Person", "StationaryDevice", "Camera", "MobileRobot", "MobileManipulator", "PatrolRobot",
+            "Device", "Person", "StationaryDevice", "Scale", "Camera", "MobileRobot", "MobileManipulator", "PatrolRobot",
         )
     ),
     Section.SERVICES: frozenset(
         (
             "TransferObject", "RecognizeSituation", "MoveTo", "ChargeBattery",
-            "OpenDoor", "CloseDoor", "OpenCupboard", "CloseCupboard", "PutInto", "TakeOutOf", "LookAt", "LookInto",
+            "OpenDoor", "CloseDoor", "OpenCupboard", "CloseCupboard", "PutInto", "TakeOutOf", "WeighObject",
+            "LookAt", "LookInto",
         )
     ),
 }  # fmt: skip

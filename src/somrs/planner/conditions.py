@@ -13,12 +13,13 @@ from dataclasses import dataclass
 
 from msgspec import structs
 
-from somrs.entish import Comparison, Formula, Not, Relation, Term, Variable
-from somrs.entish.formula import conjunction, disjunction, substitute, substitute_term
+from somrs.entish import Attribute, Comparison, Formula, Name, Not, Relation, Term, Variable
+from somrs.entish.formula import conjunction, disjunction, substitute, substitute_term, terms
 from somrs.entish.parse import parse, parse_term
 from somrs.ontology.objects import Fact, FactAdded
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import RelationType
+from somrs.ontology.values import value_of
 from somrs.planner.model.plan import NoPlan, Plan, Step, describe_use
 from somrs.planner.model.problem import AvailableService, Problem, StepBid
 from somrs.planner.model.world import VALUES
@@ -89,6 +90,19 @@ class ConditionalUses:
             map=problem.map.changed(FactAdded(fact) for fact in dict.fromkeys(facts)),
             services=tuple(services),
             rest=tuple(self._rest()),
+        )
+
+    @property
+    def ask_to_know(self) -> bool:
+        """Whether a condition is about an attribute of which the map has no value, so that it may be a matter of knowledge."""
+        problem = self._problem
+        terms_of_conditions = (term for bid in problem.bids if bid.condition is not None for term in terms(bid.condition))
+        return any(
+            isinstance(term, Attribute)
+            and isinstance(term.owner, Name)
+            and term.owner.name in problem.map.objects
+            and value_of(term.owner.name, term.path, problem.map, problem.ontology) is None
+            for term in terms_of_conditions
         )
 
     def _rest(self) -> Iterator[Step]:

@@ -80,6 +80,8 @@ def plan_quickly(problem: Problem) -> Plan | NoPlan | None:
     if problem.recognises:
         return plan_recognition(problem)
     uses = ConditionalUses(problem)
+    if uses.ask_to_know:
+        return None
     try:
         expanded = expand_quantifiers(uses.problem)
     except Inexpressible as inexpressible:
@@ -115,7 +117,8 @@ def plan(
 ) -> Plan | NoPlan:
     """A plan that makes the goal true on the map, or why there is none. Prefers the rest of the previous plan if it is as short.
 
-    A plan that assumes what services have to tell first (`model/reading.py`) is the last resort.
+    A plan that assumes what services have to tell first (`model/reading.py`) is the last resort, unless services state conditions about
+    what is not known: then the better plan of both is taken.
     """
     if problem.recognises:
         return plan_recognition(problem)
@@ -124,19 +127,21 @@ def plan(
         expanded = expand_quantifiers(uses.problem)
     except Inexpressible as inexpressible:
         return _report_inexpressible(inexpressible)
-    return uses.translate(_plan_or_assume(expanded, _Engines(engine, numeric, improver, limit)))
+    return uses.translate(_plan_or_assume(expanded, _Engines(engine, numeric, improver, limit), ask_to_know=uses.ask_to_know))
 
 
-def _plan_or_assume(problem: Problem, engines: _Engines) -> Plan | NoPlan:
+def _plan_or_assume(problem: Problem, engines: _Engines, *, ask_to_know: bool) -> Plan | NoPlan:
     result = _plan_quickly(problem)
     if result is None:
         result = generalize_providers(problem, prefer_shorter(problem, _plan(problem, engines)))
-    if isinstance(result, Plan):
-        return with_alternatives(problem, result, plan)
-    for reading in optimistic(problem) if unmet_precondition(problem) is None else ():
-        if isinstance(optimistic_plan := _plan(reading, engines), Plan):
-            return generalize_providers(reading, optimistic_plan)
-    return result
+    if isinstance(result, NoPlan) or (ask_to_know and result.steps):
+        for reading in optimistic(problem) if unmet_precondition(problem) is None else ():
+            if isinstance(optimistic_plan := _plan(reading, engines), Plan):
+                assumed = generalize_providers(reading, optimistic_plan)
+                if isinstance(result, NoPlan) or best(reading, [result, assumed]) is assumed:
+                    return assumed
+                break
+    return result if isinstance(result, NoPlan) else with_alternatives(problem, result, plan)
 
 
 def _plan(problem: Problem, engines: _Engines) -> Plan | NoPlan:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 from lxml import etree
 
-from somrs.client.timeline import LETTER, Bar, Mark, svg
+from somrs.client.timeline import LETTER, Bar, Mark, bars, svg
+from somrs.client.trace import Line
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -30,3 +31,30 @@ def test_words_are_drawn_over_the_lines() -> None:
     words = [number for number, part in enumerate(drawn) if (part.text or "").endswith(("Carton001", "changes its mind"))]
     assert len(words) == 4
     assert min(words) > max(lines)
+
+
+def message(sender: str, type: str, recipient: str, at: float, participant: str, **body: object) -> Line:
+    return Line(
+        at=at,
+        sender=sender,
+        recipient=recipient,
+        type=type,
+        transaction="task-1",
+        participant=participant,
+        message_id=f"{sender} {type}",
+        relates_to=None,
+        body=body,
+    )
+
+
+def test_bars_are_labelled_by_what_the_work_is_about() -> None:
+    def work(service: str, **inputs: str) -> list[Line]:
+        return [
+            message("TaskManager", "Execute", service, 1.0, service, inputs=inputs),
+            message(service, "Completed", "TaskManager", 2.0, service, situation="Door001.Open = TRUE"),
+        ]
+
+    opening, sealing, charging = work("Robot1.OpenDoor", Door="Door001"), work("Anna.SealJar", Jar="Jar004"), work("Robot1.ChargeBattery")
+    assert [bar.label for bar in bars(opening)] == ["Door001"]
+    assert [bar.label for bar in bars(charging)] == ["ChargeBattery"]
+    assert [bar.label for bar in bars([*opening, *sealing, *charging])] == ["OpenDoor Door001", "SealJar Jar004", "ChargeBattery"]

@@ -6,8 +6,9 @@ import pytest
 
 from somrs.entish import Name, Number
 from somrs.entish.parse import parse
-from somrs.ontology.objects import Map, Object
-from somrs.ontology.services import Parameter, ServiceType
+from somrs.ontology.objects import Fact, FactAdded, Map, Object, ObjectAdded
+from somrs.ontology.services import Parameter, ServiceKind, ServiceType
+from somrs.ontology.types import ObjectType
 from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import AvailableService, Problem, StepBid
 from somrs.planner.model.validation import validate
@@ -149,3 +150,33 @@ def test_a_service_type_without_inputs() -> None:
     )
     assert steps(task) == [OPENED, f"Ring() if {DOOR_OPEN}"]
     assert LABEL.inputs
+
+
+WEIGH = ServiceType(
+    name="Weigh",
+    kind=ServiceKind.COGNITIVE,
+    inputs=(Parameter(name="Object", type="Graspable"),),
+    outputs=(Parameter(name="Weight", type="number"),),
+    effect="?Object.Weight = ?Weight",
+)
+
+
+@pytest.mark.parametrize(
+    ("helper", "expected"),
+    [
+        (2.0, ["TransferObject(Object: Parcel001, Destination: Shelf2)"]),
+        (20.0, ["Weigh(Object: Parcel001)", "TransferObject(Object: Parcel001, Destination: Shelf2) if Parcel001.Weight <= 2"]),
+    ],
+)
+def test_a_condition_about_what_is_not_known_is_found_out_if_that_is_better_than_doing_without(helper: float, expected: list[str]) -> None:
+    inputs = (("Object", Name("Parcel001")), ("Destination", Name("Shelf2")))
+    base = problem(carriers=("Robot1", "Robot2"))
+    task = Problem(
+        ontology=base.ontology.extended([ObjectType(name="Parcel", parent="Graspable")]),
+        map=base.map.changed([ObjectAdded(Object(name="Parcel001", type="Parcel")), FactAdded(Fact("isOn", ("Parcel001", "Shelf1")))]),
+        goal=parse("Parcel001 isOn Shelf2"),
+        services=(*base.services, AvailableService(WEIGH, ("Scale1",), (("Scale1", 1.0),))),
+        bids=(bid("Robot1", 5.0, "Parcel001.Weight <= 2", inputs), bid("Robot2", helper, None, inputs)),
+    )
+    assert plan_quickly(task) is None, "whether to find it out takes a comparison"
+    assert steps(task) == expected

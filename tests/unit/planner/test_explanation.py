@@ -309,8 +309,8 @@ def test_services_that_cannot_be_planned_with_are_named_where_they_matter_and_el
     assert near_reason.endswith("an effect with OR does not say what becomes true")
     reason = near_reason.partition("planned with: ")[2]
     assert near_result.undecided
-    far_result = refused(make_problem("Jar001.Weight = 1", doubtful_service))
-    assert far_result.separate_reasons == (f"Jar001.Weight = 1 {DENIED}", f"not considered: {reason}")
+    far_result = refused(make_problem("Jar001.Volume = 1", doubtful_service))
+    assert far_result.separate_reasons == (f"Jar001.Volume = 1 {DENIED}", f"not considered: {reason}")
     assert far_result.undecided
 
 

@@ -36,7 +36,18 @@ from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Definition, ObjectType, Value
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.frp import Fault
-from somrs.protocol.messages.knowledge import MapPage, QueryMap, ReadMap, Rejected, Rows, Updated, UpdateMap, by_kind
+from somrs.protocol.messages.knowledge import (
+    MapPage,
+    OntologyPage,
+    QueryMap,
+    ReadMap,
+    ReadOntology,
+    Rejected,
+    Rows,
+    Updated,
+    UpdateMap,
+    by_kind,
+)
 from somrs.protocol.messages.observations import Observation, Reception
 from somrs.service_manager.sdk.orders import Advance, Capability, Order, Profile
 from somrs.service_manager.sdk.values import fill_in, money, python_value, seconds
@@ -90,6 +101,19 @@ class MapReader:
 
     async def holds(self, formula: str | Formula) -> bool:
         return bool(await self.query(formula, limit=1))
+
+    async def service_type(self, name: str) -> ServiceType | None:
+        """Return the service type of the common ontology; None when it has none of this name."""
+        after, more = 0, True
+        while more:
+            page = await self._answer(ReadOntology(after=after))
+            if not isinstance(page, OntologyPage):
+                raise RemoteError(f"the Repository answered ReadOntology with {type(page).__name__}")
+            for service_type in page.definitions.services:
+                if service_type.name == name:
+                    return service_type
+            after, more = page.next, page.more
+        return None
 
     async def report(self, update: UpdateMap) -> Reception:
         """Change the map, and return what became of the report. Raises RemoteError when the Repository rejects it."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from somrs.devices.simulator.drivers.recognition import SEEN, sighting_parts
-from somrs.devices.simulator.drivers.simulated import metres
+from somrs.devices.simulator.drivers.simulated import number_of
 from somrs.devices.simulator.link.commands import Sighting
 from somrs.service_manager.sdk.device import Task
 from somrs.service_manager.sdk.orders import Refusal
@@ -20,8 +20,8 @@ async def point_at(task: Task, place: str) -> tuple[float, float, float]:
     if not rows:
         raise Refusal(f"the map does not say where {place} is")
     heights = await task.map.query(f"{place}.Shape.Height = ?Height", limit=1)
-    x, y, z = (metres(rows[0][axis]) for axis in "XYZ")
-    return x, y, z + (metres(heights[0]["Height"]) if heights else 0.0) + LOOK_HEIGHT
+    x, y, z = (number_of(rows[0][axis]) for axis in "XYZ")
+    return x, y, z + (number_of(heights[0]["Height"]) if heights else 0.0) + LOOK_HEIGHT
 
 
 def describe_things(place: str, sightings: Sequence[Sighting]) -> list[str]:

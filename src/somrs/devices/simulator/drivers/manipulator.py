@@ -6,22 +6,30 @@ and radians, rounded to three digits.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Coroutine, Iterable
 from dataclasses import dataclass
 
 from somrs.devices.simulator.drivers.opening import OpeningRobot
-from somrs.devices.simulator.drivers.simulated import format_number, is_of_type
+from somrs.devices.simulator.drivers.simulated import format_number, is_of_type, number_of, weights_of
 from somrs.devices.simulator.link.commands import CommandDone, Fault, ObjectState, RobotState
 from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.entish.formula import Attribute, Comparison, Formula, Name, Number, Relation, conjuncts
 from somrs.errors import RemoteError, UsageError
-from somrs.service_manager.sdk.device import Situation, Task, service
+from somrs.service_manager.sdk.device import Result, Situation, Task, service
 from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
 
 SUPPORTING = ("Support", "Floor", "Place", "StationaryDevice")
 """The types of objects on which things can be put."""
 HANDLING_TIME = 20.0
 """Time to grip a thing and to put it down, s."""
+WEIGHING_TIME = 15.0
+"""Time to grip a thing, to lift it a little and to release it, s."""
+KNOWN_WEIGHT = 0.1
+"""Difference between the measured weight of a thing and that on the map up to which it is not reported, kg."""
+
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,18 +51,41 @@ class Spot:
 
 
 async def _able(device: Manipulator, task: Task) -> None:
-    """Check that the robot works, and that the thing is not too heavy for it. Raises Refusal."""
+    """Check that the robot works, and that the thing is not too heavy for it. Raises Refusal.
+
+    Demands that a thing of which nobody knows the weight is light enough, so that it is weighed first.
+    """
+    object = await _able_to_take(device, task)
+    if await task.map.holds(f"{object}.Weight > {device.name}.Payload"):
+        (row, *_) = await task.map.query(f"{object}.Weight = ?Weight AND {device.name}.Payload = ?Payload")
+        raise Refusal(f"{object} is too heavy for {device.name}: it weighs {row['Weight']}, the payload is {row['Payload']}")
+    if await device.needs_weight(task, object):
+        task.demand(f"{object}.Weight <= {device.name}.Payload")
+
+
+async def _able_to_take(device: Manipulator, task: Task) -> str:
+    """The thing that the task is about, after a check that the robot works, and that its gripper is free. Raises Refusal."""
     state = await device.check_able(task)
     object = str(task.inputs["Object"])
     if state.holding not in (None, object, device.carrying):
         raise Refusal(f"{device.name} holds {state.holding}", not_now=True)
-    if await task.map.holds(f"{object}.Weight > {device.name}.Payload"):
-        (row, *_) = await task.map.query(f"{object}.Weight = ?Weight AND {device.name}.Payload = ?Payload")
-        raise Refusal(f"{object} is too heavy for {device.name}: it weighs {row['Weight']}, the payload is {row['Payload']}")
+    return object
+
+
+async def _able_to_weigh(device: Manipulator, task: Task) -> None:
+    await _able_to_take(device, task)
 
 
 async def _price(device: Manipulator, task: Task) -> float | str:
     return await device.price(task, sum(await device.legs(task)) if device.price_per_metre else 0.0)
+
+
+async def _weighing_price(device: Manipulator, task: Task) -> float | str:
+    return await device.price(task, await device.way_to_thing(task) if device.price_per_metre else 0.0)
+
+
+async def _weighing_time(device: Manipulator, task: Task) -> float:
+    return round(WEIGHING_TIME + await device.driving_time(task, await device.way_to_thing(task)), 1)
 
 
 async def _duration(device: Manipulator, task: Task) -> float:
@@ -74,7 +105,10 @@ class Manipulator(OpeningRobot):
         self._last_observations: dict[str, ObjectState] = {}
         self.carrying: str | None = None
         """The thing that it fetches or carries."""
+        self._weights: dict[str, float] = {}
+        """What the arm has measured of the things that it lifted last, kg."""
         await super().open()
+        self._weighs = await self.map.service_type("WeighObject") is not None
 
     async def legs(self, task: Task) -> tuple[float, float]:
         """Driving distances to the thing, and from there to its destination, m. Raises Refusal when there is no path."""
@@ -111,9 +145,42 @@ class Manipulator(OpeningRobot):
     async def take_out(self, task: Task) -> Situation:
         return await self._carry(task, str(task.inputs["Object"]), Spot(support=str(task.inputs["Destination"])))
 
+    @service("WeighObject", price=_weighing_price, duration=_weighing_time, able=_able_to_weigh)
+    async def weigh(self, task: Task) -> Result:
+        """Lift the thing a little, and leave it where it is."""
+        object = str(task.inputs["Object"])
+        self._forget(object)
+        note = f"lifts {object} a little, to weigh it"
+        try:
+            command = self.retry_when_link_lost(lambda: self._run_and_record(self._link.weigh(object)))
+            done = await self._driving(task, command, 0.05, 0.95, note)
+        except RobotGaveUp as failure:
+            raise ServiceFailed(failure.description, await self._release_after_failure(failure, object)) from failure
+        weight = weights_of(done.object_states)[object]
+        situation = " AND ".join([f"{object}.Weight = {format_number(weight)}", *await self.whereabouts(task, done.state)])
+        return Result(outputs={"Weight": weight}, situation=situation)
+
+    @weigh.compensation
+    async def keep_weight(self, task: Task, situation: Formula) -> Situation:
+        """A measurement leaves nothing to undo."""
+        return await self._commanded(task, lambda: self._link.status())
+
+    async def way_to_thing(self, task: Task) -> float:
+        """The driving distance to the thing that is to be weighed, m. Raises Refusal when there is no path."""
+        object = str(task.inputs["Object"])
+        (way,) = await self._distances(task, object)
+        if way is None:
+            raise Refusal(f"{self.name} finds no path to {object}")
+        return way
+
+    async def needs_weight(self, task: Task, object: str) -> bool:
+        """Whether nobody knows what the thing weighs, and a service could find out before it is taken."""
+        return self._weighs and await task.map.holds(f"{object} isOn ?Place") and not await task.map.holds(f"{object}.Weight = ?Weight")
+
     @transfer.stopping
     @put_into.stopping
     @take_out.stopping
+    @weigh.stopping
     async def stop_and_put_down(self, task: Task) -> Situation:
         """Stop, put down what is held, and report the resulting situation."""
         object = str(task.inputs["Object"])
@@ -141,14 +208,17 @@ class Manipulator(OpeningRobot):
         return await self._carry(task, object, spot)
 
     async def _carry(self, task: Task, object: str, target: Spot) -> Situation:
-        self._last_observations.pop(object, None)
+        self._forget(object)
         self.carrying = object
         try:
             result = await self.retry_when_link_lost(lambda: self._carry_out_transfer(task, object, target))
         except RobotGaveUp as failure:
-            raise ServiceFailed(failure.description, await self._release_after_failure(failure, object)) from failure
+            situation = await self._release_after_failure(failure, object)
+            await self._report_weight(task, object)
+            raise ServiceFailed(failure.description, situation) from failure
         finally:
             self.carrying = None
+        await self._report_weight(task, object)
         object_state = self._last_observations.get(object)
         situation = self._situation(result.state, object, (), on_first=True)
         seen = Spot() if object_state is None else Spot(support=object_state.support, container=object_state.container)
@@ -186,11 +256,31 @@ class Manipulator(OpeningRobot):
                 state, object_states = second_failure.state or state, second_failure.object_states
         return self._situation(state, object, object_states)
 
+    async def _report_weight(self, task: Task, object: str) -> None:
+        """Report what the thing weighs, if the arm has lifted it and the map says something else or nothing."""
+        weight = self._weights.get(object)
+        rows = await task.map.query(f"{object}.Weight = ?Weight", limit=1) if weight is not None else []
+        if weight is None or any(abs(number_of(row["Weight"]) - weight) <= KNOWN_WEIGHT for row in rows):
+            return
+        try:
+            await self.report(f"{object}.Weight = {format_number(weight)}")
+        except RemoteError as error:  # things of its type cannot weigh as much
+            log.warning("%s: what %s weighs cannot be put on the map: %s", self.name, object, error)
+
     async def _run_and_record(self, command: Coroutine[object, object, CommandDone]) -> CommandDone:
-        """Carry out a command, and record the observed positions."""
+        """Carry out a command, and record the observed positions and weights."""
         result = await command
-        self._last_observations.update({object_state.object: object_state for object_state in result.object_states})
+        self._record(result.object_states)
         return result
+
+    def _forget(self, object: str) -> None:
+        self._last_observations.pop(object, None)
+        self._weights.pop(object, None)
+
+    def _record(self, object_states: Iterable[ObjectState]) -> None:
+        states = {object_state.object: object_state for object_state in object_states}
+        self._last_observations.update(states)
+        self._weights.update(weights_of(states.values()))
 
     def _situation(self, state: RobotState | None, object: str, object_states: Iterable[ObjectState], *, on_first: bool = False) -> str:
         """The situation: the known state of the thing and of the robot. `on_first`: the support of the thing comes before its position.
@@ -199,7 +289,7 @@ class Manipulator(OpeningRobot):
         """
         if self._link.silent:
             return self._out_of_order()
-        self._last_observations.update({object_state.object: object_state for object_state in object_states})
+        self._record(object_states)
         parts: list[str] = []
         thing = self._last_observations.get(object)
         if state is not None and state.holding == object:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Awaitable, Callable, Iterable
 
 from somrs.devices.simulator.drivers.looking import describe_things, point_at
-from somrs.devices.simulator.drivers.simulated import SimulatedDevice, metres
+from somrs.devices.simulator.drivers.simulated import SimulatedDevice, number_of
 from somrs.devices.simulator.link.commands import CommandDone, ObjectState, RobotState
 from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.devices.simulator.motion.robot import CHARGING
@@ -195,8 +195,8 @@ class MobileRobot(SimulatedDevice):
         """The objects of a type with a position; their radius is 0 if the map states none."""
         position = "?It.PositionX = ?X AND ?It.PositionY = ?Y"
         rows = await task.map.query(f"?It: {kind} = ?It AND {position}")
-        radii = {str(row["It"]): metres(row["Radius"]) for row in await task.map.query(f"?It: {kind}.Shape.Radius = ?Radius")}
-        return [Spot(str(row["It"]), metres(row["X"]), metres(row["Y"]), radii.get(str(row["It"]), 0.0)) for row in rows]
+        radii = {str(row["It"]): number_of(row["Radius"]) for row in await task.map.query(f"?It: {kind}.Shape.Radius = ?Radius")}
+        return [Spot(str(row["It"]), number_of(row["X"]), number_of(row["Y"]), radii.get(str(row["It"]), 0.0)) for row in rows]
 
     async def _distances(self, task: Task, stop: Spot | str) -> tuple[float | None, ...]:
         """The driving distance to a place or an object, m; None if there is no path. Raises Refusal."""

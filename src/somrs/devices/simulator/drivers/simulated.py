@@ -8,10 +8,10 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
-from collections.abc import Awaitable, Callable, Coroutine
+from collections.abc import Awaitable, Callable, Coroutine, Iterable
 from typing import TypeVar
 
-from somrs.devices.simulator.link.commands import CommandDone, Fault, RobotState
+from somrs.devices.simulator.link.commands import CommandDone, Fault, ObjectState, RobotState
 from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.devices.simulator.link.lines import Legs
 from somrs.devices.simulator.link.link import RobotLink
@@ -216,11 +216,16 @@ async def is_of_type(task: Task, object: str, kind: str) -> bool:
         return False
 
 
-def metres(value: Value) -> float:
-    """A length from the map, in metres. The Repository returns it in the attribute's unit, with or without the unit's name."""
+def number_of(value: Value) -> float:
+    """A number from the map, such as a length in metres, which the Repository returns with or without the attribute's unit."""
     quantity = term(str(value))
-    assert isinstance(quantity, Number), "a length is a number"
+    assert isinstance(quantity, Number), "a quantity is a number"
     return quantity.value
+
+
+def weights_of(object_states: Iterable[ObjectState]) -> dict[str, float]:
+    """The weights that were measured, kg, by the names of the things."""
+    return {state.object: round(state.weight, 3) for state in object_states if state.weight is not None}
 
 
 def format_number(value: float) -> str:

@@ -67,6 +67,12 @@ class PutDown(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
     """Put the held object down within reach of the current position, and release it. Works without the drive."""
 
 
+class Weigh(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
+    """Measure what the object weighs: a robot lifts it a little, after driving within reach; a scale weighs what stands on it alone."""
+
+    object: str
+
+
 class Likeness(Struct, frozen=True, kw_only=True):
     """What an object that is looked for looks like: its type, of which subtypes and super-types count too, and attributes by path."""
 
@@ -115,7 +121,7 @@ class Status(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
     """Report the current state."""
 
 
-Command = DriveTo | Approach | Grip | Place | Insert | Open | Close | Charge | PutDown | Sense | LookAt | LookAround | Stop | Status
+Command = DriveTo | Approach | Grip | Place | Insert | Open | Close | Charge | PutDown | Weigh | Sense | LookAt | LookAround | Stop | Status
 
 
 class Fault(StrEnum):
@@ -158,6 +164,8 @@ class ObjectState(Struct, frozen=True, kw_only=True):
     container: str | None = field(default=None, name="in")
     open: bool | None = None
     """Whether a door or a container stands open."""
+    weight: float | None = None
+    """What it weighs, kg, if the command has lifted or weighed it."""
 
 
 class Sighting(Struct, frozen=True, kw_only=True):
@@ -193,7 +201,7 @@ class CommandGivenUp(Struct, frozen=True, kw_only=True):
     """A command was given up. `reason` is for programs, `description` for people.
 
     Reasons: `drive-dead`, `battery-empty`, `gripper-stuck`, `blocked` (no free path at present), `unreachable` (no path at all),
-    `slipped` (the object is not in the gripper), `unknown-object`, `not-holding`, `holding`, `no-space`,
+    `slipped` (the object is not in the gripper), `too-heavy`, `unknown-object`, `not-holding`, `holding`, `no-space`,
     `shut` (the container), `stopped`, `not-possible`.
     """
 

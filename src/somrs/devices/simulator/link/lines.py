@@ -126,13 +126,20 @@ class Move(Struct, frozen=True, kw_only=True, tag="move", tag_field="ask"):
     yaw: float = 0.0
 
 
+class SetWeight(Struct, frozen=True, kw_only=True, tag="weight", tag_field="ask"):
+    """Give an object another weight, in kg. The map does not learn of it."""
+
+    object: str
+    weight: Annotated[float, Meta(gt=0)]
+
+
 class Follow(Struct, frozen=True, kw_only=True, tag="poses", tag_field="ask"):
     """Subscribe to the poses of everything that can move, at most `rate` lines per second of real time; 0 ends the subscription."""
 
     rate: Annotated[float, Meta(ge=0)] = 20.0
 
 
-Question = Break | Repair | Look | Robots | Clock | Picture | Ways | Idle | Move | Follow
+Question = Break | Repair | Look | Robots | Clock | Picture | Ways | Idle | Move | SetWeight | Follow
 
 
 class Ask(Struct, frozen=True, kw_only=True, tag="ask", tag_field="say"):

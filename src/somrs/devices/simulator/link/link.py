@@ -31,6 +31,7 @@ from somrs.devices.simulator.link.commands import (
     Sense,
     Status,
     Stop,
+    Weigh,
 )
 from somrs.devices.simulator.link.connection import Link, RobotGaveUp
 from somrs.devices.simulator.link.lines import (
@@ -54,6 +55,7 @@ from somrs.devices.simulator.link.lines import (
     Repair,
     Robots,
     ServerLine,
+    SetWeight,
     State,
     Unheard,
     encode_line,
@@ -137,6 +139,9 @@ class RobotLink(Link):
 
     async def put_down_object(self) -> CommandDone:
         return await self.command(PutDown())
+
+    async def weigh(self, object: str) -> CommandDone:
+        return await self.command(Weigh(object=object))
 
     async def sense(self, radius: float | None = None, like: Likeness | None = None) -> CommandDone:
         return await self.command(Sense(radius=radius, like=like))
@@ -259,6 +264,10 @@ class OperatorLink(Link):
     async def move(self, object: str, x: float, y: float, z: float, yaw: float = 0.0) -> None:
         """Move an object to another pose without a robot."""
         await self._ask(Move(object=object, x=x, y=y, z=z, yaw=yaw))
+
+    async def set_weight(self, object: str, weight: float) -> None:
+        """Give an object another weight in kg, of which the map does not learn."""
+        await self._ask(SetWeight(object=object, weight=weight))
 
     async def poses(self, rate: float = 20.0) -> AsyncGenerator[Poses, None]:
         """Yield the poses of everything that can move, then the changes. The first line has the `movers`. A slow caller gets merged lines.

@@ -30,6 +30,10 @@ from somrs.devices.simulator.world.solids import Point, Role, Solid
 
 SLOWLY = 0.08
 """Speed at which the hand descends the last centimetres, m/s."""
+HEAVE = 0.02
+"""Height to which a thing is lifted to find out its weight, m."""
+LOAD_RESOLUTION = 0.05
+"""Resolution of the weights that an arm measures, kg."""
 CLEAR = 0.03
 """Vertical clearance when the hand or a held thing passes above an obstacle, m."""
 
@@ -169,7 +173,43 @@ def _claim_arm(robot: Robot, spot: Point) -> Routine:
 
 
 def pick(robot: Robot, thing: str) -> Routine:
-    """Grip a thing that is within reach. Raises GivenUp."""
+    """Grip a thing that is within reach. Raises GivenUp, also if the thing turns out to be too heavy; it is then where it was."""
+    x, y, z, _ = robot.scene.pose(thing)
+    container = robot.scene.container_at(x, y, z)
+    yield from _take(robot, thing)
+    yield from _lift_a_little(robot, thing)
+    if robot.weighed[thing] > robot.solid.payload:
+        yield from _let_down(robot, thing)
+        weight, payload = robot.weighed[thing], robot.solid.payload
+        raise GivenUp("too-heavy", f"{thing} weighs {weight:g} kg, which is too heavy for {robot.name}; its payload is {payload:g} kg")
+    yield from robot.arm(lift=_lift_over(robot, (x, y), z, container))
+    yield from withdraw(robot)
+    if robot.holding != thing:
+        raise GivenUp("slipped", f"{thing} is no longer in the gripper of {robot.name}")
+
+
+def weigh(robot: Robot, thing: str) -> Routine:
+    """Find out what a thing within reach weighs, and leave it where it is. Raises GivenUp."""
+    yield from _take(robot, thing)
+    yield from _lift_a_little(robot, thing)
+    yield from _let_down(robot, thing)
+
+
+def _lift_a_little(robot: Robot, thing: str) -> Routine:
+    """Lift a thing that is held so far that it stands on nothing, and measure its weight."""
+    yield from robot.arm(lift=robot.joints["lift"] + HEAVE)
+    weight = robot.scene.world.solids[thing].weight
+    robot.weighed[thing] = round(weight / LOAD_RESOLUTION) * LOAD_RESOLUTION
+
+
+def _let_down(robot: Robot, thing: str) -> Routine:
+    """Lower a thing that was lifted a little, release it, and withdraw the arm."""
+    yield from _lower(robot, thing, robot.joints["lift"] - 2 * HEAVE)
+    yield from _release(robot, thing)
+
+
+def _take(robot: Robot, thing: str) -> Routine:
+    """Close the fingers around a thing that is within reach. Raises GivenUp."""
     scene, solid = robot.scene, robot.scene.world.solids[thing]
     robot.need_gripper()
     yield from _claim_arm(robot, scene.pose(thing)[:2])
@@ -194,10 +234,6 @@ def pick(robot: Robot, thing: str) -> Routine:
     yield from robot.arm(lift=tip + robot.size.hang)
     yield from _close(robot, thing)
     scene.hold(robot.name, thing)
-    yield from robot.arm(lift=_lift_over(robot, (x, y), z, container))
-    yield from withdraw(robot)
-    if robot.holding != thing:
-        raise GivenUp("slipped", f"{thing} is no longer in the gripper of {robot.name}")
 
 
 def _grasp_angle(robot: Robot, thing: str, container: Solid | None) -> tuple[float, float]:
@@ -298,6 +334,11 @@ def _put_on_spot(robot: Robot, spot: Point, top: float, container: Solid | None 
     underside = top - robot.solid.z + robot.size.hang + _drop(robot)
     yield from robot.arm(lift=underside + 0.02)
     yield from _lower(robot, thing, underside - 0.02)
+    yield from _release(robot, thing)
+
+
+def _release(robot: Robot, thing: str) -> Routine:
+    """Release a thing that stands, wait until it is at rest, and withdraw the arm."""
     robot.need_gripper()
     robot.scene.release(robot.name)
     yield from _open_clear(robot)

@@ -70,6 +70,8 @@ class Robot:
         self.arm_claim: Capsule | None = None
         self.sweep_claim: Capsule | None = None
         """The space through which a door moves that this robot opens or closes."""
+        self.weighed: dict[str, float] = {}
+        """The weights that the arm has measured during the current command, kg, by the names of the things."""
         self.charge = min(max(solid.charge, 0.0), 100.0)
         """Charge of the battery, percent."""
         self.asking_robot: Robot | None = None

@@ -19,9 +19,21 @@ from somrs.devices.simulator.link.commands import (
     Place,
     PutDown,
     Stop,
+    Weigh,
 )
 from somrs.devices.simulator.motion.driving import drive_to
-from somrs.devices.simulator.motion.handling import get_within_reach, let_go, pick, place, put_into, set_down, spots_on, top_of, withdraw
+from somrs.devices.simulator.motion.handling import (
+    get_within_reach,
+    let_go,
+    pick,
+    place,
+    put_into,
+    set_down,
+    spots_on,
+    top_of,
+    weigh,
+    withdraw,
+)
 from somrs.devices.simulator.motion.leaves import move_leaves
 from somrs.devices.simulator.motion.placement import outline_spots
 from somrs.devices.simulator.motion.robot import CHARGING, PERIOD, GivenUp, Robot, Routine, stand
@@ -41,6 +53,8 @@ def make_routine(command: Command, robot: Robot, scene: Scene, observations: dic
             return _approach(robot, scene, name)
         case Grip(object=name):
             return _grip(robot, scene, name)
+        case Weigh(object=name):
+            return _weigh(robot, scene, name)
         case Place():
             return _place(robot, scene, command)
         case Insert(container=name):
@@ -68,7 +82,7 @@ def _stop(robot: Robot) -> Routine:
 def concerned_objects(command: Command, robot: Robot) -> tuple[str, ...]:
     """The objects whose states the robot reports at the end of a command."""
     match command:
-        case Approach(object=name) | Grip(object=name) | Open(object=name) | Close(object=name):
+        case Approach(object=name) | Grip(object=name) | Weigh(object=name) | Open(object=name) | Close(object=name):
             return (name,)
         case Place() | Insert() | PutDown() if robot.holding is not None:
             return (robot.holding,)
@@ -107,6 +121,17 @@ def _charge(robot: Robot, scene: Scene) -> Routine:
 
 
 def _grip(robot: Robot, scene: Scene, name: str) -> Routine:
+    yield from _reach_for(robot, scene, name)
+    yield from pick(robot, name)
+
+
+def _weigh(robot: Robot, scene: Scene, name: str) -> Routine:
+    yield from _reach_for(robot, scene, name)
+    yield from weigh(robot, name)
+
+
+def _reach_for(robot: Robot, scene: Scene, name: str) -> Routine:
+    """Drive to where a thing that the robot could take is within reach. Raises GivenUp."""
     _need_a_gripper(robot)
     solid = _solid(scene, name)
     if robot.holding is not None:
@@ -119,7 +144,6 @@ def _grip(robot: Robot, scene: Scene, name: str) -> Routine:
     robot.need_gripper()
     container = _container_of(scene, name)
     yield from get_within_reach(robot, name, lambda: _spot_of(scene, name), scene.pose(name)[2], [name], container)
-    yield from pick(robot, name)
 
 
 def _place(robot: Robot, scene: Scene, command: Place) -> Routine:

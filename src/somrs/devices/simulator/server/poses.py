@@ -13,13 +13,10 @@ import numpy.typing as npt
 
 from somrs.devices.simulator.link.commands import Fault, RobotState
 from somrs.devices.simulator.link.lines import Mover, Poses, RobotStatus
-from somrs.devices.simulator.motion.door_drive import DoorDrive
-from somrs.devices.simulator.motion.robot import Robot
-from somrs.devices.simulator.server.simulation import Simulation
+from somrs.devices.simulator.server.simulation import Linked, Simulation
 from somrs.devices.simulator.world.chassis import ARM_SEEN, BASE_JOINTS
 from somrs.devices.simulator.world.distances import Array
 from somrs.devices.simulator.world.solids import Role
-from somrs.devices.simulator.world.vision import StationaryCamera
 
 Flags = npt.NDArray[np.bool_]
 
@@ -90,7 +87,7 @@ def _is_same_charge(first: float | None, second: float | None) -> bool:
     return first == second if first is None or second is None else abs(first - second) < SMALLEST_CHARGE
 
 
-def _faults(device: Robot | StationaryCamera | DoorDrive) -> tuple[Fault, ...]:
+def _faults(device: Linked) -> tuple[Fault, ...]:
     return tuple(sorted(device.faults))
 
 
@@ -104,14 +101,12 @@ def _angles(turns: Array) -> Array:
 
 
 def robot_statuses(simulation: Simulation) -> dict[str, RobotStatus]:
-    """The current status of each robot, camera and powered door, by name."""
+    """The current status of each device with a robot link, by name."""
     held = simulation.scene.held
-    robots = {
-        name: RobotStatus(holding=held.get(name), activity=robot.activity, faults=_faults(robot))
-        for name, robot in simulation.robots.items()
+    return {
+        name: RobotStatus(holding=held.get(name), activity=device.activity, faults=_faults(device))
+        for name, device in simulation.linked.items()
     }
-    drives = {name: RobotStatus(activity=drive.activity, faults=_faults(drive)) for name, drive in simulation.drives.items()}
-    return {**robots, **{name: RobotStatus(faults=_faults(camera)) for name, camera in simulation.cameras.items()}, **drives}
 
 
 class PoseSubscription:

@@ -35,6 +35,7 @@ from somrs.devices.simulator.link.lines import (
     Refused,
     Repair,
     Robots,
+    SetWeight,
     Ways,
     Welcome,
     read_by_server,
@@ -263,6 +264,8 @@ class Server:
             case Ways(robot=robot, stops=stops, situation=situation):
                 legs = find_legs(self.simulation, robot, stops, situation)
                 answer = Answer(id=id, lengths=legs.lengths, shut=legs.shut)
+            case SetWeight(object=name, weight=weight):
+                self.simulation.set_weight(name, weight)
             case Move(object=name, x=x, y=y, z=z, yaw=yaw):
                 self.simulation.move(name, x, y, z, yaw)
             case Follow(rate=rate):

@@ -11,6 +11,8 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from msgspec import structs
+
 from somrs.devices.simulator.link.commands import (
     Command,
     CommandDone,
@@ -34,6 +36,7 @@ from somrs.devices.simulator.world.recognition import landmarks, sightings
 from somrs.devices.simulator.world.scene import RESTING, Scene
 from somrs.devices.simulator.world.solids import Role, Solid, solid_of
 from somrs.devices.simulator.world.vision import StationaryCamera, view
+from somrs.devices.simulator.world.weighing_scale import WeighingScale
 from somrs.devices.simulator.world.world import STEP
 from somrs.errors import UsageError
 from somrs.ontology.objects import Map, Object, ObjectAdded, ObjectRemoved, ValueSet
@@ -45,6 +48,8 @@ NO_DOORS: Doors = frozenset()
 MOST_NAVIGATORS = 16
 """The number of navigators to keep, of all levels and states of doors."""
 
+Linked = Robot | StationaryCamera | DoorDrive | WeighingScale
+"""A device with a robot link."""
 OnEnd = Callable[[CommandDone | CommandGivenUp], None]
 
 
@@ -73,15 +78,16 @@ class Simulation:
         self.cameras: dict[str, StationaryCamera] = {}
         self.drives: dict[str, DoorDrive] = {}
         """The powered doors."""
-        self.linked: Mapping[str, Robot | StationaryCamera | DoorDrive] = ChainMap[str, Any](self.cameras, self.drives, self.robots)
-        """Everything with a robot link: robots, cameras and powered doors."""
+        self.scales: dict[str, WeighingScale] = {}
+        self.linked: Mapping[str, Linked] = ChainMap[str, Any](self.cameras, self.drives, self.scales, self.robots)
+        """Everything with a robot link."""
         self._work: dict[str, _Work] = {}
         self._dropped: dict[str, str] = {}
         self._pulled: set[str] = set()
         """The leaves that robots held by their handles in the last period."""
         self._last_motion = 0.0
         """Simulated time of the last motion that was observed."""
-        for solid in self.scene.world.by_role(Role.ROBOT, Role.CAMERA, Role.DOOR):
+        for solid in [*self.scene.world.solids.values()]:
             self._add_linked(solid)
 
     @property
@@ -166,6 +172,9 @@ class Simulation:
                 )
             )
             return
+        if isinstance(device, WeighingScale):
+            on_end(device.command(command))
+            return
         running = self._work.get(robot)
         reflex = running is not None and (running.command is None or running.failure is not None) and Fault.DRIVE in device.faults
         if not reflex:
@@ -174,6 +183,7 @@ class Simulation:
             on_end(CommandDone(state=device.state()))
             return
         observations: dict[str, ObjectState] = {}
+        device.weighed.clear()
         routine, touched = make_routine(command, device, self.scene, observations), concerned_objects(command, device)
         if reflex and running is not None:
             self._end_callback_only(robot)
@@ -237,7 +247,7 @@ class Simulation:
         observed = [state for name, state in work.observations.items() if name in self.scene.world.solids]
         object_states = (
             *landmarks(self.scene, observed),
-            *(self.observe(name) for name in touched if name in self.scene.world.solids),
+            *(structs.replace(self.observe(name), weight=device.weighed.get(name)) for name in touched if name in self.scene.world.solids),
         )
         like = work.command.like if isinstance(work.command, LookAt | LookAround) else None
         seen = sightings(self.scene, device.name, observed, like)
@@ -332,6 +342,7 @@ class Simulation:
             del self.robots[name]
         self.cameras.pop(name, None)
         self.drives.pop(name, None)
+        self.scales.pop(name, None)
         if solid is not None:
             self.scene.remove(name)
         if name in self._map.objects:
@@ -344,14 +355,14 @@ class Simulation:
         old, new = self.scene.world.solids.get(object.name), solid_of(object, self._ontology)
         if old is None or new is None:
             return old is new
-        new = replace(new, x=old.x, y=old.y, z=old.z, yaw=old.yaw)
+        new = replace(new, x=old.x, y=old.y, z=old.z, yaw=old.yaw, weight=old.weight)
         if replace(new, type=old.type) != old:
             return False
         self.scene.world.solids[object.name] = new
         return True
 
     def rename(self, name: str, object: Object) -> None:
-        """Rename an object. A thing keeps its pose, and the robot that holds it."""
+        """Rename an object. A thing keeps its pose, its weight, and the robot that holds it."""
         solid = self.scene.world.solids.get(name)
         if solid is None or solid.role is not Role.THING:
             self.remove(name)
@@ -366,6 +377,7 @@ class Simulation:
         self.add(object)
         if object.name in self.scene.things():
             self.scene.place_thing(object.name, x, y, z, yaw)
+            self.scene.set_weight(object.name, solid.weight)
             if holder is not None:
                 self.scene.hold(holder, object.name)
 
@@ -390,11 +402,20 @@ class Simulation:
             raise UsageError(f"{thing} is not a thing in the simulated world that can be moved")
         self.scene.place_thing(thing, x, y, z, yaw)
 
+    def set_weight(self, thing: str, weight: float) -> None:
+        """Give a thing another weight in kg, of which the map does not know. Raises UsageError."""
+        solid = self.scene.world.solids.get(thing)
+        if solid is None or solid.role is not Role.THING:
+            raise UsageError(f"{thing} is not a thing in the simulated world")
+        self.scene.set_weight(thing, weight)
+
     def _add_linked(self, solid: Solid) -> None:
         if solid.role is Role.CAMERA:
             self.cameras[solid.name] = StationaryCamera(solid, self.scene)
         elif solid.powered:
             self.drives[solid.name] = DoorDrive(solid, self.scene, self.robots)
+        elif solid.scale:
+            self.scales[solid.name] = WeighingScale(solid, self.scene)
         elif solid.role is Role.ROBOT:
             self.robots[solid.name] = Robot(solid, self.scene, self._navigator(solid.z), self.robots)
 
@@ -419,7 +440,7 @@ class Simulation:
         for robot in self.robots.values():
             robot.navigator = self._navigator(robot.solid.z)
 
-    def _linked(self, name: str) -> Robot | StationaryCamera | DoorDrive:
+    def _linked(self, name: str) -> Linked:
         if name not in self.linked:
             raise UsageError(f"{name} is not a robot in the simulated world; there are {', '.join(self.linked) or 'none'}")
         return self.linked[name]

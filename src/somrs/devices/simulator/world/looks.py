@@ -196,6 +196,7 @@ _DRAWINGS: dict[str, Draw] = {
     "Cupboard": _cupboard,
     "Shelf": _shelf,
     "Platform": _platform,
+    "Scale": _platform,
     "Chair": _chair,
     "Plant": _plant,
     "Door": _door,

@@ -172,6 +172,13 @@ class Scene:
         self._disturb()
         mujoco.mj_forward(self.model, self.data)
 
+    def set_weight(self, thing: str, weight: float) -> None:
+        """Give a thing another weight, kg."""
+        if weight != self.world.solids[thing].weight:
+            self.world.set_weight(thing, weight)
+            self._recompile()
+            mujoco.mj_forward(self.model, self.data)
+
     # Doors and containers
 
     def leaves(self, owner: str) -> tuple[Leaf, ...]:

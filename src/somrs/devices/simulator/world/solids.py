@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from itertools import pairwise
 
@@ -13,6 +13,8 @@ from somrs.ontology.objects import Object
 from somrs.ontology.types import ABSTRACT, Ontology, Value
 
 Point = tuple[float, float]
+DENSITY = 1000.0
+"""Mass of a cubic metre of a thing of which the map states no weight, kg: that of water."""
 SIGHT = 4.0
 """Range of a camera for which the map states none, m."""
 
@@ -80,6 +82,11 @@ class Solid:
     outline: tuple[Point, ...] = ()
     color: str | None = None
     weight: float = 0.3
+    """What it truly weighs, kg. The map may not know, or be mistaken."""
+    payload: float = math.inf
+    """Weight of the heaviest thing that it lifts, kg."""
+    scale: bool = False
+    """Whether it weighs what stands on it."""
     open: bool = False
     powered: bool = False
     """Whether it is a door with a drive."""
@@ -102,6 +109,17 @@ class Solid:
     @property
     def top(self) -> float:
         return self.z + self.height
+
+    @property
+    def volume(self) -> float:
+        """Of the prism, m³."""
+        match self.form:
+            case "Box":
+                return self.width * self.depth * self.height
+            case "Polygon":
+                corners = zip(self.outline, (*self.outline[1:], self.outline[0]), strict=True)
+                return abs(sum(ax * by - bx * ay for (ax, ay), (bx, by) in corners)) / 2 * self.height
+        return math.pi * self.radius**2 * self.height
 
     @property
     def extent(self) -> float:
@@ -190,7 +208,9 @@ def solid_of(object: Object, ontology: Ontology) -> Solid | None:
         height=number("Shape.Height"),
         outline=_outline(object.name, str(value("Shape.Outline") or "")) if form == "Polygon" else (),
         color=None if color is None else str(color),
-        weight=number("Weight", 0.3),
+        weight=number("Weight"),
+        payload=number("Payload", math.inf),
+        scale=ontology.is_subtype(object.type, "Scale"),
         open=bool(value("Open")),
         powered=role is Role.DOOR and ontology.driver(object.type) is not None,
         charger=ontology.is_subtype(object.type, "Charger"),
@@ -203,6 +223,8 @@ def solid_of(object: Object, ontology: Ontology) -> Solid | None:
         sight=SIGHT if gripper else number("OperationRange", SIGHT),  # a manipulator's OperationRange is that of its arm
         accuracy=number("Accuracy"),
     )
+    if value("Weight") is None:
+        solid = replace(solid, weight=DENSITY * solid.volume)
     if role is not Role.MARK and (solid.extent <= 0 or solid.height <= 0):
         raise SimulationError(f"{object.name}: a {object.type} without extent cannot be built; give it a Shape in the map")
     return solid

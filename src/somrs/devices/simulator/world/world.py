@@ -7,7 +7,7 @@ the robots.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import mujoco
 
@@ -22,6 +22,8 @@ from somrs.ontology.types import Ontology
 
 STEP = 0.005
 """Time step of the physics, s."""
+LIGHTEST = 0.01
+"""Smallest mass of a thing in the physics, kg."""
 _STATICS = (Role.WALL, Role.DOOR, Role.SUPPORT, Role.STATIC)
 
 
@@ -64,6 +66,13 @@ class World:
         self.solids[solid.name] = solid
         return solid
 
+    def set_weight(self, thing: str, weight: float) -> None:
+        """Set the weight of a thing in the description, kg."""
+        self.solids[thing] = replace(self.solids[thing], weight=weight)
+        for geom in self.spec.body(thing).geoms:
+            if geom.contype:  # the parts that are only drawn weigh nothing
+                geom.mass = max(weight, LIGHTEST)
+
     def remove(self, name: str) -> None:
         """Remove an object from the description."""
         solid = self.solids.pop(name)
@@ -92,7 +101,12 @@ class World:
                 drive.forcelimited, drive.forcerange = 1, [-150, 150]
         if solid.role is Role.THING:
             body.add_freejoint(name=solid.name)
-            bits = {"contype": THING_BIT, "conaffinity": STATIC_BIT | ROBOT_BIT | THING_BIT, "mass": max(solid.weight, 0.01), "condim": 4}
+            bits = {
+                "contype": THING_BIT,
+                "conaffinity": STATIC_BIT | ROBOT_BIT | THING_BIT,
+                "mass": max(solid.weight, LIGHTEST),
+                "condim": 4,
+            }
         else:
             bits = {"contype": STATIC_BIT, "conaffinity": 0}
         if solid.container and leaves:
