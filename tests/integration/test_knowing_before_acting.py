@@ -172,6 +172,22 @@ def test_one_that_did_not_find_one_thing_is_still_asked_for_another() -> None:
     assert view.outcome is Outcome.ACCOMPLISHED, view.reasons
 
 
+@pytest.mark.parametrize("goal", ["Jar002 isOn Platform001", "Jar002.Unknown = FALSE"])
+def test_with_nobody_who_looks_the_task_waits_and_goes_on_as_soon_as_somebody_joins(goal: str) -> None:
+    system = KnowingSystem(Robot("Robot1", 4, 20))
+    system.forget("Jar002")
+    task = system.submit(goal)
+    system.world.run(600)
+    waiting = system.view(task).waiting_to_retry
+    assert waiting is not None
+    assert [(hindrance.subject, hindrance.reason) for hindrance in waiting.hindrances] == [
+        ("RecognizeSituation", "no device offers it now")
+    ]
+    system.observe("Camera9", finds("Jar002 isOn Floor001 AND Jar002.Unknown = FALSE"))
+    (view,) = system.finish(task, seconds=120)
+    assert view.outcome is Outcome.ACCOMPLISHED
+
+
 @pytest.mark.parametrize(("weight", "carrier"), [(1.5, "Robot1"), (4.0, "Robot2"), (4.9, None)])
 def test_who_carries_it_depends_on_what_the_scale_says(weight: float, carrier: str | None) -> None:
     site = SITE.replace("  Tin001: {type: Jar,", "  Tin001: {type: Graspable, Shape: {Form: Cylinder, Radius: 0.04, Height: 0.1},").replace(

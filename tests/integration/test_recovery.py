@@ -291,7 +291,7 @@ def test_what_a_failure_left_and_nobody_saw_is_not_called_undone() -> None:
         yield 5.0, ServiceFailed("the gripper is stuck", None)
 
     system = VirtualSystem(Robot("Robot1", 10, 60, works=fails))
-    (view,) = system.finish(system.submit(GOAL))
+    (view,) = system.finish(system.submit(GOAL, waits=False))
     assert view.outcome is Outcome.FAILED
     assert system.map.objects["Jar002"].values["Unknown"] is True
     assert "nothing is known of Jar002" in view.explanation

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from somrs.entish import Attribute, Comparison, Formula, Name, Not, Relation, Truth, Variable
@@ -21,7 +21,7 @@ from somrs.entish.formula import (
 from somrs.entish.normal_form import affirmed_variables, group_by_variables
 from somrs.entish.parse import nearest, parse
 from somrs.ontology.achievability import misfits
-from somrs.ontology.matching import achieving_bindings, can_achieve
+from somrs.ontology.matching import achieving_bindings, can_achieve, types_of, unifiers
 from somrs.ontology.services import PROVIDER, ServiceKind, ServiceType
 from somrs.ontology.truth import bindings, formula_holds
 from somrs.ontology.types import UNKNOWN
@@ -146,7 +146,7 @@ class _Reasons:
         if self._unknown_objects(literal):
             return
         offered = [available for available in self.problem.services if self.world.providers[available.service_type.name]]
-        helpful = [offer for offer in offered if self._can_bring_about(offer.service_type, literal)]
+        helpful = [offer for offer in offered if self._can_bring_about(offer, literal)]
         if not helpful:
             self._explain_no_provider(literal, {available.service_type.name for available in offered})
             return
@@ -164,9 +164,23 @@ class _Reasons:
             if not unexpressed:
                 self._explain_lacking(available, literal, depth)
 
-    def _can_bring_about(self, service: ServiceType, literal: Literal) -> bool:
-        """Whether the service changes something in a way that can make the literal true."""
-        return service.kind is ServiceKind.PHYSICAL and can_achieve(service, literal, self.problem.ontology, self.problem.map)
+    def _can_bring_about(self, offer: AvailableService, literal: Literal) -> bool:
+        """Whether one of the providers changes or computes something in a way that can make the literal true."""
+        providers = {Name(name) for name in self.world.providers[offer.service_type.name]}
+        matches = self._matches(offer.service_type, literal)
+        return any(not isinstance(provider := match.get(PROVIDER), Name) or provider in providers for match in matches)
+
+    def _could_help(self, service: ServiceType, literal: Literal) -> bool:
+        """Whether a plan for the literal could use the service, if it were on offer. The service itself chooses the objects that are its
+        outputs, so it helps with none that the literal names."""
+        chosen = [output.name for output in service.outputs if output.type in self.problem.ontology.types]
+        return any(not any(isinstance(match.get(name), Name) for name in chosen) for match in self._matches(service, literal))
+
+    def _matches(self, service: ServiceType, literal: Literal) -> Iterator[Substitution]:
+        """The bindings with which the service can make the literal true. A cognitive service makes nothing true."""
+        if service.kind is not ServiceKind.COGNITIVE:
+            ontology = self.problem.ontology
+            yield from unifiers(parse(service.effect), literal, ontology, types_of(service, ontology), self.problem.map)
 
     def _explain_unknown_values(self, literal: Literal) -> bool:
         """Explain which values in the literal are not known, and who could find them out. Returns whether anyone could."""
@@ -196,6 +210,7 @@ class _Reasons:
             return ""
         offered = [name for name in finders if self.world.providers.get(name)]
         if not offered:
+            self._note_unoffered(finders)
             return f"; {' or '.join(finders)}, which no device offers now, could find it out"
         uses = [use for name in offered for _, use in self.problem.fruitless if use.startswith(f"{name}(")]
         in_vain = sorted({device for device, use in self.problem.fruitless if use in uses and names(literal)[0] in use})
@@ -229,9 +244,7 @@ class _Reasons:
         types |= {available.service_type.name: available.service_type for available in self.problem.services}
         service_types = {**self.problem.ontology.services, **types}
         capable = {
-            name: service
-            for name, service in service_types.items()
-            if name not in offered_names and self._can_bring_about(service, literal)
+            name: service for name, service in service_types.items() if name not in offered_names and self._could_help(service, literal)
         }
         absent = [name for name, service in capable.items() if self._applies_now(service, literal)] or [*capable]
         busy = {
@@ -240,8 +253,6 @@ class _Reasons:
             if offer.service_type.name in absent and offer.providers
         }
         lost = {name: [loss for loss in self.problem.lost if loss.service_type.name == name] for name in absent if name not in busy}
-        unoffered_names = [name for name, services in lost.items() if not services]
-        self.unoffered.update(dict.fromkeys(unoffered_names))
         for name, providers in busy.items():
             self.obstacles.update(exclusion_obstacles(providers, self.problem))
             cause = exclusion_text(providers, self.problem)
@@ -252,17 +263,24 @@ class _Reasons:
                 self.texts[
                     f"{_format_literal(literal)} could be brought about by {name}, but no service is left ({_format_losses(services)})"
                 ] = None
-        if unoffered_names:
-            self.obstacles.add(Obstacle.NOT_OFFERED)
+        if unoffered_names := [name for name, services in lost.items() if not services]:
+            self._note_unoffered(unoffered_names)
             self.texts[
                 f"{_format_literal(literal)} could be brought about by {' or '.join(unoffered_names)}, which no device offers now"
             ] = None
         if not absent and not self._explain_unknown_values(literal):
-            self.obstacles.add(Obstacle.NO_SERVICE_TYPE)
-            self.missing[_format_literal(literal)] = None
-            map, ontology = self.problem.map, self.problem.ontology
-            unfit = next((f": {misfit}" for service in service_types.values() for misfit in misfits(service, literal, ontology, map)), "")
-            self.texts[f"{_format_literal(literal)} does not hold on the map, and no service type brings it about{unfit}"] = None
+            self._explain_no_service_type(literal, service_types.values())
+
+    def _note_unoffered(self, service_types: Iterable[str]) -> None:
+        self.obstacles.add(Obstacle.NOT_OFFERED)
+        self.unoffered.update(dict.fromkeys(service_types))
+
+    def _explain_no_service_type(self, literal: Literal, service_types: Iterable[ServiceType]) -> None:
+        map, ontology = self.problem.map, self.problem.ontology
+        self.obstacles.add(Obstacle.NO_SERVICE_TYPE)
+        self.missing[_format_literal(literal)] = None
+        unfit = next((f": {misfit}" for service in service_types for misfit in misfits(service, literal, ontology, map)), "")
+        self.texts[f"{_format_literal(literal)} does not hold on the map, and no service type brings it about{unfit}"] = None
 
     def _applies_now(self, service: ServiceType, literal: Literal) -> bool:
         """Whether the map meets the precondition with which the service would achieve the literal: nothing has to be prepared."""

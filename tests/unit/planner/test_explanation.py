@@ -7,8 +7,8 @@ from msgspec import structs
 
 from somrs.entish.parse import parse
 from somrs.ontology.files.loading import upper
-from somrs.ontology.objects import Fact, Map, Object, ValueSet
-from somrs.ontology.services import Parameter, ServiceType
+from somrs.ontology.objects import Fact, Map, Object, ObjectAdded, ValueSet
+from somrs.ontology.services import Parameter, ServiceKind, ServiceType
 from somrs.ontology.types import AttributeType, Kind, ObjectType, Ontology, RelationType
 from somrs.planner.model.plan import NoPlan, Obstacle
 from somrs.planner.model.problem import AvailableService, LostService, Problem
@@ -185,7 +185,7 @@ def missed(goal: str, *losses: tuple[ServiceType, str, str], services: tuple[Ser
         (
             structs.replace(make_problem(GOAL, TRANSFER, excluded=frozenset({"Platform001"})), unknown=frozenset({"Platform001"})),
             [f"{GOAL}: the place and state of Platform001 are unknown; RecognizeSituation, which no device offers now, could find it out"],
-            {"obstacles": (Obstacle.UNKNOWN,)},
+            {"obstacles": (Obstacle.NOT_OFFERED, Obstacle.UNKNOWN), "unoffered": ("RecognizeSituation",)},
         ),
         (
             make_problem(GOAL, TRANSFER, excluded=frozenset({"Robot1"})),
@@ -298,6 +298,33 @@ def test_of_alternatives_the_one_that_lacks_least_is_explained() -> None:
     washed = "Jar002.Clean = TRUE"
     for goal in (f"({lacking}) OR {washed}", f"{washed} OR ({lacking})", f"{washed} OR Jar001.Clean = TRUE"):
         assert refused(make_problem(goal, TRANSFER)).separate_reasons == (f"Jar002.Clean = TRUE {DENIED}",)
+
+
+def test_a_program_that_nobody_runs_now_is_named() -> None:
+    assign = ServiceType(
+        name="AssignShelf",
+        kind=ServiceKind.SOFTWARE,
+        inputs=(Parameter(name="Jar", type="Jar"),),
+        outputs=(Parameter(name="Shelf", type="Shelf"),),
+        effect="?Shelf isFor ?Jar",
+    )
+    relation = RelationType(name="isFor", joins=("Shelf", "Jar"))
+    ontology = laboratory().extended([relation, assign])
+    result = refused(structs.replace(make_problem("?Shelf isFor Jar001", TRANSFER), ontology=ontology))
+    assert result.separate_reasons == ("? isFor Jar001 could be brought about by AssignShelf, which no device offers now",)
+    assert result.unoffered == ("AssignShelf",)
+    named = refused(structs.replace(make_problem("Shelf1 isFor Jar001", TRANSFER), ontology=ontology))
+    assert named.unoffered == (), "the program picks the shelf itself"
+
+
+def test_a_service_for_its_own_door_only_does_not_hide_the_service_for_any_door() -> None:
+    own = ServiceType(name="OpenItself", effect="?Provider.Open = TRUE")
+    problem = cellar("Door1.Open = TRUE")
+    map = problem.map.changed([ObjectAdded(Object(name="Door2", type="Door", values={"Open": False}))])
+    ontology = problem.ontology.extended([structs.replace(UNLOCK, precondition=None)])
+    result = refused(structs.replace(problem, ontology=ontology, map=map, services=(AvailableService(own, ("Door2",)),)))
+    assert result.separate_reasons == ("Door1.Open = TRUE could be brought about by OpenDoor, which no device offers now",)
+    assert result.unoffered == ("OpenDoor",)
 
 
 def test_services_that_cannot_be_planned_with_are_named_where_they_matter_and_elsewhere() -> None:
