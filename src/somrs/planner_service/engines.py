@@ -23,8 +23,11 @@ from somrs.planner_service.engine_race import EngineResult, Entrant, race, run_a
 UNSOLVABLE = frozenset({11, 12})
 """Fast Downward's exit codes for a task proved unsolvable (11) and for an exhausted search without a plan (12). Incomplete searches also
 end with 12, but the searches used here are complete."""
-FIRST_SHARE = 0.25
+FIRST_SHARE = 0.15
 """The share of the time limit for the first search, if other engines wait: it finds most of its plans within seconds."""
+
+SHUFFLED_SHARE = 0.08
+"""The share of the time limit of a brief search, if other engines wait."""
 
 COUNTING_SHARE = 0.1
 """The share of the time limit for the state equation, if other engines wait: a proof mostly takes about a second."""
@@ -45,13 +48,27 @@ type_based([ff, g()])], boost=1000), preferred=[ff, landmarks], cost_type=one, r
 
 GOAL_COUNT_SEARCH = "lazy_greedy([goalcount()], cost_type=one, reopen_closed=false)"
 """Towards states in which more parts of the goal hold: a second is enough where thousands of parts hold one after another."""
+RELAXED_PLAN_SEARCH = """let(ff, eval_modify_costs(ff(), cost_type=one),
+lazy_greedy([ff], preferred=[ff], cost_type=one, reopen_closed=false))"""
+"""The FF heuristic alone: it sees more states in the same time, and is not misled by landmarks that have to be reached more than once."""
 CAUSAL_GRAPH_SEARCH = """let(graph, eval_modify_costs(cg(), cost_type=one),
 lazy_greedy([graph], preferred=[graph], cost_type=one, reopen_closed=false))"""
 """The causal graph heuristic (Helmert 2004), for tasks of many objects that move in the same way, such as cars that are parked anew."""
-LANDMARK_SEARCH = _ESTIMATES.format("lazy_greedy([ff, landmarks], preferred=[ff, landmarks], cost_type=one, reopen_closed=false)")
-"""The first search of LAMA as it was published: it sees far more states in the same time than with the context-enhanced heuristic."""
-BRIEF_SHARES = {"goal count": 0.03, "causal graph": 0.1, "landmarks": 0.2}
-"""The shares of the time limit of the further searches, which find most of their plans within seconds."""
+
+SHUFFLES = 6
+"""The number of shuffled searches. The time of a greedy search has a heavy tail: on one task, it takes a second with most orders of the
+operators, and longer than anyone waits with the others. Brief searches with several orders therefore find more than one long search
+(Gomes, Selman and Kautz 1998)."""
+
+
+def _shuffled_search(number: int) -> str:
+    """The first search of LAMA as it was published, with the operators in a random order; every other one tries preferred operators first."""
+    preferred_first = "true" if number % 2 else "false"
+    return _ESTIMATES.format(
+        f"""lazy_greedy([ff, landmarks], preferred=[ff, landmarks], cost_type=one, reopen_closed=false, randomize_successors=true,
+preferred_successors_first={preferred_first}, random_seed={number})"""
+    )
+
 
 CHEAP_SEARCH = """let(landmarks, landmark_sum(lm_factory=lm_reasonable_orders_hps(lm_rhw()), pref=true),
 let(ff, ff(), lazy_wastar([ff, landmarks], preferred=[ff, landmarks], w=3)))"""
@@ -75,9 +92,9 @@ def plan_in_process(problem: object, limit: float = LIMIT) -> Plan | NoPlan:
     started_at = time.monotonic()
 
     def improve(task: str, hurry: bool) -> list[list[str]]:
-        """Look for better plans for twice the time that the first plan took, within bounds."""
+        """Look for better plans for twice the time that the first plan took, within bounds. The plan still has to be completed then."""
         spent = time.monotonic() - started_at
-        return _improve_plan(task, hurry, min(max(2 * spent, LEAST_BETTER), MOST_BETTER, limit - spent))
+        return _improve_plan(task, hurry, min(max(2 * spent, LEAST_BETTER), MOST_BETTER, (limit - spent) / 2))
 
     def solve_in_time(task: str, seconds: float) -> list[str] | None:
         """Look for a plan in what is left of the time."""
@@ -126,19 +143,24 @@ def _improve_plan(task: str, hurry: bool, seconds: float) -> list[list[str]]:
 
 def entrants() -> list[Entrant]:
     """The installed engines, in the order in which they start."""
+    solvers = [_sat_entrant("glucose4", extra, SPARE_GROWTH) for extra in (0, 1)] if importlib.util.find_spec("pysat") is not None else []
     program = driver()
-    brief_searches = {"goal count": GOAL_COUNT_SEARCH, "causal graph": CAUSAL_GRAPH_SEARCH, "landmarks": LANDMARK_SEARCH}
-    first, later = list[Entrant](), list[Entrant]()
-    if program is not None:
-        first.append(_search_entrant(program, "estimates", FIRST_SEARCH, FIRST_SHARE))
-        later += (_search_entrant(program, name, search, BRIEF_SHARES[name]) for name, search in brief_searches.items())
-    solvers = (
-        [_sat_entrant("glucose4", 0, SPARE_GROWTH), _sat_entrant("glucose4", 1, SPARE_GROWTH)]
-        if importlib.util.find_spec("pysat") is not None
-        else []
-    )
-    last = [_search_entrant(program, "exploring", EXPLORING_SEARCH, 1.0)] if program is not None else []
-    return [*first, *_counting_entrants(), *solvers[:1], *later, *solvers[1:], *last]
+    if program is None:
+        return [*_counting_entrants(), *solvers]
+    shuffled = [_search_entrant(program, f"shuffled {number}", _shuffled_search(number), SHUFFLED_SHARE) for number in range(SHUFFLES)]
+    return [
+        _search_entrant(program, "estimates", FIRST_SEARCH, FIRST_SHARE),
+        *_counting_entrants(),
+        *solvers[:1],
+        _search_entrant(program, "goal count", GOAL_COUNT_SEARCH, 0.03),
+        _search_entrant(program, "relaxed plan", RELAXED_PLAN_SEARCH, SHUFFLED_SHARE),
+        *shuffled[:2],
+        _search_entrant(program, "causal graph", CAUSAL_GRAPH_SEARCH, 0.1),
+        *shuffled[2:3],
+        *solvers[1:],
+        *shuffled[3:],
+        _search_entrant(program, "exploring", EXPLORING_SEARCH, 1.0),
+    ]
 
 
 def driver() -> Path | None:
