@@ -62,7 +62,7 @@ operators, and longer than anyone waits with the others. Brief searches with sev
 
 
 def _shuffled_search(number: int) -> str:
-    """The first search of LAMA as it was published, with the operators in a random order; every other one tries preferred operators first."""
+    """The first search of LAMA as it was published, with the operators in a random order; every other one prefers helpful ones."""
     preferred_first = "true" if number % 2 else "false"
     return _ESTIMATES.format(
         f"""lazy_greedy([ff, landmarks], preferred=[ff, landmarks], cost_type=one, reopen_closed=false, randomize_successors=true,
