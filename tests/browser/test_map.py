@@ -457,6 +457,60 @@ def test_the_history_shows_the_map_as_it_was(restored_system: RunningSystem, win
     expect(entry).to_contain_text("put on Platform001")
 
 
+SIGHTING = "?It: Jar isOn Platform001 AND ?It.PositionX = {x} AND ?It.PositionY = {y} AND ?It.PositionZ = {z} AND ?It.Color = Red"
+
+
+def discover_jar(system: RunningSystem) -> str:
+    """A camera sees a jar on the platform, where the map has none; its name."""
+    state = MapState(system)
+    x, y = state.position("Platform001")
+    height = state.objects["Platform001"]["PositionZ"] + state.objects["Platform001"]["Shape.Height"]
+    sighting = SIGHTING.format(x=x, y=y, z=height)
+    observation = {"as_of": time.time()}
+    answer = api(system, "/map/changes", {"situation": sighting, "author": "Camera001", "observation": observation})
+    (name,) = answer["reception"]["added"]
+    return str(name)
+
+
+def test_a_discovered_object_says_who_saw_it_and_is_a_known_one(restored_system: RunningSystem, window: OpenWindow) -> None:
+    name = discover_jar(restored_system)
+    page = open_map(window, restored_system, f"?object={name}")
+    details = page.get_by_role("complementary", name="Details")
+    expect(details.get_by_text("Discovered by Camera001")).to_be_visible()
+    take_screenshot(page, "map-discovered")
+    details.get_by_role("button", name="Which object is it?").click()
+    dialog = page.get_by_role("dialog", name=f"Which object is {name}?")
+    field = dialog.get_by_role("combobox", name="Known object")
+    expect(field).to_have_value(re.compile(r"^Jar"))
+    expect(dialog.get_by_text("This can be undone.", exact=False)).to_be_visible()
+    field.fill("Jar003")
+    page.get_by_role("option", name=re.compile("^Jar003")).click()
+    expect(dialog.get_by_text(re.compile("Jar003 .*put on Platform001"))).to_be_visible()
+    take_screenshot(page, "map-merge")
+    dialog.get_by_role("button", name="It is this one").click()
+    expect(details.get_by_role("heading", name="Jar003")).to_be_visible()
+    wait_until(page, lambda: ("isOn", "Jar003", "Platform001") in MapState(restored_system).facts, "the jar is on the platform")
+    assert name not in MapState(restored_system).objects
+    details.get_by_text("History", exact=True).click()
+    expect(details.get_by_text(f"{name} turned out to be Jar003")).to_be_visible()
+    take_screenshot(page, "map-merged")
+
+
+def test_a_long_history_is_shown_in_parts(restored_system: RunningSystem, window: OpenWindow) -> None:
+    versions = [
+        api(restored_system, "/map/changes", {"situation": f"Jar002.Weight = {0.2 + number / 1000}", "author": "Anna"})["version"]
+        for number in range(30)
+    ]
+    page = open_map(window, restored_system, "?object=Jar002")
+    details = page.get_by_role("complementary", name="Details")
+    details.get_by_text("History", exact=True).click()
+    first = details.get_by_role("button", name=f"Show the map at version {versions[0]}", exact=True)
+    expect(details.get_by_role("button", name=f"Show the map at version {versions[-1]}", exact=True)).to_be_visible()
+    expect(first).to_have_count(0)
+    details.get_by_role("button", name="Earlier changes").click()
+    expect(first).to_be_attached()
+
+
 def test_a_map_of_the_past_is_drawn_with_the_types_of_then(restored_system: RunningSystem, window: OpenWindow) -> None:
     shape = {"Shape.Form": "Box", "Shape.Width": 1.0, "Shape.Depth": 1.0, "Shape.Height": 1.0}
     api(restored_system, "/ontology/changes", {"definitions": {"types": [{"name": "Crate", "parent": "Obstacle"}]}, "author": "Anna"})

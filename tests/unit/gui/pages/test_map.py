@@ -5,19 +5,22 @@ from __future__ import annotations
 import math
 
 import pytest
+from msgspec import structs
 
 from somrs.errors import InputError
 from somrs.gui.pages.map.change_text import describe_changes, format_value
+from somrs.gui.pages.map.merging import candidates
 from somrs.gui.pages.map.moves import Move, move_changes
 from somrs.gui.pages.map.proposals import Spot, creation_changes, form_for, name_for
 from somrs.gui.pages.map.relations import fact_changes, relation_roles
 from somrs.gui.pages.map.value_input import limits, read, text_of
 from somrs.ontology.conformance import violations
 from somrs.ontology.files.loading import load
-from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, ObjectRemoved, ValueSet
-from somrs.ontology.types import Ontology
+from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Map, Object, ObjectRemoved, ValueSet
+from somrs.ontology.types import UNKNOWN, Ontology
 from somrs.ontology.values import value_of
 from somrs.protocol.messages.people import client_address, person_name
+from tests.support.lab import lab
 from tests.support.paths import SCENARIO_1
 
 
@@ -189,3 +192,18 @@ def test_changes_are_told_in_words(site: tuple[Map, Ontology]) -> None:
 )
 def test_authors_are_told_as_people_know_them(author: str, expected_name: str) -> None:
     assert person_name(author) == expected_name
+
+
+def test_the_likeliest_object_that_a_discovered_one_may_be_comes_first() -> None:
+    ontology, _ = lab()
+    places = {"New1": 5.0, "Jar1": 1.0, "Jar2": 4.0, "Lost1": 9.0}
+    jars = [Object(name=name, type="Jar", values={"PositionX": x, "PositionY": 0.0, "PositionZ": 0.0}) for name, x in places.items()]
+    lost = structs.replace(jars[-1], values={**jars[-1].values, UNKNOWN: True})
+    others = [Object(name="Thing1", type="Graspable"), Object(name="Cup1", type="Cup"), Object(name="Robot1", type="PioneerP3DX")]
+    found = candidates("New1", Map([*jars[:-1], lost, *others]), ontology)
+    assert [option.label for option in found] == [
+        "Lost1 · Jar · nobody knows where it is",
+        "Jar2 · Jar · 1.0 m away",
+        "Jar1 · Jar · 4.0 m away",
+        "Thing1 · Graspable",
+    ]

@@ -1,4 +1,4 @@
-"""The selected object: type, attributes, relations and history; renaming and removing it."""
+"""The selected object: type, attributes, relations, who discovered it, and history; renaming, identifying and removing it."""
 
 from __future__ import annotations
 
@@ -8,13 +8,16 @@ from dataclasses import dataclass
 from nicegui import ui
 
 from somrs.api.remote import LiveApi
+from somrs.gui.pages.map.change_text import format_time
 from somrs.gui.pages.map.entries import list_note, show_events
 from somrs.gui.pages.map.form import ObjectForm
+from somrs.gui.pages.map.merging import MergeDialog
 from somrs.gui.pages.map.object_drafts import ObjectDrafts
 from somrs.gui.pages.map.relations import Relations
 from somrs.gui.shell import author, guarded, notify
 from somrs.ontology.objects import Change, objects_of
-from somrs.protocol.messages.knowledge import RenameObject
+from somrs.protocol.messages.knowledge import Event, History, RenameObject
+from somrs.protocol.messages.people import person_name
 
 _HISTORY = 25
 
@@ -41,11 +44,14 @@ class Sheet:
         self._relations: Relations | None = None
         self._form: ObjectForm | None = None
         self._history_version = -1
+        self._events: tuple[Event, ...] = ()
         object = api.context.map.objects.get(name)
         if object is None:
             self._show_missing()
             return
         self._heading(object.type)
+        self._discovery = ui.element("div")
+        ui.timer(0, guarded(self._show_discovery), once=True)
         self._form = ObjectForm(api, object, drafts, actions.record_version)
         with ui.element("section").classes("somrs-map-part").props('aria-label="Relations"'):
             ui.label("Relations").classes("somrs-map-head")
@@ -71,9 +77,13 @@ class Sheet:
             ui.label(self.name).classes("somrs-title").props('role="heading" aria-level="2"')
             ui.link(type_name, f"/ontology?type={type_name}").classes("somrs-map-type").tooltip("The type, in the ontology")
             ui.space()
+            # Devices join under their own names.
+            is_device = self._api.context.ontology.is_device(type_name)
+            identify = () if is_device else (("merge", "It is another object", guarded(self._merge)),)
             for icon, label, action in (
                 ("center_focus_strong", "Show on the plan", lambda: self._actions.show_on_plan(self.name)),
                 ("drive_file_rename_outline", "Rename it", guarded(self._rename)),
+                *identify,
                 ("delete", "Remove it", guarded(lambda: self._actions.remove(self.name))),
                 ("close", "Close", lambda: self._actions.open_object(None)),
             ):
@@ -99,12 +109,42 @@ class Sheet:
         if self._history_version == self._api.context.version:
             return
         self._history_version = self._api.context.version
-        event_page = await self._api.map.history(self.name, limit=_HISTORY)
+        # As many as are shown: the earlier ones stay when news comes.
+        self._show_events(await self._api.map.history(self.name, limit=max(_HISTORY, len(self._events))), ())
+
+    async def _show_earlier(self) -> None:
+        page = await self._api.map.history(self.name, limit=_HISTORY, before=self._events[-1].version)
+        self._show_events(page, self._events)
+
+    def _show_events(self, page: History, later_events: tuple[Event, ...]) -> None:
+        self._events = (*later_events, *page.events)
         self._event_list.clear()
         with self._event_list:
-            show_events(event_page.events, self._api.context.ontology, self._actions.show_version, self._actions.undo)
-            if not event_page.events:
+            show_events(self._events, self._api.context.ontology, self._actions.show_version, self._actions.undo)
+            if not self._events:
                 list_note("No changes since the map was loaded.")
+            if page.more:
+                with ui.element("li"):
+                    ui.button("Earlier changes", icon="expand_more", on_click=guarded(self._show_earlier)).props("flat dense no-caps")
+
+    # Discovery
+
+    async def _show_discovery(self) -> None:
+        """Who put the object on the map by a sighting."""
+        discovered = (await self._api.map.history(self.name, limit=1)).discovered
+        if discovered is None:
+            return
+        with self._discovery.classes("somrs-map-discovery"):
+            ui.icon("travel_explore").props('aria-hidden="true"')
+            ui.label(f"Discovered by {person_name(discovered.author)}, {format_time(discovered.at)}")
+            if not discovered.confirmed:
+                ui.button("Which object is it?", on_click=guarded(self._merge)).props("flat dense no-caps").classes("somrs-map-link")
+
+    async def _merge(self) -> None:
+        if (result := await MergeDialog(self._api, self.name).ask()) is not None:
+            version, name = result
+            self._actions.record_version(version)
+            self._actions.open_object(name)
 
     # Renaming
 
