@@ -191,6 +191,8 @@ async def update(situation: str, author: str, data: Path) -> None:
         updated = await client.report(UpdateMap(situation=situation, author=author))
     for variable, name in updated.reception.names.items() if updated.reception is not None else ():
         print(f"?{variable} is {name}{', new on the map' if updated.reception and name in updated.reception.added else ''}")
+    for variable in updated.reception.unidentified if updated.reception is not None else ():
+        print(f"?{variable} is left out: it may be an object that somebody holds or has moved since, or a device that has not joined")
     print(f"the map is at version {updated.version}")
 
 

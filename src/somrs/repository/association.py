@@ -192,9 +192,9 @@ def changing_attributes(ontology: Ontology) -> set[str]:
 
 
 def compatible_types(type_name: str, ontology: Ontology) -> set[str]:
-    """The type, its subtypes, and its super-types as far as these are physical."""
-    ancestors = {ancestor for ancestor in ontology.ancestors(type_name) if ontology.is_subtype(ancestor, PHYSICAL)}
-    return {type_name, *ancestors, *ontology.subtypes(type_name)}
+    """The type, its subtypes and its super-types, as far as these are physical."""
+    related = {*ontology.ancestors(type_name), *ontology.subtypes(type_name)}
+    return {type_name, *(related_type for related_type in related if ontology.is_subtype(related_type, PHYSICAL))}
 
 
 def place_of(name: str, map: Map, ontology: Ontology) -> str | None:

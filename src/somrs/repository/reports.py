@@ -30,7 +30,7 @@ from somrs.entish.parse import read
 from somrs.ontology.check import check
 from somrs.ontology.effects import changes as changes_by
 from somrs.ontology.objects import Change, Fact, FactRemoved, Map, Object, ObjectAdded, ObjectRemoved, ValueSet
-from somrs.ontology.types import PART_OF, UNKNOWN, Ontology, Value
+from somrs.ontology.types import PART_OF, PHYSICAL, UNKNOWN, Ontology, Value
 from somrs.protocol.messages.knowledge import Merging
 from somrs.protocol.messages.observations import Observation, Reception
 from somrs.repository.association import DEVICE, Sighting, Surroundings, associate, exclusive_relations
@@ -70,11 +70,13 @@ def read_report(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Identities:
-    """The names of the sighted objects, by variables; those that are new; provisional objects that turned out to be sought ones."""
+    """The names of the sighted objects, by variables; those that are new; provisional objects that turned out to be sought ones;
+    variables of which it is not certain what they are."""
 
     names: Mapping[str, str] = field(default_factory=dict)
     new: Mapping[str, Object] = field(default_factory=dict)
     duplicates: Mapping[str, str] = field(default_factory=dict)
+    unidentified: Collection[str] = ()
 
 
 class _Report:
@@ -112,6 +114,7 @@ class _Report:
             added=tuple(object.name for object in identities.new.values()),
             missing=tuple(missing),
             superseded=tuple(self.superseded),
+            unidentified=tuple(identities.unidentified),
         )
         recognized = frozenset(self.asserted - self.doubted)
         aspects = tuple(self.aspects)
@@ -143,7 +146,10 @@ class _Report:
         names = {**holders.names, **association.names, **{variable: object.name for variable, object in new.items()}}
         self.mentioned.update(names.values(), association.duplicates)
         return _Identities(
-            names={name: names[name] for name in variables(situation) if name in names}, new=new, duplicates=association.duplicates
+            names={name: names[name] for name in variables(situation) if name in names},
+            new=new,
+            duplicates=association.duplicates,
+            unidentified=[name for name in variables(situation) if name not in names],
         )
 
     def _surroundings(self) -> Surroundings:
@@ -254,7 +260,7 @@ class _Report:
 def sightings_of(situation: Formula, map: Map, ontology: Ontology) -> list[Sighting]:
     """The sighted objects that the variables of a situation stand for, with the values and the place that it states.
 
-    Raises FormulaError for a variable without a type of objects, and for a situation that does not say what holds.
+    Raises FormulaError for a variable without a type of physical objects, and for a situation that does not say what holds.
     """
     stand_ins: dict[str, Object] = {}
     for name, variable in variables(situation).items():
@@ -262,6 +268,10 @@ def sightings_of(situation: Formula, map: Map, ontology: Ontology) -> list[Sight
             atom = next(atom for atom in atoms(situation) if name in variables(atom))
             hint = f"name an object of the map, or describe one that was seen by its type: ?{name}: Jar"
             raise read(str(situation)).error(atom, variable, f"?{name} is not bound", hint)
+        if not ontology.is_subtype(variable.type, PHYSICAL) and not ontology.is_subtype(PHYSICAL, variable.type):
+            atom = next(atom for atom in atoms(situation) if name in variables(atom))
+            hint = "only physical objects are seen; name the object, or add it to the map"
+            raise read(str(situation)).error(atom, variable, f"?{name} is no physical object: a {variable.type} is none", hint)
         stand_ins[name] = Object(name=_unused(f"seen-{name}", map), type=variable.type)
     described = substitute(situation, {variable: Name(object.name) for variable, object in stand_ins.items()})
     map_then = map.changed(ObjectAdded(object) for object in stand_ins.values())

@@ -53,7 +53,7 @@ def test_sighted_objects_may_be_related_to_each_other(lab: Reporting) -> None:
 
 
 def test_a_device_is_not_added_by_a_sighting(lab: Reporting) -> None:
-    assert lab.reception("?Robot: PatrolRobot isAdjacentTo Table1") == Reception()
+    assert lab.reception("?Robot: PatrolRobot isAdjacentTo Table1") == Reception(unidentified=("Robot",))
     assert not any(object.type == "PatrolRobot" for object in lab.map.objects.values())
 
 
@@ -62,6 +62,7 @@ def test_a_device_is_not_added_by_a_sighting(lab: Reporting) -> None:
     [
         ("?It isOn Table1", "?It is not bound"),
         ("?It: Jarr isOn Table1", "there is no type Jarr"),
+        ("?It: AbstractObject isPartOf Room1", "only physical objects are seen"),
         ("?It: Jar isOn Table9", "there is no object Table9 on the map"),
         ("?It: Jar.Speed = 3", "a Jar has no attribute Speed"),
         ("?It: Jar isOn Table2", "PositionX"),
@@ -159,7 +160,7 @@ def test_a_late_report_of_an_object_that_is_gone_does_not_bring_it_back(lab: Rep
 def test_a_late_sighting_of_an_object_that_was_moved_since_adds_none(lab: Reporting) -> None:
     lab.report("Jar2 isOn Table2 AND Jar2.PositionX = 8 AND Jar2.PositionY = 8", as_of=50.0)
     late = "?It: Jar isOn Floor1 AND ?It.PositionX = 5 AND ?It.PositionY = 5 AND ?It.PositionZ = 0 AND ?It.Color = Blue"
-    assert lab.reception(late, as_of=40.0) == Reception(as_of=40.0)
+    assert lab.reception(late, as_of=40.0) == Reception(as_of=40.0, unidentified=("It",))
     assert lab.reception(late, as_of=60.0, now=101.0).added == ("Jar003",)
 
 

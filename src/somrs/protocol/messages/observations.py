@@ -40,7 +40,8 @@ class Observation(Struct, frozen=True, kw_only=True):
 class Reception(Struct, frozen=True, kw_only=True):
     """What became of a report.
 
-    `names`: the objects that were sighted, by the variables of the report; a variable without a name could not be identified yet.
+    `names`: the objects that were sighted, by the variables of the report. `unidentified`: the other variables, which were left out: they
+    may be objects that somebody holds or has moved since, or devices that have not joined; the next report will tell.
     `added`: those of them that are new on the map. `missing`: objects that were not seen where the report had searched.
     `superseded`: parts of the report that are older than what the map has. `as_of`: when the report held.
     """
@@ -50,6 +51,7 @@ class Reception(Struct, frozen=True, kw_only=True):
     added: tuple[str, ...] = ()
     missing: tuple[str, ...] = ()
     superseded: tuple[str, ...] = ()
+    unidentified: tuple[str, ...] = ()
 
 
 class Discovery(Struct, frozen=True, kw_only=True):
