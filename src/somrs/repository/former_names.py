@@ -36,7 +36,7 @@ def _named_objects(update: UpdateMap) -> set[str]:
     """The objects that an update names, outside of its situation."""
     observation = update.observation or Observation()
     changed = (name for change in update.changes for name in objects_of(change))
-    return {*observation.gone, *observation.searched, *observation.sought, *changed}
+    return {*observation.gone, *observation.searched, *observation.sought, *observation.missed, *changed}
 
 
 def _renamed_change(change: Change, names: Mapping[str, str]) -> Change:
@@ -52,8 +52,8 @@ def _renamed_change(change: Change, names: Mapping[str, str]) -> Change:
 
 
 def _renamed_observation(observation: Observation, names: Mapping[str, str]) -> Observation:
-    gone, searched, sought = (
+    gone, searched, sought, missed = (
         tuple(dict.fromkeys(names.get(name, name) for name in group))
-        for group in (observation.gone, observation.searched, observation.sought)
+        for group in (observation.gone, observation.searched, observation.sought, observation.missed)
     )
-    return structs.replace(observation, gone=gone, searched=searched, sought=sought)
+    return structs.replace(observation, gone=gone, searched=searched, sought=sought, missed=missed)

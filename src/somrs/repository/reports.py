@@ -231,9 +231,10 @@ class _Report:
     def _searched_things(self) -> Iterator[str]:
         for area in self.observation.searched:
             yield from things_at(area, self.map, self.ontology)
+        yield from (name for name in self.observation.missed if name in self.map.objects)
 
     def _missing(self) -> Iterator[str]:
-        """The objects that the map has where the report searched, and that the report does not mention."""
+        """The objects that the map has where the report searched, or missed them, and that the report does not mention."""
         for name in dict.fromkeys(self._searched_things()):
             aspects = [(name, UNKNOWN), *(location_aspect(fact, self.ontology) for fact in location_facts(name, self.map, self.ontology))]
             newer = any(aspect is not None and self.provenance.time(aspect) > self.at for aspect in aspects)

@@ -74,7 +74,7 @@ def update_outcome(
 
 def _wrong_observation(map: Map, ontology: Ontology, observation: Observation, provenance: Provenance) -> Iterator[Violation]:
     """Violations for objects that an observation names and that it cannot be about."""
-    for name in dict.fromkeys((*observation.gone, *observation.searched, *observation.sought)):
+    for name in dict.fromkeys((*observation.gone, *observation.searched, *observation.sought, *observation.missed)):
         object = map.objects.get(name)
         if object is None and name not in provenance.departures:
             yield Violation(subject=name, rule="unknown-object", message=_unknown(name, dict.fromkeys(map.objects, True)))

@@ -113,6 +113,14 @@ def test_what_is_not_where_it_was_may_be_what_is_seen_elsewhere(lab: Reporting) 
     assert lab.reception(RED_JAR.replace("Red", "Blue"), searched=("Table1",)) == Reception(names={"It": "Jar2"}, missing=("Jar1",))
 
 
+def test_what_was_missed_in_full_view_is_unknown_or_seen_elsewhere(lab: Reporting) -> None:
+    assert lab.reception(missed=("Jar1",)).missing == ("Jar1",)
+    assert (lab.map.objects["Jar1"].values[UNKNOWN], lab.place("Jar1"), lab.place("Jar2")) == (True, None, "Table1")
+    reception = lab.reception(RED_JAR.replace("Red", "Blue"), missed=("Jar2",), now=101.0)
+    assert (reception.names, reception.missing) == ({"It": "Jar2"}, ()), "it was moved"
+    assert isinstance(lab.report(missed=("Jarr",), now=102.0), Rejected)
+
+
 def test_things_at_an_area_are_those_on_its_parts_too(lab: Reporting) -> None:
     lab.report("Table1 isOn Floor1")
     ontology = lab.repository.contents.ontology

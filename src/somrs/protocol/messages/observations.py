@@ -18,6 +18,7 @@ class Observation(Struct, frozen=True, kw_only=True):
     `caused`: the author made it so at that time. What others only saw at the same time was so before.
     `gone`: objects that exist no longer.
     `searched`: supports and spaces that were seen whole; objects that the map has there and the report does not mention become unknown.
+    `missed`: objects that are not where the map has them, which was in full view; they become unknown, unless the report mentions them.
     `sought`: objects that may be anywhere, wherever the map has them.
     """
 
@@ -26,6 +27,7 @@ class Observation(Struct, frozen=True, kw_only=True):
     searched: tuple[str, ...] = ()
     sought: tuple[str, ...] = ()
     caused: bool = False
+    missed: tuple[str, ...] = ()
 
     def holds_from(self, now: float) -> float:
         """The time that orders this news among other news of the same: seconds since 1970, not in the future.

@@ -301,17 +301,19 @@ class Device:
         as_of: float | None = None,
         gone: Iterable[str] = (),
         searched: Iterable[str] = (),
+        missed: Iterable[str] = (),
     ) -> None:
         """Report to the map what the device observed outside of its services: a situation, and objects that are `gone`.
 
         A typed variable of the situation is a sighted object: `?Seen: Jar isOn Table001`. The Repository finds out which object of the map
         it is, or adds it. `as_of`: when it was observed, in seconds since 1970 (None: now). `searched`: supports and spaces that were seen
-        whole; objects that the map has there, and that the situation does not mention, become unknown.
+        whole; objects that the map has there, and that the situation does not mention, become unknown. So do `missed` objects, which are
+        not where the map has them.
 
         Reports arrive in their order, after the device has joined; they are repeated while the Repository is not available. Services return
         their results instead. `report` returns the names of the sighted objects.
         """
-        observation = Observation(as_of=as_of, gone=tuple(gone), searched=tuple(searched))
+        observation = Observation(as_of=as_of, gone=tuple(gone), searched=tuple(searched), missed=tuple(missed))
         self.observer(str(parse(str(situation))) if situation is not None else None, observation)
 
     publisher: Callable[[], None] = staticmethod(_publish_nothing)

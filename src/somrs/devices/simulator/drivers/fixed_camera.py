@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from somrs.devices.simulator.drivers.looking import describe_things
 from somrs.devices.simulator.drivers.recognition import Search
-from somrs.devices.simulator.drivers.simulated import SimulatedDevice
+from somrs.devices.simulator.drivers.watching import WatchingDevice
 from somrs.devices.simulator.link.commands import CommandDone, Likeness
 from somrs.entish.formula import Formula
 from somrs.errors import RemoteError
@@ -33,8 +33,8 @@ async def _price(device: FixedCamera, task: Task) -> float | str:
     return await device.price(task, 0.0)
 
 
-class FixedCamera(SimulatedDevice):
-    """A stationary camera in the simulator."""
+class FixedCamera(WatchingDevice):
+    """A stationary camera in the simulator. It also reports by itself what it notices."""
 
     type = "Camera"
     features = ("OperationRange", "FieldOfView", "Price")

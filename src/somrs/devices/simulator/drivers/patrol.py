@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from somrs.devices.simulator.drivers.mobile_robot import MobileRobot
 from somrs.devices.simulator.drivers.recognition import Search
 from somrs.devices.simulator.drivers.simulated import is_of_type
+from somrs.devices.simulator.drivers.watching import WatchingDevice
 from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.entish.formula import Formula, Number
 from somrs.errors import RemoteError, UsageError
@@ -56,7 +57,7 @@ async def _duration(device: PatrolRobot, task: Task) -> float:
     return round(LOOKING_TIME + await device.driving_time(task, await device.way(task)), 1)
 
 
-class PatrolRobot(MobileRobot):
+class PatrolRobot(WatchingDevice, MobileRobot):
     """A mobile robot with a camera in the simulator."""
 
     type = "PatrolRobot"

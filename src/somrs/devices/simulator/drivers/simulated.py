@@ -76,6 +76,13 @@ class SimulatedDevice(Device):
         await asyncio.wait({self._noticing})
         await self._link.close()
 
+    @property
+    def idle_state(self) -> RobotState | None:
+        """The state of the device while it answers and does nothing; None otherwise."""
+        state = self._link.state
+        is_idle = self._link.connected and not self._link.silent and not self._working
+        return state if is_idle and state is not None and state.activity is None else None
+
     def _notice_fault(self, state: RobotState) -> None:
         """Report a disabling fault at once."""
         if not self._known_broken and _DISABLING.keys() & set(state.faults):
@@ -91,9 +98,8 @@ class SimulatedDevice(Device):
         last_pose: Pose | None = None
         while True:
             await asyncio.sleep(NOTICING)
-            state = self._link.state
-            idle = self._link.connected and not self._link.silent and not self._working and state is not None and state.activity is None
-            pose = _pose(state) if idle and state is not None else None
+            state = self.idle_state
+            pose = _pose(state) if state is not None else None
             if state is not None and pose is not None and last_pose is not None and _is_same_pose(pose, last_pose):
                 try:
                     await self._notice_idle(state, pose)

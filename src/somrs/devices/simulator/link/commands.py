@@ -80,14 +80,24 @@ class Likeness(Struct, frozen=True, kw_only=True):
     values: dict[str, Value] = {}
 
 
+class Point(Struct, frozen=True, kw_only=True):
+    """A point of the world, m."""
+
+    x: float
+    y: float
+    z: float
+
+
 class Sense(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
     """Report what the camera sees in its current pose: things, robots and furniture that nothing hides.
 
-    `radius`: largest distance; None: as far as the camera sees. `like`: mark what is alike. Does not interrupt the command in progress.
+    `radius`: largest distance; None: as far as the camera sees. `like`: mark what is alike. `expected`: points at which something should
+    be; the result says which of them are in clear view. Does not interrupt the command in progress.
     """
 
     radius: float | None = None
     like: Likeness | None = None
+    expected: tuple[Point, ...] = ()
 
 
 class LookAt(Struct, frozen=True, kw_only=True, tag=True, tag_field="do"):
@@ -190,11 +200,15 @@ class Sighting(Struct, frozen=True, kw_only=True):
 
 
 class CommandDone(Struct, frozen=True, kw_only=True):
-    """A command was carried out. `object_states`: the objects that it touched, and landmarks that it saw. `sightings`: what else it saw."""
+    """A command was carried out. `object_states`: the objects that it touched, and landmarks that it saw. `sightings`: what else it saw.
+
+    `clear`: the positions, in the command, of the expected points that nothing hides.
+    """
 
     state: RobotState
     object_states: tuple[ObjectState, ...] = ()
     sightings: tuple[Sighting, ...] = ()
+    clear: tuple[int, ...] = ()
 
 
 class CommandGivenUp(Struct, frozen=True, kw_only=True):

@@ -214,6 +214,7 @@ class OrderDone(Struct, frozen=True, kw_only=True, tag="done", tag_field="say"):
     state: RobotState
     object_states: tuple[ObjectState, ...] = field(default=(), name="seen")
     sightings: tuple[Sighting, ...] = ()
+    clear: tuple[int, ...] = ()
 
 
 class OrderGivenUp(Struct, frozen=True, kw_only=True, tag="gave", tag_field="say"):

@@ -7,7 +7,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections.abc import AsyncGenerator, Callable
+from collections.abc import AsyncGenerator, Callable, Sequence
 from dataclasses import dataclass
 
 from somrs.devices.simulator.link.commands import (
@@ -26,6 +26,7 @@ from somrs.devices.simulator.link.commands import (
     ObjectState,
     Open,
     Place,
+    Point,
     PutDown,
     RobotState,
     Sense,
@@ -143,8 +144,8 @@ class RobotLink(Link):
     async def weigh(self, object: str) -> CommandDone:
         return await self.command(Weigh(object=object))
 
-    async def sense(self, radius: float | None = None, like: Likeness | None = None) -> CommandDone:
-        return await self.command(Sense(radius=radius, like=like))
+    async def sense(self, radius: float | None = None, like: Likeness | None = None, expected: Sequence[Point] = ()) -> CommandDone:
+        return await self.command(Sense(radius=radius, like=like, expected=tuple(expected)))
 
     async def look_at(
         self, x: float, y: float, z: float, object: str | None = None, like: Likeness | None = None, *, whole: bool = False
@@ -165,8 +166,8 @@ class RobotLink(Link):
         if self.silent:
             raise RobotGaveUp("silent", f"{self.robot} has sent nothing for {self._silence:g} s", self.state)
         match await self._exchange(lambda id: Order(id=id, command=command)):
-            case OrderDone(state=state, object_states=object_states, sightings=sightings):
-                return CommandDone(state=state, object_states=object_states, sightings=sightings)
+            case OrderDone() as done:
+                return CommandDone(state=done.state, object_states=done.object_states, sightings=done.sightings, clear=done.clear)
             case OrderGivenUp(reason=reason, description=description, state=state, object_states=object_states):
                 raise RobotGaveUp(reason, description, state, object_states)
             case Refused(description=description):

@@ -220,7 +220,13 @@ class Server:
                 return
             if isinstance(result, CommandDone):
                 connection.send_line(
-                    OrderDone(id=order.id, state=result.state, object_states=result.object_states, sightings=result.sightings)
+                    OrderDone(
+                        id=order.id,
+                        state=result.state,
+                        object_states=result.object_states,
+                        sightings=result.sightings,
+                        clear=result.clear,
+                    )
                 )
             else:
                 connection.send_line(

@@ -35,7 +35,7 @@ from somrs.devices.simulator.motion.routines import concerned_objects, make_rout
 from somrs.devices.simulator.world.recognition import landmarks, sightings
 from somrs.devices.simulator.world.scene import RESTING, Scene
 from somrs.devices.simulator.world.solids import Role, Solid, solid_of
-from somrs.devices.simulator.world.vision import StationaryCamera, view
+from somrs.devices.simulator.world.vision import StationaryCamera, clear_points, view
 from somrs.devices.simulator.world.weighing_scale import WeighingScale
 from somrs.devices.simulator.world.world import STEP
 from somrs.errors import UsageError
@@ -159,7 +159,8 @@ class Simulation:
         if isinstance(command, Sense):
             states = view(self.scene, robot, command.radius)
             seen = landmarks(self.scene, states), sightings(self.scene, robot, states, command.like)
-            on_end(CommandDone(state=device.state(), object_states=seen[0], sightings=seen[1]))
+            clear = clear_points(self.scene, robot, command.expected)
+            on_end(CommandDone(state=device.state(), object_states=seen[0], sightings=seen[1], clear=clear))
             return
         if isinstance(device, DoorDrive):
             device.command(command, on_end)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from somrs.devices.simulator.link.commands import Fault, ObjectState, RobotState
+from somrs.devices.simulator.link.commands import Fault, ObjectState, Point, RobotState
 from somrs.devices.simulator.world.scene import Scene
 from somrs.devices.simulator.world.solids import Role, Solid
 
@@ -74,6 +74,16 @@ def view(scene: Scene, viewer: str, radius: float | None = None) -> tuple[Object
     """The states of all objects that the viewer's camera sees now, at most `radius` away."""
     names = [solid.name for solid in scene.world.by_role(*VISIBLE)]
     return tuple(scene.observe(name) for name in names if visible(scene, viewer, name, radius))
+
+
+def clear_points(scene: Scene, viewer: str, points: Sequence[Point]) -> tuple[int, ...]:
+    """The numbers of the points that the viewer's camera faces and that nothing hides."""
+    eye = eye_of(scene, viewer)
+    transparent = [viewer, *([held] if (held := scene.held.get(viewer)) else [])]
+    places = [(point.x, point.y, point.z) for point in points]
+    return tuple(
+        number for number, place in enumerate(places) if eye.faces(place) and scene.is_unobstructed(eye.position, place, transparent)
+    )
 
 
 def _points(scene: Scene, solid: Solid, eye: Eye) -> Iterator[Place]:
