@@ -14,7 +14,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from somrs.devices.simulator.drivers.recognition import sighting_parts
-from somrs.devices.simulator.drivers.simulated import SimulatedDevice, format_number, metres
+from somrs.devices.simulator.drivers.simulated import SimulatedDevice, format_number, number_of
 from somrs.devices.simulator.link.commands import CommandDone, Point, RobotState, Sighting
 from somrs.devices.simulator.link.link import RobotLink
 from somrs.errors import RemoteError
@@ -137,7 +137,7 @@ class Watch:
         for relation in ("isOn", "isIn"):
             formula = " AND ".join([f"?It: {type_name} {relation} ?Place", *conditions])
             rows = await self._device.map.query(formula, limit=MOST_THINGS)
-            things += [Thing(name=str(row["It"]), x=metres(row["X"]), y=metres(row["Y"]), z=metres(row["Z"])) for row in rows]
+            things += [Thing(name=str(row["It"]), x=number_of(row["X"]), y=number_of(row["Y"]), z=number_of(row["Z"])) for row in rows]
         return things
 
     def _compare(self, view: CommandDone, things: Sequence[Thing], known: dict[str, list[Thing]]) -> News:
