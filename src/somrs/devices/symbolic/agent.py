@@ -94,7 +94,7 @@ class SymbolicAgent:
         elif (refusal := self.world.perform(service, inputs, self.name)) is not None:
             yield 0.0, self._failed(order, refusal)
         else:
-            yield 0.0, WorkDone(situation=self.world.describe(order.effect, self.name, inputs))
+            yield 0.0, WorkDone(situation=self.world.result(service, inputs, self.name))
 
     def _duration(self, cost: float) -> float:
         return self.seconds if self.seconds is not None else cost or 1.0

@@ -88,5 +88,7 @@ class WorldServer:
         if refusal is not None:
             log.warning("%s of %s is rejected: %s", message.service, message.device, refusal)
             return Result(situation=self.world.describe_failure(message.service, message.inputs, message.device), refusal=refusal)
+        if isinstance(message, Apply):
+            return Result(situation=self.world.result(message.service, message.inputs, message.device))
         effect = self.world.ontology.services[message.service].effect
         return Result(situation=self.world.describe(effect, message.device, message.inputs))

@@ -1,10 +1,14 @@
-"""The actual state of a site as facts. A service takes effect only if its precondition holds here, whatever the Repository's map says."""
+"""The actual state of a site as facts. A service takes effect only if its precondition holds here, whatever the Repository's map says.
+
+A cognitive service changes nothing, and tells what is so here (`recognition.py`).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+from somrs.devices.symbolic.recognition import recognised_situation
 from somrs.entish import Attribute, Comparison, Formula, Name, Not, Number, Relation, Term, Truth, Variable
 from somrs.entish.formula import conjunction, conjuncts, literals, substitute, variables, with_types
 from somrs.entish.parse import parse, parse_term
@@ -12,7 +16,7 @@ from somrs.errors import FormulaError
 from somrs.ontology.effects import changes
 from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Change, Fact, FactAdded, Map
-from somrs.ontology.services import PROVIDER, PROVIDER_TYPE, ServiceType
+from somrs.ontology.services import PROVIDER, PROVIDER_TYPE, ServiceKind, ServiceType
 from somrs.ontology.truth import bindings, formula_holds
 from somrs.ontology.types import UNKNOWN, Ontology
 from somrs.ontology.values import measure
@@ -20,6 +24,9 @@ from somrs.service_manager.sdk.values import term
 
 Inputs = Mapping[str, str]
 """The inputs of a service, as in an order: Entish terms by name."""
+
+FIELD_OF_VIEW = "FieldOfView"
+"""The attribute of devices with a camera."""
 
 ChangeSelection = Callable[[Sequence[Change]], Iterable[Change]]
 """Selects the changes of a service that occur when it fails on the way."""
@@ -76,6 +83,22 @@ class SymbolicWorld:
             self._apply(service, inputs, provider, partial_changes, whole=False)
         return self.describe(self.ontology.services[service].effect, provider, inputs)
 
+    def result(self, service: str, inputs: Inputs, provider: str) -> str:
+        """The situation that a device reports when it has completed a service: what its effect mentions, or what it has recognised."""
+        service_type = self.ontology.services[service]
+        if not self._observes(service):
+            return self.describe(service_type.effect, provider, inputs)
+        effect = substitute(parse(service_type.effect), self._terms(inputs, provider))
+        kinds = {parameter.name: parameter.type for parameter in service_type.outputs}
+        if variables(effect):
+            situation = recognised_situation(with_types(effect, kinds), self.map, self.ontology)
+            return situation or f"{provider}.Working = TRUE"
+        asked = [str(owner) for owner in map(_asked, _atoms(effect)) if owner is not None]
+        return " AND ".join(map(self.describe_object, asked)) or self.describe(service_type.effect, provider, inputs)
+
+    def _observes(self, service: str) -> bool:
+        return service in self.ontology.services and self.ontology.services[service].kind is ServiceKind.COGNITIVE
+
     def refusal(self, service: str, inputs: Inputs, provider: str) -> str | None:
         """The reason why a service cannot be performed now, or None."""
         try:
@@ -86,7 +109,7 @@ class SymbolicWorld:
 
     def describe(self, formula: str, provider: str, inputs: Inputs = {}) -> str:  # noqa: B006  # never modified
         """The current state of what a formula mentions: its facts, negated if they do not hold, and its attributes with their values."""
-        bound = {PROVIDER: Name(provider), **{name: term(text) for name, text in inputs.items()}}
+        bound = self._terms(inputs, provider)
         atoms = dict.fromkeys(atom for atom in _atoms(substitute(parse(formula), bound)) if not variables(atom))
         parts = [self._evaluate_atom(atom) for atom in atoms]
         known_parts = [part for part in parts if part is not None]
@@ -116,17 +139,31 @@ class SymbolicWorld:
         cost = self.ontology.services[service].cost
         if cost is None:
             return 1.0
-        bound: dict[str, Term] = {PROVIDER: Name(provider), **{name: term(text) for name, text in inputs.items()}}
+        bound = self._terms(inputs, provider)
         measured = measure(parse_term(cost), self.map, self.ontology, bound)
         return measured.constant.value if measured is not None and isinstance(measured.constant, Number) else 1.0
 
     def offers(self, device: str) -> tuple[ServiceType, ...]:
         """The service types that the device can provide: those of the site whose formulas name a provider of its type, or no provider.
 
-        Service types of the upper ontology, such as TransferObject, are for physical devices.
+        Service types of the upper ontology, such as TransferObject, are for physical devices; a device with a camera offers those that
+        find out where objects are.
         """
         kind, common = self.map.objects[device].type, upper().services
-        return tuple(service for name, service in self.ontology.services.items() if name not in common and self._offers(kind, service))
+        sees = FIELD_OF_VIEW in self.ontology.attributes_of(kind)
+        return tuple(
+            service
+            for name, service in self.ontology.services.items()
+            if self._offers(kind, service) and (name not in common or (sees and self._finds(service)))
+        )
+
+    def _finds(self, service: ServiceType) -> bool:
+        """Whether a service finds out where objects are, which a camera can see."""
+        atoms = _atoms(parse(service.effect))
+        return self._observes(service.name) and all(isinstance(atom, Relation) or _asked(atom) is not None for atom in atoms)
+
+    def _terms(self, inputs: Inputs, provider: str) -> dict[str, Term]:
+        return {PROVIDER: Name(provider), **{name: term(text) for name, text in inputs.items()}}
 
     def _offers(self, kind: str, service: ServiceType) -> bool:
         provider_variable = _provider(service)
@@ -152,6 +189,8 @@ class SymbolicWorld:
             if row is None:
                 raise _Refused(self._lacking(substitute(precondition, bound)))
             bound = {**row, **bound}
+        if self._observes(name):
+            return []
         return changes(substitute(parse(service.effect), bound), self.map, self.ontology)
 
     def _bound(self, service: ServiceType, inputs: Inputs, provider: str) -> dict[str, Term]:
@@ -190,6 +229,15 @@ class SymbolicWorld:
             return None
         measured = measure(target, self.map, self.ontology)
         return Comparison(target, "=", measured.constant) if measured is not None else None
+
+
+def _asked(atom: Relation | Comparison) -> Name | Variable | None:
+    """The object whose place and state an atom asks for: `?Object.Unknown = FALSE`."""
+    match atom:
+        case Comparison(Attribute(owner, path)) if path == UNKNOWN:
+            return owner
+        case _:
+            return None
 
 
 def _atoms(formula: Formula) -> list[Relation | Comparison]:
