@@ -257,6 +257,15 @@ def test_an_output_is_used_only_after_the_service_that_makes_it() -> None:
     assert result.predecessors("step2") == ("step1",)
 
 
+def test_an_output_is_made_by_its_service_and_not_looked_for() -> None:
+    held = MAP.changed([FactRemoved(fact) for fact in FACTS if fact.arguments[0] == "Jar001"])
+    result = planned(problem("Jar001 isOn ?Place AND ?Place isFreeFor Jar001", LOOK, PICK_PLACE, TRANSFER, map=held))
+    assert {step.service_type for step in result.steps if "Some-Place" in map(str, step.inputs.values())} == {"TransferObject"}
+    held = held.changed([FactAdded(Fact("isHeldBy", ("Jar001", "Robot1")))])
+    for goal in ("Jar001 isOn Platform001", "Jar001 isOn ?Place AND ?Place isFreeFor Jar001"):
+        assert isinstance(plan(problem(goal, LOOK, PICK_PLACE, TRANSFER, map=held)), NoPlan), "nobody can take it out of the gripper"
+
+
 def test_the_place_of_a_kind_that_a_physical_service_chooses_satisfies_a_goal_that_leaves_it_open() -> None:
     result = planned(problem('Jar001.Label = "stored"', RACK))
     assert names(result) == ["PutIntoRack(Object: Jar001)"]

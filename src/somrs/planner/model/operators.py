@@ -416,9 +416,12 @@ class _Compiler:
         for name in sorted(mentioned & reading.unknown_objects.keys() - found):
             self.preconditions[KNOWN, (name,)] = None
         for name in dict.fromkeys([*self.inputs, *self._to_bind()]):
-            types = self.types.get(name, frozenset())
-            if Variable(name) not in found and any(self._fits(type, types) for type in reading.unknown_objects.values()):
-                self.preconditions[KNOWN, (Variable(name),)] = None
+            types, variable = self.types.get(name, frozenset()), Variable(name)
+            if variable in found:  # an output cannot be looked for
+                fresh = (object for object, type in reading.unknown if object in reading.fresh and self._fits(type, types))
+                self.static_conditions += [Not(Comparison(variable, "=", Name(object))) for object in fresh]
+            elif any(self._fits(type, types) for type in reading.unknown_objects.values()):
+                self.preconditions[KNOWN, (variable,)] = None
         if self.tells:
             own = [name for name in reading.unknown_objects if name in mentioned and name in reading.fresh]
             for name in own:  # each stands for the output of one use, and the uses are counted in their order

@@ -250,14 +250,15 @@ class World:
         predicate, arguments = fact
         if predicate == KNOWN:
             return not self.fact_holds(fact)
-        if self.reading is not None and not self.reading.fresh.isdisjoint(self._names(arguments)):
+        fresh = self.reading.fresh if self.reading is not None else frozenset()
+        if arguments[0] in fresh:
             return True
         if predicate == "." + UNKNOWN:
             return self.value(arguments[0], UNKNOWN) != arguments[1]
         if predicate.startswith("."):
             return self.value(arguments[0], predicate[1:]) is None
         if self.ontology.relations[predicate].excludes is None:
-            return False
+            return not fresh.isdisjoint(self._names(arguments))
         group = (predicate, *self.vocabulary.excluded_by(predicate))
         return not any(self.map.facts_with(relation, 0, name) for relation in group for name in self._names(arguments[:1]))
 
