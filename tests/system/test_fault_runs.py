@@ -5,34 +5,44 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
+from msgspec import structs
 
-from somrs.kernel.component import Effect, Effects, EffectsReturning, Input, Received, TimerFired
+from somrs.kernel.component import Answered, Effect, Effects, EffectsReturning, Input, Received, TimerFired
 from somrs.protocol.messages.clients import CancelTask, Policy
+from somrs.protocol.messages.events import UndoingCheaper
 from somrs.protocol.messages.frp import Accept, Outcome
 from somrs.protocol.messages.observations import Observation
+from somrs.repository.association import Association, Sighting
 from somrs.runtime.virtual_time import KillPoint, World
 from somrs.service_manager.participant.timers import TermsDue
+from somrs.service_manager.sdk.orders import WorkDone
 from somrs.task_manager.execution.execution_log import ExecutionLog
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.participants import Participants
 from somrs.task_manager.manager import TaskManager
 from somrs.task_manager.reservations import Reservations
+from somrs.task_manager.timers import RetryDue
 from somrs.task_manager.transaction.participant_events import GoalAction, ParticipantEvents
+from somrs.task_manager.transaction.step_executor import StepExecutor
 from tests.support.paths import ROOT
 from verification.fault_runs.draw import draw
-from verification.fault_runs.properties import Property
 from verification.fault_runs.result import Result, play_scenario, run
 from verification.fault_runs.scenario import (
     AT_WORK,
     Cut,
     DeviceTraits,
+    Disturbance,
     Fault,
     Kill,
     Scenario,
     Setting,
+    Sight,
+    Slam,
+    Survey,
     TaskRequest,
     Undo,
     WorkFault,
@@ -42,6 +52,7 @@ from verification.fault_runs.scenario_run import ComponentFactory
 from verification.fault_runs.shrink import minimize, shrink_scenario
 from verification.fault_runs.simulated_device import DeviceManager
 from verification.fault_runs.state_diff import difference
+from verification.fault_runs.violation import Property
 
 
 @pytest.fixture(scope="module")
@@ -270,6 +281,101 @@ def test_a_task_manager_that_cannot_handle_an_input_is_noticed() -> None:
 
     assert violated_property(make_scenario(cancelled=3.0)) is None
     assert violated_property(make_scenario(cancelled=3.0), Managers(Brittle)) is Property.UNHANDLED_INPUT
+
+
+# Defects in what tasks and services promise
+
+
+def shut_meanwhile(service: str) -> Scenario:
+    """A person shuts the door while a robot is on its way through it; another device can open it."""
+    storer = DeviceTraits(name="Robot1", services=(service,), price=1, duration=20.0, undo=Undo.RESTORE)
+    dearer = replace(storer, name="Robot2", price=2)
+    opener = DeviceTraits(name="Robot3", services=("UnlockDoor",), price=1, duration=3.0)
+    scenario = make_scenario(Slam(at=5.0, door="Door1", is_open=False), devices=(storer, dearer, opener), wish="Jar1 isOn Shelf1")
+    return replace(scenario, setting=Setting.DOORS, shelves=(("Shelf1", "Door1"),), doors=(("Door1", True),))
+
+
+def test_work_that_goes_on_when_its_door_is_shut_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert violated_property(shut_meanwhile("StoreThrough")) is None
+    monkeypatch.setattr(StepExecutor, "stop_where_broken", lambda *_: iter(()))
+    assert violated_property(shut_meanwhile("StoreThrough")) is Property.INVARIANT
+
+
+def test_a_wait_that_does_not_go_on_is_noticed() -> None:
+    class Sleepy(TaskManager):
+        def handle(self, event: Input, now: float) -> list[Effect]:
+            return [] if isinstance(event, TimerFired) and isinstance(event.timer, RetryDue) else super().handle(event, now)
+
+    broken_robot = make_scenario(devices=(carrier(1, mended_at=100.0),), waits=True, deadline=900.0)
+    scenario_run, violation = play_scenario(broken_robot)
+    assert violation is None
+    assert [view.outcome for view in scenario_run.witness.outcomes.values()] == [Outcome.ACCOMPLISHED]
+    assert violated_property(broken_robot, Managers(Sleepy)) is Property.WAITING
+
+
+def weighing(effect: str, *, weight: float = 3.0, payload: float = 5.0) -> Scenario:
+    devices = (
+        DeviceTraits(name="Robot1", services=("CarryParcel",), price=1, duration=10.0, payload=payload),
+        DeviceTraits(name="Teller1", services=("WeighObject",), price=1, duration=1.0),
+        DeviceTraits(name="Teller2", services=("ReserveTable",), price=1, duration=1.0),
+    )
+    return replace(make_scenario(devices=devices, wish=effect), weights=(("Jar1", weight), ("Jar2", 0.5), ("Jar3", 0.5)))
+
+
+class Confused(DeviceManager):
+    """Its services report other results than the device."""
+
+    def handle(self, event: Input, now: float) -> list[Effect]:
+        if isinstance(event, Answered) and isinstance(event.value, WorkDone) and event.value.outputs:
+            situation = (event.value.situation or "").replace("Weight = 3", "Weight = 0.5").replace("Table1", "Table3")
+            event = Answered(event.question, structs.replace(event.value, situation=situation))
+        return super().handle(event, now)
+
+
+@pytest.mark.parametrize(
+    "scenario",
+    [weighing("Jar1 isOn Table2", payload=1.0), weighing("Jar1 isOn ?Table AND ?Table isReservedFor Jar1")],
+    ids=["a weight", "a reserved table"],
+)
+def test_results_that_are_confused_are_noticed(scenario: Scenario) -> None:
+    assert violated_property(scenario) is None
+    assert violated_property(scenario, Devices(Confused)) is Property.OUTPUTS
+
+
+def test_undoing_for_a_penalty_that_nobody_stated_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    fails = shut_meanwhile("StoreObject")
+    assert violated_property(fails) is None
+    cheaper = UndoingCheaper(undoing=0.0, going_on=9.0)
+    monkeypatch.setattr("somrs.task_manager.transaction.goal_executor.undoing_is_cheaper", lambda *_: cheaper)
+    assert violated_property(fails) is Property.OUTPUTS
+
+
+SURVEYED = replace(
+    make_scenario(*(Survey(at=at, place=place) for at, place in ((1.0, "Table3"), (20.0, "Table3"), (30.0, "Table2"), (40.0, "Table1")))),
+    hidden=(("Hidden1", "Table3"),),
+)
+
+
+def test_things_that_cameras_see_come_to_the_map_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario_run, violation = play_scenario(SURVEYED)
+    assert violation is None
+    assert scenario_run.contents is not None
+    assert [name for name in scenario_run.contents.map.objects if name.startswith("Jar")] == ["Jar1", "Jar2", "Jar3", "Jar004"]
+    assert scenario_run.reality.places["Jar004"] == ("isOn", "Table3")
+
+    def recognise_nothing(sightings: Sequence[Sighting], *_: object) -> Association:
+        return Association(new=[sighting.variable for sighting in sightings])
+
+    monkeypatch.setattr("somrs.repository.reports.associate", recognise_nothing)
+    assert violated_property(SURVEYED) is Property.IDENTITY
+
+
+def test_older_sightings_that_replace_newer_reports_are_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    late = make_scenario(Disturbance(at=8.0, seconds=8.0, lost=0.0, twice=0.0, late=60.0), Sight(at=9.0, object="Jar1"))
+    seeds = [replace(late, seed=seed) for seed in range(40)]
+    assert {violated_property(scenario) for scenario in seeds} == {None}
+    monkeypatch.setattr(Observation, "holds_from", lambda observation, now: now)
+    assert Property.MAP in {violated_property(scenario) for scenario in seeds}
 
 
 # How failures are told

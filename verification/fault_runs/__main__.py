@@ -13,12 +13,12 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from verification.fault_runs.draw import draw
-from verification.fault_runs.properties import Violation
 from verification.fault_runs.report import MessageLog, figures, report_lines
 from verification.fault_runs.result import Result, play_scenario, run
 from verification.fault_runs.scenario import Scenario
 from verification.fault_runs.scenario_run import ScenarioRun
 from verification.fault_runs.shrink import shrink_scenario
+from verification.fault_runs.violation import Violation
 
 PROGRESS_INTERVAL = 5000
 """The number of runs between two progress lines, when the output is a file."""

@@ -11,6 +11,7 @@ from somrs.protocol.messages.clients import Policy
 from somrs.runtime.virtual_time import KillPoint
 from verification.fault_runs.scenario import (
     AT_WORK,
+    Carry,
     Cut,
     Departure,
     DeviceTraits,
@@ -24,12 +25,13 @@ from verification.fault_runs.scenario import (
     Sight,
     Slam,
     Store,
+    Survey,
     TaskRequest,
     Undo,
     WorkFault,
     WorkFaultKind,
 )
-from verification.fault_runs.site import FLOOR, RECOGNITION, SERVICES
+from verification.fault_runs.site import FLOOR, RECOGNITION, RESERVATION, SERVICES, WEIGHING
 
 OFTEN, SELDOM, RARELY = 0.5, 0.15, 0.05
 """Probabilities."""
@@ -50,6 +52,7 @@ class _Draw:
         self.more_dice = random.Random(f"{seed}: how urgent, and whether it is asked what it costs")
         self.waiting_dice = random.Random(f"{seed}: which tasks wait, and which devices are mended late")
         self.questions = random.Random(f"{seed}: what is asked, and what is not known")
+        self.telling_dice = random.Random(f"{seed}: what is weighed, computed and sighted, and what undoing costs")
         self.setting = dice.choice(list(Setting))
         self.managers = [f"tm{number}" for number in range(1, dice.choice((1, 1, 2, 3)) + 1)]
         self.tables = [f"Table{number}" for number in range(1, dice.randint(2, 4) + 1)]
@@ -58,6 +61,8 @@ class _Draw:
         self.supports = [*self.tables, *(shelf for shelf, _ in self.shelves)]
         self.things = [(f"Jar{number}", dice.choice(self.tables)) for number in range(1, dice.choice((3, 4, 5, 6, 10)) + 1)]
         self.store = self.more_dice.choice(list(Store)) if self.setting is Setting.DOORS else Store.PRECONDITION
+        self.carry = Carry.WEIGHED if self.setting is Setting.FLAT and self.telling_dice.random() < OFTEN else Carry.PLAIN
+        self.hidden = [f"Hidden{number}" for number in range(1, self.telling_dice.choice((0, 0, 1, 2)) + 1)]
         self.devices = [*self._devices()]
         self.count = dice.choice((1, 1, 2, 2, 3, 4, 6, 8))
         self.quarrel = self.chance(OFTEN)
@@ -79,11 +84,18 @@ class _Draw:
             shelves=tuple(self.shelves),
             doors=tuple(self.doors),
             things=tuple(self.things),
-            devices=tuple(self.devices),
+            devices=(*self.devices, *self._tellers()),
             requests=tuple(self._requests()),
             faults=tuple(self._faults()),
             planning=self.dice.choice((0.0, 0.0, 0.5, 8.0)),
+            hidden=tuple((thing, self.telling_dice.choice(self.supports)) for thing in self.hidden),
+            weights=tuple(self._weights()),
         )
+
+    def _weights(self) -> Iterator[tuple[str, float]]:
+        if self.carry is Carry.WEIGHED:
+            for thing in (*(thing for thing, _ in self.things), *self.hidden):
+                yield thing, self.telling_dice.choice((0.5, 0.5, 3.0))
 
     # Devices
 
@@ -96,11 +108,28 @@ class _Draw:
                 f"Robot{number + 1}", kinds[number % len(kinds)] if number < count - observer_count else (RECOGNITION,)
             )
 
+    def _tellers(self) -> Iterator[DeviceTraits]:
+        """Scales, and a program that reserves tables."""
+        dice = self.telling_dice
+        services = [WEIGHING] * dice.choice((1, 2, 2)) + [RESERVATION] if self.carry is Carry.WEIGHED else []
+        for number, service in enumerate(services, 1):
+            yield DeviceTraits(
+                name=f"Teller{number}",
+                services=(service,),
+                price=dice.randint(1, 9),
+                duration=dice.choice((1.0, 6.0)),
+                refuses=dice.random() < RARELY,
+                mute=dice.random() < RARELY,
+                mended_at=dice.choice((0.0, 0.0, 0.0, 20.0, 60.0)),
+                joins=dice.choice((0.0, 0.0, 0.0, 30.0)),
+            )
+
     def _device_traits(self, name: str, services: tuple[str, ...]) -> DeviceTraits:
         dice = self.dice
-        return DeviceTraits(
+        variants: dict[str, str] = {Store.PRECONDITION: self.store.value, Carry.PLAIN: self.carry.value}
+        traits = DeviceTraits(
             name=name,
-            services=tuple(self.store.value if service == Store.PRECONDITION else service for service in services),
+            services=tuple(variants.get(service, service) for service in services),
             price=dice.randint(1, 9),
             duration=dice.choice((3.0, 6.0, 12.0, 18.0)),
             undo=dice.choice((Undo.RESTORE, Undo.RESTORE, Undo.RESTORE, Undo.IMPOSSIBLE, Undo.IMPOSSIBLE, Undo.FAIL, Undo.HANG)),
@@ -114,6 +143,12 @@ class _Draw:
             lays_down=self.chance(OFTEN),
             mended_at=self.waiting_dice.choice((20.0, 60.0, 200.0)) if self.waiting_dice.random() < SELDOM else 0.0,
             refuses_conditionally=self.store is Store.CONDITION and self.more_dice.random() < OFTEN,
+        )
+        penalized = traits.undo is not Undo.IMPOSSIBLE and self.telling_dice.random() < OFTEN
+        return replace(
+            traits,
+            penalty=self.telling_dice.choice((0.0, 1.0, 5.0)) if penalized else None,
+            payload=self.telling_dice.choice((1.0, 5.0, 5.0)) if self.carry is Carry.WEIGHED else traits.payload,
         )
 
     # Tasks
@@ -138,6 +173,8 @@ class _Draw:
             previewed=self.more_dice.random() < 2 * SELDOM,
             recognise=self.questions.random() < SELDOM,
         )
+        if self.carry is Carry.WEIGHED:
+            request = replace(request, effect=self._told_effect(request))
         if self.waiting_dice.random() < OFTEN:  # without a deadline, it could wait for ever
             deadline = request.deadline or self.waiting_dice.choice((300.0, 900.0, 3600.0))
             return replace(request, waits=True, deadline=deadline)
@@ -158,8 +195,16 @@ class _Draw:
             goals.append(f"{door}.Open = {dice.choice(('TRUE', 'FALSE', 'FALSE'))}")
         return " AND ".join(goals)
 
+    def _told_effect(self, request: TaskRequest) -> str:
+        """The effect of the request, or one for which something has to be computed or found out."""
+        effect = request.effect.replace("?It: Jar", "?It: Parcel")
+        thing, _, rest = effect.partition(" isOn ")
+        if not thing.isalnum() or not rest.isalnum() or self.telling_dice.random() < SELDOM:
+            return effect
+        return f"{thing}.Weight = ?Weight" if request.recognise else f"{thing} isOn ?Table AND ?Table isReservedFor {thing}"
+
     def _handlers(self) -> Iterator[Handler]:
-        carrying = {Setting.FLAT: "TransferObject", Setting.DOORS: "CarryObject", Setting.GRIP: "PutDown"}[self.setting]
+        carrying = {Setting.FLAT: self.carry.value, Setting.DOORS: "CarryObject", Setting.GRIP: "PutDown"}[self.setting]
         table = self.dice.choice(self.tables)
         if self.chance(SELDOM):
             yield Handler(on=Occasion.FAILURE, service_type=carrying, when=f"?Object isOn {FLOOR}", effect=f"?Object isOn {table}")
@@ -185,6 +230,8 @@ class _Draw:
                     self._person,
                 )
             )()
+        for _ in range(self.telling_dice.choice((0, 1, 2, 4)) if self.hidden or self.telling_dice.random() < SELDOM else 0):
+            yield Survey(at=round(self.telling_dice.random() * 2 * EVENTFUL, 2), place=self.telling_dice.choice([*self.supports, FLOOR]))
         if self.setting is Setting.DOORS:
             for _ in range(self.more_dice.choice((0, 0, 1, 2))):
                 door, _ = self.more_dice.choice(self.doors)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from somrs.entish.formula import Attribute, Comparison, Formula, Name, Relation, Truth, conjuncts
 from verification.fault_runs.scenario import Scenario, Setting
@@ -37,14 +37,29 @@ class Reality:
     shelf_doors: dict[str, str] = field(default_factory=dict)
     """The door in front of each shelf."""
     actions: list[Action] = field(default_factory=list)
+    weights: dict[str, float] = field(default_factory=dict)
+    """Of each thing, in kg, if the map has none."""
+    unnamed: set[str] = field(default_factory=set)
+    """Things that the map does not have. They get the names that the Repository gives them."""
+    tables: tuple[str, ...] = ()
+    reserved: set[tuple[str, str]] = field(default_factory=set)
+    """The tables that devices have reserved, each with its thing."""
     doubtful: set[str] = field(default_factory=set)
     """Objects that the map may have wrong: a report was false, or a person moved them without a report."""
 
     @classmethod
     def from_scenario(cls, scenario: Scenario) -> Reality:
-        places = {thing: ("isOn", place) for thing, place in scenario.things}
+        places = {thing: ("isOn", place) for thing, place in (*scenario.things, *scenario.hidden)}
         shelf_doors = dict(scenario.shelves) if scenario.setting is Setting.DOORS else {}
-        return cls(places=places, open=dict(scenario.doors), shelf_doors=shelf_doors)
+        hidden = {thing for thing, _ in scenario.hidden}
+        return cls(
+            places=places,
+            open=dict(scenario.doors),
+            shelf_doors=shelf_doors,
+            weights=dict(scenario.weights),
+            unnamed=hidden,
+            tables=scenario.tables,
+        )
 
     def state(self, object: str) -> Place | bool:
         return self.open[object] if object in self.open else self.places[object]
@@ -55,6 +70,24 @@ class Reality:
             return f"{object}.Open = {'TRUE' if self.open[object] else 'FALSE'}"
         relation, place = self.places[object]
         return f"{object} {relation} {place}"
+
+    def things_on(self, place: str) -> list[str]:
+        return [thing for thing, state in self.places.items() if state == ("isOn", place)]
+
+    def name(self, thing: str, name: str) -> None:
+        """The thing has this name on the map from now on."""
+        self.unnamed.discard(thing)
+        self.places[name] = self.places.pop(thing)
+        self.weights |= {name: self.weights.pop(thing)} if thing in self.weights else {}
+        self.actions = [replace(action, object=name) if action.object == thing else action for action in self.actions]
+        if thing in self.doubtful:
+            self.doubtful.add(name)
+
+    def reserve_table(self, thing: str) -> str:
+        """Reserve one table after the other."""
+        table = self.tables[len(self.reserved) % len(self.tables)]
+        self.reserved.add((table, thing))
+        return table
 
     def reachable(self, place: str) -> bool:
         """Whether the place is accessible: it has no door, or its door is open."""

@@ -7,7 +7,6 @@ the course of a transaction is read from the Task Manager itself.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from somrs.entish.parse import parse
@@ -30,7 +29,10 @@ from somrs.task_manager.transaction.state import TaskState
 from somrs.task_manager.transaction.views import view
 from verification.fault_runs.client import preview_id
 from verification.fault_runs.ground_truth import Action
-from verification.fault_runs.site import RECOGNITION
+from verification.fault_runs.promises import Promises
+from verification.fault_runs.sightings import Sightings
+from verification.fault_runs.site import TELLING
+from verification.fault_runs.violation import Property, Violation
 
 if TYPE_CHECKING:
     from verification.fault_runs.scenario_run import ScenarioRun
@@ -38,28 +40,6 @@ if TYPE_CHECKING:
 
 Pair = tuple[str, str]
 """A transaction and a participant."""
-
-
-class Property(StrEnum):
-    """The properties of the protocol, and one of the implementation."""
-
-    MUTUAL_EXCLUSION = "mutual exclusion"
-    CONTRACT = "no work without a contract"
-    TERMINATION = "termination"
-    PARTIAL_RESULT = "no silent partial result"
-    MAP = "map correctness"
-    ORPHAN = "no orphan"
-    RESTART = "restart transparency"
-    UNHANDLED_INPUT = "no unhandled input"
-    """Not a property of the protocol: no input makes a component fail."""
-
-
-class Violation(Exception):
-    """A violated property, with a description of what was observed."""
-
-    def __init__(self, property: Property, description: str) -> None:
-        self.property, self.description = property, description
-        super().__init__(f"{property}: {description}")
 
 
 class Witness:
@@ -93,6 +73,7 @@ class Witness:
         self.outcomes: dict[str, TaskView] = {}
         self._endings: dict[str, Outcome] = {}
         """The decided outcome of each task that is being stopped."""
+        self.sightings, self._promises = Sightings(scenario_run), Promises(scenario_run)
         self._worked: dict[str, set[str | None]] = {}
         """The tasks for which devices worked on each object, whether or not the work changed it."""
 
@@ -107,7 +88,7 @@ class Witness:
     def observe_start(self, simulated_device: SimulatedDevice, device_work: DeviceWork) -> None:
         """Note that a device begins to execute or to compensate, and check properties 1 and 2."""
         self._read_messages()
-        for other_device, other_work in self._scenario_run.working if device_work.order.method != RECOGNITION else ():
+        for other_device, other_work in self._scenario_run.working if device_work.order.method not in TELLING else ():
             if (
                 other_work is not device_work
                 and other_work.object == device_work.object
@@ -121,6 +102,7 @@ class Witness:
                 tasks = " and ".join(dict.fromkeys((device_work.transaction, other_work.transaction)))
                 raise Violation(Property.MUTUAL_EXCLUSION, f"{text}; both work on {device_work.object} for {tasks}")
         self._contracted(device_work)
+        self._promises.started(simulated_device, device_work)
         self._worked.setdefault(device_work.object, set()).add(device_work.transaction)
 
     def _same_manager(self, *tasks: str | None) -> bool:
@@ -152,12 +134,16 @@ class Witness:
         manager = self._scenario_run.task_manager(address)
         if manager is not None:
             self._follow(manager)
+            self._promises.follow(manager, address)
 
     def _read_messages(self) -> None:
+        self.sightings.learn_names()
         messages = self._scenario_run.world.messages
         new, self._message_count = messages[self._message_count :], len(messages)
         for message in new:
             pair = message.header.transaction or "", message.header.participant or ""
+            self.sightings.read(message)
+            self._promises.read(message)
             match message.body:
                 case UpdateMap(author=author, situation=str(situation)):
                     self._updates[normalised_id(message.header.message_id)] = author, situation
@@ -251,6 +237,7 @@ class Witness:
             elif task.outcome is not None:
                 self.outcomes[task.id] = view(task)
                 self._ended(task, self.outcomes[task.id], manager)
+                self._promises.ended(task)
             elif task.ending is not None:
                 self._endings.setdefault(task.id, task.ending)
 
@@ -273,7 +260,7 @@ class Witness:
 
     def _check_findings(self, task_view: TaskView) -> None:
         """Check that a task that only asks has changed nothing, and that each sighting is what a service reported."""
-        changed = [work.service for work in task_view.work if work.service_type != RECOGNITION]
+        changed = [work.service for work in task_view.work if work.service_type not in TELLING]
         if changed:
             raise Violation(Property.MAP, f"{task_view.task} asks what is so, and {', '.join(changed)} worked for it")
         findings, reports = task_view.findings, {work.situation for work in task_view.work if work.state is State.COMPLETED}

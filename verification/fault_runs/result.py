@@ -11,9 +11,9 @@ from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.records import TaskRecord
 from verification.fault_runs.draw import draw
-from verification.fault_runs.properties import Violation
 from verification.fault_runs.scenario import Scenario
 from verification.fault_runs.scenario_run import ComponentFactory, ScenarioRun
+from verification.fault_runs.violation import Violation
 
 RECOVERIES: dict[type[Event], str] = {
     events.HandlerBegun: "handlers",

@@ -32,6 +32,14 @@ class Store(StrEnum):
     """The service type says that the door has to stay open as long as the service runs."""
 
 
+class Carry(StrEnum):
+    """What has to be known before a thing is carried, by the service type."""
+
+    PLAIN = "TransferObject"
+    WEIGHED = "CarryParcel"
+    """What it weighs: a robot carries only what its payload allows."""
+
+
 class WorkFaultKind(StrEnum):
     """What goes wrong in one execution."""
 
@@ -77,6 +85,10 @@ class DeviceTraits:
     lays_down: bool = True
     refuses_conditionally: bool = False
     """It refuses on a condition instead of stating one in its terms."""
+    penalty: float | None = None
+    """What it asks for undoing, in EUR."""
+    payload: float = 5.0
+    """In kg."""
 
     @property
     def address(self) -> str:
@@ -172,6 +184,14 @@ class Sight:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Survey:
+    """A camera sees a whole support. It reports what stands there by looks, not by name."""
+
+    at: float
+    place: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Loss:
     """A person does not find an object at its place, and marks it on the map as unknown."""
 
@@ -187,12 +207,15 @@ class Departure:
     device: str
 
 
-Fault = Kill | Cut | Disturbance | WorkFault | Move | Slam | Sight | Loss | Departure
+Fault = Kill | Cut | Disturbance | WorkFault | Move | Slam | Sight | Survey | Loss | Departure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario:
-    """A scenario. `planning`: seconds that the planner takes. `things` with their supports, `doors` open or not, `shelves` with doors."""
+    """A scenario. `planning`: seconds that the planner takes. `things` with their supports, `doors` open or not, `shelves` with doors.
+
+    `hidden`: things with their supports that the map does not have. `weights`: in kg, of each thing, if the map has none.
+    """
 
     seed: int
     setting: Setting
@@ -205,6 +228,12 @@ class Scenario:
     requests: tuple[TaskRequest, ...]
     faults: tuple[Fault, ...]
     planning: float = 0.0
+    hidden: tuple[tuple[str, str], ...] = ()
+    weights: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def thing_type(self) -> str:
+        return "Parcel" if self.weights else "Jar"
 
     def describe(self) -> str:
         """Return the scenario as text for people."""
@@ -213,6 +242,8 @@ class Scenario:
             f"on tables {', '.join(self.tables)}; shelves {', '.join(f'{s} behind {d}' for s, d in self.shelves)}",
             f"doors: {', '.join(f'{door} open' if is_open else f'{door} closed' for door, is_open in self.doors)}",
             f"things: {', '.join(f'{thing} on {place}' for thing, place in self.things)}",
+            *([f"not on the map: {', '.join(f'{thing} on {place}' for thing, place in self.hidden)}"] if self.hidden else []),
+            *([f"weights: {', '.join(f'{thing} {weight:g} kg' for thing, weight in self.weights)}"] if self.weights else []),
             "devices:",
             *(f"  {_describe(device)}" for device in self.devices),
             "tasks:",

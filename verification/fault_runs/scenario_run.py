@@ -17,6 +17,7 @@ from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.knowledge import UpdateMap
+from somrs.protocol.messages.observations import Observation
 from somrs.registry.component import SCHEMA as REGISTRY
 from somrs.registry.component import Registry
 from somrs.repository.component import SCHEMA as REPOSITORY
@@ -32,7 +33,7 @@ from somrs.service_manager.sdk.orders import Capability, Profile
 from somrs.task_manager.manager import SCHEMA, TaskManager
 from verification.fault_runs.client import Client
 from verification.fault_runs.ground_truth import Reality
-from verification.fault_runs.properties import Property, Violation, Witness
+from verification.fault_runs.properties import Witness
 from verification.fault_runs.scenario import (
     AT_WORK,
     Cut,
@@ -45,13 +46,16 @@ from verification.fault_runs.scenario import (
     Scenario,
     Sight,
     Slam,
+    Survey,
     Undo,
     WorkFault,
     WorkFaultKind,
 )
+from verification.fault_runs.sightings import survey_report
 from verification.fault_runs.simulated_device import DeviceManager, DeviceWork, InputObserver, SimulatedDevice
 from verification.fault_runs.site import map_of, ontology, service_type
 from verification.fault_runs.state_diff import difference
+from verification.fault_runs.violation import Property, Violation
 
 LONG = 4 * 3600.0
 """Seconds after the last fault has healed within which every task has to end and every participant has to be released."""
@@ -94,6 +98,8 @@ class ScenarioRun:
         self.simulated_devices: dict[str, SimulatedDevice] = {}
         self.lost_devices: set[str] = set()
         """Devices that never restart."""
+        self.restart_times: dict[str, float] = {}
+        """When each component was last restarted."""
         self.log: list[tuple[float, str]] = []
         """The faults and other events of the run."""
         self.events = 0
@@ -146,6 +152,11 @@ class ScenarioRun:
         """Return the Task Manager at the address; None while it is down."""
         component = self.world.components.get(address)
         return component if isinstance(component, TaskManager) else None
+
+    @property
+    def offered_types(self) -> set[str]:
+        """The service types that devices offer."""
+        return {service for device in self.scenario.devices for service in device.services}
 
     @property
     def contents(self) -> Contents | None:
@@ -219,6 +230,8 @@ class ScenarioRun:
                 self._schedule(offset, partial(self._report_loss, object))
             case Sight(at=offset, object=object):
                 self._schedule(offset, partial(self._report_sighting, object))
+            case Survey(at=offset, place=place):
+                self._schedule(offset, partial(self._report_survey, place))
             case Departure(at=offset, device=device):
                 self._schedule(offset, partial(self._withdraw_device, f"devices/{device}"))
 
@@ -277,6 +290,7 @@ class ScenarioRun:
         if self.world.alive(address) or address not in self._fallen or address in self.lost_devices:
             return
         self._note(f"{address} restarts")
+        self.restart_times[address] = self.world.now
         self.factory.revive(self.world, address)
         self.reap()
 
@@ -328,19 +342,26 @@ class ScenarioRun:
         self._report_sighting(slam.door)
 
     def _report_sighting(self, object: str) -> None:
-        self.reality.doubtful.add(object)  # the map may get this sighting of a moving object after the report of where it came to rest
-        self._send_update("a camera", self.reality.situation_of(object))
+        self._send_update("a camera", self.reality.situation_of(object), Observation(as_of=self.world.now))
+
+    def _report_survey(self, place: str) -> None:
+        things = self.reality.things_on(place)
+        looks = [self.witness.sightings.looks(thing) for thing in things]
+        report = survey_report(looks, place, self.scenario.thing_type)
+        id = self._send_update("a camera", report, Observation(as_of=self.world.now, searched=(place,)))
+        self.witness.sightings.surveyed(id, looks, self.world.now)
 
     def _report_loss(self, object: str) -> None:
         self.reality.doubtful.add(object)  # its mark may hide what devices have reported
         self._send_update("a person", f"{object}.Unknown = TRUE")
 
-    def _send_update(self, author: str, situation: str) -> None:
-        self._note(f"{author} reports: {situation}")
-        header = Header(
-            sender="client", recipient="repository", message_id=message_id(author, self.world.now, situation), reply_to="client"
-        )
-        self.world.send(Message(header=header, body=UpdateMap(situation=situation, author=author)))
+    def _send_update(self, author: str, situation: str | None, observation: Observation | None = None) -> str:
+        """Send a report to the Repository, and return the id of the message."""
+        self._note(f"{author} reports: {situation or 'nothing is there'}")
+        id = message_id(author, self.world.now, situation, *(observation.searched if observation is not None else ()))
+        header = Header(sender="client", recipient="repository", message_id=id, reply_to="client")
+        self.world.send(Message(header=header, body=UpdateMap(situation=situation, author=author, observation=observation)))
+        return id
 
     def _withdraw_device(self, address: str) -> None:
         if self.world.alive(address):
@@ -382,7 +403,6 @@ class ScenarioRun:
 
 def profile(traits: DeviceTraits) -> Profile:
     """Return the device's profile for its Service Manager."""
-    undoable = traits.undo is not Undo.IMPOSSIBLE
     undoable = traits.undo is not Undo.IMPOSSIBLE
     capabilities = tuple(Capability(type=service_type(name), method=name, stoppable=True, undoable=undoable) for name in traits.services)
     return Profile(name=traits.name, type="PioneerP3DX", capabilities=capabilities, valid_for=traits.valid_for, lease=traits.lease)

@@ -15,7 +15,7 @@ from somrs.service_manager.sdk.orders import Advance, Halt, Order, Perform, Quot
 from verification.fault_runs.ground_truth import Place, Reality, placements
 from verification.fault_runs.scenario import DeviceTraits, Store, WorkFaultKind
 from verification.fault_runs.scenario import Undo as Undoing
-from verification.fault_runs.site import FLOOR, RECOGNITION
+from verification.fault_runs.site import FLOOR, RECOGNITION, RESERVATION, TELLING
 
 FOREVER = 1e7
 """Seconds."""
@@ -105,7 +105,7 @@ class SimulatedDevice:
         elif condition is not None and self.traits.refuses_conditionally:
             yield 0.1, Refusal("the door is shut", condition=condition)
         else:
-            yield 0.1, Quoted(price=self.traits.price, duration=self.traits.duration, condition=condition)
+            yield 0.1, Quoted(price=self.traits.price, duration=self.traits.duration, condition=condition, penalty=self.traits.penalty)
 
     def _condition(self, order: Order) -> str | None:
         """What it demands: that the door of the shelf is open, unless it will be in the promised situation."""
@@ -116,14 +116,14 @@ class SimulatedDevice:
 
     def _perform(self, order: Order) -> Work:
         fault_kind = self.next_fault()
-        work = self._look(order, fault_kind) if order.method == RECOGNITION else self._work(order, fault_kind)
+        work = self._tell(order, fault_kind) if order.method in TELLING else self._work(order, fault_kind)
         yield from self._track_work(Activity.PERFORM, order, work)
 
     def _track_work(self, activity: Activity, order: Order, work: Work) -> Work:
         """Carry the work out, and count it as real until its end is reported."""
         device_work = DeviceWork(activity, order)
         question = WorkWanted(order.transaction, order.participant, activity)
-        if order.method != RECOGNITION:
+        if order.method not in TELLING:
             self.current_work[question] = device_work
         self.on_start(self, device_work)
         for seconds, value in work:
@@ -149,8 +149,8 @@ class SimulatedDevice:
                 yield 0.0, Advance(fraction=share, situation=self.reality.situation_of(object))
         yield 0.0, WorkDone(situation=self._promised(order))
 
-    def _look(self, order: Order, fault_kind: WorkFaultKind | None) -> Work:
-        """Observe, and report the true situation or nothing."""
+    def _tell(self, order: Order, fault_kind: WorkFaultKind | None) -> Work:
+        """Observe or compute, and report the truth or nothing."""
         yield self.traits.duration, QUIET
         if fault_kind is WorkFaultKind.DIE:
             self.on_break(self.traits)
@@ -158,8 +158,16 @@ class SimulatedDevice:
             yield FOREVER, QUIET
         if fault_kind is not None:
             yield 0.0, ServiceFailed("it sees nothing", None)
-        object = order.inputs["Object"]
-        yield 0.0, WorkDone(situation=f"{self.reality.situation_of(object)} AND {object}.Unknown = FALSE")
+        yield 0.0, self._findings(order.method, order.inputs["Object"])
+
+    def _findings(self, method: str, object: str) -> WorkDone:
+        if method == RECOGNITION:
+            return WorkDone(situation=f"{self.reality.situation_of(object)} AND {object}.Unknown = FALSE")
+        if method == RESERVATION:
+            table = self.reality.reserve_table(object)
+            return WorkDone(situation=f"{table} isReservedFor {object}", outputs={"Table": table})
+        weight = self.reality.weights[object]
+        return WorkDone(situation=f"{object}.Weight = {weight:g}", outputs={"Weight": weight})
 
     def _moves(self, order: Order) -> Iterator[tuple[float, str, Place | bool]]:
         """Yield the moves of the work: the share of the duration, the object and its new place."""

@@ -18,7 +18,24 @@ ONTOLOGY = """
 ontology: faults
 relations:
   isBehind: {joins: [Shelf, Door], functional: true}
+  isReservedFor: {joins: [Table, Graspable]}
+types:
+  Parcel: {parent: Graspable, defaults: {Shape.Form: Box, Shape.Width: 0.1, Shape.Depth: 0.1, Shape.Height: 0.1}}
 services:
+  CarryParcel:
+    inputs: {Object: Graspable, Place: Support}
+    precondition: "?Object isOn ?Source AND ?Object.Weight <= ?Provider.Payload"
+    effect: "?Object isOn ?Place"
+  WeighObject:
+    kind: cognitive
+    inputs: {Object: Graspable}
+    outputs: {Weight: number}
+    effect: "?Object.Weight = ?Weight"
+  ReserveTable:
+    kind: software
+    inputs: {Object: Graspable}
+    outputs: {Table: Table}
+    effect: "?Table isReservedFor ?Object"
   CarryObject:
     inputs: {Object: Graspable, Table: Table}
     precondition: "?Object isOn ?Source"
@@ -56,12 +73,19 @@ services:
 
 RECOGNITION = "RecognizeSituation"
 
+WEIGHING = "WeighObject"
+
+RESERVATION = "ReserveTable"
+
+TELLING = (RECOGNITION, WEIGHING, RESERVATION)
+"""The services that move nothing: they find out, or compute."""
+
 SERVICES: dict[Setting, tuple[tuple[str, ...], ...]] = {
     Setting.FLAT: (("TransferObject",),),
     Setting.DOORS: (("CarryObject",), ("StoreObject",), ("UnlockDoor", "LockDoor"), ("CarryObject", "StoreObject")),
     Setting.GRIP: (("PickUp", "PutDown"),),
 }
-"""The services of a setting's devices, in turn, so that some device offers each service."""
+"""The services of a setting's devices, in turn, so that some device offers each service. `Store` and `Carry` have alternatives."""
 
 
 @cache
@@ -90,8 +114,13 @@ def _objects(scenario: Scenario) -> Iterator[Object]:
     yield from (placed(table, "Table") for table in scenario.tables)
     yield from (placed(shelf, "Shelf") for shelf, _ in scenario.shelves)
     yield from (placed(door, "Door", Open=is_open) for door, is_open in scenario.doors)
-    yield from (placed(thing, "Jar") for thing, _ in scenario.things)
-    yield from (placed(device.name, "PioneerP3DX") for device in scenario.devices)
+    yield from (placed(thing, scenario.thing_type, Texture=looks_of(thing)) for thing, _ in scenario.things)
+    yield from (placed(device.name, "PioneerP3DX", Payload=device.payload) for device in scenario.devices)
+
+
+def looks_of(thing: str) -> str:
+    """The texture of a thing, by which cameras recognise it: no other thing has the same."""
+    return f"as of {thing}"
 
 
 def _facts(scenario: Scenario) -> Iterator[Fact]:
