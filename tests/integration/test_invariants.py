@@ -20,6 +20,7 @@ CARRY = ServiceType(
     invariant=DOOR_OPEN,
     effect="?Object isOn ?Destination",
 )
+CARRY_ANYHOW = ServiceType(name="CarryAnyhow", inputs=CARRY.inputs, precondition=CARRY.precondition, effect=CARRY.effect)
 CLOSE = ServiceType(name="LockDoor", inputs=OPEN.inputs, effect="?Door.Open = FALSE")
 
 
@@ -30,6 +31,26 @@ class Carrier(Device):
     begun = 0
 
     @service(CARRY, price="4 EUR", duration="25 s")
+    async def carry(self, task: Task) -> Situation:
+        self.begun += 1
+        await Pause(25)
+        return None
+
+    @carry.stopping
+    async def put_down(self, task: Task) -> Situation:
+        return f"{task.inputs['Object']} isOn Floor001"
+
+
+class Wary(Device):
+    """Carries in 25 s; it is the device, and not the type of its service, that demands an open door."""
+
+    type = "PioneerP3DX"
+    begun = 0
+
+    async def _demand(self, task: Task) -> None:
+        task.demand(DOOR_OPEN, throughout=True)
+
+    @service(CARRY_ANYHOW, price="4 EUR", duration="25 s", able=_demand)
     async def carry(self, task: Task) -> Situation:
         self.begun += 1
         await Pause(25)
@@ -71,8 +92,9 @@ def test_an_invariant_is_made_true_first() -> None:
     assert view.steps[1].because == (DOOR_OPEN,)
 
 
-def test_a_door_that_closes_during_the_step_stops_it_at_once_and_nobody_is_blamed() -> None:
-    carrier = Carrier("Carrier1")
+@pytest.mark.parametrize(("kind", "service_type"), [(Carrier, "CarryThrough"), (Wary, "CarryAnyhow")], ids=["by type", "by terms"])
+def test_a_door_that_closes_during_the_step_stops_it_at_once_and_nobody_is_blamed(kind: type[Carrier | Wary], service_type: str) -> None:
+    carrier = kind("Carrier1")
     system = make_system(carrier)
     system.change(DOOR_OPEN)
     task = system.submit("Carton001 isOn Shelf001")
@@ -82,13 +104,13 @@ def test_a_door_that_closes_during_the_step_stops_it_at_once_and_nobody_is_blame
     (view,) = system.finish(task)
     assert view.outcome is Outcome.ACCOMPLISHED, view.explanation
     ((broken_at, event),) = logged(system, task, events.InvariantBroken)
-    assert event == events.InvariantBroken(service="Carrier1.CarryThrough", invariant=DOOR_OPEN)
+    assert event == events.InvariantBroken(service=f"Carrier1.{service_type}", invariant=DOOR_OPEN)
     assert broken_at <= closed_at
     assert carrier.begun == 2, "the same robot carries on: it is not excluded"
     assert [(work.service, work.state) for work in view.work] == [
-        ("Carrier1.CarryThrough", "Stopped"),
+        (f"Carrier1.{service_type}", "Stopped"),
         ("Porter1.UnlockDoor", "Completed"),
-        ("Carrier1.CarryThrough", "Completed"),
+        (f"Carrier1.{service_type}", "Completed"),
     ]
     assert "Door001.Open = TRUE does not hold any more" in view.work[0].note
     assert system.manager.state.tasks[task].services.failures == {}
@@ -106,15 +128,16 @@ def test_a_change_that_breaks_nothing_stops_nothing() -> None:
 
 
 @pytest.mark.parametrize("is_open", [True, False])
-def test_a_step_of_the_plan_that_would_break_it_waits(is_open: bool) -> None:
-    system = make_system(Carrier("Carrier1"), Closer("Closer1"))
+@pytest.mark.parametrize(("kind", "service_type"), [(Carrier, "CarryThrough"), (Wary, "CarryAnyhow")], ids=["by type", "by terms"])
+def test_a_step_of_the_plan_that_would_break_it_waits(kind: type[Carrier | Wary], service_type: str, is_open: bool) -> None:
+    system = make_system(kind("Carrier1"), Closer("Closer1"))
     if is_open:
         system.change(DOOR_OPEN)
     task = system.submit("Carton001 isOn Shelf001 AND Door001.Open = FALSE")
     (view,) = system.finish(task)
     assert view.outcome is Outcome.ACCOMPLISHED, view.explanation
     assert logged(system, task, events.InvariantBroken) == []
-    assert [work.service_type for work in view.work][-2:] == ["CarryThrough", "LockDoor"]
+    assert [work.service_type for work in view.work][-2:] == [service_type, "LockDoor"]
 
 
 def test_the_task_manager_restarts_while_the_step_works() -> None:

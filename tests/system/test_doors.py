@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.knowledge import UpdateMap
 from tests.support.paths import ROOT
 from tests.system.test_system import accomplish, running
 
@@ -45,5 +47,29 @@ def test_a_jar_is_put_into_a_shut_cupboard_and_another_taken_out(tmp_path: Path)
             view = await accomplish(client, "Jar005 isOn Table001")
             assert view.outcome is Outcome.ACCOMPLISHED, view.explanation
             assert (await operator.observe("Jar005")).support == "Table001"
+
+    asyncio.run(test())
+
+
+@pytest.mark.parametrize("carrying", [False, True], ids=["on the way to the carton", "on the way to the door"])
+def test_a_door_that_somebody_shuts_stops_the_robot_that_needs_it_at_once(tmp_path: Path, carrying: bool) -> None:
+    async def test() -> None:
+        site = tmp_path / "open.yaml"
+        site.write_text(
+            SCENARIO_3.read_text("utf-8").replace("Depth: 1.4, Height: 2.1}, Open: false", "Depth: 1.4, Height: 2.1}, Open: true")
+        )
+        async with running(tmp_path / "data", site) as (_, client, operator):
+            submitted = await client.submit(Submit(effect="Carton001 isOn Shelf001"))
+            while not (robot := (await operator.robots())["Robot1"]).activity or (carrying and robot.holding is None):
+                await asyncio.sleep(0.01)
+            await client.report(UpdateMap(situation="Door001.Open = FALSE"))
+            news = [news async for news in client.news(submitted)]
+            view, logged = news[-1].view, [event for entry in news for event in entry.events]
+            assert view.outcome is Outcome.ACCOMPLISHED, view.explanation
+            broken = [event.text for event in logged if "Door001.Open = TRUE does not hold any more" in event.text]
+            assert broken
+            assert view.work[0].service == "Robot1.TransferObject"
+            assert {work.service_type: work.state for work in view.work[1:]} == {"OpenDoor": "Completed", "TransferObject": "Completed"}
+            assert (await operator.observe("Carton001")).support == "Shelf001"
 
     asyncio.run(test())

@@ -55,6 +55,12 @@ class CoordinatorSession(Session, tag="coordinator", kw_only=True):
         return refusal.condition if refusal is not None else terms.condition if terms is not None else None
 
     @property
+    def invariant(self) -> str | None:
+        """What has to hold while the service works, according to its terms."""
+        terms = self.terms
+        return terms.invariant if terms is not None else None
+
+    @property
     def terms_id(self) -> str | None:
         """The id of the Terms, which an Accept names."""
         return self.received_messages["Terms"].id if "Terms" in self.received_messages else None

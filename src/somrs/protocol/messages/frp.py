@@ -70,8 +70,9 @@ class Terms(MessageBody, frozen=True, kw_only=True, tag=True):
     """The terms of a service. `price` is in `currency`, `duration` in seconds.
 
     `condition`: the terms hold only if this formula holds when the service starts. Whoever accepts them makes it true before, by other
-    steps of the plan; otherwise nothing is started. `penalty`: what it costs, in `currency`, to have the work undone by this service
-    (Compensate); None: the service does not say.
+    steps of the plan; otherwise nothing is started. `invariant`: the part of it that has to hold from the start to the end of the service;
+    the Task Manager watches it, and stops the service when it does not hold any more. `penalty`: what it costs, in `currency`, to have the
+    work undone by this service (Compensate); None: the service does not say.
     """
 
     effect: str
@@ -84,6 +85,7 @@ class Terms(MessageBody, frozen=True, kw_only=True, tag=True):
     valid_until: float | None = None
     condition: str | None = None
     penalty: float | None = None
+    invariant: str | None = None
 
 
 class Refuse(MessageBody, frozen=True, kw_only=True, tag=True):

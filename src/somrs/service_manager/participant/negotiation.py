@@ -107,6 +107,7 @@ class Negotiation:
             valid_until=now + self._state.profile.valid_for,
             condition=quoted.condition,
             penalty=quoted.penalty,
+            invariant=quoted.invariant,
         )
 
 

@@ -155,14 +155,20 @@ class Task:
         self.map = MapReader(ask, situation)
         self.conditions: tuple[Formula, ...] = ()
         """What has to hold when the service starts, as far as the author has demanded it."""
+        self.invariants: tuple[Formula, ...] = ()
+        """The conditions that have to hold until the service ends, too."""
         self._report = report
 
-    def demand(self, condition: str | Formula) -> None:
+    def demand(self, condition: str | Formula, *, throughout: bool = False) -> None:
         """Offer the service on a condition: the formula has to hold when it starts. Call it in `price`, `duration` or `able`.
 
         The Task Manager makes it true before, by other services, or chooses another service. Several demands have to hold together.
+        `throughout`: it has to hold until the service ends. The Task Manager stops the service at once when it does not hold any more.
         """
-        self.conditions = (*self.conditions, fill_in(str(condition), self.provider, self.order.inputs))
+        demand = fill_in(str(condition), self.provider, self.order.inputs)
+        self.conditions = (*self.conditions, demand)
+        if throughout:
+            self.invariants = (*self.invariants, demand)
 
     async def progress(self, fraction: float, situation: Situation = None, note: str = "", observation: Observation | None = None) -> None:
         """Report the fraction done (0 to 1), the situation if it changed, and a note for people."""

@@ -100,7 +100,7 @@ Work = Quote | Perform | Halt | Undo
 
 
 class Quoted(Struct, frozen=True, kw_only=True, tag=True):
-    """The device does the work for this price, if the `condition` holds at its start (None: in any case).
+    """The device does the work for this price, if the `condition` holds at its start (None: in any case) and the `invariant` up to its end.
 
     `penalty`: what it costs to have the work undone by the device.
     """
@@ -110,6 +110,7 @@ class Quoted(Struct, frozen=True, kw_only=True, tag=True):
     duration: float
     condition: str | None = None
     penalty: float | None = None
+    invariant: str | None = None
 
 
 class Refused(Struct, frozen=True, tag=True):

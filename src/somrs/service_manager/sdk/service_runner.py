@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import inspect
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
-from somrs.entish.formula import conjunction, variables
+from somrs.entish.formula import Formula, conjunction, variables
 from somrs.entish.parse import parse
 from somrs.errors import DeviceError, RemoteError
 from somrs.service_manager.sdk.device import AbilityCheck, Amount, Amounts, Ask, Device, Result, Service, Situation, Task
@@ -52,9 +52,13 @@ async def _quote(device: Device, service: Service, task: Task) -> Quoted:
         await _check_ability(service.able, device, task)
     price, currency = money(await _amount(service.price, device, task))
     duration = seconds(await _amount(service.duration, device, task))
-    condition = str(conjunction(*dict.fromkeys(task.conditions))) if task.conditions else None
     penalty = money(await _amount(service.penalty, device, task))[0] if service.penalty is not None else None
-    return Quoted(price=price, currency=currency, duration=duration, condition=condition, penalty=penalty)
+    condition, invariant = _all_of(task.conditions), _all_of(task.invariants)
+    return Quoted(price=price, currency=currency, duration=duration, condition=condition, penalty=penalty, invariant=invariant)
+
+
+def _all_of(demands: Sequence[Formula]) -> str | None:
+    return str(conjunction(*dict.fromkeys(demands))) if demands else None
 
 
 async def _amount(amount: Amounts, device: Device, task: Task) -> Amount:

@@ -14,7 +14,6 @@ from somrs.ontology.effects import apply_effect, net_effect
 from somrs.ontology.truth import formula_holds
 from somrs.planner.model.plan import Step
 from somrs.planner.model.provider_choice import assign_provider
-from somrs.protocol.frp.coordinator_session import CoordinatorSession
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.directory import Offer
@@ -118,8 +117,17 @@ class Arrangement:
         return self._workflow.step_count
 
     def unmet_condition(self, run: StepRun, member: Member) -> Formula | None:
-        """The condition that the service states for the step, in its terms or its refusal, unless the plan meets it."""
-        return unmet_condition(member.session, self._workflow.promised_effects(run), self._replica)
+        """The condition that the service states for the step, in its terms or its refusal, unless the plan meets it.
+
+        The plan does not meet it either if a step that may be done meanwhile ends what has to hold throughout.
+        """
+        promised = self._workflow.promised_effects(run)
+        unmet = unmet_condition(member.session.condition, promised, self._replica)
+        if unmet is not None or (invariant := member.session.invariant) is None:
+            return unmet
+        outcomes = (other.step.outcome for other in self._workflow.concurrent(run))
+        endings = (unmet_condition(invariant, [*promised, outcome], self._replica) for outcome in outcomes if outcome is not None)
+        return next((ending for ending in endings if ending is not None), None)
 
     def is_answered(self, call: CallForProposals) -> bool:
         """Whether no answer is missing."""
@@ -231,13 +239,13 @@ def _busy(offer: Offer, commitments: Commitments) -> Sequence[Interval]:
     return commitments.get(offer.provider, ()) if offer.occupies else ()
 
 
-def unmet_condition(session: CoordinatorSession, promised: Sequence[Formula], replica: Replica) -> Formula | None:
-    """The condition that the participant states, unless it holds on the map with the promised effects, which come true in this order."""
-    if session.condition is None:
+def unmet_condition(stated: str | None, promised: Sequence[Formula], replica: Replica) -> Formula | None:
+    """The condition that a participant states, unless it holds on the map with the promised effects, which come true in this order."""
+    if stated is None:
         return None
     situation = net_effect(promised, replica.map, replica.ontology)
     promised_map = apply_effect(situation, replica.map, replica.ontology) if situation is not None else replica.map
-    condition = parse(session.condition)
+    condition = parse(stated)
     return condition if not formula_holds(condition, promised_map, replica.ontology) else None
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Hashable, Iterable, Iterator, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from enum import StrEnum
 
 from msgspec import Struct, field
@@ -278,6 +278,19 @@ class Workflow(Struct, dict=True, eq=False):
                 ids.add(predecessor.step.id)
                 waiting += self.predecessors(predecessor.step.id)
         return [outcome for predecessor in self._in_order(ids) if (outcome := predecessor.step.outcome) is not None]
+
+    def concurrent(self, run: StepRun) -> list[StepRun]:
+        """The steps that are not completed and that the plan puts neither before nor after this one."""
+        ordered = self._reached(run, self._predecessors) | self._reached(run, self._successors) | {run.step.id}
+        return [other for other in self.remaining if other.step.id not in ordered]
+
+    def _reached(self, run: StepRun, neighbours: Mapping[str, Sequence[StepRun]]) -> set[str]:
+        waiting, ids = [*neighbours[run.step.id]], set[str]()
+        while waiting:
+            if (neighbour := waiting.pop().step.id) not in ids:
+                ids.add(neighbour)
+                waiting += neighbours[neighbour]
+        return ids
 
     def earliest_start(self, run: StepRun, now: float) -> float:
         """The promised finish of all predecessors of the step; at least `now`."""

@@ -51,7 +51,7 @@ class StepExecutor:
         for run in self._execution:
             if run.progress is not Progress.EXECUTING or (member := self._member(run)).state is not State.EXECUTING:
                 continue
-            broken = broken_invariant(scope.services.type_of(run.step), run, member.offer.provider, scope.context.replica)
+            broken = broken_invariant(scope.services.type_of(run.step), run, member, scope.context.replica)
             if broken is not None:
                 scope.log_event(events.InvariantBroken(service=member.offer.service, invariant=broken), now, run)
                 yield from self._interrupt(member, f"{broken} does not hold any more", now)

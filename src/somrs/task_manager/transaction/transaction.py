@@ -158,10 +158,15 @@ class Transaction:
 
     def map_changed(self, now: float) -> Effects:
         """Handle a change of the map: services whose invariant it breaks are stopped."""
-        state = self.state
-        if state.ending is None and any(service_type.invariant is not None for service_type in state.services.types.values()):
-            for execution in state.executions:
+        if self.state.ending is None and self._has_invariants:
+            for execution in self.state.executions:
                 yield from StepExecutor(execution, self._scope).stop_where_broken(now)
+
+    @property
+    def _has_invariants(self) -> bool:
+        """Whether something has to hold while services of the task work, by their types or their terms."""
+        by_type = any(service_type.invariant is not None for service_type in self.state.services.types.values())
+        return by_type or any(member.session.invariant is not None for member in self.state.members.working)
 
     def objects_changed(self, objects: AbstractSet[str], now: float) -> Effects:
         """Handle a change of the map: a task that waits for a device which changed tries again."""

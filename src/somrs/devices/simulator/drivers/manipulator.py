@@ -59,6 +59,8 @@ async def _able(device: Manipulator, task: Task) -> None:
     if await task.map.holds(f"{object}.Weight > {device.name}.Payload"):
         (row, *_) = await task.map.query(f"{object}.Weight = ?Weight AND {device.name}.Payload = ?Payload")
         raise Refusal(f"{object} is too heavy for {device.name}: it weighs {row['Weight']}, the payload is {row['Payload']}")
+    for row in await task.map.query(f"{object} isIn ?It: Cupboard"):
+        task.demand(f"{row['It']}.Open = TRUE", throughout=True)
     if await device.needs_weight(task, object):
         task.demand(f"{object}.Weight <= {device.name}.Payload")
 
@@ -105,6 +107,8 @@ class Manipulator(OpeningRobot):
         self._last_observations: dict[str, ObjectState] = {}
         self.carrying: str | None = None
         """The thing that it fetches or carries."""
+        self._on_way_to: str | None = None
+        """The thing that it drives to, and has not touched yet."""
         self._weights: dict[str, float] = {}
         """What the arm has measured of the things that it lifted last, kg."""
         await super().open()
@@ -190,7 +194,17 @@ class Manipulator(OpeningRobot):
             raise ServiceFailed(
                 failure.description, self._situation(failure.state or self._link.state, object, failure.object_states)
             ) from failure
-        return self._situation(result.state, object, result.object_states)
+        situation = self._situation(result.state, object, result.object_states)
+        if self._on_way_to != object or result.state.holding is not None:
+            return situation
+        return " AND ".join([*await self._place_on_map(task, object), situation])
+
+    async def _place_on_map(self, task: Task, object: str) -> list[str]:
+        """Where the map says that the thing is, as parts of a formula: there it still is if the robot has not touched it."""
+        for relation in ("isOn", "isIn"):
+            for row in await task.map.query(f"{object} {relation} ?Place", limit=1):
+                return [f"{object} {relation} {row['Place']}"]
+        return []
 
     async def _stop_and_lay_down(self) -> CommandDone:
         result = await self._link.stop()
@@ -236,7 +250,9 @@ class Manipulator(OpeningRobot):
         assert target.name is not None, "the callers name a support or a container"
         state = (await self._link.status()).state
         if state.holding != object:
+            self._on_way_to = object
             await self._driving(task, self._run_and_record(self._link.approach(object)), 0.05, 0.35, f"on the way to {object}")
+            self._on_way_to = None
             await self._run_and_record(self._link.grip(object))
         await task.progress(0.4, f"{object} isHeldBy {self.name}", f"{object} is gripped")
         note = f"carries {object} to {target.name}"

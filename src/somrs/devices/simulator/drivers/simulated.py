@@ -157,11 +157,11 @@ class SimulatedDevice(Device):
             self._working -= 1
 
     async def legs_through(self, task: Task, *stops: str | tuple[float, float]) -> Legs:
-        """The way through the stops in the situation in which the service is to start. Demands that the shut doors on it are open then."""
+        """The way through the stops in the situation in which the service is to start. Demands that the doors on it are open throughout."""
         situation = str(task.situation) if task.situation is not None else None
         legs = await self.retry_when_link_lost(lambda: self._link.legs(*stops, situation=situation))
-        for door in legs.shut:
-            task.demand(f"{door}.Open = TRUE")
+        for door in (*legs.shut, *legs.open):
+            task.demand(f"{door}.Open = TRUE", throughout=True)
         return legs
 
     async def price(self, task: Task, way: float) -> float | str:

@@ -105,11 +105,14 @@ class Ways(Struct, frozen=True, kw_only=True, tag="ways", tag_field="ask"):
 
 
 class Legs(Struct, frozen=True):
-    """The way through several stops: the driving distance of each leg in metres, None where there is no path; and the shut doors that
-    have to be open for it."""
+    """The way through several stops: the driving distance of each leg in metres, None where there is no path.
+
+    `shut`: the shut doors that have to be opened for it; `open`: the open doors that have to stay open.
+    """
 
     lengths: tuple[float | None, ...]
     shut: tuple[str, ...] = ()
+    open: tuple[str, ...] = ()
 
 
 class Idle(Struct, frozen=True, kw_only=True, tag="idle", tag_field="ask"):
@@ -243,6 +246,8 @@ class Answer(Struct, frozen=True, kw_only=True, tag="answer", tag_field="say"):
     """Length of each leg in metres; None from the first leg without a path on."""
     shut: tuple[str, ...] | None = None
     """The shut doors on the only way. The lengths are those of the way with these doors open."""
+    open: tuple[str, ...] | None = None
+    """The open doors on the only way."""
 
 
 class Refused(Struct, frozen=True, kw_only=True, tag="error", tag_field="say"):

@@ -124,9 +124,10 @@ def _turning(error: float) -> float:
 
 
 def _follow(robot: Robot, path: Sequence[Point]) -> Generator[None, None, Robot | None]:
-    """Follow the path. Returns None at its end, or the robot that has blocked it for a while."""
+    """Follow the path. Returns None at its end, or when obstacles changed, or the robot that has blocked it for a while."""
     corner, stall_count = 1 if len(path) > 1 else 0, 0
-    while True:
+    navigator = robot.navigator
+    while robot.navigator is navigator:
         robot.need_drive()
         x, y, yaw = robot.pose()
         robot.plan = [(x, y), *path[corner:]]
@@ -149,6 +150,7 @@ def _follow(robot: Robot, path: Sequence[Point]) -> Generator[None, None, Robot 
         if stall_count > 25 and obstacle is not None:
             return obstacle
         yield
+    return None
 
 
 def _corner_speed(robot: Robot, previous_point: Point, corner: Point, next_point: Point) -> float:

@@ -68,8 +68,9 @@ def _is_movable(solid: Solid | None) -> bool:
 def find_legs(simulation: Simulation, robot: str, stops: Stops, situation: str | None = None) -> Legs:
     """Driving distances in metres to the first stop, from there to the next, and so on; None from the first leg without a path on.
 
-    If shut doors leave no path, the legs are those of a shortest path with the doors on it open, and the doors are named. Other robots
-    count as obstacles only if they cannot move. Raises UsageError for an unknown robot or object.
+    If shut doors leave no path, the legs are those of a shortest path with the doors on it open, and the doors are named. So are the open
+    doors without which there is no path. Other robots count as obstacles only if they cannot move. Raises UsageError for an unknown robot
+    or object.
     """
     if robot not in simulation.robots:
         raise UsageError(f"there is no robot {robot}; there are {', '.join(simulation.robots) or 'none'}")
@@ -79,17 +80,26 @@ def find_legs(simulation: Simulation, robot: str, stops: Stops, situation: str |
     planner = _LegPlanner(simulation, simulation.robots[robot], promised)
     paths = planner.paths(stops, doors)
     if None not in paths or all(doors.values()):
-        return Legs(_lengths(paths))
+        return Legs(_lengths(paths), open=_needed(planner, stops, doors, paths))
     open_paths = planner.paths(stops, dict.fromkeys(doors, True))
     if None in open_paths:
         return Legs(_lengths(paths))
-    shut = [door for door, is_open in doors.items() if not is_open and planner.passes(solids[door], open_paths)]
+    shut = [door for door, is_open in doors.items() if not is_open and planner.passes(door, open_paths)]
     for door in [*shut] if len(shut) > 1 else ():  # a longer way may need fewer doors
         fewer = planner.paths(stops, {**doors, **dict.fromkeys(shut, True), door: False})
         if None not in fewer:
             shut.remove(door)
             open_paths = fewer
-    return Legs(_lengths(open_paths), tuple(shut))
+    needed = _needed(planner, stops, {**doors, **dict.fromkeys(shut, True)}, open_paths)
+    return Legs(_lengths(open_paths), tuple(shut), tuple(door for door in needed if door not in shut))
+
+
+def _needed(planner: _LegPlanner, stops: Stops, doors: Mapping[str, bool], paths: list[list[Point] | None]) -> tuple[str, ...]:
+    """The open doors on the paths without which there is no path."""
+    passed = [door for door, is_open in doors.items() if is_open and planner.passes(door, paths)]
+    if None in paths or (len(passed) > 1 and None not in planner.paths(stops, {**doors, **dict.fromkeys(passed, False)})):
+        return ()
+    return tuple(door for door in passed if None in planner.paths(stops, {**doors, door: False}))
 
 
 def _lengths(paths: list[list[Point] | None]) -> tuple[float | None, ...]:
@@ -117,8 +127,9 @@ class _LegPlanner:
             position = stand if path is not None else None
         return paths
 
-    def passes(self, door: Solid, paths: list[list[Point] | None]) -> bool:
+    def passes(self, name: str, paths: list[list[Point] | None]) -> bool:
         """Whether the robot touches the place of the door on one of the paths."""
+        door = self._simulation.scene.world.solids[name]
         return any(door.distance(*point) < self._radius for path in paths if path is not None for point in _points_on(path))
 
     def _start(self) -> Point:

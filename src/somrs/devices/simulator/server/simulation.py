@@ -29,9 +29,11 @@ from somrs.devices.simulator.link.commands import (
 from somrs.devices.simulator.motion.door_drive import DoorDrive
 from somrs.devices.simulator.motion.driving import make_way
 from somrs.devices.simulator.motion.handling import set_down, withdraw
+from somrs.devices.simulator.motion.leaves import obstacle_in_sweep
 from somrs.devices.simulator.motion.navigation import Navigator
 from somrs.devices.simulator.motion.robot import PERIOD, GivenUp, Robot, Routine
 from somrs.devices.simulator.motion.routines import concerned_objects, make_routine
+from somrs.devices.simulator.world.leaves import Leaf
 from somrs.devices.simulator.world.recognition import landmarks, sightings
 from somrs.devices.simulator.world.scene import RESTING, Scene
 from somrs.devices.simulator.world.solids import Role, Solid, solid_of
@@ -85,6 +87,8 @@ class Simulation:
         self._dropped: dict[str, str] = {}
         self._pulled: set[str] = set()
         """The leaves that robots held by their handles in the last period."""
+        self._to_shut: dict[str, tuple[Leaf, ...]] = {}
+        """The leaves of the doors that somebody is to shut as soon as nothing obstructs them."""
         self._last_motion = 0.0
         """Simulated time of the last motion that was observed."""
         for solid in [*self.scene.world.solids.values()]:
@@ -131,6 +135,7 @@ class Simulation:
         for name, drive in self.drives.items():
             if drive.step():
                 self._note_leaves(name)
+        self._shut_doors()
         pulled = set(self.scene.pulled.values())
         for owner in {leaf.split("/")[0] for leaf in self._pulled - pulled}:
             self._note_leaves(owner)
@@ -343,6 +348,7 @@ class Simulation:
             del self.robots[name]
         self.cameras.pop(name, None)
         self.drives.pop(name, None)
+        self._to_shut.pop(name, None)
         self.scales.pop(name, None)
         if solid is not None:
             self.scene.remove(name)
@@ -383,7 +389,11 @@ class Simulation:
                 self.scene.hold(holder, object.name)
 
     def renew(self, object: Object) -> None:
-        """Open or close a door or container as the map says, if somebody else than a robot did; other objects are ignored."""
+        """Open or close a door or container as the map says, if somebody else than a robot did; other objects are ignored.
+
+        Whoever shuts it waits until nothing is in its way.
+        """
+        self._to_shut.pop(object.name, None)
         solid, renewed = self.scene.world.solids.get(object.name), solid_of(object, self._ontology)
         if solid is None or renewed is None or not (solid.role is Role.DOOR or solid.container) or solid.open == renewed.open:
             return
@@ -392,9 +402,25 @@ class Simulation:
             self.remove(object.name)
             self.add(object)
             return
+        if not renewed.open and self._obstructs(leaves):
+            self._to_shut[object.name] = leaves
+            return
         for leaf in leaves:
             self.scene.set_leaf(leaf, leaf.travel if renewed.open else 0.0)
         self._note_leaves(object.name)
+
+    def _obstructs(self, leaves: tuple[Leaf, ...]) -> bool:
+        """Whether something is where one of the leaves would move."""
+        return any(obstacle_in_sweep(self.scene, leaf, self.robots.values()) is not None for leaf in leaves)
+
+    def _shut_doors(self) -> None:
+        """Shut the doors that somebody is to shut, and that nothing obstructs any more."""
+        for owner, leaves in [*self._to_shut.items()]:
+            if not self._obstructs(leaves):
+                del self._to_shut[owner]
+                for leaf in leaves:
+                    self.scene.set_leaf(leaf, 0.0)
+                self._note_leaves(owner)
 
     def move(self, thing: str, x: float, y: float, z: float, yaw: float = 0.0) -> None:
         """Move a thing to another pose without a robot. Raises UsageError."""
