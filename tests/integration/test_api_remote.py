@@ -279,6 +279,41 @@ def test_a_topic_that_does_not_exist_is_answered_with_those_that_do_and_the_othe
     run_scenario(tmp_path / "data", scenario)
 
 
+def test_a_mistake_in_the_body_is_answered_with_its_place(tmp_path: Path) -> None:
+    async def scenario(system: SmallSystem, program: Program, api: LiveApi) -> None:
+        async with httpx.AsyncClient(base_url=api.client.url) as client:
+            formula = (await client.post("/tasks", json={"effect": "Jar002 isOn Platfrom001"})).json()
+            assert (formula["error"], formula["text"], formula["position"]) == ("FormulaError", "Jar002 isOn Platfrom001", 12)
+            assert (formula["problem"], formula["hint"]) == (
+                "there is no object Platfrom001 on the map",
+                "did you mean Platform001?",
+            )
+            for path, body, problem in (
+                (
+                    "/tasks",
+                    {"effect": "Jar002 isOn Platform001", "waitss": False},
+                    "the body: there is no field waitss; did you mean waits?",
+                ),
+                (
+                    "/map/changes",
+                    {"situation": "Jar001 isOn Platform001", "observation": {"AsOf": 3}},
+                    "the body: there is no field observation.AsOf; did you mean as_of?",
+                ),
+                (
+                    "/map/changes",
+                    {"changes": [{"type": "ValueSet", "object": "Jar001", "path": "Weight", "value": 1, "unit": "g"}]},
+                    "the body: there is no field changes[0].unit; there are object, path, value",
+                ),
+            ):
+                answer = await client.post(path, json=body)
+                assert answer.status_code == 400, body
+                assert answer.json()["problem"].startswith(problem)
+            two = {"changes": [{"type": "ValueSet", "object": name, "path": "Weight", "value": 99} for name in ("Jar001", "Jar002")]}
+            assert len((await client.post("/map/changes", json=two)).json()["problems"]) == 2
+
+    run_scenario(tmp_path / "data", scenario)
+
+
 @pytest.mark.parametrize("at", ["the API", "the windows"])
 def test_an_unknown_path_and_a_wrong_method_are_answered_with_a_problem(tmp_path: Path, at: str) -> None:
     async def scenario(system: SmallSystem, program: Program, api: LiveApi) -> None:

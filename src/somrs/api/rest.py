@@ -21,6 +21,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from somrs.api.openapi import document
 from somrs.api.topics import is_topic, unknown_topics_text
+from somrs.api.unknown_fields import unknown_fields
 from somrs.client.hub import Hub, NewsSubscription
 from somrs.client.live_news import Confirmed, Follow
 from somrs.client.operations import Document, Operation, Parameter
@@ -146,7 +147,10 @@ async def _read_argument(parameter: Parameter, request: Request) -> list[Any]:
             content = await request.body()
             if not content and not parameter.required:
                 return []
-            return [msgspec.json.decode(content, type=parameter.type)]
+            value = msgspec.json.decode(content, type=parameter.type)
+            if unknown := [*unknown_fields(msgspec.json.decode(content), value)]:
+                raise InputError(f"the body: {'; '.join(unknown)}")
+            return [value]
         text = request.path_params.get(parameter.name) if parameter.place == "path" else request.query_params.get(parameter.name)
         if text is None and not parameter.required:
             return []

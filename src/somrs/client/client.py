@@ -13,7 +13,7 @@ from typing import TypeVar
 
 import msgspec
 
-from somrs.errors import RemoteError, UsageError
+from somrs.errors import FormulaError, RemoteError, UsageError
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.types import Definition, Ontology
 from somrs.protocol.messages import clients, directory, frp, knowledge, records
@@ -33,10 +33,10 @@ Answer = TypeVar("Answer")
 
 
 class Refused(RemoteError):
-    """The Repository rejected a change. `broken`: the rules that the change would break, each with what it concerns."""
+    """The Repository rejected a change, for these `problems`. `broken`: the rules that it would break, each with what it concerns."""
 
     def __init__(self, rejected: knowledge.Rejected) -> None:
-        self.broken, self.version = rejected.broken, rejected.version
+        self.problems, self.broken, self.version = rejected.problems, rejected.broken, rejected.version
         super().__init__("\n".join(rejected.problems))
 
 
@@ -246,13 +246,16 @@ class Client:
         """Submit a task, and return its id. Submissions with the same message `id` are one task.
 
         Raises:
-            UsageError: the task is invalid; the text has a caret under the mistake.
+            FormulaError: there is a mistake in a formula of the task.
+            UsageError: something else about the task is invalid.
             RemoteError: the Task Manager did not accept the task.
         """
         answer: object = await self.ask(self.addresses.task_manager, task, object, patience=patience, id=id, author=author)
         match answer:
             case clients.Submitted(task=id):
                 return id
+            case clients.TaskRejected(mistake=clients.FormulaMistake() as mistake):
+                raise FormulaError(mistake.text, mistake.position, mistake.problem, mistake.hint)
             case clients.TaskRejected(problem=wrong):
                 raise UsageError(wrong)
             case frp.Fault(text=text):

@@ -81,13 +81,12 @@ def error_report(error: SomrsError) -> ErrorReport:
     sort = type(error).__name__
     if isinstance(error, FormulaError):
         return ErrorReport(problem=error.problem, error=sort, text=error.text, position=error.position, hint=error.hint)
-    problems = tuple(str(error).splitlines())
     if isinstance(error, Refused):
-        return ErrorReport(problem=str(error), error=sort, problems=problems, broken=error.broken)
+        return ErrorReport(problem=str(error), error=sort, problems=error.problems, broken=error.broken)
     if isinstance(error, ModelError):
         mistakes = tuple(Mistake(**{name: getattr(problem, name) for name in problem.__slots__}) for problem in error.problems)
         return ErrorReport(problem=str(error), error=sort, problems=tuple(map(str, error.problems)), mistakes=mistakes)
-    return ErrorReport(problem=str(error), error=sort, problems=problems)
+    return ErrorReport(problem=str(error), error=sort)
 
 
 def refusal(code: int, report: ErrorReport) -> SomrsError:

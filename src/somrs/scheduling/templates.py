@@ -50,7 +50,7 @@ def check(task: Submit, blanks: tuple[Blank, ...], replica: Replica) -> None:
         if formula is not None:
             _check_formula(formula, examples, replica)
     if (wrong := find_task_error(fill_blanks(task, examples), replica)) is not None:
-        raise UsageError(wrong)
+        raise UsageError(str(wrong))
 
 
 def _check_formula(formula: str, examples: Mapping[str, str], replica: Replica) -> None:

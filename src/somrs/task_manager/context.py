@@ -11,7 +11,7 @@ from msgspec import Struct
 from somrs.entish import Formula
 from somrs.entish.formula import alternatives, conjunction, names
 from somrs.entish.parse import nearest
-from somrs.errors import FormulaError
+from somrs.errors import FormulaError, InputError
 from somrs.kernel.replica import Replica
 from somrs.ontology.check import check
 from somrs.ontology.services import PROVIDER, PROVIDER_TYPE, Handler
@@ -19,7 +19,7 @@ from somrs.ontology.truth import formula_holds
 from somrs.ontology.types import UNKNOWN
 from somrs.planner.model.plan import Plan
 from somrs.planner.model.problem import AvailableService, Problem
-from somrs.protocol.messages.clients import Policy, Submit
+from somrs.protocol.messages.clients import FormulaMistake, Policy, Submit, TaskRejected
 from somrs.protocol.messages.directory import Offer
 from somrs.task_manager.device_queue import AtWork, DeviceQueues
 from somrs.task_manager.pace import Pace
@@ -151,21 +151,31 @@ def known_to_hold(formula: Formula, replica: Replica) -> bool:
         return False
 
 
-def find_task_error(task: Submit, replica: Replica) -> str | None:
+def find_task_error(task: Submit, replica: Replica) -> InputError | None:
     """The error in a task as its client stated it, or None."""
     if task.deadline is not None and not (0 < task.deadline < math.inf):
-        return f"a deadline is a positive number of seconds from now, and not {task.deadline:g}; leave it out if there is no deadline"
+        return InputError(
+            f"a deadline is a positive number of seconds from now, and not {task.deadline:g}; leave it out if there is no deadline"
+        )
     if not math.isfinite(task.time_value):
-        return f"time_value is the value of a second in the currency of the terms, and cannot be {task.time_value:g}"
+        return InputError(f"time_value is the value of a second in the currency of the terms, and cannot be {task.time_value:g}")
     if abs(task.priority) > MOST_PRIORITY:
-        return f"a priority is a whole number from -{MOST_PRIORITY} to {MOST_PRIORITY}, and not {task.priority}"
+        return InputError(f"a priority is a whole number from -{MOST_PRIORITY} to {MOST_PRIORITY}, and not {task.priority}")
     try:
         planning_problem(task, replica, [])
         for handler in task.handlers:
             _check_handler(handler, replica)
     except FormulaError as error:
-        return str(error)
+        return error
     return None
+
+
+def rejection(error: InputError) -> TaskRejected:
+    """The answer to a client whose task has this error."""
+    mistake = None
+    if isinstance(error, FormulaError):
+        mistake = FormulaMistake(text=error.text, position=error.position, problem=error.problem, hint=error.hint)
+    return TaskRejected(problem=str(error), mistake=mistake)
 
 
 def _check_handler(handler: Handler, replica: Replica) -> None:

@@ -28,7 +28,7 @@ from somrs.protocol.messages import clients, directory, frp, records
 from somrs.protocol.messages.bodies import REQUESTS, Body, FrpBody
 from somrs.protocol.messages.envelope import Message, message_id, reply
 from somrs.protocol.messages.paging import fit_page
-from somrs.task_manager.context import Commitments, Interval, TaskManagerContext, find_task_error
+from somrs.task_manager.context import Commitments, Interval, TaskManagerContext, find_task_error, rejection
 from somrs.task_manager.device_queue import AtWork
 from somrs.task_manager.execution.participants import answer_stranger
 from somrs.task_manager.migrations import MIGRATIONS
@@ -206,7 +206,7 @@ class TaskManager:
         state, id = self.state, message_id("task", message.header.message_id)
         if id not in state.tasks:
             if (task_error := find_task_error(task, state.replica)) is not None:
-                yield self._reply(message, clients.TaskRejected(problem=task_error))
+                yield self._reply(message, rejection(task_error))
                 return
             state.tasks[id] = new_task(id, task, now, client=message.header.sender)
             state.running.append(id)
@@ -218,7 +218,7 @@ class TaskManager:
         if id not in state.previews:
             preview = new_preview(id, query, message)
             if (task_error := find_task_error(preview.task, state.replica)) is not None:
-                yield self._reply(message, preview_reply(task_error))
+                yield self._reply(message, preview_reply(str(task_error)))
             else:
                 state.previews[id] = preview
                 yield from self._advance_preview(id, now, lambda preview: preview.begin(now))

@@ -66,10 +66,20 @@ class Submitted(MessageBody, frozen=True, kw_only=True, tag=True):
     task: str
 
 
+class FormulaMistake(Struct, frozen=True, kw_only=True):
+    """A mistake in a formula: the formula, the position in it (counted from 0), what is wrong there, and what was expected."""
+
+    text: str
+    position: int
+    problem: str
+    hint: str = ""
+
+
 class TaskRejected(MessageBody, frozen=True, kw_only=True, tag=True):
-    """The task is not valid, and why."""
+    """The task is not valid, and why: for people, and for a mistake in one of its formulas also for programs."""
 
     problem: str
+    mistake: FormulaMistake | None = None
 
 
 class CancelTask(MessageBody, frozen=True, kw_only=True, tag=True):
