@@ -30,6 +30,7 @@ _OFFERS = Sign("sell", "Offers", "busy")
 _LOST = Sign("remove_circle_outline", "Not chosen", "plain")
 _SILENT = Sign("help", "Did not answer", "bad")
 _REFUSED = Sign("block", "Refused", "bad")
+_REFUSED_NOW = Sign("schedule", "Refused for now", "plain")
 _RELEASED = Sign("logout", "Released", "plain")
 
 _DASH = "–"
@@ -45,7 +46,7 @@ def bid_status(contract: ContractView, chosen: Collection[str]) -> Sign:
         case State.OFFERED:
             return _OFFERS
     if contract.refused:
-        return _REFUSED
+        return _REFUSED_NOW if contract.not_now else _REFUSED
     if contract.price is None:
         return _RELEASED if contract.refused is None else _SILENT
     return _LOST if contract.step in chosen else _RELEASED

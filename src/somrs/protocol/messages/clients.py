@@ -302,6 +302,8 @@ class ContractView(Struct, frozen=True, kw_only=True):
     """What it demanded at the start of the step, in its terms or when it refused."""
     penalty: float | None = None
     """What it costs to have the work undone by this service, if its terms say so."""
+    not_now: bool = False
+    """Whether it refused for a reason that passes."""
 
 
 class WatchTask(MessageBody, frozen=True, kw_only=True, tag=True):

@@ -212,6 +212,7 @@ def contract_view(member: Member) -> ContractView:
         state=member.final_state or session.state,
         accepted="Accept" in session.sent_messages,
         refused="Refuse" in session.received_messages,
+        not_now=refusal is not None and refusal.not_now,
         price=terms.price if terms is not None else None,
         currency=terms.currency if terms is not None else "EUR",
         duration=terms.duration if terms is not None else None,
