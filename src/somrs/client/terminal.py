@@ -9,6 +9,7 @@ from datetime import datetime
 
 import msgspec
 from rich.box import SIMPLE_HEAD
+from rich.cells import cell_len
 from rich.console import Console, Group
 from rich.padding import Padding
 from rich.progress_bar import ProgressBar
@@ -64,6 +65,7 @@ def table(
 ) -> Table:
     """A table that fits the terminal. `whole`: columns whose lines are not wrapped; `least`: minimum widths of columns."""
     grid = Table(title=title, title_justify="left", title_style="bold", header_style="bold", box=SIMPLE_HEAD, show_edge=False)
+    grid.min_width = cell_len(title)  # rich wraps a title at the width of its table, although the terminal has room
     for column in columns:
         grid.add_column(column, overflow="fold", no_wrap=column in whole, min_width=least.get(column))
     for row in rows:
