@@ -191,7 +191,7 @@ def test_a_condition_that_nothing_makes_true_is_named() -> None:
     system.join_device(Cautious("Carrier1"))
     (view,) = system.finish(system.submit("Carton001 isOn Shelf001", waits=False))
     assert view.outcome is Outcome.FAILED
-    assert "CarryAnywhere(Carton001, Shelf001) if Door001.Open = TRUE" in view.explanation
+    assert "CarryAnywhere(Carton001, Shelf001) by Carrier1, if Door001.Open = TRUE" in view.explanation
     assert len([body for message in system.world.messages if isinstance(body := message.body, Arrange)]) == 1, "it is not asked again"
 
 

@@ -31,6 +31,9 @@ REQUESTED = "isRequested-"
 MOST_VALUES = 4
 """The maximum number of requests with numbers or texts as inputs that are told apart by these; each doubles the alternatives."""
 
+MOST_NAMED = 3
+"""The maximum number of providers to name in an explanation."""
+
 
 @dataclass(frozen=True, slots=True)
 class _Use:
@@ -159,7 +162,7 @@ def _use(
     call = f"{service.name}({', '.join(str(term) for _, term in inputs)})"
     use = structs.replace(
         service,
-        name=f"{call} if {condition}" if condition is not None else f"{call} without a condition",
+        name=f"{call} by {_any_of(providers)}{f', if {condition},' if condition is not None else ''}",
         inputs=(),
         precondition=str(conjunction(*conditions)) if conditions else None,
         effect=str(substitute(parse(service.effect), substitution)),
@@ -170,6 +173,10 @@ def _use(
     )
     services = tuple(dict.fromkeys(bid.service for bid in bids)) if condition is not None else ()
     return _Use(service.name, inputs, condition, services, AvailableService(use, providers, tuple(sorted(prices.items()))))
+
+
+def _any_of(providers: Sequence[str]) -> str:
+    return " or ".join(providers if len(providers) <= MOST_NAMED else [*providers[:MOST_NAMED], f"{len(providers) - MOST_NAMED} more"])
 
 
 def _without(service: ServiceType, requests: Sequence[Inputs]) -> tuple[ServiceType, RelationType | None, list[Fact]]:

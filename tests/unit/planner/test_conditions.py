@@ -116,7 +116,7 @@ def test_many_requests_with_the_same_condition_share_the_step_that_makes_it_true
 def test_a_condition_that_nothing_makes_true_is_explained() -> None:
     result = plan(problem(bid("Robot1", 4.0, "Robot1 isInside RoomB"), carriers=("Robot1",)))
     assert isinstance(result, NoPlan)
-    assert "TransferObject(Jar001, Shelf2) if Robot1 isInside RoomB" in result.explanation
+    assert "TransferObject(Jar001, Shelf2) by Robot1, if Robot1 isInside RoomB" in result.explanation
     assert "isRequested" not in result.explanation
 
 
