@@ -31,6 +31,9 @@ from somrs.repository.assignment import assign
 NEAR = 0.5
 """Largest distance, in metres, between a sighting and the place of an object on the map that counts as the same place."""
 
+SAME_PLACE = 0.1
+"""Distance in metres within which two things that look the same are one: solid things are not in one place."""
+
 DEVICE = "Device"
 """The type of objects that move by themselves, and that put themselves on the map when they join."""
 
@@ -98,6 +101,13 @@ def associate(sightings: Sequence[Sighting], map: Map, ontology: Ontology, aroun
     return Association(names=names, new=new, undecided=undecided, duplicates=dict(associating.duplicates(sightings, costs, names)))
 
 
+def coinciding(name: str, others: Iterable[str], map: Map, ontology: Ontology) -> list[str]:
+    """Those of the other objects that look like the object and are in its place, as the map has both."""
+    associating = _Associating(map, ontology, Surroundings())
+    sighting = Sighting(variable=name, object=map.objects[name], place=place_of(name, map, ontology))
+    return [other for other in others if associating.coincides(sighting, other)]
+
+
 class _Associating:
     def __init__(self, map: Map, ontology: Ontology, around: Surroundings) -> None:
         self.map, self.ontology, self.around = map, ontology, around
@@ -128,6 +138,10 @@ class _Associating:
 
     def _nearest(self, sighting: Sighting, names: Iterable[str]) -> str:
         return min(names, key=lambda name: (self._distance(sighting, name) or 0.0, name))
+
+    def coincides(self, sighting: Sighting, name: str) -> bool:
+        distance = self._distance(sighting, name)
+        return distance is not None and distance <= SAME_PLACE and self._agrees(sighting, self.map.objects[name], self.map)
 
     def _candidates(self, sighting: Sighting) -> Iterator[str]:
         for type_name in self._compatible(sighting.object.type):

@@ -33,7 +33,7 @@ from somrs.ontology.objects import Change, Fact, FactRemoved, Map, Object, Objec
 from somrs.ontology.types import PART_OF, PHYSICAL, UNKNOWN, Ontology, Value
 from somrs.protocol.messages.knowledge import Merging
 from somrs.protocol.messages.observations import Observation, Reception
-from somrs.repository.association import DEVICE, Sighting, Surroundings, associate, exclusive_relations
+from somrs.repository.association import DEVICE, Sighting, Surroundings, associate, coinciding, exclusive_relations
 from somrs.repository.merged_object import merge_changes
 from somrs.repository.provenance import Aspect, Provenance, fact_aspect, location_aspect
 
@@ -104,6 +104,10 @@ class _Report:
             changes += merge_changes(merging, self.map.changed(changes), self.ontology, self.provenance)
         if situation is not None:
             changes += self._situation_changes(situation, identities, self.map.changed(changes))
+            same = tuple(self._coinciding(changes, self.map.changed(changes)))
+            for merging in same:
+                changes += merge_changes(merging, self.map.changed(changes), self.ontology, self.provenance)
+            merged += same
         missing = [*self._missing()]
         for name in missing:
             changes += self._unknown_changes(name)
@@ -225,6 +229,19 @@ class _Report:
         if about is not None and self.provenance.time((about, UNKNOWN)) <= self.at:
             self.asserted.add(about)
             self.aspects.append((about, UNKNOWN))
+
+    def _coinciding(self, changes: Iterable[Change], map: Map) -> Iterator[Merging]:
+        """Objects that are known from sightings only, and stand where the report puts an object that looks the same.
+
+        A camera saw what a robot had put down before the robot said so.
+        """
+        moved = {change.object for change in changes if isinstance(change, ValueSet) and change.path.startswith("Position")}
+        provisional = {name for name in self.provenance.provisional if name in map.objects} - self.mentioned
+        for into in sorted(moved - provisional) if provisional else ():
+            for name in coinciding(into, sorted(provisional), map, self.ontology):
+                provisional.remove(name)
+                self.mentioned.add(name)
+                yield Merging(name=name, into=into)
 
     # What is not there
 

@@ -192,3 +192,25 @@ def test_a_report_may_show_that_two_objects_are_one(lab: Reporting) -> None:
     assert (lab.place("Jar1"), lab.place("Jar9")) == ("Table2", "Jar1")
     lab.report("Jar003 isOn Floor1", as_of=95.0)
     assert lab.place("Jar1") == "Floor1"
+
+
+PUT_DOWN = "Jar1 isOn Table2 AND Jar1.PositionX = 8.03 AND Jar1.PositionY = {y} AND Jar1.PositionZ = 0.7"
+
+
+def test_what_a_camera_saw_before_the_robot_said_what_it_put_there_is_one_object(lab: Reporting) -> None:
+    lab.report(PUT_DOWN.format(y=8.1), as_of=49.0, now=101.0)
+    assert "Jar003" not in lab.map.objects
+    assert lab.events[-1].merged == (Merging(name="Jar003", into="Jar1"),)
+    assert (lab.place("Jar1"), lab.map.objects["Jar1"].values["Color"]) == ("Table2", "Red")
+
+
+def test_what_stands_beside_it_or_looks_different_is_another_object(lab: Reporting) -> None:
+    lab.report(PUT_DOWN.format(y=7.9), as_of=60.0)
+    lab.report(PUT_DOWN.format(y=8.1).replace("Jar1", "Jar2"), as_of=61.0)
+    assert "Jar003" in lab.map.objects, "Jar1 stands 20 cm away, and Jar2 is blue"
+
+
+def test_what_a_person_has_named_stays(lab: Reporting) -> None:
+    lab.update(RenameObject(name="Jar003", to="RedJar"))
+    lab.report(PUT_DOWN.format(y=8.1), as_of=60.0)
+    assert "RedJar" in lab.map.objects
