@@ -14,9 +14,10 @@ from playwright.sync_api import Locator, Page, expect
 from tests.support.paths import SCENARIO_1
 
 from .conftest import SCHEMES, WORK_TIME, RunningSystem, fits, take_screenshot
+from .test_define import call_api, change_map
 
 OpenPage = Callable[..., Page]
-PERSON = "  Anna: {type: Person, at: [6, 4, 0], Label: Anna Kowalska, Price: 1 EUR, Offers: TransferObject}\n"
+PERSON = '  Anna: {type: Person, at: [6, 4, 0], Label: Anna Kowalska, Price: 1 EUR, Offers: "TransferObject, LookAt (1 EUR, 1 min)"}\n'
 
 
 @pytest.fixture(scope="module")
@@ -73,8 +74,8 @@ def test_a_person_finds_the_page_by_code_and_does_a_step(system: RunningSystem, 
     take_screenshot(page, "person-390-idle")
     task = submit(system, "Jar002 isOn Table001")
     card = assignment(page)
-    expect(card).to_contain_text("Jar002 (red Jar)", timeout=WORK_TIME)
-    expect(card).to_contain_text("Jar002 isOn Table001")
+    expect(card).to_contain_text("Jar002 (red jar) is on Table001", timeout=WORK_TIME)
+    expect(card).to_contain_text("Transfer object")
     expect(page.get_by_role("region", name="Where")).to_be_visible()
     for scheme in SCHEMES:
         page.emulate_media(color_scheme=scheme)
@@ -101,14 +102,85 @@ def test_what_a_person_declines_or_cannot_do_others_do(system: RunningSystem, wi
     assignment(page).get_by_role("button", name="Accept").click(timeout=WORK_TIME)
     assignment(page).get_by_role("button", name="I could not").click()
     page.get_by_label("Why not?").fill("I have to leave")
-    page.get_by_label("What is so now?").fill("Carton001 isOn Tabel002")
+    page.get_by_role("button", name="Send").click()
+    expect(page.get_by_text("Choose what is so now.")).to_be_visible()
+    take_screenshot(page, "person-390-could-not")
+    page.get_by_role("radio", name="Something else (a formula)").click()
+    page.get_by_role("textbox", name="Formula").fill("Carton001 isOn Tabel002")
     page.get_by_role("button", name="Send").click()
     expect(page.get_by_text("did you mean Table002")).to_be_visible()
     take_screenshot(page, "person-390-problem")
-    page.get_by_label("What is so now?").fill("Carton001 isOn Table002")
+    page.get_by_role("radio", name="It is somewhere else").click()
+    choose_place(page, "Carton001", "Table002")
     page.get_by_role("button", name="Send").click()
     expect(assignment(page)).to_have_count(0)
     outcome(page, system, task)
+
+
+def choose_place(page: Page, thing: str, place: str) -> None:
+    picker = page.get_by_role("combobox", name=f"Where is {thing}?")
+    picker.fill(place)
+    page.get_by_role("option", name=place).first.click()
+
+
+def test_who_works_on_a_cancelled_task_is_told_to_stop_and_says_what_is_so(system: RunningSystem, window: OpenPage) -> None:
+    page = window(f"{system.url}/person/{code(system)}", "390")
+    task = submit(system, "Jar002 isOn Table002")
+    assignment(page).get_by_role("button", name="Accept").click(timeout=WORK_TIME)
+    expect(assignment(page)).to_contain_text("accepted")
+    call_api(system, "POST", f"/tasks/{task}/cancel", {})
+    stopped = assignment(page)
+    expect(stopped).to_contain_text("Stop: Transfer object")
+    for scheme in SCHEMES:
+        page.emulate_media(color_scheme=scheme)
+        assert fits(page)
+        take_screenshot(page, f"person-390-stop-{scheme}")
+    stopped.get_by_role("radio", name="Nothing has changed").click()
+    stopped.get_by_role("button", name="Send").click()
+    expect(assignment(page)).to_have_count(0)
+    page.goto(f"{system.url}/tasks/{task}")
+    expect(page.get_by_text("Cancelled").first).to_be_visible(timeout=WORK_TIME)
+
+
+def test_a_person_who_looks_says_what_is_there(system: RunningSystem, window: OpenPage) -> None:
+    page = window(f"{system.url}/person/{code(system)}", "390")
+    task = str(call(system, "/tasks", {"effect": "?It: Jar isOn Cupboard001", "recognise": True})["task"])
+    card = assignment(page)
+    card.get_by_role("button", name="Accept").click(timeout=WORK_TIME)
+    expect(card).to_contain_text("Nothing so far")
+    known = page.get_by_role("combobox", name="Add a thing that you see")
+    known.fill("Jar003")
+    page.get_by_role("option", name="Jar003").first.click()
+    page.get_by_role("combobox", name="Type of a new thing").fill("jar")
+    page.get_by_role("option", name="jar", exact=True).first.click()
+    page.get_by_role("combobox", name="Colour of a new thing").fill("Brown")
+    page.get_by_role("option", name="Brown").first.click()
+    page.get_by_role("button", name="Add", exact=True).click()
+    expect(card).to_contain_text("new: brown jar")
+    assert fits(page)
+    take_screenshot(page, "person-390-look")
+    card.get_by_role("button", name="Done").click()
+    expect(card).to_have_count(0)
+    outcome(page, system, task)
+    rows = call(system, "/map/query?formula=?It:%20Jar%20isOn%20Cupboard001")["rows"]
+    assert {"Jar003"} < {row["bindings"]["It"] for row in rows}, "and the new one has a name of its own"
+    assert call(system, "/map/query?formula=?It:%20Jar%20isOn%20Cupboard001%20AND%20?It.Color%20=%20Brown")["rows"]
+
+
+def test_who_does_not_answer_counts_as_not_available_until_the_page_says_otherwise(system: RunningSystem, window: OpenPage) -> None:
+    change_map(system, {"type": "ValueSet", "object": "Anna", "path": "AnswerTime", "value": 1})
+    page = window(f"{system.url}/person/{code(system)}", "390")
+    page.get_by_role("button", name="Alerts off").click()
+    expect(page.get_by_role("button", name="Alerts on")).to_be_visible()
+    task = submit(system, "Carton001 isOn Platform001")
+    missed = page.get_by_role("region", name="Missed")
+    expect(missed).to_contain_text("You did not answer in time", timeout=WORK_TIME)
+    take_screenshot(page, "person-390-missed")
+    outcome(window(f"{system.url}/tasks"), system, task)
+    change_map(system, {"type": "ValueSet", "object": "Anna", "path": "AnswerTime", "value": 600})
+    missed.get_by_role("button", name="I am available again").click()
+    expect(missed).to_be_hidden()
+    expect(page.get_by_role("status").first).to_contain_text("There is nothing to do")
 
 
 def test_who_is_not_available_is_asked_nothing(system: RunningSystem, window: OpenPage) -> None:

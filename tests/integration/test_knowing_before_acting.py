@@ -96,6 +96,8 @@ def test_an_object_of_which_nothing_is_known_is_looked_for_and_then_carried() ->
         ("TransferObject", True, ()),
     ]
     assert preview.price is None, "what the rest costs is known when it is known what there is to do"
+    assert preview.outlook is not None
+    assert (preview.outlook.least_price, preview.outlook.unknown) == (1, ("step2",)), "the robot has not stated terms so far"
     task = system.submit("Jar002 isOn Platform001")
     system.world.run(1.0)
     first, second = system.view(task).steps
@@ -107,6 +109,12 @@ def test_an_object_of_which_nothing_is_known_is_looked_for_and_then_carried() ->
     (found,) = system.events_of(task, events.FoundOut)
     assert found == events.FoundOut(service="Camera9.RecognizeSituation", situation="Jar002 isOn Floor001 AND Jar002.Unknown = FALSE")
     assert not system.events_of(task, events.Replanned), "it is the same plan, completed"
+    system.forget("Jar001")
+    preview = system.ask(Preview(effect="Jar001 isOn Platform001", quotes=True))
+    assert isinstance(preview, Previewed)
+    assert preview.outlook is not None
+    assert (preview.outlook.least_price, preview.outlook.most_price, preview.outlook.unknown) == (5, 5, ())
+    assert preview.outlook.least_seconds == pytest.approx(23, abs=0.5)
 
 
 def test_that_an_object_be_known_is_a_task() -> None:
@@ -217,6 +225,30 @@ def test_who_carries_it_depends_on_what_the_scale_says(weight: float, carrier: s
         assert view.outcome is Outcome.ACCOMPLISHED, view.reasons
         assert work_of(view) == ["Scale1.WeighObject: Completed", f"{carrier}.CarryWithinPayload: Completed"]
     assert system.map.objects["Tin001"].values["Weight"] == weight
+
+
+def test_a_value_that_a_program_computes_is_an_input_of_the_next_step() -> None:
+    system = KnowingSystem()
+    parcel = Parameter(name="Object", type="Graspable")
+    text = Parameter(name="Text", type="text")
+    compute = ServiceType(name="Compute", kind=ServiceKind.SOFTWARE, inputs=(parcel,), outputs=(text,), effect="?Object.Label = ?Text")
+    print_label = ServiceType(
+        name="Print", inputs=(parcel, text), precondition="?Object.Label = ?Text", effect='?Object.Texture = "labelled"'
+    )
+    orders: list[Order] = []
+
+    def computes(order: Order) -> Work:
+        yield 0.5, WorkDone(situation=f'{order.inputs["Object"]}.Label = "fragile"', outputs={"Text": "fragile"})
+
+    def prints(order: Order) -> Work:
+        orders.append(order)
+        yield 1.0, WorkDone(situation=f'{order.inputs["Object"]}.Texture = "labelled"')
+
+    system.observe("Program1", computes, compute)
+    system.observe("Printer1", prints, print_label)
+    (view,) = system.finish(system.submit('Jar002.Texture = "labelled"'))
+    assert view.outcome is Outcome.ACCOMPLISHED, view.reasons
+    assert [order.inputs for order in orders] == [{"Object": "Jar002", "Text": '"fragile"'}]
 
 
 def test_a_program_picks_the_place_to_which_a_robot_carries() -> None:

@@ -19,6 +19,7 @@ from somrs.entish.parse import parse
 from somrs.errors import UsageError
 from somrs.ontology.objects import Object, ObjectAdded
 from somrs.protocol.messages.knowledge import Updated, UpdateMap
+from somrs.protocol.messages.observations import Observation
 from somrs.repository.component import Repository
 from somrs.repository.state import Contents
 from somrs.service_manager.sdk.device import MapReader
@@ -325,6 +326,57 @@ def test_values_that_the_work_finds_out_are_asked_for(tmp_path: Path) -> None:
             done = await working
             assert isinstance(done, WorkDone)
             assert done.situation == "Jar1.Weight = 1.5 kg"
+
+    run(test())
+
+
+LOOK = Order(participant="p", method="do_LookAt", inputs={"Place": "Table2"}, effect="?Thing isOn ?Place", transaction="t3")
+SEEN = "Jar1 isOn Table2 AND ?seen0: Jar isOn Table2 AND ?seen0.Color = Red"
+AT = "?seen0.PositionX = 7.62 m AND ?seen0.PositionY = 7.62 m AND ?seen0.PositionZ = 0.7 m"
+FIND = Order(participant="p", method="do_FindJar", inputs={"Object": "Jar1"}, effect="?Object.Unknown = FALSE", transaction="t4")
+
+
+@pytest.mark.parametrize(
+    ("reply", "done"),
+    [
+        (
+            Reply(kind=ReplyKind.DONE, situation=SEEN, searched=("Table2",)),
+            WorkDone(
+                situation=f"{SEEN} AND {AT} AND Jar1.Unknown = FALSE AND ?seen0.Unknown = FALSE",
+                observation=Observation(searched=("Table2",)),
+            ),
+        ),
+        (
+            Reply(kind=ReplyKind.DONE, searched=("Table2",)),
+            WorkDone(situation="Anna.Working = TRUE", observation=Observation(searched=("Table2",))),
+        ),
+    ],
+)
+def test_a_person_who_looks_reports_things_like_a_camera(tmp_path: Path, reply: Reply, done: WorkDone) -> None:
+    async def test() -> None:
+        async with worker(tmp_path, "LookAt") as harness:
+            working = asyncio.create_task(harness.carry_out(Perform(LOOK)))
+            for problem, unsuitable in (
+                ("has no type", Reply(kind=ReplyKind.DONE, situation="?It isOn Table2")),
+                ("there is no object Tabel2", Reply(kind=ReplyKind.DONE, searched=("Tabel2",))),
+                ("does not state a fact", Reply(kind=ReplyKind.DONE, situation="FORALL ?It: Jar (?It isOn Table2)")),
+            ):
+                with pytest.raises(UsageError, match=problem):
+                    await harness.reply(unsuitable)
+            await harness.reply(reply)
+            assert await working == done
+
+    run(test())
+
+
+def test_who_is_to_find_a_thing_has_to_say_where_it_is(tmp_path: Path) -> None:
+    async def test() -> None:
+        async with worker(tmp_path, "FindJar") as harness:
+            working = asyncio.create_task(harness.carry_out(Perform(FIND)))
+            with pytest.raises(UsageError, match="where Jar1 is, and how it is, is missing"):
+                await harness.reply(Reply(kind=ReplyKind.DONE))
+            await harness.reply(Reply(kind=ReplyKind.DONE, situation="Jar1 isOn Table2"))
+            assert await working == WorkDone(situation="Jar1 isOn Table2 AND Jar1.Unknown = FALSE")
 
     run(test())
 

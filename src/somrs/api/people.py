@@ -8,11 +8,12 @@ import msgspec
 
 from somrs.api.context import Context
 from somrs.client.operations import operation
-from somrs.client.people import codes, open_assignments, put_reply
+from somrs.client.people import codes, missed_assignments, open_assignments, put_reply
 from somrs.client.refusals import NotFound
 from somrs.devices.person.assignments import Assignment, Reply
-from somrs.devices.person.offers import OFFERS
-from somrs.ontology.types import WORKING
+from somrs.devices.person.offers import OFFERS, read_offers
+from somrs.entish.parse import nearest
+from somrs.ontology.types import WORKING, Ontology
 from somrs.ontology.values import value_of
 from somrs.protocol.messages.knowledge import UpdateMap
 
@@ -25,7 +26,9 @@ TICK = 0.5
 class PersonView(msgspec.Struct, frozen=True, kw_only=True):
     """A person. `code`: the code of the person's page, `/person/CODE` in the windows; None until the person's program has started.
 
-    `offers`: the service types that the person offers besides answers to questions; `assignments`: what is open, oldest first.
+    `offers`: the service types that the person offers besides answers to questions, with their terms; `problems`: what is wrong in them.
+    `assignments`: what is open, oldest first. `missed`: the assignment to which the person did not reply in time, and is therefore not
+    available.
     """
 
     name: str
@@ -33,7 +36,9 @@ class PersonView(msgspec.Struct, frozen=True, kw_only=True):
     code: str | None = None
     available: bool = True
     offers: str = ""
+    problems: tuple[str, ...] = ()
     assignments: tuple[Assignment, ...] = ()
+    missed: Assignment | None = None
 
 
 class People(msgspec.Struct, frozen=True, kw_only=True):
@@ -44,6 +49,10 @@ class People(msgspec.Struct, frozen=True, kw_only=True):
 
 class Availability(msgspec.Struct, frozen=True, kw_only=True):
     available: bool
+
+
+def _unknown_type(service_type: str, ontology: Ontology) -> str:
+    return f"the ontology has no service type {service_type}. {nearest(service_type, ontology.services)}".rstrip()
 
 
 class PeopleService:
@@ -58,18 +67,24 @@ class PeopleService:
         The topic `people` publishes the same list whenever it changes.
         """
         data, map, ontology = self._context.data, self._context.map, self._context.ontology
-        page_codes, assignments = await asyncio.to_thread(lambda: (codes(data), open_assignments(data)))
+        page_codes, assignments, missed = await asyncio.to_thread(lambda: (codes(data), open_assignments(data), missed_assignments(data)))
         names = sorted(name for name, object in map.objects.items() if ontology.is_subtype(object.type, PERSON))
 
         def view(name: str) -> PersonView:
             label = value_of(name, "Label", map, ontology)
+            available = value_of(name, WORKING, map, ontology) is not False
+            offers = read_offers(map.objects[name])
+            unknown = (step.service_type for step in offers.steps if step.service_type not in ontology.services)
+            problems = (*offers.problems, *(f"Offers: {_unknown_type(service_type, ontology)}" for service_type in unknown))
             return PersonView(
                 name=name,
                 label=str(label) if label is not None else None,
                 code=page_codes.get(name),
-                available=value_of(name, WORKING, map, ontology) is not False,
+                available=available,
                 offers=str(value_of(name, OFFERS, map, ontology) or ""),
+                problems=problems,
                 assignments=tuple(assignment for assignment in assignments if assignment.person == name),
+                missed=None if available else missed.get(name),
             )
 
         return People(people=tuple(view(name) for name in names))

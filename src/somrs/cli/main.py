@@ -164,7 +164,10 @@ def reply(
     number: Annotated[int, typer.Argument(help="The assignment's number.")],
     kind: Annotated[str, typer.Argument(help="accept, decline, not-now, done or could-not.")],
     because: Annotated[str, typer.Option("--because", help="The reason, for people.")] = "",
-    situation: Annotated[str | None, typer.Option(help="With could-not: what holds now, such as 'Jar002 isOn Floor001'.")] = None,
+    situation: Annotated[
+        str | None, typer.Option(help="With could-not, or done: what holds now, such as '?Seen: Jar isOn Floor001 AND ?Seen.Color = Red'.")
+    ] = None,
+    searched: Annotated[list[str], typer.Option(help="With done: a place that was seen whole; nothing else is there.")] = [],  # noqa: B006  # as above
     value: Annotated[list[str], typer.Option(help="With done: a value that the work has found out, such as Weight='1.2 kg'.")] = [],  # noqa: B006  # as above
     data: Data = DEFAULT_FOLDER,
 ) -> None:
@@ -175,7 +178,7 @@ def reply(
     kinds = {kind.value.replace(" ", "-"): kind for kind in ReplyKind}
     if kind not in kinds:
         fail(f"a reply is {', '.join(kinds)}, and not {kind}", 2)
-    guarded(lambda: run(number, kinds[kind], because, situation, value, data))
+    guarded(lambda: run(number, kinds[kind], because, situation, value, searched, data))
 
 
 @app.command()

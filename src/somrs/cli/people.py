@@ -32,23 +32,28 @@ def people(data: Path, *, json: bool) -> None:
 
 def _text(assignment: Assignment) -> str:
     work = assignment.work
-    return f"{'undo ' if work.undoes else ''}{work.service_type}: {work.effect}"
+    action = "stop " if work.stops else "undo " if work.undoes else ""
+    return f"{action}{work.service_type}: {work.effect}"
 
 
 def _state(assignment: Assignment) -> str:
     since = assignment.accepted or assignment.asked
+    if assignment.work.stops:
+        return "not needed any more; what is so now?"
     return f"{'accepted' if assignment.accepted else 'asked'} {(time.time() - since) / 60:.0f} min ago"
 
 
-def reply(number: int, kind: ReplyKind, reason: str, situation: str | None, values: Sequence[str], data: Path) -> None:
-    """Reply to an assignment. `values`: NAME=TERM. Raises UsageError for an unsuitable reply."""
+def reply(
+    number: int, kind: ReplyKind, reason: str, situation: str | None, values: Sequence[str], searched: Sequence[str], data: Path
+) -> None:
+    """Reply to an assignment. `values`: NAME=TERM; `searched`: names of objects. Raises UsageError for an unsuitable reply."""
     terms: dict[str, str] = {}
     for text in values:
         name, separator, value = text.partition("=")
         if not separator:
             raise UsageError(f"{text!r} is not a value: write NAME=TERM, such as Weight='1.2 kg'")
         terms[name.strip().removeprefix("?")] = value.strip()
-    if situation is not None and kind is not ReplyKind.COULD_NOT:
-        raise UsageError("--situation says what is left of work that could not be done; use it with could-not")
-    put_reply(number, Reply(kind=kind, reason=reason, situation=situation, values=terms), data)
+    if situation is not None and kind not in (ReplyKind.COULD_NOT, ReplyKind.DONE):
+        raise UsageError("--situation says what is so after the work; use it with done or could-not")
+    put_reply(number, Reply(kind=kind, reason=reason, situation=situation, values=terms, searched=tuple(searched)), data)
     print("reply accepted")

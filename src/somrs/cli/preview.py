@@ -10,6 +10,7 @@ from rich.text import Text
 
 from somrs.client import terminal
 from somrs.client.client import Addresses, Client
+from somrs.client.outlook_text import outlook_note, outlook_price
 from somrs.client.task_report import reasons
 from somrs.protocol.messages.clients import OtherPlan, Preview, Previewed, Quotation
 
@@ -72,17 +73,26 @@ def _alternatives(result: Previewed) -> RenderableType:
         (
             Text(", ".join(step.service_type for step in plan.steps), "green" if plan is result else ""),
             Text(", ".join(step.service or "nobody" for step in plan.steps)),
-            terminal.terms(plan.price, plan.currency, plan.seconds) or "not every step has terms",
+            _plan_terms(plan) or "not every step has terms",
         )
         for plan in plans
     )
     return terminal.table("Plans (the first is preferred)", ("steps", "services", "terms"), rows, whole=("terms",))
 
 
+def _plan_terms(plan: Previewed | OtherPlan) -> str:
+    if plan.outlook is not None:
+        return f"{outlook_price(plan.outlook, plan.currency)}, from {plan.outlook.least_seconds:.0f} s"
+    return terminal.terms(plan.price, plan.currency, plan.seconds)
+
+
 def _total(result: Previewed) -> Text:
     """The total price and time, or the steps that no service would do."""
     if result.unserved:
         return Text("\n".join(f"{step}: {reason}" for step, reason in result.unserved.items()), "red")
+    if (outlook := result.outlook) is not None:
+        text = f"Total: {outlook_price(outlook, result.currency)}, done in {outlook.least_seconds:.0f} s at the earliest"
+        return Text(f"{text}; {outlook_note(outlook)}.", "bold")
     price = f"{result.price:g} {result.currency}" if result.price is not None else "prices in several currencies"
     seconds = f", done in {result.seconds:.0f} s" if result.seconds is not None else ""
     return Text(f"Total: {price}{seconds}{'; partly an estimate' if result.estimate else ''}.", "bold")

@@ -35,6 +35,17 @@ def codes(data: Path) -> dict[str, str]:
         store.close()
 
 
+def missed_assignments(data: Path) -> dict[str, Assignment]:
+    """The latest assignment of each person, where the person did not reply in time."""
+    store = _store(data)
+    if store is None:
+        return {}
+    try:
+        return {name: assignment for name in store.codes() if (assignment := store.missed(name)) is not None}
+    finally:
+        store.close()
+
+
 def put_reply(number: int, reply: Reply, data: Path) -> None:
     """Reply to an assignment, and wait until the person's program has accepted the reply.
 

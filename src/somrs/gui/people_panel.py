@@ -34,7 +34,7 @@ class PeoplePanel:
             await self._read()
 
     def _show(self, people: People) -> None:
-        rows = [(person.name, person.code, person.available, len(person.assignments)) for person in people.people]
+        rows = [(person.name, person.code, person.available, len(person.assignments), person.problems) for person in people.people]
         self._list.show(rows, lambda: self._build(people.people))
 
     def _build(self, people: tuple[PersonView, ...]) -> None:
@@ -49,6 +49,8 @@ class PeoplePanel:
                 )
                 if person.code is not None:
                     self._build_link(person.name, person.code)
+                for problem in person.problems:
+                    ui.label(problem).classes("somrs-trouble somrs-people-problem")
         if not people:
             ui.label("There are no people on the map.").classes("somrs-soft")
 

@@ -3,25 +3,34 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
 from nicegui import ui
 
 from somrs.api.questions import Answer, OpenQuestions
 from somrs.api.remote import LiveApi
+from somrs.client.durations import format_duration
 from somrs.client.hub import News
 from somrs.devices.person.questions import Question
 from somrs.gui.examples import examples
 from somrs.gui.news import follow
+from somrs.gui.places import PlacePicker
 from somrs.gui.shell import guarded, notify
 
 
 class QuestionPanel:
     """The open questions, kept up to date. `object_names`: show only questions about these objects; `person`: only those to this
-    person. A typed answer stays while other
-    questions are added and removed."""
+    person. `on_change` receives the questions that are shown. A typed answer stays while other questions are added and removed."""
 
-    def __init__(self, api: LiveApi, object_names: frozenset[str] | None = None, empty_text: str = "", person: str | None = None) -> None:
-        self._api, self._object_names, self._person = api, object_names, person
+    def __init__(
+        self,
+        api: LiveApi,
+        object_names: frozenset[str] | None = None,
+        empty_text: str = "",
+        person: str | None = None,
+        on_change: Callable[[list[Question]], None] | None = None,
+    ) -> None:
+        self._api, self._object_names, self._person, self._on_change = api, object_names, person, on_change
         self._cards: dict[int, _QuestionCard] = {}
         self._open_questions = OpenQuestions(questions=())
         with ui.element("div").classes("somrs-asked").props('aria-live="polite"') as self.element:
@@ -60,6 +69,8 @@ class QuestionPanel:
                 if number not in self._cards:
                     self._cards[number] = _QuestionCard(self._api, question)
         self._empty_label.visible = self._has_empty_text and not questions
+        if self._on_change is not None:
+            self._on_change([*questions.values()])
 
     def _tick(self) -> None:
         for card in self._cards.values():
@@ -77,6 +88,7 @@ class _QuestionCard:
                 ui.label(f"{question.person} is asked")
                 self._time_left = ui.label().classes("somrs-soft")
             ui.label(question.text)
+            PlacePicker(question.about, api.context.map, api.context.ontology, self._choose_place)
             example = examples(api.context.map, api.context.ontology, question.about).goal
             self._formula = ui.input("Situation (formula)", placeholder=f"e.g. {example}").props("outlined dense")
             self._formula.classes("somrs-formula").on("keydown.enter", guarded(self._answer))
@@ -86,12 +98,15 @@ class _QuestionCard:
         self.tick()
 
     def tick(self) -> None:
-        self._time_left.set_text(f"{max(0.0, self._question.until - time.time()):.0f} s left")
+        self._time_left.set_text(f"{format_duration(max(0.0, self._question.until - time.time()))} left")
+
+    def _choose_place(self, formula: str) -> None:
+        self._formula.set_value(formula)
 
     async def _answer(self) -> None:
         if not str(self._formula.value or "").strip():
             self._formula.run_method("focus")
-            notify("Enter the situation as a formula, or choose “I don't know”.", bad=True)
+            notify("Choose the place, enter the situation as a formula, or choose “I don't know”.", bad=True)
             return
         await self._send_answer(str(self._formula.value))
 

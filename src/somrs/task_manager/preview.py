@@ -14,7 +14,7 @@ from itertools import chain
 from msgspec import Struct, field, structs
 
 from somrs.kernel.component import Effects, EffectsReturning, SetTimer
-from somrs.planner.model.plan import Plan
+from somrs.planner.model.plan import Plan, Step
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.clients import OtherPlan, Preview, Previewed, Quotation, Submit
 from somrs.protocol.messages.directory import Offer
@@ -31,6 +31,7 @@ from somrs.task_manager.execution.bids import Bid, choose_bid, fit_bid, make_bid
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.participants import Members, Participants
 from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow
+from somrs.task_manager.outlook import foresee
 from somrs.task_manager.reservations import BlockedPlan
 from somrs.task_manager.timers import Answer, BidsDue, PlanWanted, PreviewDue
 from somrs.task_manager.transaction.views import foreseen_views, preview_reply, step_view
@@ -111,7 +112,7 @@ def preview_of_plan(quoted: PlanToQuote) -> PreviewState:
 
 
 def _other_plan(result: Previewed) -> OtherPlan:
-    return OtherPlan(steps=result.steps, price=result.price, currency=result.currency, seconds=result.seconds)
+    return OtherPlan(steps=result.steps, price=result.price, currency=result.currency, seconds=result.seconds, outlook=result.outlook)
 
 
 class PreviewExecutor:
@@ -388,6 +389,9 @@ class PreviewExecutor:
         chosen = {quotation.step: quotation for quotation in quotations if quotation.chosen}
         currencies = {quotation.currency for quotation in chosen.values()}
         whole = not state.unserved and not foreseen
+        price = sum(quotation.price or 0.0 for quotation in chosen.values())
+        seconds = max((quotation.finish or 0.0 for quotation in chosen.values()), default=0.0)
+        is_quoted = not state.unserved and len(currencies) <= 1
         return Previewed(
             steps=tuple(
                 step_view(
@@ -406,12 +410,17 @@ class PreviewExecutor:
             waits=state.waits,
             waiting_for=state.waiting_for,
             quotations=quotations,
-            price=sum(quotation.price or 0.0 for quotation in chosen.values()) if whole and len(currencies) == 1 else None,
+            price=price if whole and len(currencies) == 1 else None,
             currency=next(iter(sorted(currencies)), "EUR"),
-            seconds=max((quotation.finish or 0.0 for quotation in chosen.values()), default=0.0) if whole else None,
+            seconds=seconds if whole else None,
             estimate=any(quotation.estimate for quotation in chosen.values()),
             unserved=state.unserved,
+            outlook=foresee(plan, price, seconds, self._last_terms) if is_quoted else None,
         )
+
+    def _last_terms(self, step: Step) -> list[tuple[float, float]]:
+        quotes = (self._context.quotes.last_quote(offer) for offer in self._services.offers_for(step))
+        return [quote for quote in quotes if quote is not None]
 
     def _end(self, answer: Previewed) -> EffectsReturning[Previewed | None]:
         state = self._state

@@ -25,6 +25,14 @@ FAILURE = Occasion.FAILURE
         ("Move-It:?A isOn B", Handler(on=FAILURE, service_type="Move-It", effect="?A isOn B")),
         ('?X.Label = "so WHEN not"', Handler(on=FAILURE, effect='?X.Label = "so WHEN not"')),
         ("A isOn WHENEVER", Handler(on=FAILURE, effect="A isOn WHENEVER")),
+        (
+            "FORALL ?Jar: Jar (NOT ?Jar isOn Floor001) WHEN EXISTS ?Jar: Jar (?Jar isOn Floor001)",
+            Handler(on=FAILURE, effect="FORALL ?Jar: Jar (NOT ?Jar isOn Floor001)", when="EXISTS ?Jar: Jar (?Jar isOn Floor001)"),
+        ),
+        (
+            "TransferObject: NOT (A isOn B OR C isOn B)",
+            Handler(on=FAILURE, service_type="TransferObject", effect="NOT (A isOn B OR C isOn B)"),
+        ),
     ],
 )
 def test_what_can_be_said(text: str, expected: Handler) -> None:

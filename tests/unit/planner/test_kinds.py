@@ -282,6 +282,44 @@ def test_things_that_nobody_has_seen_yet_may_be_found() -> None:
     assert len(executed(result)) == 1
 
 
+def code_services(kind: ServiceKind, type: str, attribute: str) -> tuple[ServiceType, ServiceType]:
+    """A service whose output is a value of the attribute, and one that takes this value as an input."""
+    tell = ServiceType(
+        name="Tell", kind=kind, inputs=(OBJECT,), outputs=(Parameter(name="Value", type=type),), effect=f"?Object.{attribute} = ?Value"
+    )
+    use = ServiceType(
+        name="Mark",
+        inputs=(OBJECT, Parameter(name="Mark", type=type)),
+        precondition=f"?Object.{attribute} = ?Mark",
+        effect='?Object.Texture = "marked"',
+    )
+    return tell, use
+
+
+@pytest.mark.parametrize("kind", ServiceKind)
+@pytest.mark.parametrize(("type", "attribute"), [("text", "Label"), ("number", "Weight")])
+def test_a_value_that_is_told_is_the_input_of_a_later_step(kind: ServiceKind, type: str, attribute: str) -> None:
+    services = code_services(kind, type, attribute)
+    result = planned(problem('Jar001.Texture = "marked"', *services))
+    tell, mark = result.steps
+    assert (tell.service_type, mark.service_type) == ("Tell", "Mark")
+    assert executed(result) == ["Tell(Object: Jar001)"]
+    assert str(tell.assumed) == f"Jar001.{attribute} = {mark.inputs['Mark']}"
+    assert result.predecessors(mark.id) == (tell.id,)
+    value = "fragile" if type == "text" else 2.5
+    told = MAP.changed([ValueSet("Jar001", attribute, value)])
+    (completed,) = planned(problem('Jar001.Texture = "marked"', *services, map=told)).steps
+    assert completed.service_type == "Mark"
+    assert str(completed.inputs["Mark"]) == ('"fragile"' if type == "text" else "2.5 kg")
+
+
+def test_a_value_that_a_step_sets_is_the_input_of_a_later_step() -> None:
+    _, mark = code_services(ServiceKind.PHYSICAL, "text", "Label")
+    label = ServiceType(name="Label", inputs=(OBJECT,), effect='?Object.Label = "fragile"')
+    result = planned(problem('Jar001.Texture = "marked"', label, mark))
+    assert names(result) == ["Label(Object: Jar001)", 'Mark(Object: Jar001, Mark: "fragile")']
+
+
 def test_each_use_of_a_service_has_an_output_of_its_own() -> None:
     goal = "Jar001 isOn ?Place AND ?Place isFreeFor Jar001 AND Jar002 isOn ?Other AND ?Other isFreeFor Jar002"
     result = planned(problem(goal, PICK_PLACE, STORE))

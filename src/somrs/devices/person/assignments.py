@@ -51,15 +51,18 @@ _BEFORE_WORK = (ReplyKind.ACCEPT, ReplyKind.DECLINE, ReplyKind.NOT_NOW)
 
 
 class Reply(Struct, frozen=True, kw_only=True):
-    """A reply. `reason`: for people. `situation`: what holds now, a formula, for work that could not be done.
+    """A reply. `reason`: for people. `situation`: what holds now, a formula: after work that could not be done or was stopped, or what the
+    person has found out. A typed variable in it is an object that the person saw: `?Seen: Jar isOn Table001 AND ?Seen.Color = Red`.
 
-    `values`: the values of the variables that the effect leaves open, as Entish terms.
+    `values`: the values of the variables that the effect leaves open, as Entish terms. `searched`: supports and spaces that the person has
+    seen whole; what `situation` does not mention is not there.
     """
 
     kind: ReplyKind
     reason: str = ""
     situation: str | None = None
     values: dict[str, str] = {}
+    searched: tuple[str, ...] = ()
 
 
 class Outcome(Struct, frozen=True):

@@ -156,13 +156,13 @@ def _step(service_type: str) -> Service:
 
     async def do(person: Person, task: Task) -> Result | Situation:
         result = await do_work(person, task, await describe_work(person, task, service_type, task.effect))
-        situation = await put_in_place(person.name, person.simulator, task.map, parse(str(result.situation)))
+        situation = await put_in_place(person.name, person.simulator, task.map, task.effect, parse(str(result.situation)))
         return structs.replace(result, situation=situation)
 
     async def undo(person: Person, task: Task, situation: Formula) -> Situation:
         work = await describe_work(person, task, service_type, situation)
         await do_work(person, task, structs.replace(work, undoes=True))
-        return await put_in_place(person.name, person.simulator, task.map, situation)
+        return await put_in_place(person.name, person.simulator, task.map, situation, situation)
 
     async def stop(person: Person, task: Task) -> Situation:
         return await stop_work(person, task)

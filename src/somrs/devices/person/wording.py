@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Mapping
 
 from somrs.entish.formula import Attribute, Comparison, Formula, Name, Not, Number, Relation, Term, Text, Truth, Variable, conjuncts, names
+from somrs.ontology.objects import Object
 from somrs.service_manager.sdk.device import MapReader
 
 _BOUNDARY = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
@@ -24,17 +25,16 @@ def title(name: str) -> str:
 
 
 async def describe_objects(map: MapReader, object_names: Iterable[str]) -> dict[str, str]:
-    """Each object's name with what tells it from others: its label, colour and type. Names that are not on the map stay as they are."""
-    return {name: await _describe_object(map, name) for name in object_names}
+    """The descriptions of the objects that are on the map."""
+    objects = [await map.object(name) for name in object_names]
+    return {object.name: describe_object(object) for object in objects if object is not None}
 
 
-async def _describe_object(map: MapReader, name: str) -> str:
-    object = await map.object(name)
-    if object is None:
-        return name
+def describe_object(object: Object) -> str:
+    """The object's name with what tells it from others: its label, colour and type."""
     color, label = object.values.get("Color"), object.values.get("Label")
     kind = " ".join([*([str(color).lower()] if color is not None else []), words(object.type)])
-    return f"{name} ({', '.join([*([str(label)] if label is not None and label != name else []), kind])})"
+    return f"{object.name} ({', '.join([*([str(label)] if label is not None and label != object.name else []), kind])})"
 
 
 def sentence(formula: Formula, descriptions: Mapping[str, str]) -> str:

@@ -4,7 +4,7 @@
 |---|---|
 | accept | Progress with a note |
 | decline, not now, none in time | Failed with `tried` FALSE: nothing was begun, and another service does the step |
-| done | Completed with the effect, and the values that the person found out |
+| done | Completed with the effect, or with what the person found out |
 | could not | Failed with what the person says of what is left |
 
 When the Task Manager stops a person at work, a second assignment says so, and asks what is so now.
@@ -13,19 +13,35 @@ When the Task Manager stops a person at work, a second assignment says so, and a
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Sequence
 from typing import Protocol
 
 from msgspec import structs
 
-from somrs.devices.person.answers import check_situation
+from somrs.devices.person.answers import check_situation, known, unknown_objects
 from somrs.devices.person.assignments import UNANSWERED, Assignments, Reply, ReplyKind, Work
 from somrs.devices.person.offers import PersonOffers
-from somrs.devices.person.outcomes import possible_outcomes, present_situation
+from somrs.devices.person.outcomes import PLACING, possible_outcomes, present_situation
+from somrs.devices.person.spots import Point, free_spot
 from somrs.devices.person.wording import in_words
-from somrs.entish.formula import Formula, names, substitute, variables
+from somrs.entish.formula import (
+    Attribute,
+    Comparison,
+    Formula,
+    Name,
+    Number,
+    Relation,
+    Variable,
+    conjunction,
+    conjuncts,
+    names,
+    substitute,
+    variables,
+)
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError, RemoteError
 from somrs.ontology.types import WORKING
+from somrs.protocol.messages.observations import Observation
 from somrs.service_manager.sdk.device import Result, Situation, Task
 from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
 from somrs.service_manager.sdk.values import python_value, term
@@ -172,6 +188,12 @@ async def _read_reply(provider: str, task: Task, work: Work, reply: Reply) -> Re
 
 
 async def _done(task: Task, work: Work, reply: Reply) -> Result:
+    """The result of work that is done: what the person has found out, or else the effect with the values that it leaves open."""
+    if reply.situation or reply.searched:
+        return await _finding(task, reply)
+    for name in unknown_objects(parse(work.effect)):
+        problem = f"where {name} is, and how it is, is missing"
+        raise FormulaError(work.effect, max(work.effect.find(name), 0), problem, f"state it: `{name} isOn` and the name of an object")
     for name in work.open_variables:
         text = reply.values.get(name, "").strip()
         if not text:
@@ -181,3 +203,32 @@ async def _done(task: Task, work: Work, reply: Reply) -> Result:
     situation = substitute(parse(work.effect), {name: term(reply.values[name]) for name in work.open_variables})
     await task.map.query(situation, limit=1)
     return Result(outputs={name: python_value(reply.values[name]) for name in work.open_variables}, situation=situation)
+
+
+async def _finding(task: Task, reply: Reply) -> Result:
+    """What the person has found out, as a report that the Repository matches with the objects that it knows."""
+    for name in reply.searched:
+        if await task.map.object(name) is None:
+            raise FormulaError(name, 0, f"there is no object {name} on the map", "name the support or the space that was seen whole")
+    if reply.situation:
+        found = await check_situation(task, reply.situation, sightings=True)
+        placements = [part for part in conjuncts(found) if isinstance(part, Relation) and part.relation in PLACING]
+        known_parts = [known(placement.arguments[0]) for placement in placements]
+        situation = conjunction(*dict.fromkeys([*conjuncts(found), *await _positions(task, placements), *known_parts]))
+    else:
+        situation = parse(f"{task.provider}.{WORKING} = TRUE")
+    return Result(situation=situation, observation=Observation(searched=reply.searched) if reply.searched else None)
+
+
+async def _positions(task: Task, placements: Sequence[Relation]) -> list[Formula]:
+    """Where the sighted objects are that have no names: an object of the map has a position."""
+    taken: list[Point] = []
+    parts: list[Formula] = []
+    for placement in placements:
+        thing, place = placement.arguments
+        if isinstance(thing, Variable) and isinstance(place, Name):
+            x, y, z = await free_spot(task.map, task.provider, place.name, taken)
+            taken.append((x, y))
+            position = zip("XYZ", (x, y, z), strict=True)
+            parts += [Comparison(Attribute(thing, f"Position{axis}"), "=", Number(round(value, 3), "m")) for axis, value in position]
+    return parts

@@ -71,8 +71,9 @@ class Joins:
                     yield from self.complete(demand, rest, matched)
             return
         for condition in open_conditions:
-            if isinstance(condition, Comparison) and self.defines(condition, binding):
-                for extended in self.world.find_bindings(condition, binding):
+            comparison = condition.comparison if isinstance(condition, Test) else condition
+            if isinstance(comparison, Comparison) and self.defines(comparison, binding):
+                for extended in self.world.find_bindings(comparison, binding):
                     yield from self.complete(demand, [c for c in open_conditions if c is not condition], extended)
                 return
         name = next((name for name in demand.operator.variables if name not in binding), None)

@@ -20,7 +20,7 @@ STEP = 0.01
 
 def favourable_values(path: str, formulas: Iterable[Formula], map: Map, ontology: Ontology) -> list[Constant]:
     """The values to try: all values of a list; for a number or a text, the constants and the values on the map that the formulas compare
-    the attribute with, and, for a number, values just beyond them."""
+    the attribute with, and, for a number, values just beyond them. A text that is an input of a service is `Some-` and the attribute."""
     attribute = attribute_at(path, ontology)
     if attribute is None:
         return []
@@ -31,7 +31,8 @@ def favourable_values(path: str, formulas: Iterable[Formula], map: Map, ontology
             return [Name(value) for value in attribute.values]
     compared = dict.fromkeys(value for formula in formulas for value in _compared_values(path, formula, map, ontology))
     if attribute.kind is not Kind.NUMBER:
-        return list(islice((value for value in compared if isinstance(value, Text)), MOST_VALUES))
+        stand_in = Text(f"Some-{attribute.name}")
+        return [stand_in, *islice((value for value in compared if isinstance(value, Text)), MOST_VALUES)]
     numbers = sorted({number for value in compared if isinstance(value, Number) and (number := _converted(value, attribute)) is not None})
     chosen = numbers[:: max(1, -(-len(numbers) * 3 // MOST_VALUES))] or [0.0]
     beyond = (number + sign * max(attribute.tolerance * 2, abs(number) * STEP, STEP) for number in chosen for sign in (-1, 1))

@@ -394,6 +394,20 @@ class Obstacle(StrEnum):
     """An object would be in two places at the same time."""
 
 
+class Outlook(Struct, frozen=True, kw_only=True):
+    """What a plan with foreseen steps costs in total, and how long it takes, if it goes on as foreseen.
+
+    The certain steps count with their quotes. A foreseen step counts with the terms that services asked last or state in their offers: the
+    prices at least and at most, and the time at least. `unknown`: the foreseen steps for which no terms are known; without them,
+    `most_price` is None.
+    """
+
+    least_price: float
+    most_price: float | None = None
+    least_seconds: float = 0.0
+    unknown: tuple[str, ...] = ()
+
+
 class OtherPlan(Struct, frozen=True, kw_only=True):
     """Another plan for the same task, with the services, the price and the `seconds` of the best terms, as in `Previewed`."""
 
@@ -401,6 +415,7 @@ class OtherPlan(Struct, frozen=True, kw_only=True):
     price: float | None = None
     currency: str
     seconds: float | None = None
+    outlook: Outlook | None = None
 
 
 class Previewed(MessageBody, frozen=True, kw_only=True, tag=True):
@@ -428,6 +443,8 @@ class Previewed(MessageBody, frozen=True, kw_only=True, tag=True):
     unserved: dict[str, str] = {}
     alternatives: tuple[OtherPlan, ...] = ()
     """With quotes: other plans, which use other service types. This one is preferred by the policy."""
+    outlook: Outlook | None = None
+    """With quotes, for a plan with foreseen steps: then `price` and `seconds` are None."""
 
 
 class MessageView(Struct, frozen=True, kw_only=True):

@@ -64,9 +64,13 @@ def choose_bid(bids: Sequence[Bid], task: Submit, now: float) -> Bid:
 
 
 def plan_preference(task: Submit, previewed: Previewed) -> tuple[float, float]:
-    """What the task's policy minimises, for a plan with quotes. A plan with a step that no service takes comes last."""
+    """What the task's policy minimises, for a plan with quotes. Plans with foreseen steps come after those that are certain, and last those
+    with a step that no service takes."""
     if previewed.price is None or previewed.seconds is None:
-        return math.inf, math.inf
+        outlook = previewed.outlook
+        if outlook is None:
+            return math.inf, math.inf
+        return math.inf, outlook.least_seconds if task.policy is Policy.TIME else outlook.least_price
     match task.policy:
         case Policy.PRICE:
             return previewed.price, previewed.seconds

@@ -33,8 +33,13 @@ def subjects(step: Step) -> tuple[str, ...]:
 def relevant_parts(run: StepRun, situation: str) -> str | None:
     """The parts of a reported situation about the objects of the step, without their exact poses; None if there are none."""
     objects = {name for term in run.step.inputs.values() for name in names(term)} | set(run.outputs.values())
-    parts = [part for part in conjuncts(parse(situation)) if names(part) and names(part)[0] in objects and not _is_pose(part)]
+    parts = [part for part in conjuncts(parse(situation)) if not objects.isdisjoint(_concerned(part)) and not _is_pose(part)]
     return str(conjunction(*parts)) if parts else None
+
+
+def _concerned(part: Formula) -> tuple[str, ...]:
+    """The objects that the part says something about: all that it relates, or the owner of its attribute."""
+    return names(part) if isinstance(part, Relation) else names(part)[:1]
 
 
 def _is_pose(part: Formula) -> bool:

@@ -13,6 +13,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from somrs.entish.parse import parse
 from somrs.errors import ModelError, Problem
 from somrs.ontology.conformance import violations
 from somrs.ontology.consistency import ontology_violations
@@ -20,7 +21,7 @@ from somrs.ontology.files.dump import dump_map, dump_ontology
 from somrs.ontology.files.loading import LoadedModel, load, load_definitions, load_text, upper
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.schema import json_schema, published_schema
-from somrs.ontology.services import Parameter, ServiceKind, ServiceType
+from somrs.ontology.services import Handler, Occasion, Parameter, ServiceKind, ServiceType
 from somrs.ontology.types import PART_OF, AttributeType, Constraint, FunctionType, Kind, ObjectType, Ontology, Part, RelationType, Value
 from tests.support.examples import examples
 from tests.support.paths import ROOT
@@ -551,6 +552,25 @@ def test_map_is_read_back_as_written(map: Map) -> None:
 docs = st.text(alphabet=st.characters(exclude_categories=["Cs"]), max_size=20)
 
 
+def conditions(variable: str, type_name: str, number_name: str, relation_name: str) -> st.SearchStrategy[str]:
+    """Formulas about `?variable`, an object of the type, with NOT before anything and quantifiers within quantifiers."""
+
+    def about(subject: str, depth: int) -> st.SearchStrategy[str]:
+        above = st.integers(0, 9).map(lambda limit: f"?{subject}.{number_name} > {limit}")
+        related = st.sampled_from([f"?{subject} {relation_name} ?{subject}", f"?{subject} {relation_name} ?Anything"])
+        atoms = above | related | above.map("NOT {}".format)
+        if depth == 0:
+            return atoms
+        inner = about(f"{subject}{depth}", depth - 1)
+        quantified = st.tuples(st.sampled_from(["FORALL", "EXISTS", "NOT FORALL", "NOT EXISTS"]), inner, about(subject, depth - 1)).map(
+            lambda parts: f"{parts[0]} ?{subject}{depth}: {type_name} ({parts[1]} OR {parts[2]})"
+        )
+        joined = st.tuples(about(subject, depth - 1), st.sampled_from(["AND", "OR"]), quantified).map(" ".join)
+        return atoms | quantified | joined | joined.map("NOT ({})".format)
+
+    return about(variable, 2).map(lambda text: str(parse(text)))
+
+
 @st.composite
 def definitions(draw: st.DrawFn) -> list[AttributeType | RelationType | FunctionType | ObjectType | ServiceType]:
     number_name, enumeration_name, complex_name, type_name, relation_name, symmetric_name, function_name, service_name, table_name = (
@@ -580,6 +600,7 @@ def definitions(draw: st.DrawFn) -> list[AttributeType | RelationType | Function
                 Constraint(attribute=number_name, maximum=draw(numbers)),
                 Constraint(attribute=complex_name, values=(complex_name,), doc=draw(docs)),
                 Constraint(formula=f"?Self.{number_name} < 3", doc=draw(docs)),
+                Constraint(formula=draw(conditions("Self", type_name, number_name, relation_name)), doc=draw(docs)),
             ),
             closed=draw(st.booleans()),
             defaults={number_name: max(low or 0.0, draw(st.floats(0, 10)))},
@@ -598,9 +619,22 @@ def definitions(draw: st.DrawFn) -> list[AttributeType | RelationType | Function
             inputs=(Parameter(name="x", type=type_name), Parameter(name="n", type="number")),
             outputs=(Parameter(name="y", type="Object"),),
             kind=draw(st.sampled_from(ServiceKind)),
-            precondition=draw(st.none() | st.just(f"?x.{number_name} > ?n")),
+            precondition=draw(st.none() | st.just(f"?x.{number_name} > ?n") | conditions("x", type_name, number_name, relation_name)),
             invariant=draw(st.none() | st.just(f"?x.{number_name} > ?n AND ?x.{number_name} < 9")),
             effect=f"?x {relation_name} ?y",
+            handlers=tuple(
+                draw(
+                    st.lists(
+                        st.builds(
+                            Handler,
+                            on=st.sampled_from(Occasion),
+                            when=st.none() | conditions("x", type_name, number_name, relation_name),
+                            effect=conditions("x", type_name, number_name, relation_name),
+                        ),
+                        max_size=2,
+                    )
+                )
+            ),
             cost=draw(st.sampled_from([None, "3", f"{table_name}(?x, ?x)", f"?x.{number_name}"])),
         ),
     ]

@@ -40,6 +40,9 @@ def handler(
         ([handler(condition="?Object isOn Shelf2"), handler(ON_SHELF)], [], [ON_SHELF]),
         ([handler(condition="?Object isOn Gone"), handler(ON_SHELF)], [], [ON_SHELF]),
         ([handler("no formula"), handler(ON_SHELF)], [], [ON_SHELF]),
+        ([handler(condition="EXISTS ?Other: Jar (?Other isOn Shelf1)")], [], [ON_PLATFORM]),
+        ([handler(condition="FORALL ?Object: Jar (?Object isOn Shelf2)"), handler(ON_SHELF)], [], [ON_SHELF]),
+        ([handler("FORALL ?J: Jar (NOT ?J isOn Shelf2 OR ?Object = ?J)")], [], ["FORALL ?J: Jar (NOT ?J isOn Shelf2 OR ?Object = ?J)"]),
         ([], [handler(ON_SHELF, service_type="WashJar")], [ON_SHELF]),
     ],
 )

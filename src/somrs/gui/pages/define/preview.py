@@ -10,6 +10,7 @@ from nicegui import background_tasks, ui
 
 from somrs.api.formulas import CheckFormula
 from somrs.client.durations import format_duration
+from somrs.client.outlook_text import outlook_note, outlook_price
 from somrs.errors import SomrsError
 from somrs.gui.components.task.graph import PlanGraph
 from somrs.gui.pages.define.draft import Draft
@@ -128,6 +129,9 @@ class Preview:
         price = f"{preview.price:g} {preview.currency}" if preview.price is not None else "unknown"
         duration = format_duration(preview.seconds) if preview.seconds is not None else "unknown"
         qualifier = "about " if preview.estimate else ""
+        if (outlook := preview.outlook) is not None:
+            price, duration = outlook_price(outlook, preview.currency), f"{format_duration(outlook.least_seconds)} at the earliest"
+            qualifier = ""
         with ui.element("dl").classes("somrs-define-totals"):
             for name, value in (("Steps", str(len(preview.steps))), ("Price", qualifier + price), ("Done in", qualifier + duration)):
                 with ui.element("div"):
@@ -135,7 +139,10 @@ class Preview:
                         ui.label(name)
                     with ui.element("dd"):
                         ui.label(value)
-        summary_parts = [price] * (preview.price is not None) + [f"done in {duration}"] * (preview.seconds is not None)
+        if outlook is not None:
+            ui.label(f"As foreseen; {outlook_note(outlook)}.").classes("somrs-soft")
+        has_terms = preview.price is not None or outlook is not None
+        summary_parts = [price] * has_terms + [f"done in {duration}"] * (preview.seconds is not None or outlook is not None)
         self._panel.note.set_text(", ".join([count, *summary_parts]))
 
     async def _show_impossible(self, preview: Previewed) -> None:
@@ -199,7 +206,7 @@ def _plans(preview: Previewed) -> None:
 
 
 def _plan(plan: Previewed | OtherPlan, *, chosen: bool) -> None:
-    is_served = plan.price is not None and plan.seconds is not None
+    is_served = plan.outlook is not None or (plan.price is not None and plan.seconds is not None)
     tone, icon, word = ("good", "check_circle", "Chosen") if chosen else ("plain", "remove_circle_outline", "Not chosen")
     if not is_served:
         tone, icon, word = "bad", "block", "Not every step has terms"
@@ -207,8 +214,12 @@ def _plan(plan: Previewed | OtherPlan, *, chosen: bool) -> None:
         with ui.element("th").props('scope="row"'):
             for step in plan.steps:
                 ui.label(step.service or step.service_type)
-        _cell(f"{plan.price:g} {plan.currency}" if plan.price is not None else "–")
-        _cell(format_duration(plan.seconds) if plan.seconds is not None else "–")
+        if plan.outlook is not None:
+            _cell(outlook_price(plan.outlook, plan.currency))
+            _cell(f"from {format_duration(plan.outlook.least_seconds)}")
+        else:
+            _cell(f"{plan.price:g} {plan.currency}" if plan.price is not None else "–")
+            _cell(format_duration(plan.seconds) if plan.seconds is not None else "–")
         with ui.element("td").classes("somrs-define-became"):
             ui.icon(icon).props('aria-hidden="true"')
             ui.label(word).classes("somrs-terms-word")
