@@ -25,6 +25,7 @@ DEMO_SITE = Path(str(resources.files("somrs.demo") / "data" / "scenario-1.yaml")
 def check(files: Sequence[Path], *, json: bool) -> int:
     """Print every error in the files. Returns the exit status: 0 if there is none."""
     from somrs.ontology.files.loading import load
+    from somrs.ontology.service_kinds import planning_notes
 
     try:
         loaded = load(files)
@@ -40,6 +41,9 @@ def check(files: Sequence[Path], *, json: bool) -> int:
         terminal.print_json([])
     else:
         objects = f"a map of {len(loaded.map.objects)} objects" if loaded.map is not None else "no map"
+        for name, service in loaded.ontology.services.items():
+            for note in planning_notes(service):
+                print(f"note: {name}: {note}")
         print(f"no problems: {len(loaded.ontology.types)} types, {len(loaded.ontology.services)} service types, {objects}")
     return 0
 

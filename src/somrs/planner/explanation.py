@@ -22,6 +22,7 @@ from somrs.entish.normal_form import affirmed_variables, group_by_variables
 from somrs.entish.parse import nearest, parse
 from somrs.ontology.achievability import misfits
 from somrs.ontology.matching import achieving_bindings, can_achieve, types_of, unifiers
+from somrs.ontology.service_kinds import undetermined_inputs
 from somrs.ontology.services import PROVIDER, ServiceKind, ServiceType
 from somrs.ontology.truth import bindings, formula_holds
 from somrs.ontology.types import UNKNOWN
@@ -298,6 +299,10 @@ class _Reasons:
     def _explain_lacking(self, available: AvailableService, literal: Literal, depth: int) -> None:
         """Explain which preconditions of the service are unreachable."""
         service = available.service_type
+        if inputs := undetermined_inputs(service):
+            text = f"nothing says which value its input {' and '.join(f'?{name}' for name in inputs)} has"
+            self.texts[f"{service.name} could bring about {_format_literal(literal)}, but {text}"] = None
+            return
         unifier = next(achieving_bindings(service, literal, self.problem.ontology, self.problem.map), {})
         substitution = {name: term for name, term in unifier.items() if not isinstance(term, Variable)}
         substitution.setdefault(PROVIDER, Name(self.world.providers[service.name][0]))

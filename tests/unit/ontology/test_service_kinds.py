@@ -7,7 +7,7 @@ import pytest
 from somrs.errors import DeviceError
 from somrs.ontology.consistency import ontology_violations
 from somrs.ontology.files.loading import upper
-from somrs.ontology.service_kinds import kind_problems
+from somrs.ontology.service_kinds import kind_problems, planning_notes
 from somrs.ontology.services import Parameter, ServiceKind, ServiceType
 from somrs.service_manager.sdk.device import Device, Situation, Task, service
 
@@ -54,3 +54,26 @@ def test_a_device_that_brings_such_a_service_type_does_not_start() -> None:
 
     with pytest.raises(DeviceError, match="Painter brings the service type Serve: a software service changes nothing"):
         Painter("P1").profile()
+
+
+@pytest.mark.parametrize(
+    ("precondition", "effect", "notes"),
+    [
+        ("?Object.Label = ?Text", "?Place isFreeFor ?Object AND ?Object.Weight = ?Weight", []),
+        ("?Object.Label = ?Text", "?Place isFreeFor ?Object", ["the output ?Weight"]),
+        (None, "?Place isFreeFor ?Object AND ?Object.Weight = ?Weight", ["its input ?Text"]),
+        (None, "?Object.Label = ?Text", ["the output ?Weight", "the output ?Place"]),
+        ("not Entish", "(", ["the output ?Weight", "the output ?Place", "its input ?Text"]),
+    ],
+)
+def test_what_no_plan_can_use_is_noted(precondition: str | None, effect: str, notes: list[str]) -> None:
+    inputs = (*INPUTS, Parameter(name="Text", type="text"))
+    service_type = ServiceType(name="Serve", inputs=inputs, outputs=OUTPUTS, precondition=precondition, effect=effect)
+    texts = [*planning_notes(service_type)]
+    assert len(texts) == len(notes)
+    for text, note in zip(texts, notes, strict=True):
+        assert note in text
+
+
+def test_the_shipped_service_types_can_all_be_used_in_plans() -> None:
+    assert [text for service_type in upper().services.values() for text in planning_notes(service_type)] == []

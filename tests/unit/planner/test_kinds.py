@@ -313,6 +313,14 @@ def test_a_value_that_is_told_is_the_input_of_a_later_step(kind: ServiceKind, ty
     assert str(completed.inputs["Mark"]) == ('"fragile"' if type == "text" else "2.5 kg")
 
 
+def test_a_value_of_which_nothing_is_said_is_named_as_the_reason_for_no_plan() -> None:
+    tell, mark = code_services(ServiceKind.SOFTWARE, "text", "Label")
+    vague = structs.replace(mark, inputs=(*mark.inputs, Parameter(name="Note", type="text")))
+    explanation = refused(problem('Jar001.Texture = "marked"', tell, vague)).explanation
+    assert "Mark could bring about" in explanation
+    assert "nothing says which value its input ?Note has" in explanation
+
+
 def test_a_value_that_a_step_sets_is_the_input_of_a_later_step() -> None:
     _, mark = code_services(ServiceKind.PHYSICAL, "text", "Label")
     label = ServiceType(name="Label", inputs=(OBJECT,), effect='?Object.Label = "fragile"')

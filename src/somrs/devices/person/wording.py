@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 
 from somrs.entish.formula import Attribute, Comparison, Formula, Name, Not, Number, Relation, Term, Text, Truth, Variable, conjuncts, names
 from somrs.ontology.objects import Object
+from somrs.ontology.types import UNKNOWN
 from somrs.service_manager.sdk.device import MapReader
 
 _BOUNDARY = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
@@ -38,7 +39,7 @@ def describe_object(object: Object) -> str:
 
 
 def sentence(formula: Formula, descriptions: Mapping[str, str]) -> str:
-    """The formula as a sentence. Parts for which there are no words stay as they are."""
+    """The formula as a sentence; with variables, what there is to find out. Parts for which there are no words stay as they are."""
     parts = [_part(part, descriptions) for part in conjuncts(formula)]
     return ", and ".join(parts)
 
@@ -48,16 +49,21 @@ def _part(part: Formula, descriptions: Mapping[str, str]) -> str:
     match atom:
         case Relation(relation, (first, second)):
             subject, verb, object = _term(first, descriptions), words(relation), _term(second, descriptions)
+            if isinstance(first, Variable) and first.type is None:
+                subject = "what"
             if negated:
                 verb = f"is not {verb[3:]}" if verb.startswith("is ") else f"no longer {verb}"
             return f"{subject} {verb} {object}"
+        case Comparison(Attribute(owner, path), "=", Truth(False)) if path == UNKNOWN and not negated:
+            return f"where {_term(owner, descriptions)} is"
+        case Comparison(Attribute(owner, path), "=", Variable()):
+            return f"the {_path(path)} of {_term(owner, descriptions)}"
         case Comparison(Attribute(owner, path), "=", Truth(value)):
             return f"{_term(owner, descriptions)} is {'' if value != negated else 'not '}{_path(path)}"
         case Comparison(Attribute(owner, path), operator, Name() | Variable() | Text() | Number() as right) if (
             not negated and operator in _OPERATORS
         ):
-            text = "to be found out" if isinstance(right, Variable) else _term(right, descriptions)
-            return f"the {_path(path)} of {_term(owner, descriptions)} {_OPERATORS[operator]} {text}"
+            return f"the {_path(path)} of {_term(owner, descriptions)} {_OPERATORS[operator]} {_term(right, descriptions)}"
     return str(part)
 
 

@@ -23,6 +23,7 @@ from somrs.gui.pages.ontology.sections import (
     value_text,
 )
 from somrs.ontology.complex_values import inner_paths
+from somrs.ontology.service_kinds import planning_notes
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.ontology.types import PART_OF, AttributeType, Definition, FunctionType, ObjectType, RelationType
 
@@ -283,6 +284,8 @@ def _service(service: ServiceType, view: OntologyView, open_definition: OpenDefi
                 TextTag("code", text, "somrs-formula somrs-onto-formula")
     _parameters("Inputs", service.inputs, open_definition)
     _parameters("Outputs", service.outputs, open_definition)
+    for text in planning_notes(service):
+        note(f"{text[:1].upper()}{text[1:]}.")
     if service.handlers:
         with chapter("Handlers", len(service.handlers)), table("On", "When", "Make true"):
             for handler in service.handlers:

@@ -10,8 +10,10 @@ from nicegui import ui
 
 from somrs.api.remote import LiveApi
 from somrs.client.durations import format_duration
+from somrs.devices.person.answers import unknown_objects
 from somrs.devices.person.assignments import Assignment, Reply, ReplyKind
 from somrs.devices.person.wording import title
+from somrs.entish.parse import parse
 from somrs.errors import UsageError
 from somrs.gui.components.rebuilt import RebuiltElement
 from somrs.gui.pages.person.finding_form import FindingForm
@@ -70,7 +72,8 @@ class AssignmentCard:
         facts = {title(name): text for name, text in work.inputs.items() if text not in work.objects}
         if work.present and not work.stops:
             facts["Now"] = _capital(work.present)
-        facts["Was asked" if work.stops else "In the end"] = _capital(work.aim or work.effect)
+        finds_out = work.open_variables or unknown_objects(parse(work.effect))
+        facts["Was asked" if work.stops else "Find out" if finds_out else "In the end"] = _capital(work.aim or work.effect)
         with ui.element("dl").classes("somrs-person-facts"):
             for name, text in facts.items():
                 with ui.element("dt"):

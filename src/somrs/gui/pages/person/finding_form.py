@@ -70,11 +70,9 @@ class FindingForm:
 
     def _build_sightings(self) -> None:
         assert self._seen_type is not None
-        ui.label(f"What do you see there? ({words(self._seen_type)}s)").classes("somrs-person-ask")
+        ui.label("What do you see there?").classes("somrs-person-ask")
         self._rows = ui.element("ul").classes("somrs-person-seen")
-        Picker(
-            "Add a thing that you see", placeholder="Add one that is known", source=things(type=self._seen_type), on_pick=self._add_known
-        )
+        self._known = ui.element("div")
         ontology = self._api.context.ontology
         subtypes = sorted({*ontology.subtypes(self._seen_type)} - {self._seen_type}) or [self._seen_type]
         types = [Choice(value=name, text=words(name)) for name in subtypes]
@@ -102,6 +100,11 @@ class FindingForm:
         self._show_sightings()
 
     def _show_sightings(self) -> None:
+        """Show what was seen so far, and empty the field for more."""
+        self._known.clear()
+        with self._known:
+            label, hint, known = "Add a thing that you see", "Add one that is known", things(type=self._seen_type)
+            Picker(label, placeholder=hint, source=known, on_pick=self._add_known)
         self._rows.clear()
         with self._rows:
             for sighting in self._sightings:
