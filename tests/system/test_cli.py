@@ -78,6 +78,15 @@ def test_check_accepts_the_demo_site() -> None:
     assert "no problems" in result.stdout
 
 
+def test_check_notes_what_no_plan_can_use(tmp_path: Path) -> None:
+    file = tmp_path / "services.yaml"
+    file.write_text('services:\n  Print: {inputs: {Jar: Jar, Text: text}, outputs: {Pages: number}, effect: "?Jar.Unknown = FALSE"}\n')
+    result = program("check", file)
+    assert result.returncode == 0, result.stdout
+    assert "note: Print: no later step can use the output ?Pages" in result.stdout
+    assert "which value its input ?Text has" in result.stdout
+
+
 def test_check_reports_every_error_at_once_with_its_line(tmp_path: Path) -> None:
     site = tmp_path / "wrong.yaml"
     site.write_text(
