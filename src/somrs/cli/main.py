@@ -156,7 +156,7 @@ def people(data: Data = DEFAULT_FOLDER, json: Json = False) -> None:
     """List the people who do steps of tasks, their pages, and what they are asked to do."""
     from somrs.cli.people import people as run
 
-    guarded(lambda: run(data, json=json))
+    awaited(run(data, json=json))
 
 
 @app.command()
