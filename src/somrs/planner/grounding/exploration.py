@@ -22,17 +22,18 @@ from somrs.planner.model.facts import Facts
 from somrs.planner.model.operators import GOAL, Argument, Fact, Pattern, Test
 from somrs.planner.model.world import Binding, World
 
-EFFORT = 300_000
-"""The maximum number of facts to match with conditions: about a second."""
+EFFORT = 1_000_000
+"""The maximum number of facts to match with conditions: about three seconds."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rule:
-    """A demand with its conditions, the variables that each of them has, and those that its effects have."""
+    """A demand with its conditions, the variables that each of them has, and those of its effects that have the same variables."""
 
     demand: Demand
     conditions: tuple[Condition, ...]
     variables: tuple[frozenset[str], ...]
+    effects: tuple[Pattern, ...]
     effect_variables: frozenset[str]
 
 
@@ -55,7 +56,7 @@ class Exploration:
         self._needed: dict[tuple[int, tuple[int, ...]], tuple[str, ...]] = {}
         for fact in known:
             self.facts.add(fact)
-        self._run([_rule(demand) for demand in demanded], target)
+        self._run([rule for demand in demanded for rule in _rules(demand)], target)
 
     def cost(self, fact: Fact) -> float:
         """The cost of a reached fact; 0 if it holds now."""
@@ -105,6 +106,8 @@ class Exploration:
         if seen_key in self._seen:
             return
         self._seen.add(seen_key)
+        if remaining and self._is_reached(rule, binding):
+            return
         if key not in self._choices:
             self._choices[key] = self._choose(rule, remaining, binding)
         choice = self._choices[key]
@@ -117,6 +120,17 @@ class Exploration:
                     self._complete(rule, rest, matched)
         else:
             self._enumerate(rule, remaining, binding)
+
+    def _is_reached(self, rule: Rule, binding: Binding) -> bool:
+        """Whether all effects of the rule are reached, with this binding. They were reached at no higher cost, because the cheapest facts
+        are joined first: of all places where a van can unload a parcel that lies there, the first is enough."""
+        for predicate, pattern_terms in rule.effects:
+            if predicate.startswith("."):
+                return False  # its value is calculated
+            arguments = tuple(value for term in pattern_terms if (value := argument_of(term, binding)) is not None)
+            if len(arguments) < len(pattern_terms) or self.world.canonical((predicate, arguments)) not in self.facts:
+                return False
+        return True
 
     def _choose(self, rule: Rule, remaining: tuple[int, ...], binding: Binding) -> int | None:
         """The condition with the fewest matches; None if only comparisons remain."""
@@ -164,15 +178,17 @@ class Exploration:
                 heappush(self._waiting, (cost, len(self._seen), fact, action))
 
 
-def _rule(demand: Demand) -> Rule:
+def _rules(demand: Demand) -> Iterator[Rule]:
+    """A rule for the effects that have the same variables, so that a rule projects away the variables of other effects: how much space a
+    van has left does not matter to where its parcels are."""
     operator = demand.operator
     conditions: tuple[Condition, ...] = (*dict.fromkeys(operator.preconditions), *operator.static_conditions, *operator.tests)
-    return Rule(
-        demand,
-        conditions,
-        tuple(frozenset(_variables(condition)) for condition in conditions),
-        frozenset(name for pattern in operator.add_effects for name in pattern_variables(pattern)),
-    )
+    condition_variables = tuple(frozenset(_variables(condition)) for condition in conditions)
+    groups: dict[frozenset[str], list[Pattern]] = {}
+    for pattern in operator.add_effects:
+        groups.setdefault(frozenset(pattern_variables(pattern)), []).append(pattern)
+    for effect_variables, effects in groups.items():
+        yield Rule(demand, conditions, condition_variables, tuple(effects), effect_variables)
 
 
 def _variables(condition: Condition) -> Iterator[str]:

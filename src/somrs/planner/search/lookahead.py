@@ -48,9 +48,9 @@ DEPTH = 300
 """The maximum length of a chain of actions."""
 STEPS = 3_000
 """The maximum number of steps."""
-EFFORT = 200_000
-"""The maximum number of facts to match with conditions in all explorations together: one to three seconds."""
-EARNED_EFFORT = 20_000
+EFFORT = 500_000
+"""The maximum number of facts to match with conditions in all explorations together: two to five seconds."""
+EARNED_EFFORT = 50_000
 """The effort that is added for each part of the goal when it is first reached: many parts may take long, a dead end may not."""
 FACTS = 20_000
 """The maximum number of facts to match when one action is bound."""
@@ -107,6 +107,8 @@ class _Execution:
         self._demands_by_part: dict[Fact, list[Demand]] = {}
         self._used: set[str] = set()
         self._reached: set[Fact] = set()
+        self.subjects = frozenset[Argument]()
+        """The first objects of the parts of the goal."""
         self._demand_of = {demand.operator: Demand(demand.operator, (), ()) for demand in demanded}
 
     def run(self) -> bool:
@@ -121,6 +123,7 @@ class _Execution:
             patience = PATIENCE if distance < nearest else patience - 1
             nearest = min(distance, nearest)
             count = len(self.actions)
+            self.subjects = frozenset(fact[1][0] for fact in goal_action.preconditions if len(fact[1]) > 1)
             for part in sorted(goal_action.preconditions, key=guide.exploration.cost):
                 self._pursue(part, guide)
             if formula_holds(self.problem.goal, self.world.map, self.problem.ontology):
@@ -152,15 +155,24 @@ class _Execution:
             self.effort += EARNED_EFFORT
 
     def _pursue_alone(self, part: Fact, bags: Sequence[Bag]) -> bool:
-        nearest = float("inf")
+        """Reach a part of the goal with explorations of its own; at first, without the objects of which other parts speak."""
+        rest = self.subjects - set(part[1])
+        return any(self._explore_alone(part, bags, left_out) for left_out in ([rest, frozenset()] if rest else [rest]))
+
+    def _explore_alone(self, part: Fact, bags: Sequence[Bag], left_out: frozenset[Argument]) -> bool:
+        nearest, patience = float("inf"), PATIENCE
         while True:
-            guide = _Guide(self, bags, self._demands_for(part), part)
+            guide = _Guide(self, bags, self._demands_for(part), part, left_out)
             distance = guide.exploration.cost(part)
-            if part not in guide.exploration.achievers or distance >= nearest:
+            patience = PATIENCE if distance < nearest else patience - 1
+            if part not in guide.exploration.achievers or patience == 0:
                 return self.world.fact_holds(part)
-            nearest = distance
+            nearest = min(distance, nearest)
+            count = len(self.actions)
             if guide.achieve(part, guide.casts(part, set())[0]):
                 return True
+            if len(self.actions) == count:
+                return False
 
     def _demands_for(self, part: Fact) -> list[Demand]:
         """The demands that lead to one part of the goal."""
@@ -215,12 +227,20 @@ class _Execution:
 class _Guide:
     """An exploration from the current map, and the means to follow its chains."""
 
-    def __init__(self, execution: _Execution, bags: Sequence[Bag], demanded: Sequence[Demand], target: Fact) -> None:
+    def __init__(
+        self,
+        execution: _Execution,
+        bags: Sequence[Bag],
+        demanded: Sequence[Demand],
+        target: Fact,
+        others: Collection[Argument] = (),
+    ) -> None:
+        """`others`: the objects that no action may use, besides those that the bags leave out."""
         self.execution = execution
         map = execution.world.map
         self.bags = {bag.representative: bag for bag in bags if len(bag.members) > 1}
         self.holders = {bag.representative: bag.find_holders(map, execution.world) for bag in self.bags.values()}
-        left_out = {member for bag in bags for member in bag.left_out}
+        left_out = {member for bag in bags for member in bag.left_out}.union(name for name in others if isinstance(name, str))
         world = execution.world.without(left_out) if left_out else execution.world
         known = (fact for holders in self.holders.values() for fact in holders)
         self.exploration = self._explore(world, demanded, known, target)

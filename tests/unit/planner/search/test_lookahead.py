@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -22,6 +23,7 @@ from somrs.planner.model.world import World
 from somrs.planner.planning import plan
 from somrs.planner.search.lookahead import Lookahead
 from somrs.planner.search.steps import build_plan
+from somrs.sites.pddl import read
 from tests.support.examples import examples
 from tests.support.small_pddl import small
 from tests.unit.planner.test_properties import problems
@@ -181,3 +183,32 @@ def test_problems_in_which_agents_hand_things_over_are_found_by_it_too(name: str
     moves = Lookahead(problem, world, list(goal_operators(problem.goal, world.vocabulary))).find_moves()
     assert moves is None or validate(build_plan(problem, moves), problem) == []
     assert (moves is not None) is (name == "courier")
+
+
+HAULAGE = """(define (domain haulage) (:requirements :typing)
+  (:types place thing space - object van parcel - thing)
+  (:predicates (road ?a ?b - place) (at ?t - thing ?p - place) (in ?x - parcel ?v - van) (free ?v - van ?s - space) (next ?a ?b - space))
+  (:action drive :parameters (?v - van ?a ?b - place) :precondition (and (at ?v ?a) (road ?a ?b)) :effect (and (not (at ?v ?a)) (at ?v ?b)))
+  (:action load :parameters (?v - van ?p - place ?x - parcel ?s ?t - space)
+    :precondition (and (at ?v ?p) (at ?x ?p) (next ?s ?t) (free ?v ?t))
+    :effect (and (not (at ?x ?p)) (in ?x ?v) (free ?v ?s) (not (free ?v ?t))))
+  (:action unload :parameters (?v - van ?p - place ?x - parcel ?s ?t - space)
+    :precondition (and (at ?v ?p) (in ?x ?v) (next ?s ?t) (free ?v ?s))
+    :effect (and (not (in ?x ?v)) (at ?x ?p) (free ?v ?t) (not (free ?v ?s)))))"""
+
+
+def test_vans_that_are_no_devices_bring_more_parcels_than_they_can_hold(tmp_path: Path) -> None:
+    places, parcels, vans = [f"p{n}" for n in range(60)], [f"x{n}" for n in range(20)], ["v0", "v1", "v2"]
+    roads = [f"(road {a} {b}) (road {b} {a})" for a, b in zip(places, [*places[1:], places[0]], strict=True)]
+    at = [f"(at {parcel} p{7 * n % 60})" for n, parcel in enumerate(parcels)] + [f"(at {van} p{20 * n})" for n, van in enumerate(vans)]
+    task = f"""(define (problem all) (:domain haulage)
+      (:objects {" ".join(places)} - place {" ".join(parcels)} - parcel {" ".join(vans)} - van s0 s1 s2 - space)
+      (:init (next s0 s1) (next s1 s2) {" ".join(f"(free {van} s2)" for van in vans)} {" ".join((*roads, *at))})
+      (:goal (and {" ".join(f"(at {parcel} p{(11 * n + 30) % 60})" for n, parcel in enumerate(parcels))})))"""
+    for name, text in (("domain", HAULAGE), ("problem", task)):
+        (tmp_path / f"{name}.pddl").write_text(text, encoding="utf-8")
+    problem = read(tmp_path / "domain.pddl", tmp_path / "problem.pddl").problem()
+    world = World(problem)
+    moves = Lookahead(problem, world, list(goal_operators(problem.goal, world.vocabulary))).find_moves()
+    assert moves is not None
+    assert validate(build_plan(problem, moves), problem) == []
