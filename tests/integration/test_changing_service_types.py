@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from msgspec import structs
 
-from somrs.ontology.services import ServiceType
+from somrs.ontology.services import Parameter, ServiceType
 from somrs.protocol.messages.clients import Preview, Previewed
 from somrs.protocol.messages.directory import Discover, Discovered, Offer, Publish, Published, ServiceTypesChanged
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.knowledge import Define, Defined, Definitions
+from somrs.service_manager.sdk.device import Device, Situation, Task, service
 from tests.support.virtual_system import Robot, VirtualSystem
 
 GOAL = "Jar002 isOn Platform001"
@@ -202,3 +203,41 @@ def test_a_device_may_revise_its_own_definition() -> None:
     system.join(Robot("Robot2", 5, 30), service=revised)
     system.world.run(5)
     assert [offer.service_type for offer in offers(system).offers] == [revised]
+
+
+class Stower(Device):
+    """Reads the inputs of PutInto as the upper ontology names them."""
+
+    type = "PioneerP3DX"
+
+    @service("PutInto", duration="1 s", inputs=("Object", "Cupboard"))
+    async def put_into(self, task: Task) -> Situation:
+        return f"{task.inputs['Object']} isIn {task.inputs['Cupboard']}"
+
+    @service("MoveTo", duration="1 s", inputs=("Place",))
+    async def move_to(self, task: Task) -> Situation:
+        return f"{self.name} isAt {task.inputs['Place']}"
+
+
+def test_a_service_whose_inputs_a_site_names_otherwise_is_withheld_and_the_others_are_on_offer() -> None:
+    system = VirtualSystem(Robot("Robot1", 10, 30))
+    shipped = system.repository.contents.ontology.services["PutInto"]
+    renamed = structs.replace(
+        shipped,
+        inputs=(Parameter(name="Item", type="Graspable"), Parameter(name="Cupboard", type="Cupboard")),
+        precondition="?Item isOn ?Source",
+        effect="?Item isIn ?Cupboard",
+    )
+    define(system, renamed)
+    system.join_device(Stower("Robot2"))
+    system.world.run(5)
+    found = offers(system, withheld=True)
+    assert [offer.service for offer in found.offers] == ["Robot2.PutInto"]
+    assert "its inputs are Object: Graspable, Cupboard: Cupboard, not Item: Graspable, Cupboard: Cupboard" in found.withheld[0].reason
+    assert "Robot2.MoveTo" in {offer.service for offer in offers(system).offers}
+    define(system, shipped)
+    system.world.run(60)
+    assert "Robot2.PutInto" in {offer.service for offer in offers(system).offers}
+    define(system, renamed)
+    system.world.run(60)
+    assert "Robot2.PutInto" not in {offer.service for offer in offers(system).offers}

@@ -9,15 +9,17 @@ whose author wrote another definition is not listed (`withheld`); the device the
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import StrEnum
 
-from msgspec import Struct, field
+from msgspec import Struct, field, structs
 
 from somrs.entish.parse import nearest
 from somrs.kernel.component import Ask, Effects, Send, SetTimer
 from somrs.ontology.agreement import disagreements
 from somrs.ontology.objects import Object, ObjectAdded
-from somrs.ontology.services import ServiceType
+from somrs.ontology.services import Parameter, ServiceType
+from somrs.ontology.types import ROOT
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.directory import (
     CAPACITY_ATTRIBUTE,
@@ -238,13 +240,25 @@ class Joining(Struct, kw_only=True):
         )
 
     def _service_type(self, capability: Capability) -> ServiceType:
-        """The definition with which a service is offered: the common one, unless the author wrote one that disagrees with it."""
+        """The definition with which a service is offered: the common one, unless the author wrote one that disagrees with it.
+
+        If the method reads other inputs than the common one has, the offer names those that it reads, so that the Registry withholds it.
+        """
         common, brought = self.types.get(capability.type_name), capability.type
         if isinstance(brought, ServiceType) and (common is None or disagreements(brought, common)):
             return brought
         assert common is not None, "a device without the definition of a service type does not join"
-        return common
+        if capability.inputs is None or capability.serves(common):
+            return common
+        return structs.replace(common, inputs=_named(capability.inputs, common.inputs), outputs=_named(capability.outputs, common.outputs))
 
     def _report_problem(self, text: str) -> Effects:
         yield SetTimer(JoiningDue(), None)
         yield Ask(ReportWanted(), Report(f"{self.profile.name} cannot join: {text}", joined=False))
+
+
+def _named(names: Sequence[str], defined: Sequence[Parameter]) -> tuple[Parameter, ...]:
+    """Parameters of these names, with the types of those that are defined: of the same name, or else in the same place."""
+    types = {parameter.name: parameter.type for parameter in defined}
+    places = [parameter.type for parameter in defined] + [ROOT] * len(names)
+    return tuple(Parameter(name=name, type=types.get(name, place)) for name, place in zip(names, places, strict=False))

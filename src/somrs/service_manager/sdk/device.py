@@ -189,9 +189,11 @@ class Service:
         penalty: Amounts | None = None,
         *,
         occupies: bool = True,
+        inputs: tuple[str, ...] | None = None,
+        outputs: tuple[str, ...] = (),
     ) -> None:
         self.performs, self.type, self.price, self.duration, self.able = performs, type, price, duration, able
-        self.penalty, self.occupies = penalty, occupies
+        self.penalty, self.occupies, self.inputs, self.outputs = penalty, occupies, inputs, outputs
         self.stops: StopFunction | None = None
         self.undoes: UndoFunction | None = None
         self.name = performs.__name__
@@ -230,6 +232,8 @@ class Service:
             stoppable=self.stops is not None,
             undoable=self.undoes is not None,
             occupies=self.occupies,
+            inputs=self.inputs,
+            outputs=self.outputs,
         )
 
 
@@ -241,14 +245,18 @@ def service(
     able: AbilityCheck | None = None,
     penalty: Amounts | None = None,
     occupies: bool = True,
+    inputs: tuple[str, ...] | None = None,
+    outputs: tuple[str, ...] = (),
 ) -> Callable[[PerformFunction], Service]:
     """Make a method a service of this type, or of the type with this name in the common ontology.
 
     `price`, `duration` and `penalty` are amounts, or functions of the device and the task. `able` may raise Refusal. `penalty` is what it
     costs to have the work undone by the device; the Task Manager then weighs undoing against going on after a failure. A service that does
-    not occupy the device is performed beside others, whatever the device's `capacity`.
+    not occupy the device is performed beside others, whatever the device's `capacity`. `inputs` and `outputs` are the names that the method
+    reads and returns: if the common ontology defines the type with other names, the service is withheld. Without `inputs`, it serves any
+    definition.
     """
-    return lambda performs: Service(performs, type, price, duration, able, penalty, occupies=occupies)
+    return lambda performs: Service(performs, type, price, duration, able, penalty, occupies=occupies, inputs=inputs, outputs=outputs)
 
 
 def _check_definition(definition: Definition, owner: type[object]) -> Definition:

@@ -24,6 +24,15 @@ class Capability(Struct, frozen=True, kw_only=True):
     undoable: bool = False
     occupies: bool = True
     """Whether it takes up some of the device's capacity."""
+    inputs: tuple[str, ...] | None = None
+    """The names of the inputs that the method reads; None: it serves any definition of the type."""
+    outputs: tuple[str, ...] = ()
+    """The names of the outputs that the method returns, if it reads `inputs`."""
+
+    def serves(self, definition: ServiceType) -> bool:
+        """Whether the method can do what the definition of its type says, as far as the names of inputs and outputs tell."""
+        inputs, outputs = ({parameter.name for parameter in parameters} for parameters in (definition.inputs, definition.outputs))
+        return self.inputs is None or (inputs == {*self.inputs} and outputs == {*self.outputs})
 
     @property
     def type_name(self) -> str:

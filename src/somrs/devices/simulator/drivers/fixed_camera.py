@@ -47,7 +47,7 @@ class FixedCamera(WatchingDevice):
         except RemoteError as error:
             raise Refusal(f"{self.name} does not answer: {error}", not_now=True) from None
 
-    @service("RecognizeSituation", price=_price, duration="1 s", able=_able)
+    @service("RecognizeSituation", price=_price, duration="1 s", able=_able, inputs=("Object",))
     async def recognize(self, task: Task) -> Situation:
         search = await Search.begin(self, task)
         try:
@@ -59,7 +59,7 @@ class FixedCamera(WatchingDevice):
             raise ServiceFailed(f"{self.name} {sees}")
         return search.situation
 
-    @service("LookAt", price=_price, duration="1 s", able=_able_to_look)
+    @service("LookAt", price=_price, duration="1 s", able=_able_to_look, inputs=("Place",), outputs=("Thing",))
     async def look_at_place(self, task: Task) -> Situation:
         try:
             view = await self.view(None)

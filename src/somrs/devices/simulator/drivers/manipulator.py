@@ -136,20 +136,20 @@ class Manipulator(OpeningRobot):
             raise Refusal(f"nothing can be put on {destination}")
         return first, second
 
-    @service("TransferObject", price=_price, duration=_duration, able=_able)
+    @service("TransferObject", price=_price, duration=_duration, able=_able, inputs=("Object", "Destination"))
     async def transfer(self, task: Task) -> Situation:
         object, destination = str(task.inputs["Object"]), str(task.inputs["Destination"])
         return await self._carry(task, object, Spot(support=destination))
 
-    @service("PutInto", price=_price, duration=_duration, able=_able)
+    @service("PutInto", price=_price, duration=_duration, able=_able, inputs=("Object", "Cupboard"))
     async def put_into(self, task: Task) -> Situation:
         return await self._carry(task, str(task.inputs["Object"]), Spot(container=str(task.inputs["Cupboard"])))
 
-    @service("TakeOutOf", price=_price, duration=_duration, able=_able)
+    @service("TakeOutOf", price=_price, duration=_duration, able=_able, inputs=("Object", "Destination"))
     async def take_out(self, task: Task) -> Situation:
         return await self._carry(task, str(task.inputs["Object"]), Spot(support=str(task.inputs["Destination"])))
 
-    @service("WeighObject", price=_weighing_price, duration=_weighing_time, able=_able_to_weigh)
+    @service("WeighObject", price=_weighing_price, duration=_weighing_time, able=_able_to_weigh, inputs=("Object",), outputs=("Weight",))
     async def weigh(self, task: Task) -> Result:
         """Lift the thing a little, and leave it where it is."""
         object = str(task.inputs["Object"])

@@ -91,7 +91,7 @@ class MobileRobot(SimulatedDevice):
             raise Refusal(f"{self.name} finds no path to {name}")
         return way, spot
 
-    @service("MoveTo", price=_price, duration=_duration, able=_able)
+    @service("MoveTo", price=_price, duration=_duration, able=_able, inputs=("Place",))
     async def move_to(self, task: Task) -> Situation:
         try:
             _, spot = await self.way_to_place(task)
@@ -131,7 +131,7 @@ class MobileRobot(SimulatedDevice):
             raise Refusal(f"{self.name} finds no path to {' or '.join(charger.name for charger in free)}")
         return min(reachable, key=lambda option: option[0])
 
-    @service("ChargeBattery", price=_charging_price, duration=_charging_time, able=_able_to_charge)
+    @service("ChargeBattery", price=_charging_price, duration=_charging_time, able=_able_to_charge, inputs=())
     async def charge(self, task: Task) -> Situation:
         try:
             _, charger = await self.way_to_charger(task)
@@ -152,11 +152,11 @@ class MobileRobot(SimulatedDevice):
 
     # Looking
 
-    @service("LookAt", price=_looking_price, duration=_looking_time, able=_able)
+    @service("LookAt", price=_looking_price, duration=_looking_time, able=_able, inputs=("Place",), outputs=("Thing",))
     async def look_at_place(self, task: Task) -> Situation:
         return await self._look(task, str(task.inputs["Place"]))
 
-    @service("LookInto", price=_looking_price, duration=_looking_time, able=_able)
+    @service("LookInto", price=_looking_price, duration=_looking_time, able=_able, inputs=("Cupboard",), outputs=("Thing",))
     async def look_into(self, task: Task) -> Situation:
         return await self._look(task, str(task.inputs["Cupboard"]))
 

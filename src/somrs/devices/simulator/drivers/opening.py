@@ -40,19 +40,19 @@ class OpeningRobot(MobileRobot):
             raise Refusal(f"{self.name} finds no path to {name}")
         return way
 
-    @service("OpenDoor", price=_price, duration=_duration, able=_able)
+    @service("OpenDoor", price=_price, duration=_duration, able=_able, inputs=("Door",))
     async def open_door(self, task: Task) -> Situation:
         return await self._move_doors(task, opening=True)
 
-    @service("CloseDoor", price=_price, duration=_duration, able=_able)
+    @service("CloseDoor", price=_price, duration=_duration, able=_able, inputs=("Door",))
     async def close_door(self, task: Task) -> Situation:
         return await self._move_doors(task, opening=False)
 
-    @service("OpenCupboard", price=_price, duration=_duration, able=_able)
+    @service("OpenCupboard", price=_price, duration=_duration, able=_able, inputs=("Cupboard",))
     async def open_cupboard(self, task: Task) -> Situation:
         return await self._move_doors(task, opening=True)
 
-    @service("CloseCupboard", price=_price, duration=_duration, able=_able)
+    @service("CloseCupboard", price=_price, duration=_duration, able=_able, inputs=("Cupboard",))
     async def close_cupboard(self, task: Task) -> Situation:
         return await self._move_doors(task, opening=False)
 

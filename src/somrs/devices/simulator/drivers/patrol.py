@@ -76,7 +76,7 @@ class PatrolRobot(WatchingDevice, MobileRobot):
         (length,) = legs.lengths
         return length if length is not None else 2 * math.dist((state.x, state.y), (first.x, first.y))
 
-    @service("RecognizeSituation", price=_price, duration=_duration, able=_able)
+    @service("RecognizeSituation", price=_price, duration=_duration, able=_able, inputs=("Object",))
     async def recognize(self, task: Task) -> Situation:
         search = await Search.begin(self, task)
         try:

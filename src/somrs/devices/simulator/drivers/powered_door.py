@@ -29,11 +29,11 @@ class PoweredDoor(SimulatedDevice):
     features = ("Price",)
     mobile = False
 
-    @service("OpenDoor", price=_price, duration="6 s", able=_able)
+    @service("OpenDoor", price=_price, duration="6 s", able=_able, inputs=("Door",))
     async def open_door(self, task: Task) -> Situation:
         return await self._move(opening=True)
 
-    @service("CloseDoor", price=_price, duration="6 s", able=_able)
+    @service("CloseDoor", price=_price, duration="6 s", able=_able, inputs=("Door",))
     async def close_door(self, task: Task) -> Situation:
         return await self._move(opening=False)
 

@@ -32,7 +32,7 @@ class Scale(SimulatedDevice):
     features = ("Price",)
     mobile = False
 
-    @service("WeighObject", price=_price, duration="2 s", able=_able)
+    @service("WeighObject", price=_price, duration="2 s", able=_able, inputs=("Object",), outputs=("Weight",))
     async def weigh(self, task: Task) -> Result:
         object = str(task.inputs["Object"])
         try:
