@@ -913,3 +913,22 @@ def test_the_program_says_what_is_wrong(tmp_path: Path, text: str, arguments: li
         ended = somrs("run", "simulator", "--site", tmp_path / "lab.yaml", *filled_arguments)
     assert ended.returncode == 2
     assert expected_text in ended.stderr
+
+
+def test_who_follows_poses_sees_leaves_move() -> None:
+    async def test() -> None:
+        shape = "Shape: {Form: Box, Width: 0.5, Depth: 1, Height: 0.9}"
+        cupboard = f"  Cupboard1: {{type: Cupboard, at: [3, 5.5, 0], turned: -90 deg, {shape}}}\n"
+        async with (
+            simulator(speed=20, text=SITE.replace("  Jar1:", f"{cupboard}  Jar1:")) as server,
+            following(server) as (operator, followed),
+            RobotLink(server.host, server.port, "Robot1") as robot,
+        ):
+            assert followed.poses["Cupboard1"] == (0.0, 0.0), "two leaves, both shut"
+            await robot.open_doors("Cupboard1")
+            await operator.idle()
+            await wait_until(lambda: min(followed.poses["Cupboard1"]) > 0.7)
+            index = next(i for i, mover in enumerate(followed.movers) if mover.name == "Cupboard1")
+            assert sum(index in line.moved for line in followed.lines) > 5, "they did not jump"
+
+    run(test())

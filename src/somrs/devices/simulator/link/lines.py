@@ -177,8 +177,9 @@ class Unheard(Struct, frozen=True, kw_only=True, tag="unheard", tag_field="say")
 class Mover(Struct, frozen=True, kw_only=True):
     """Something that can move, and how many `numbers` describe its pose.
 
-    4, a robot: x, y, z, yaw. 6, a thing: x, y, z, yaw, pitch, roll. 9, a robot with an arm: x, y, z, yaw; the angle of its turret; the
-    height of its boom above its floor; the reach of its hand; the angle of its hand; the distance of each finger from the middle.
+    1 or 2, a door or a container: how far each of its leaves is open, from 0 to 1. 4, a robot: x, y, z, yaw. 6, a thing: x, y, z, yaw,
+    pitch, roll. 9, a robot with an arm: x, y, z, yaw; the angle of its turret; the height of its boom above its floor; the reach of its
+    hand; the angle of its hand; the distance of each finger from the middle.
     """
 
     name: str

@@ -40,7 +40,10 @@ class Table:
         self._arms, self._bases = [robot for robot in robots if robot.gripper], [robot for robot in robots if not robot.gripper]
         things = list(scene.things())
         armed = [(robot.name, 4 + len(ARM_SEEN)) for robot in self._arms]
-        movers = [*armed, *((robot.name, 4) for robot in self._bases), *((thing, 6) for thing in things)]
+        owners = [(solid.name, owned) for solid in scene.world.solids.values() if (owned := scene.leaves(solid.name))]
+        leaves = [leaf for _, owned in owners for leaf in owned]
+        swinging = ((name, len(owned)) for name, owned in owners)
+        movers = [*armed, *((robot.name, 4) for robot in self._bases), *((thing, 6) for thing in things), *swinging]
         self.movers = tuple(Mover(name=name, numbers=numbers) for name, numbers in movers)
         counts = [mover.numbers for mover in self.movers]
         self.owners = np.repeat(np.arange(len(counts)), counts)
@@ -51,6 +54,8 @@ class Table:
         self._origins = np.array([self.model.body(robot.name).pos[:2] for robot in ordered]).reshape(-1, 2)
         self._levels = np.array([robot.z for robot in ordered])
         self._joints = np.array([self._addresses(robot.name, ARM_SEEN) for robot in self._arms], dtype=int).reshape(-1, len(ARM_SEEN))
+        self._leaves = np.array([int(self.model.jnt_qposadr[self.model.joint(leaf.name).id]) for leaf in leaves], dtype=int)
+        self._travels = np.array([leaf.travel for leaf in leaves])
         self._things = np.array([self.model.body(thing).id for thing in things], dtype=int)
 
     def _addresses(self, robot: str, joints: tuple[str, ...]) -> list[int]:
@@ -70,7 +75,8 @@ class Table:
         robots[:, 3] = np.remainder(base[:, 2] + math.pi, math.tau) - math.pi
         arms = np.concatenate([robots[: len(self._arms)], position[self._joints]], axis=1)
         things = np.concatenate([self._data.xpos[self._things], _angles(self._data.xquat[self._things])], axis=1)
-        return np.concatenate([arms.ravel(), robots[len(self._arms) :].ravel(), things.ravel()])
+        leaves = np.clip(position[self._leaves] / self._travels, 0.0, 1.0)
+        return np.concatenate([arms.ravel(), robots[len(self._arms) :].ravel(), things.ravel(), leaves])
 
 
 def is_same_state(first: RobotState, second: RobotState) -> bool:

@@ -84,7 +84,7 @@ export default {
       const rows = LEGEND.filter((id) => this.kinds.includes(id)).map((id) => ({ title: kindById(id).title, picture: sample(kindById(id)) }));
       const doors = rows.findIndex((row) => row.title === "Door");
       const door = kindById("door");
-      if (doors >= 0) rows.splice(doors, 1, { title: "Door, open", picture: sample(door) }, { title: "Door, closed", picture: sample(door, { open: false }) });
+      if (doors >= 0) rows.splice(doors, 1, { title: "Door, open", picture: sample(door) }, { title: "Door, closed", picture: sample(door, { open: [0] }) });
       return [...rows, { title: "State unknown", picture: sample(kindById("thing"), { unknown: true }) }];
     },
   },
@@ -101,7 +101,7 @@ export default {
     this.watching = new ResizeObserver(([entry]) => plan.resize(entry.contentRect.width, entry.contentRect.height));
     this.watching.observe(this.$refs.pad);
     this.live = new Live((news) => this.hear(news));
-    this.poses = new Poses((poses) => plan.see(poses));
+    this.poses = new Poses((poses) => plan.see(poses), (shares) => plan.swing(shares));
     if (!this.past()) this.poses.follow();
   },
   unmounted() {

@@ -163,7 +163,7 @@ export default {
         },
         this.version,
       );
-      this.feed.isMover = (name) => this.motion.tracks.has(name);
+      this.feed.isMover = (name) => this.world.drawn.has(name) && this.motion.tracks.has(name);
     },
 
     // News from the server

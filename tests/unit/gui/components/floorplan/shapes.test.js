@@ -14,8 +14,19 @@ test("outlines are in metres", () => {
 test("an open door looks otherwise than a closed one", () => {
   const door = kindById("door");
   const solid = { form: "Box", width: 0.1, depth: 0.9 };
-  assert.match(look(door, solid, { open: true }).content, /fp-gap/);
-  assert.doesNotMatch(look(door, solid, { open: false }).content, /fp-gap/);
+  assert.match(look(door, solid, { open: [1] }).content, /fp-gap/);
+  assert.doesNotMatch(look(door, solid, { open: [0] }).content, /fp-gap/);
+});
+
+test("a leaf is drawn where it is", () => {
+  const at = (id, solid, open) => look(kindById(id), solid, { open }).content;
+  const door = { form: "Box", width: 0.1, depth: 1 };
+  assert.match(at("door", door, [0.5]), /M0 -0\.5L0\.7071 0\.2071/, "half open: at 45 degrees to the wall");
+  assert.match(at("door", door, [1]), /M0 -0\.5L1 -0\.5/);
+  const cupboard = { form: "Box", width: 0.5, depth: 1.2 };
+  assert.equal(at("cupboard", cupboard, [0, 0]), look(kindById("support"), cupboard, { open: [0] }).content, "shut, it looks like other furniture");
+  assert.match(at("cupboard", cupboard, [1, 0]), /M0 -0\.6L0\.6 -0\.6/, "one of two leaves is open");
+  assert.match(at("cupboard", cupboard, [1]), /M0 0\.6L0\.6 0\.6/, "both, as the map says");
 });
 
 test("what nobody knows, and what is broken, are marked", () => {
@@ -28,13 +39,13 @@ test("every kind can be drawn, over every form", () => {
     for (const id of [...LEGEND, "floor", "opening", "pillar"]) {
       const kind = kindById(id);
       assert.ok(LAYERS.includes(kind.layer), id);
-      assert.doesNotMatch(look(kind, solid, { open: true, range: 2, view: 1 }).content, /NaN|undefined/, `${id} over ${solid.form}`);
+      assert.doesNotMatch(look(kind, solid, { open: [1], range: 2, view: 1 }).content, /NaN|undefined/, `${id} over ${solid.form}`);
     }
 });
 
 test("the legend has a picture of each kind", () => {
   for (const id of LEGEND) assert.doesNotMatch(sample(kindById(id)), /NaN|undefined/, id);
-  assert.notEqual(sample(kindById("door")), sample(kindById("door"), { open: false }));
+  assert.notEqual(sample(kindById("door")), sample(kindById("door"), { open: [0] }));
 });
 
 test("special kinds come before general ones", () => {

@@ -16,6 +16,7 @@ const KINDS = [
   { id: "stairs", types: ["Stairs"], title: "Stairs", layer: "walls", moves: "fixed", label: 30, from: 40 },
   { id: "pillar", types: ["Pillar"], title: "Pillar", layer: "walls", moves: "fixed", label: 4, from: 80 },
   { id: "wall", types: ["Wall", "BuildingElement"], title: "Wall", layer: "walls", moves: "fixed", label: 3, from: 1600 },
+  { id: "cupboard", types: ["Cupboard"], title: "Cupboard, open", layer: "furniture", moves: "free", label: 50, from: 38, carries: 3 },
   { id: "support", types: ["Support"], title: "Furniture to put things on", layer: "furniture", moves: "free", label: 50, from: 38, carries: 3 },
   { id: "chair", types: ["Chair"], title: "Chair", layer: "furniture", moves: "free", label: 30, from: 56 },
   { id: "plant", types: ["Plant"], title: "Plant", layer: "furniture", moves: "free", label: 30, from: 30 },
@@ -48,4 +49,4 @@ export const SHEETS = { ground: ["floors", "places", "walls", "furniture"], thin
 export const LAYERS = Object.values(SHEETS).flat();
 
 // The legend's rows, in order.
-export const LEGEND = ["wall", "door", "window", "stairs", "support", "obstacle", "chair", "plant", "thing", "place", "charger", "robot", "camera", "arm", "lift", "person"];
+export const LEGEND = ["wall", "door", "window", "stairs", "support", "cupboard", "obstacle", "chair", "plant", "thing", "place", "charger", "robot", "camera", "arm", "lift", "person"];

@@ -8,6 +8,7 @@ export class Layers {
   constructor(sheets) {
     this._nodes = new Map(); // by name: { node, layer, classes, content, at }
     this._groups = new Map();
+    this._shares = new Map(); // how far leaves are open, by the name of their object, if the simulator says so
     this.unknown = new Set(); // objects with unknown state
     for (const [sheet, layers] of Object.entries(SHEETS))
       for (const layer of layers) this._groups.set(layer, sheets.get(sheet).appendChild(svg("g", { class: `fp-layer fp-layer-${layer}` })));
@@ -50,6 +51,14 @@ export class Layers {
     known.node.setAttribute("transform", pose(known.at));
   }
 
+  // Draw the leaves of an object as far open as `shares` say, from 0 to 1, until its drawing is dropped.
+  swing(model, storey, name, shares) {
+    this._shares.set(name, shares);
+    const known = this._nodes.get(name);
+    const drawn = known && this._drawn(model, storey, name);
+    if (drawn) this._update(known, drawn);
+  }
+
   has(name) {
     return this._nodes.has(name);
   }
@@ -65,7 +74,7 @@ export class Layers {
     if (!solid || model.storeyOf(name) !== storey) return null;
     const seen = {
       color: kind.layer === "walls" || kind.layer === "floors" ? null : model.value(name, "Color"),
-      open: model.value(name, "Open"),
+      open: this._shares.get(name) ?? [model.value(name, "Open") ? 1 : 0],
       range: model.value(name, "OperationRange"),
       view: model.value(name, "FieldOfView"),
       unknown: model.value(name, "Unknown") === true,

@@ -146,6 +146,11 @@ export class Plan {
     if (moved.size) this._moved(moved, false);
   }
 
+  // Draw the leaves of doors and cupboards as far open as they are.
+  swing(shares) {
+    for (const [name, open] of shares) this._layers.swing(this.model, this.storey, name, open);
+  }
+
   // Draw all objects at their map poses.
   forget() {
     const names = new Set(this._moving.keys());

@@ -4,12 +4,15 @@ import { Motion } from "somrs-scene/motion.js";
 
 const AGAIN = 3000; // milliseconds before a lost connection is restored
 const SELDOM = 100; // milliseconds between two frames when the user prefers reduced motion
+const LEAVES = 2; // numbers of a pose up to which it is that of leaves
 const STILL = 0.01; // metres or radians; an object that moved less since its first pose is drawn at its map pose
 
 export class Poses {
-  // `place(poses)` is called before each frame with the moved objects: a map from names to { x, y, turned }.
-  constructor(place) {
+  // `place(poses)` is called before each frame with the moved objects: a map from names to { x, y, turned }; `swing(shares)` with the doors
+  // and cupboards whose leaves moved: a map from names to how far each leaf is open, from 0 to 1.
+  constructor(place, swing) {
     this._place = place;
+    this._swing = swing;
     this._motion = new Motion();
     this._table = -1;
     this._first = new Map();
@@ -76,7 +79,13 @@ export class Poses {
   _play() {
     this._waits = false;
     const moved = new Map();
-    this._motion.play(performance.now() / 1000, (name, [x, y, , turned]) => {
+    const swung = new Map();
+    this._motion.play(performance.now() / 1000, (name, numbers) => {
+      if (numbers.length <= LEAVES) {
+        swung.set(name, numbers);
+        return;
+      }
+      const [x, y, , turned] = numbers;
       const first = this._first.get(name);
       if (!first) this._first.set(name, { x, y, turned });
       else if (first.moves || Math.hypot(x - first.x, y - first.y) > STILL || Math.abs(turned - first.turned) > STILL) {
@@ -84,6 +93,7 @@ export class Poses {
         moved.set(name, { x, y, turned });
       }
     });
+    if (swung.size) this._swing(swung);
     if (moved.size) this._place(moved);
     if (this._motion.active) this._next();
   }

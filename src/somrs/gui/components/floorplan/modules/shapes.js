@@ -26,6 +26,7 @@ function halves(solid) {
 
 const body = (solid, more = "") => `<path class="fp-body${more}" d="${outline(solid)}"/>`;
 const mark = (d, more = "") => `<path class="fp-mark${more}" d="${d}"/>`;
+const AJAR = 0.02; // share from which a leaf is not drawn shut
 const DOT = '<path class="fp-dot" d="M0 0h0"/>'; // constant size on the screen, so that small things stay visible
 
 const DRAWN = {
@@ -37,7 +38,8 @@ const DRAWN = {
     return body(solid) + mark(`M${n(-w)} ${n(-d)}L${n(w)} ${n(d)}M${n(-w)} ${n(d)}L${n(w)} ${n(-d)}`);
   },
   window: (solid) => body(solid) + along(solid, (length) => mark(`M0 ${n(-length / 2)}V${n(length / 2)}`)),
-  door: (solid, { open }) => body(solid, open ? " fp-gap" : "") + along(solid, (length, thick) => (open ? leaf(length) : bar(length, thick))),
+  door: (solid, { open: [open] }) =>
+    body(solid, open > AJAR ? " fp-gap" : "") + along(solid, (length, thick) => (open > AJAR ? leaf(length, open) : bar(length, thick))),
   stairs: (solid) => {
     const [w, d] = halves(solid);
     const steps = Math.max(2, Math.round((2 * w) / 0.28));
@@ -49,6 +51,7 @@ const DRAWN = {
     const inset = Math.min(w, d) * 0.22;
     return body(solid) + mark(`M${n(w - inset)} ${n(-d + inset)}V${n(d - inset)}`, " fp-strong");
   },
+  cupboard: (solid, { open }) => DRAWN.support(solid) + (solid.form === "Box" ? cupboardLeaves(solid, open) : ""),
   chair: (solid) => {
     const [w, d] = halves(solid);
     return body(solid) + mark(`M${n(-w * 0.62)} ${n(-d * 0.75)}V${n(d * 0.75)}`, " fp-strong");
@@ -97,13 +100,27 @@ function along(solid, draw) {
   return w > d ? `<g transform="rotate(90)">${draw(w, d)}</g>` : draw(d, w);
 }
 
-function leaf(length) {
-  if (length > 1.6) {
-    const h = n(length / 2);
-    return mark(`M0 ${-h}H${h}M0 ${h}H${h}`, " fp-strong") + mark(`M${h} ${-h}A${h} ${h} 0 0 1 0 0M${h} ${h}A${h} ${h} 0 0 0 0 0`);
-  }
-  const [h, l] = [n(length / 2), n(length)];
-  return mark(`M0 ${-h}H${l}`, " fp-strong") + mark(`M${l} ${-h}A${l} ${l} 0 0 1 0 ${h}`);
+// A door that is open to a share of a quarter turn, with the arc of its edge; a wide one has two leaves.
+function leaf(length, open) {
+  if (length > 1.6) return swung(-length / 2, length / 2, 1, open) + swung(length / 2, length / 2, -1, open);
+  return swung(-length / 2, length, 1, open);
+}
+
+// A leaf of this width, hinged at a point of the y axis; when it is shut, it points along the axis in this direction.
+function swung(hinge, width, direction, open) {
+  const [x, y] = [width * Math.sin((open * Math.PI) / 2), hinge + direction * width * Math.cos((open * Math.PI) / 2)];
+  const arc = `M${n(x)} ${n(y)}A${n(width)} ${n(width)} 0 0 ${direction > 0 ? 1 : 0} 0 ${n(hinge + direction * width)}`;
+  return mark(`M0 ${n(hinge)}L${n(x)} ${n(y)}`, " fp-strong") + mark(arc);
+}
+
+const LARGEST_LEAF = 0.7; // m; a wider cupboard has two leaves
+
+// The leaves of a cupboard that are not shut, hinged at the ends of its front.
+function cupboardLeaves(solid, open) {
+  const sides = solid.depth <= LARGEST_LEAF ? [-1] : [-1, 1];
+  const wide = solid.depth / sides.length;
+  const leaves = sides.map((side, i) => ((open[i] ?? open[0]) > AJAR ? swung((side * solid.depth) / 2, wide, -side, open[i] ?? open[0]) : ""));
+  return leaves.some(Boolean) ? `<g transform="translate(${n(solid.width / 2)} 0)">${leaves.join("")}</g>` : "";
 }
 
 function bar(length, thick) {
@@ -137,6 +154,7 @@ const SAMPLES = {
   window: { form: "Box", width: 0.2, depth: 1 },
   stairs: { form: "Box", width: 1, depth: 0.6 },
   support: { form: "Box", width: 0.6, depth: 0.9 },
+  cupboard: { form: "Box", width: 0.5, depth: 0.6 },
   obstacle: { form: "Box", width: 0.7, depth: 0.7 },
   chair: { form: "Box", width: 0.6, depth: 0.6 },
   plant: { form: "Cylinder", radius: 0.4 },
@@ -152,7 +170,7 @@ const SAMPLES = {
 
 // A symbol of the kind for the legend, one metre wide.
 export function sample(kind, more = {}) {
-  const shown = look(kind, more.unknown ? SAMPLES.place : SAMPLES[kind.id], { open: true, range: kind.id === "camera" ? 0.5 : 0, view: 1.2, ...more });
-  const moved = { door: "translate(-.4 0)", camera: "translate(-.25 0)" }[kind.id] ?? "";
+  const shown = look(kind, more.unknown ? SAMPLES.place : SAMPLES[kind.id], { open: [1], range: kind.id === "camera" ? 0.5 : 0, view: 1.2, ...more });
+  const moved = { door: "translate(-.4 0)", cupboard: "translate(-.3 0)", camera: "translate(-.25 0)" }[kind.id] ?? "";
   return `<svg viewBox="-.6 -.6 1.2 1.2" aria-hidden="true"><g transform="scale(1 -1) ${moved}" class="${shown.classes}">${shown.content}</g></svg>`;
 }

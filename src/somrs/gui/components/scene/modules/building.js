@@ -22,6 +22,7 @@ export function wall(pieces, body, low, capColor) {
 }
 
 export function door(pieces, body, low, capColor) {
+  // The frame; `leaves.js` has the leaf.
   const { width: w, depth: d, color } = body;
   const height = cutTo(body, low);
   const alongY = d >= w;
@@ -37,12 +38,6 @@ export function door(pieces, body, low, capColor) {
     if (low) piece(side * (length / 2 - 0.03), 0, height + 0.006, [0.06, thick + 0.04, 0.012], capColor);
   }
   if (!low) piece(0, 0, height - 0.03, [length, thick + 0.04, 0.06], frame);
-  const leaf = height - (low ? 0.02 : 0.08);
-  // The leaf slides into the wall; the strip with the handles stays in the doorway.
-  const shift = body.open ? 0.14 - length : 0;
-  piece(shift, 0, leaf / 2 + 0.01, [length - 0.12, 0.045, leaf], color);
-  const handle = Math.min(1.0, leaf - 0.08);
-  for (const side of [-1, 1]) piece(shift + length / 2 - 0.084, side * (thick / 2 + 0.045), handle, [0.016, 0.016, 0.12], "#8b9097");
 }
 
 export function floor(pieces, body) {

@@ -2,7 +2,7 @@
 // are upright; their origin is the centre of the underside, the front is +x.
 import { shade } from "./pieces.js";
 
-const METAL = "#6b7178";
+export const METAL = "#6b7178";
 const POT = "#a5644a";
 
 function plain(pieces, body, color = body.color) {
@@ -23,10 +23,8 @@ function table(pieces, { width: w, depth: d, height: h, color }) {
   }
 }
 
-// One leaf up to this width, otherwise two; they are hinged at the sides (the simulator's leaves.py).
-const LARGEST_LEAF = 0.7;
-
-function cupboard(pieces, { width: w, depth: d, height: h, color, open }) {
+function cupboard(pieces, { width: w, depth: d, height: h, color }) {
+  // The case; `leaves.js` has the leaves.
   const plinth = Math.min(0.06, h / 6);
   const top = Math.min(0.03, h / 6);
   const tall = h - plinth - top;
@@ -36,19 +34,6 @@ function cupboard(pieces, { width: w, depth: d, height: h, color, open }) {
   pieces.box(w, d, top, 0, 0, h - top / 2, shade(color, 1.15));
   for (const side of [-1, 1]) pieces.box(w - thick, 0.03, tall, -thick / 2, (side * (d - 0.03)) / 2, middle, color);
   pieces.box(0.03, d, tall, -(w - 0.03) / 2, 0, middle, shade(color, 0.8));
-  const count = d <= LARGEST_LEAF ? 1 : 2;
-  const wide = d / count;
-  const handle = Math.min(0.65 * h, 0.95);
-  for (const side of count === 1 ? [-1] : [-1, 1]) {
-    const hinge = (side * d) / 2;
-    if (open) {
-      pieces.box(wide - 0.01, thick, tall - 0.01, w / 2 + wide / 2, hinge, middle, shade(color, 1.1));
-      pieces.box(0.016, 0.016, 0.12, w / 2 + wide - 0.05, hinge + side * 0.055, handle, METAL);
-    } else {
-      pieces.box(thick, wide - 0.01, tall - 0.01, w / 2 - thick / 2, hinge - (side * wide) / 2, middle, shade(color, 1.1));
-      pieces.box(0.016, 0.016, 0.12, w / 2 + 0.045, hinge - side * (wide - 0.05), handle, METAL);
-    }
-  }
 }
 
 function shelf(pieces, { width: w, depth: d, height: h, color }) {

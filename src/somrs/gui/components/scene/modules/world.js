@@ -3,11 +3,13 @@ import { THREE } from "nicegui-scene";
 import { shell } from "./building.js";
 import { Crowd } from "./crowd.js";
 import { form } from "./forms.js";
+import { leavesOf } from "./leaves.js";
 import { ownerOf, Pieces } from "./pieces.js";
 import { RobotBody } from "./robots.js";
 
 const BUILDING = new Set(["floor", "wall", "door"]);
 const MOVING = new Set(["robot", "thing"]);
+const LEAVES = 2; // numbers of a pose up to which it is that of leaves
 
 function gridded(material) {
   // A grid of fine lines at each metre on upward faces, in map coordinates, which shows the scale.
@@ -44,7 +46,10 @@ export class World {
     this.group = new THREE.Group();
     scene.add(this.group);
     this.still = new THREE.Group();
-    this.group.add(this.still);
+    this.leaves = new THREE.Group();
+    this.shares = new Map(); // how far the leaves of an object are open, by its name, if the simulator says so
+    this.swung = new Map(); // the drawn leaves by the name of their object: functions of the shares
+    this.group.add(this.still, this.leaves);
     const vertexColors = true;
     this.materials = {
       solid: new THREE.MeshLambertMaterial({ vertexColors }),
@@ -61,6 +66,7 @@ export class World {
     this.types = types;
     this.bodies = new Map(bodies.map((body) => [body.name, this.prepared(body)]));
     for (const name of [...this.drawn.keys()]) this.undraw(name);
+    this.shares.clear();
     for (const body of this.bodies.values()) if (MOVING.has(body.kind)) this.draw(body);
     this.findLevels();
     this.build();
@@ -125,13 +131,16 @@ export class World {
   // Static objects
 
   build() {
-    for (const mesh of this.still.children) mesh.geometry.dispose();
+    for (const mesh of [...this.still.children, ...this.leaves.children]) mesh.geometry.dispose();
     this.still.clear();
+    this.leaves.clear();
+    this.swung.clear();
     const bodies = [...this.bodies.values()].filter((body) => !MOVING.has(body.kind) && this.seen(body));
     const made = shell(bodies.filter((body) => BUILDING.has(body.kind)), this.low, this.colors);
     const around = new Pieces();
     const marks = new Pieces();
     for (const body of bodies) {
+      this.hang(body);
       if (BUILDING.has(body.kind)) continue;
       const into = body.kind === "place" ? marks : around;
       into.owner(body.name).frame(body.x, body.y, body.z, body.yaw);
@@ -152,6 +161,29 @@ export class World {
     mesh.receiveShadow = true;
     mesh.userData.owners = pieces.owners;
     this.still.add(mesh);
+  }
+
+  hang(body) {
+    // The leaves of a door or cupboard, as far open as is known.
+    const places = leavesOf(body, this.isA(body, "Cupboard"), this.low).map(({ pieces, place }) => {
+      const mesh = new THREE.Mesh(pieces.geometry(), this.materials.solid);
+      mesh.castShadow = mesh.receiveShadow = true;
+      mesh.userData.name = body.name;
+      this.leaves.add(mesh);
+      const [c, s] = [Math.cos(body.yaw), Math.sin(body.yaw)];
+      return (share) => {
+        const { x, y, yaw } = place(share);
+        mesh.position.set(body.x + c * x - s * y, body.y + s * x + c * y, body.z);
+        mesh.rotation.z = body.yaw + yaw;
+      };
+    });
+    if (!places.length) return;
+    this.swung.set(body.name, (shares) => places.forEach((place, i) => place(shares[i] ?? shares[0])));
+    this.swing(body.name, this.shares.get(body.name) ?? [body.open ? 1 : 0]);
+  }
+
+  swing(name, shares) {
+    this.swung.get(name)?.(shares);
   }
 
   // Moving objects
@@ -211,6 +243,11 @@ export class World {
   }
 
   move(name, pose) {
+    if (pose.length <= LEAVES) {
+      this.shares.set(name, pose);
+      this.swing(name, pose);
+      return;
+    }
     const one = this.drawn.get(name);
     if (!one) return;
     one.set(pose);
@@ -281,7 +318,7 @@ export class World {
 
   dispose() {
     for (const name of [...this.drawn.keys()]) this.undraw(name);
-    for (const mesh of this.still.children) mesh.geometry.dispose();
+    for (const mesh of [...this.still.children, ...this.leaves.children]) mesh.geometry.dispose();
     for (const material of Object.values(this.materials)) material.dispose();
   }
 }
