@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from somrs.protocol.messages.clients import Submit
+from somrs.client.client import Client
+from somrs.protocol.messages.clients import Submit, TaskView
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.knowledge import UpdateMap
 from tests.support.paths import ROOT
@@ -51,6 +52,28 @@ def test_a_jar_is_put_into_a_shut_cupboard_and_another_taken_out(tmp_path: Path)
     asyncio.run(test())
 
 
+async def _ended(client: Client, task: str) -> tuple[TaskView, list[str]]:
+    """The view of a task when it has ended, and the sentences about its events."""
+    news = [news async for news in client.news(task)]
+    return news[-1].view, [event.text for entry in news for event in entry.events]
+
+
+def test_a_cupboard_that_somebody_shuts_stops_the_robot_that_puts_something_in(tmp_path: Path) -> None:
+    async def test() -> None:
+        async with running(tmp_path / "data", SCENARIO_3) as (_, client, operator):
+            await client.report(UpdateMap(situation="Cupboard002.Open = TRUE"))
+            submitted = await client.submit(Submit(effect="Jar002 isIn Cupboard002"))
+            while (await operator.robots())["Robot1"].holding is None:
+                await asyncio.sleep(0.01)
+            await client.report(UpdateMap(situation="Cupboard002.Open = FALSE"))
+            view, sentences = await _ended(client, submitted)
+            assert view.outcome is Outcome.ACCOMPLISHED, view.explanation
+            assert any("Cupboard002.Open = TRUE does not hold any more" in sentence for sentence in sentences)
+            assert (await operator.observe("Jar002")).container == "Cupboard002"
+
+    asyncio.run(test())
+
+
 @pytest.mark.parametrize("carrying", [False, True], ids=["on the way to the carton", "on the way to the door"])
 def test_a_door_that_somebody_shuts_stops_the_robot_that_needs_it_at_once(tmp_path: Path, carrying: bool) -> None:
     async def test() -> None:
@@ -63,11 +86,9 @@ def test_a_door_that_somebody_shuts_stops_the_robot_that_needs_it_at_once(tmp_pa
             while not (robot := (await operator.robots())["Robot1"]).activity or (carrying and robot.holding is None):
                 await asyncio.sleep(0.01)
             await client.report(UpdateMap(situation="Door001.Open = FALSE"))
-            news = [news async for news in client.news(submitted)]
-            view, logged = news[-1].view, [event for entry in news for event in entry.events]
+            view, sentences = await _ended(client, submitted)
             assert view.outcome is Outcome.ACCOMPLISHED, view.explanation
-            broken = [event.text for event in logged if "Door001.Open = TRUE does not hold any more" in event.text]
-            assert broken
+            assert any("Door001.Open = TRUE does not hold any more" in sentence for sentence in sentences)
             assert view.work[0].service == "Robot1.TransferObject"
             assert {work.service_type: work.state for work in view.work[1:]} == {"OpenDoor": "Completed", "TransferObject": "Completed"}
             assert (await operator.observe("Carton001")).support == "Shelf001"
