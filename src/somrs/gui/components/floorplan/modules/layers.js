@@ -59,6 +59,13 @@ export class Layers {
     if (drawn) this._update(known, drawn);
   }
 
+  // Draw leaves as the map says from the next refresh on. Returns the names of their objects.
+  forgetShares() {
+    const names = [...this._shares.keys()];
+    this._shares.clear();
+    return names;
+  }
+
   has(name) {
     return this._nodes.has(name);
   }

@@ -151,9 +151,9 @@ export class Plan {
     for (const [name, open] of shares) this._layers.swing(this.model, this.storey, name, open);
   }
 
-  // Draw all objects at their map poses.
+  // Draw all objects at their map poses, and the leaves as the map says.
   forget() {
-    const names = new Set(this._moving.keys());
+    const names = new Set([...this._moving.keys(), ...this._layers.forgetShares()]);
     this._moving.clear();
     if (names.size) this.refresh(names);
   }
