@@ -180,6 +180,20 @@ def test_one_that_did_not_find_one_thing_is_still_asked_for_another() -> None:
     assert view.outcome is Outcome.ACCOMPLISHED, view.reasons
 
 
+def test_a_robot_that_reports_the_same_impossible_situation_again_is_asked_no_more() -> None:
+    def invents_a_place(order: Order) -> Work:
+        yield 5.0, WorkDone(situation="Jar002 isOn Nowhere001")
+
+    robot = Robot("Robot1", 4, 20, works=invents_a_place)
+    system = KnowingSystem(robot)
+    system.observe("Camera9", finds("Jar002 isOn Floor001 AND Jar002.Unknown = FALSE"))
+    task = system.submit("Jar002 isOn Platform001")
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.FAILED
+    assert "Robot1.TransferObject: reported an impossible situation: there is no object Nowhere001 on the map" in view.explanation
+    assert len(system.events_of(task, events.ReportRejected)) == len(robot.orders) == 2
+
+
 @pytest.mark.parametrize("goal", ["Jar002 isOn Platform001", "Jar002.Unknown = FALSE"])
 def test_with_nobody_who_looks_the_task_waits_and_goes_on_as_soon_as_somebody_joins(goal: str) -> None:
     system = KnowingSystem(Robot("Robot1", 4, 20))

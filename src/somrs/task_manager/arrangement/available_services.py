@@ -32,13 +32,15 @@ class KnownServices(Struct, kw_only=True):
     broken: dict[str, str] = {}
     """Services that failed or refused in this task, and why: new plans leave them out."""
     unable: set[str] = set()
-    """Those of them that refused for good."""
+    """Those of them that refused for good, or reported the same impossible situation twice."""
     silent: set[str] = set()
     """Those of them that fell silent, and have not been heard of since."""
     unoffered: tuple[str, ...] = ()
     """The service types that the latest plan lacked, because no device offered them."""
     failures: dict[str, int] = {}
     """The failures that each service has reported since it last completed a step."""
+    impossible: dict[str, str] = {}
+    """Why the last impossible report of each service was rejected."""
     fruitless: set[tuple[str, str]] = set()
     """Devices and uses of services (as `Step.use`) that told nothing in this task. They are not asked for the same again."""
     told: set[str] = set()
@@ -135,6 +137,12 @@ class AvailableServices:
         self._state.failures[service] = self._state.failures.get(service, 0) + 1
         self.broken[service] = reason
 
+    def reported_impossible(self, service: str, reason: str) -> None:
+        """Note that the Repository rejected a report. A service that reports the same again would do so whenever it is asked."""
+        if self._state.impossible.get(service) == reason:
+            self._state.unable.add(service)
+        self._state.impossible[service] = reason
+
     def exclude(self, excluded: dict[str, str]) -> None:
         """Exclude services, for these reasons."""
         self._state.broken = {**excluded, **self._state.broken}
@@ -169,7 +177,8 @@ class AvailableServices:
 
     def _may_do_better(self, offer: Offer) -> bool:
         failures = self._state.failures.get(offer.service, 0)
-        return self._works(offer) and offer.service in self.broken and 0 < failures < MOST_FAILURES
+        is_excluded_for_now = offer.service in self.broken and offer.service not in self._state.unable
+        return is_excluded_for_now and self._works(offer) and 0 < failures < MOST_FAILURES
 
     def _works(self, offer: Offer) -> bool:
         device = self._replica.map.objects.get(offer.provider)

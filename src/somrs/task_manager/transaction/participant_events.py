@@ -214,7 +214,9 @@ class ParticipantEvents:
         for event in result.events(member.offer.service):
             self._log_event(event, self._assignment(member)[1], now)
         if isinstance(subject, WorkSubject) and result.problems:
-            self._conclude_work(member, None, subject.trouble or f"reported an impossible situation: {join_reasons(result.problems)}", now)
+            rejection = join_reasons(result.problems)
+            self._scope.services.reported_impossible(member.offer.service, rejection)
+            self._conclude_work(member, None, subject.trouble or f"reported an impossible situation: {rejection}", now)
         elif isinstance(subject, WorkSubject):
             situation = result.named(subject.situation)
             if (work := self._state.log.work_of(member)) is not None and work.situation == subject.situation:
