@@ -342,6 +342,13 @@ def test_results_that_are_confused_are_noticed(scenario: Scenario) -> None:
     assert violated_property(scenario, Devices(Confused)) is Property.OUTPUTS
 
 
+def test_a_program_that_failed_is_asked_again_if_no_other_can_do_its_step() -> None:
+    fails = replace(weighing("Jar1 isOn ?Table AND ?Table isReservedFor Jar1"), faults=(WorkFault(nth=0, kind=WorkFaultKind.FAIL),))
+    scenario_run, violation = play_scenario(fails)
+    assert violation is None
+    assert [view.outcome for view in scenario_run.witness.outcomes.values()] == [Outcome.ACCOMPLISHED]
+
+
 def test_undoing_for_a_penalty_that_nobody_stated_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
     fails = shut_meanwhile("StoreObject")
     assert violated_property(fails) is None

@@ -111,7 +111,7 @@ class _Draw:
     def _tellers(self) -> Iterator[DeviceTraits]:
         """Scales, and a program that reserves tables."""
         dice = self.telling_dice
-        services = [WEIGHING] * dice.choice((1, 2, 2)) + [RESERVATION] if self.carry is Carry.WEIGHED else []
+        services = [WEIGHING] * dice.choice((1, 2, 3)) + [RESERVATION] * dice.choice((1, 2)) if self.carry is Carry.WEIGHED else []
         for number, service in enumerate(services, 1):
             yield DeviceTraits(
                 name=f"Teller{number}",
@@ -120,8 +120,8 @@ class _Draw:
                 duration=dice.choice((1.0, 6.0)),
                 refuses=dice.random() < RARELY,
                 mute=dice.random() < RARELY,
-                mended_at=dice.choice((0.0, 0.0, 0.0, 20.0, 60.0)),
-                joins=dice.choice((0.0, 0.0, 0.0, 30.0)),
+                mended_at=dice.choice((20.0, 60.0)) if dice.random() < SELDOM else 0.0,
+                joins=dice.choice((5.0, 30.0)) if dice.random() < RARELY else 0.0,
             )
 
     def _device_traits(self, name: str, services: tuple[str, ...]) -> DeviceTraits:

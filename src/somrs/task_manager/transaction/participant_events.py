@@ -233,7 +233,7 @@ class ParticipantEvents:
         if trouble is not None and not compensated and not was_cancelled:
             if member.interruption is not None:
                 pass  # it was stopped through no fault of its own
-            elif work is not None and work.service_type.kind is not ServiceKind.PHYSICAL:
+            elif work is not None and work.service_type.kind is ServiceKind.COGNITIVE:
                 services.tells_nothing(member.offer.provider, work.step)  # it may well tell other things
             else:
                 services.failed(member.offer.service, trouble)
