@@ -26,6 +26,7 @@ from somrs.demo.picture_sheet import sheet
 from somrs.deployment.system import System
 from somrs.devices.person.assignments import Reply, ReplyKind
 from somrs.devices.simulator.link.link import OperatorLink
+from somrs.entish.formula import conjuncts
 from somrs.entish.parse import parse
 from somrs.errors import SimulationError
 from somrs.ontology.files.site import dump_site
@@ -180,7 +181,8 @@ def _checks_of_services(record: _ScenarioRecord) -> dict[str, bool]:
     lines = record.lines
     conditions = [line.body.get("condition") for line in lines if line.type == "Terms" and line.sender.startswith(f"{_PATROL_ROBOT}.")]
     refusals = _devices(line.sender for line in lines if line.type == "Refuse" and line.sender.endswith(".TransferObject"))
-    demands = {line.body.get("condition") for line in lines if line.type == "Terms" and line.sender.endswith(".TransferObject")}
+    conditions_to_carry = [line.body.get("condition") for line in lines if line.type == "Terms" and line.sender.endswith(".TransferObject")]
+    demands = {str(part) for condition in conditions_to_carry if condition for part in conjuncts(parse(condition))}
     executions = [line.recipient.partition(".")[2] for line in lines if line.type == "Execute"]
     accepted = {line.participant for line in lines if line.type == "Accept"}
     released = {line.participant for line in lines if line.type in ("End", "Cancel")}
