@@ -62,4 +62,5 @@ def test_a_plan_that_has_to_know_first_shows_what_it_finds_out_and_what_is_fores
     expect(plan.locator(".somrs-node-foreseen")).to_have_count(1)
     plan.get_by_role("button", name=re.compile("RecognizeSituation")).click()
     expect(page.get_by_text("Jar003 isOn Somewhere").first).to_be_visible()
+    expect(page.get_by_text("As foreseen;").first).to_be_visible()
     take_screenshot(page, "find-out-plan-1280-light")
