@@ -147,6 +147,21 @@ def test_a_goal_that_no_service_brings_about_is_said_before_it_is_submitted(open
     take_screenshot(page, "define-unachievable-1280-light")
 
 
+def test_a_goal_whose_condition_nobody_can_meet_is_said_with_what_would_do(open_page: Callable[..., Page]) -> None:
+    page = open_page()
+    field(page).fill("Jar003 isOn Chair001")
+    page.keyboard.press("Escape")
+    message = page.locator(".somrs-fe-hindrance")
+    expect(message).to_contain_text("The formula is valid, but no service on offer brings about Jar003 isOn Chair001")
+    expect(message).to_contain_text("TransferObject and TakeOutOf need Chair001.Supporting = TRUE, and it is FALSE, by default for a Chair")
+    expect(message).to_contain_text("it holds for Cupboard001")
+    expect(page.get_by_text("The formula is valid.")).to_be_hidden()
+    take_screenshot(page, "define-condition-1280-light")
+    page.get_by_role("button", name="Preview", exact=True).click()
+    expect(page.get_by_text("No plan is possible now")).to_be_visible()
+    expect(page.get_by_text("Supporting: whether things can be put on it").last).to_be_visible()
+
+
 def test_a_goal_that_holds_needs_nothing(open_page: Callable[..., Page]) -> None:
     page = open_page(effect="NOT EXISTS ?Jar: Jar (?Jar isOn Chair001)")
     page.get_by_role("button", name="Preview", exact=True).click()

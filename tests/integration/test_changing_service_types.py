@@ -42,7 +42,12 @@ def offers(system: VirtualSystem, *, withheld: bool = False) -> Discovered:
 
 def careful(system: VirtualSystem) -> ServiceType:
     """TransferObject, only for working robots."""
-    return structs.replace(transfer(system), precondition="?Object isOn ?Source AND ?Provider.Working = TRUE")
+    return structs.replace(transfer(system), precondition=f"{transfer(system).precondition} AND ?Provider.Working = TRUE")
+
+
+def careless(system: VirtualSystem) -> ServiceType:
+    """TransferObject, whatever the destination is."""
+    return structs.replace(transfer(system), precondition="?Object isOn ?Source")
 
 
 def test_providers_offer_the_newest_definition_and_plans_use_it() -> None:
@@ -122,7 +127,7 @@ def foreign_offer(service_type: ServiceType, provider: str = "Robot3") -> Publis
 
 def test_a_foreign_provider_is_told_and_its_outdated_offer_is_withheld_until_it_publishes_again() -> None:
     system = VirtualSystem(Robot("Robot1", 10, 30))
-    old, new = transfer(system), careful(system)
+    old, new = transfer(system), careless(system)
     published = ask(system, "registry", foreign_offer(old))
     assert isinstance(published, Published)
     assert published.withheld == ()
@@ -134,12 +139,24 @@ def test_a_foreign_provider_is_told_and_its_outdated_offer_is_withheld_until_it_
     published = ask(system, "registry", foreign_offer(old))
     assert isinstance(published, Published)
     (withheld,) = published.withheld
-    assert "its precondition is ?Object isOn ?Source, not ?Object isOn ?Source AND ?Provider.Working = TRUE" in withheld.reason
+    assert "its precondition is ?Object isOn ?Source AND ?Destination.Supporting = TRUE, not ?Object isOn ?Source" in withheld.reason
     assert "Robot1 offers it so" in withheld.reason
     published = ask(system, "registry", foreign_offer(new))
     assert isinstance(published, Published)
     assert published.withheld == ()
     assert len(offers(system).offers) == 2
+
+
+def test_a_foreign_provider_that_demands_less_stays_on_offer_with_the_new_definition() -> None:
+    system = VirtualSystem(Robot("Robot1", 10, 30))
+    old, new = transfer(system), careful(system)
+    for outdated in (careless(system), old):
+        published = ask(system, "registry", foreign_offer(outdated))
+        assert isinstance(published, Published)
+        assert published.withheld == ()
+    define(system, new)
+    assert not any(isinstance(message.body, ServiceTypesChanged) for message in system.client.received)
+    assert [offer.service_type for offer in offers(system).offers] == [new, new]
 
 
 def test_of_a_type_that_only_providers_define_the_first_definition_counts() -> None:

@@ -399,10 +399,35 @@ def test_where_a_formula_says_that_a_thing_is() -> None:
     assert read_spot("Jar1", None) == Spot()
 
 
+FURNITURE_OF_ITS_OWN = SITE.replace(
+    "facts:",
+    """  Rack1: {type: Rack, at: [6.5, 2.5, 0], Shape: {Form: Box, Width: 0.6, Depth: 0.6, Height: 0.5}}
+  Stool1: {type: Stool, at: [5, 4.5, 0], Shape: {Form: Box, Width: 0.4, Depth: 0.4, Height: 0.45}, Supporting: true}
+  Stool2: {type: Stool, at: [5, 5.3, 0], Shape: {Form: Box, Width: 0.4, Depth: 0.4, Height: 0.45}}
+types:
+  Rack: {parent: Furniture}
+  Stool: {parent: Obstacle}
+facts:""",
+)
+
+
+@pytest.mark.parametrize("destination", ["Rack1", "Stool1"])
+def test_things_are_put_on_the_furniture_of_a_site_if_it_can_carry_them(destination: str) -> None:
+    async def test() -> None:
+        async with device_harness(text=FURNITURE_OF_ITS_OWN) as harness:
+            with pytest.raises(Refusal, match="cannot put anything on Stool2"):
+                await harness.run_work(Quote(order(destination="Stool2")))
+            done = await harness.run_work(Perform(order(destination=destination)))
+            assert f"Jar1 isOn {destination}" in str(done)
+            assert (await harness.operator.observe("Jar1")).support == destination
+
+    run(test())
+
+
 def test_nothing_is_carried_to_where_nothing_can_be_put() -> None:
     async def test() -> None:
         async with device_harness() as harness:
-            with pytest.raises(Refusal, match="nothing can be put on Robot2"):
+            with pytest.raises(Refusal, match="cannot put anything on Robot2, only on floors"):
                 await harness.run_work(Quote(order(destination="Robot2")))
 
     run(test())

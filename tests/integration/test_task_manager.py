@@ -104,13 +104,24 @@ def test_refusals_leave_the_task_to_whoever_takes_it() -> None:
 
 
 def test_a_wish_that_everybody_refuses_is_said_to_be_refused() -> None:
-    refusal = "nothing can be put on Jar001"
+    refusal = "Platform001 is too high"
     system = VirtualSystem(Robot("Robot1", 10, 60, refuses=refusal), Robot("Robot2", 25, 30, refuses=refusal))
-    (view,) = system.finish(system.submit("Jar002 isOn Jar001"))
+    (view,) = system.finish(system.submit(GOAL))
     assert view.explanation == (
-        "no plan: Jar002 isOn Jar001 could be brought about by TransferObject, "
+        f"no plan: {GOAL} could be brought about by TransferObject, "
         f"but no service is left (Robot1.TransferObject and Robot2.TransferObject: {refusal})"
     )
+
+
+def test_a_goal_that_no_device_could_ever_reach_is_answered_before_anybody_is_asked() -> None:
+    first = Robot("Robot1", 10, 60)
+    for system in (VirtualSystem(first), VirtualSystem()):
+        (view,) = system.finish(system.submit("Jar002 isOn Jar001"))
+        assert view.outcome is Outcome.FAILED, "it does not wait for a device"
+        assert "no service type brings it about" in view.explanation
+        assert "Jar001.Supporting = TRUE" in view.explanation
+        assert "it is FALSE, by default for a Jar" in view.explanation
+    assert first.orders == []
 
 
 def test_independent_tasks_run_at_the_same_time_on_different_robots() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import TypeVar
 
 import msgspec
@@ -15,12 +15,12 @@ from somrs.client.refusals import NotFound
 from somrs.entish.formula import Not
 from somrs.entish.parse import CONNECTIVES, nearest, read
 from somrs.errors import FormulaError, SomrsError, UsageError
-from somrs.ontology.achievability import is_achievable, unachievable_parts
+from somrs.ontology.achievability import Achievability
 from somrs.ontology.check import mistakes
 from somrs.ontology.completion import Completions, complete
 from somrs.ontology.objects import Map
-from somrs.ontology.services import ServiceType
 from somrs.ontology.types import ROOT, ObjectType, Ontology
+from somrs.protocol.messages.directory import Offer
 
 _PLACE = re.compile(r'[^\W\d][\w-]*(?:\.[^\W\d][\w-]*)*|\?[^\W\d][\w-]*|"(?:[^"\\\n]|\\.)*"|[<>!]=|[\d.]+|\S')
 _PARTS = re.compile(r'"(?:[^"\\\n]|\\.)*"|#[^\n]*|\?[^\W\d][\w-]*|[^\W\d][\w-]*|[()]')
@@ -77,8 +77,7 @@ class FormulaService:
             offers = await self._context.client.services()
         except SomrsError:
             return result  # the formula is checked, whatever the Registry does
-        offered = {offer.service_type.name: offer.service_type for offer in offers}
-        return msgspec.structs.replace(result, unachievable=_unachievable(body.text, offered, ontology, map))
+        return msgspec.structs.replace(result, unachievable=_unachievable(body.text, offers, ontology, map))
 
     @operation("POST", "/formulas/complete")
     async def complete(self, body: CompleteFormula) -> Completions:
@@ -141,17 +140,20 @@ def check_text(text: str, ontology: Ontology, map: Map, variables: dict[str, str
     return CheckResult(ok=not problems, unfinished=unfinished, problems=problems)
 
 
-def _unachievable(text: str, offered: Mapping[str, ServiceType], ontology: Ontology, map: Map) -> tuple[Mistake, ...]:
-    """The parts of the goal that no offered service could bring about, with the reason, and what could if it was on offer."""
+def _unachievable(text: str, offers: Collection[Offer], ontology: Ontology, map: Map) -> tuple[Mistake, ...]:
+    """The parts of the goal that no offered service could bring about, with the reason, and what would help."""
+    providers: dict[str, list[str]] = {}
+    for offer in offers:
+        providers.setdefault(offer.service_type.name, []).append(offer.provider)
+    offered = {offer.service_type.name: offer.service_type for offer in offers}
+    known = {**ontology.services, **offered}
+    possible = Achievability([*offered.values()], ontology, map, providers)
+    conceivable = Achievability([*known.values()], ontology, map, providers)
     reading, mistakes_found = read(text), []
-    for part in unachievable_parts(reading.formula, [*offered.values()], ontology, map):
-        others = [
-            service.name
-            for service in ontology.services.values()
-            if service.name not in offered and is_achievable(part.literal, [service], ontology, map)
-        ]
-        reason = f"; {part.reason}" if part.reason else ""
-        hint = f"{' or '.join(others)} could, but no device offers it now" if others else ""
+    for part in possible.unachievable_parts(reading.formula):
+        others = [name for name, service in known.items() if name not in offered and conceivable.could_use(service, part.literal)]
+        reason = f": {part.reason}" if part.reason else ""
+        hint = f"{' or '.join(others)} could, but no device offers it now" if others else part.remedy
         atom = part.literal.atom if isinstance(part.literal, Not) else part.literal
         error = reading.error(atom, None, f"no service on offer brings about {part.literal}{reason}", hint)
         mistakes_found.append(Mistake(position=error.position, end=_end(text, error.position), problem=error.problem, hint=hint))

@@ -18,7 +18,7 @@ REQUIRED_NAMES: Mapping[Section, frozenset[str]] = {
             "PositionX", "PositionY", "PositionZ", "RotationY", "RotationZ",
             "Shape", "Form", "Width", "Depth", "Height", "Radius", "Outline",
             "Weight", "Color", "Label", "Elevation", "Open",
-            "OperationRange", "FieldOfView", "Accuracy", "Payload", "Speed", "Price", "Charge",
+            "OperationRange", "FieldOfView", "Accuracy", "Payload", "Speed", "Price", "Charge", "Supporting",
             "Offers", "StepTime", "AnswerTime", "Unknown", "Working",
         )
     ),

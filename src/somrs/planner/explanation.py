@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from somrs.entish import Attribute, Comparison, Formula, Name, Not, Relation, Truth, Variable
@@ -20,13 +20,14 @@ from somrs.entish.formula import (
 )
 from somrs.entish.normal_form import affirmed_variables, group_by_variables
 from somrs.entish.parse import nearest, parse
-from somrs.ontology.achievability import misfits
+from somrs.ontology.achievability import Achievability, Hindrance, blank_variables, hindrance_text, misfits, present_value
 from somrs.ontology.matching import achieving_bindings, can_achieve, types_of, unifiers
 from somrs.ontology.service_kinds import undetermined_inputs
 from somrs.ontology.services import PROVIDER, ServiceKind, ServiceType
 from somrs.ontology.truth import bindings, formula_holds
 from somrs.ontology.types import UNKNOWN
 from somrs.ontology.values import value_of
+from somrs.planner.exclusions import exclusion_obstacles, exclusion_text
 from somrs.planner.grounding.grounding import Grounding
 from somrs.planner.grounding.joins import TooLarge
 from somrs.planner.grounding.relevance import demands
@@ -151,6 +152,8 @@ class _Reasons:
         if not helpful:
             self._explain_no_provider(literal, {available.service_type.name for available in offered})
             return
+        if len(helpful) > 1 and self._explain_common_hindrance(literal, [offer.service_type for offer in helpful]):
+            return
         for available in helpful:
             service = available.service_type
             if tells(service):
@@ -164,6 +167,21 @@ class _Reasons:
             )
             if not unexpressed:
                 self._explain_lacking(available, literal, depth)
+
+    def _explain_common_hindrance(self, literal: Literal, services: Iterable[ServiceType]) -> bool:
+        """Explain the one condition that all these services have and that nothing changes. Returns whether there is one."""
+        hindrances = {service.name: self._conceivable.hindrance(service, literal) for service in services}
+        lacking = {name: hindrance for name, hindrance in hindrances.items() if hindrance is not None}
+        conditions = {hindrance.condition for hindrance in lacking.values()}
+        if len(lacking) < len(hindrances) or len(conditions) > 1:
+            return False
+        self._explain_no_service_type(literal, (), lacking)
+        return True
+
+    @property
+    def _conceivable(self) -> Achievability:
+        """What could be brought about whichever devices come: a condition that no service type changes stays as it is."""
+        return Achievability([*self._known_service_types().values()], self.problem.ontology, self.problem.map, {})
 
     def _can_bring_about(self, offer: AvailableService, literal: Literal) -> bool:
         """Whether one of the providers changes or computes something in a way that can make the literal true."""
@@ -241,12 +259,13 @@ class _Reasons:
         return (name for name in names(literal) if name not in words or name in self.problem.map.objects)
 
     def _explain_no_provider(self, literal: Literal, offered_names: set[str]) -> None:
-        types = {loss.service_type.name: loss.service_type for loss in self.problem.lost}
-        types |= {available.service_type.name: available.service_type for available in self.problem.services}
-        service_types = {**self.problem.ontology.services, **types}
-        capable = {
+        service_types = self._known_service_types()
+        fitting = {
             name: service for name, service in service_types.items() if name not in offered_names and self._could_help(service, literal)
         }
+        conceivable = self._conceivable
+        hindrances = {name: conceivable.hindrance(service, literal) for name, service in fitting.items()}
+        capable = {name: service for name, service in fitting.items() if hindrances[name] is None}
         absent = [name for name, service in capable.items() if self._applies_now(service, literal)] or [*capable]
         busy = {
             offer.service_type.name: offer.providers
@@ -270,18 +289,27 @@ class _Reasons:
                 f"{_format_literal(literal)} could be brought about by {' or '.join(unoffered_names)}, which no device offers now"
             ] = None
         if not absent and not self._explain_unknown_values(literal):
-            self._explain_no_service_type(literal, service_types.values())
+            lacking = {name: hindrance for name, hindrance in hindrances.items() if hindrance is not None}
+            self._explain_no_service_type(literal, service_types.values(), lacking)
 
     def _note_unoffered(self, service_types: Iterable[str]) -> None:
         self.obstacles.add(Obstacle.NOT_OFFERED)
         self.unoffered.update(dict.fromkeys(service_types))
 
-    def _explain_no_service_type(self, literal: Literal, service_types: Iterable[ServiceType]) -> None:
-        map, ontology = self.problem.map, self.problem.ontology
+    def _explain_no_service_type(self, literal: Literal, service_types: Iterable[ServiceType], hindrances: Mapping[str, Hindrance]) -> None:
         self.obstacles.add(Obstacle.NO_SERVICE_TYPE)
-        self.missing[_format_literal(literal)] = None
-        unfit = next((f": {misfit}" for service in service_types for misfit in misfits(service, literal, ontology, map)), "")
-        self.texts[f"{_format_literal(literal)} does not hold on the map, and no service type brings it about{unfit}"] = None
+        self.missing.update(dict.fromkeys(hindrance.condition for hindrance in hindrances.values()) or {_format_literal(literal): None})
+        map, ontology = self.problem.map, self.problem.ontology
+        unfit = (misfit for service in service_types for misfit in misfits(service, literal, ontology, map))
+        reason = hindrance_text(hindrances) if hindrances else next(unfit, present_value(literal, ontology, map))
+        reason = f": {reason}" if reason else ""
+        self.texts[f"{_format_literal(literal)} does not hold on the map, and no service type brings it about{reason}"] = None
+
+    def _known_service_types(self) -> dict[str, ServiceType]:
+        """The service types of the ontology, and those that are or were on offer."""
+        lost = {loss.service_type.name: loss.service_type for loss in self.problem.lost}
+        offered = {available.service_type.name: available.service_type for available in self.problem.services}
+        return {**self.problem.ontology.services, **lost, **offered}
 
     def _applies_now(self, service: ServiceType, literal: Literal) -> bool:
         """Whether the map meets the precondition with which the service would achieve the literal: nothing has to be prepared."""
@@ -368,23 +396,4 @@ def _format_losses(services: Sequence[LostService]) -> str:
 
 
 def _format_literal(literal: Literal) -> str:
-    """The literal with `?` in place of untyped variables."""
-    blank = {name: Name("?") for name, variable in variables(literal).items() if variable.type is None}
-    return str(substitute(literal, blank))
-
-
-def exclusion_text(excluded_names: Sequence[str], problem: Problem) -> str:
-    """Text for why no step may involve these excluded objects."""
-    unknown = [name for name in excluded_names if name in problem.unknown]
-    reserved = [name for name in excluded_names if name not in problem.unknown]
-    parts: list[str] = []
-    if reserved:
-        parts.append(f"{' and '.join(reserved)} {'is reserved by another task' if len(reserved) == 1 else 'are reserved by other tasks'}")
-    if unknown:
-        parts.append(f"the place and state of {' and '.join(unknown)} are unknown")
-    return ", and ".join(parts)
-
-
-def exclusion_obstacles(excluded_names: Sequence[str], problem: Problem) -> tuple[Obstacle, ...]:
-    """The kinds of reasons why no step may involve these excluded objects."""
-    return tuple(dict.fromkeys(Obstacle.UNKNOWN if name in problem.unknown else Obstacle.PROMISED for name in excluded_names))
+    return str(blank_variables(literal))

@@ -12,7 +12,8 @@ from somrs.ontology.truth import formula_holds
 from somrs.planner.alternatives import with_alternatives
 from somrs.planner.conditions import ConditionalUses
 from somrs.planner.encodings.sas import decode_moves, encode_sas
-from somrs.planner.explanation import exclusion_obstacles, exclusion_text, explain_failure, unmet_precondition
+from somrs.planner.exclusions import exclusion_obstacles, exclusion_text
+from somrs.planner.explanation import explain_failure, unmet_precondition
 from somrs.planner.grounding.grounding import EFFORT, Grounding
 from somrs.planner.grounding.joins import TooLarge
 from somrs.planner.grounding.merging import merge_task

@@ -44,14 +44,14 @@ class Listing:
             definition = self._definition(name, offer)
             if offer.service_type == definition:
                 yield offer
-            elif not disagreements(offer.service_type, definition):
+            elif not disagreements(offer.service_type, definition, provides=True):
                 yield structs.replace(offer, service_type=definition)
 
     def withheld_of(self, name: str) -> Iterator[tuple[Offer, Withheld]]:
         """The other offers of a provider, with the reasons."""
         for offer in self._offers(name):
             definition = self._definition(name, offer)
-            if reasons := disagreements(offer.service_type, definition):
+            if reasons := disagreements(offer.service_type, definition, provides=True):
                 yield offer, Withheld(service=offer.service, reason=self._reason(offer.service_type.name, reasons))
 
     def _offers(self, name: str) -> list[Offer]:

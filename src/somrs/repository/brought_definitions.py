@@ -44,7 +44,7 @@ def _may_define(contents: Contents, author: str, definition: Definition) -> bool
 def _disagreement(contents: Contents, author: str, definition: Definition) -> Iterator[Violation]:
     key = key_of(definition)
     existing = find_definition(contents.ontology, key)
-    if existing is None or _may_define(contents, author, definition) or not (reasons := disagreements(definition, existing)):
+    if existing is None or _may_define(contents, author, definition) or not (reasons := disagreements(definition, existing, provides=True)):
         return
     latest = contents.last_change(key)
     source = f"{person_name(latest.author)} in version {latest.version}" if latest is not None else "the ontology of the building"

@@ -108,7 +108,7 @@ def test_services_are_asked_and_the_best_is_taken_on_paper() -> None:
             service_type="TransferObject",
             inputs={"Object": "Jar002", "Destination": "Platform001"},
             effect=GOAL,
-            precondition="Jar002 isOn Cupboard001",
+            precondition="Jar002 isOn Cupboard001 AND Platform001.Supporting = TRUE",
             earliest_start=10.0,
             latest_finish=None,
             reply_by=12.0,
@@ -147,7 +147,7 @@ def test_services_are_asked_and_the_best_is_taken_on_paper() -> None:
 
 def test_it_is_planned_as_the_task_would_be() -> None:
     harness = TaskManagerHarness(held=True)
-    precondition = "Jar002 isOn Cupboard001"
+    precondition = "Jar002 isOn Cupboard001 AND Platform001.Supporting = TRUE"
     preview = PreviewHarness(harness, precondition=precondition, policy=Policy.WEIGHTED, time_value=2.0, deadline=50.0, priority=7)
     assert preview.state.task == Submit(
         effect=GOAL, precondition=precondition, policy=Policy.WEIGHTED, time_value=2.0, deadline=50.0, priority=7

@@ -245,7 +245,7 @@ class Joining(Struct, kw_only=True):
         If the method reads other inputs than the common one has, the offer names those that it reads, so that the Registry withholds it.
         """
         common, brought = self.types.get(capability.type_name), capability.type
-        if isinstance(brought, ServiceType) and (common is None or disagreements(brought, common)):
+        if isinstance(brought, ServiceType) and (common is None or disagreements(brought, common, provides=True)):
             return brought
         assert common is not None, "a device without the definition of a service type does not join"
         if capability.inputs is None or capability.serves(common):

@@ -113,6 +113,7 @@ def test_what_only_one_of_two_changed_is_brought_together() -> None:
         "Shape.Form": "Cylinder",
         "Shape.Radius": "0.05",
         "Shape.Height": "0.2",
+        "Supporting": "false",
         "Color": "Red",
     }
     assert conflicts == ["defaults.Shape.Height"]

@@ -233,7 +233,7 @@ def test_the_only_one_that_can_do_it_may_try_again() -> None:
         (events.ServiceReplaced(), *STEP),
         (events.ServicesAsked(services=(FIRST_SERVICE,)), *STEP),
     ]
-    assert arrange_requests(effects) == [(GOAL, 5.0, INITIAL_SITUATION)]
+    assert arrange_requests(effects) == [(GOAL, 5.0, f"{INITIAL_SITUATION} AND Platform001.Supporting = TRUE")]
     assert (harness.task.services.broken, [run.excluded for run in harness.task.goal], harness.member().number) == ({}, [{}], 2)
 
 
@@ -246,7 +246,7 @@ def test_a_step_that_cannot_start_any_more_is_planned_anew() -> None:
     assert goodbyes(effects) == ["another service was chosen by price", "its precondition does not hold any more"]
     assert [type(event).__name__ for event in logged_events(harness, event_count)][2:4] == ["ServiceChosen", "Replanned"]
     (replanned,) = [event for event in logged_events(harness, event_count) if isinstance(event, events.Replanned)]
-    assert replanned.reasons == ("TransferObject cannot start: Jar001 isOn ?Source does not hold",)
+    assert replanned.reasons == ("TransferObject cannot start: Jar001 isOn ?Source AND Platform001.Supporting = TRUE does not hold",)
 
 
 def test_a_step_waits_for_its_device_and_says_so_once() -> None:

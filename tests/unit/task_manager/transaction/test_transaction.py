@@ -120,7 +120,7 @@ def test_what_was_looked_at_is_what_the_step_begins_with() -> None:
     (run,) = harness.task.goal
     assert (str(run.reported), harness.task.side_goals, harness.task.phase) == (FOUND_ELSEWHERE, [], Phase.ARRANGING)
     (arrange,) = [effect.message.body for effect in effects if isinstance(effect, Send) and isinstance(effect.message.body, frp.Arrange)]
-    assert arrange.precondition == FOUND_ELSEWHERE
+    assert arrange.precondition == "Jar002 isOn Cupboard002 AND Platform001.Supporting = TRUE AND Jar002.Unknown = FALSE"
 
 
 @pytest.mark.parametrize("refuses", [True, False])

@@ -11,7 +11,7 @@ from collections.abc import Coroutine, Iterable
 from dataclasses import dataclass
 
 from somrs.devices.simulator.drivers.opening import OpeningRobot
-from somrs.devices.simulator.drivers.simulated import format_number, is_of_type, number_of, weights_of
+from somrs.devices.simulator.drivers.simulated import format_number, number_of, weights_of
 from somrs.devices.simulator.link.commands import CommandDone, Fault, ObjectState, RobotState
 from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.entish.formula import Attribute, Comparison, Formula, Name, Number, Relation, conjuncts
@@ -19,8 +19,6 @@ from somrs.errors import RemoteError, UsageError
 from somrs.service_manager.sdk.device import Result, Situation, Task, service
 from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
 
-SUPPORTING = ("Support", "Floor", "Place", "StationaryDevice")
-"""The types of objects on which things can be put."""
 HANDLING_TIME = 20.0
 """Time to grip a thing and to put it down, s."""
 WEIGHING_TIME = 15.0
@@ -132,8 +130,8 @@ class Manipulator(OpeningRobot):
         first, second = legs.lengths
         if first is None or second is None:
             raise Refusal(f"{self.name} finds no path to {object if first is None else destination}")
-        if "Destination" in task.inputs and not any([await is_of_type(task, destination, kind) for kind in SUPPORTING]):
-            raise Refusal(f"nothing can be put on {destination}")
+        if "Destination" in task.inputs and not legs.carries:
+            raise Refusal(f"{self.name} cannot put anything on {destination}, only on floors, places, furniture and stationary devices")
         return first, second
 
     @service("TransferObject", price=_price, duration=_duration, able=_able, inputs=("Object", "Destination"))

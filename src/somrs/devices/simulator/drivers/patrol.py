@@ -140,7 +140,7 @@ class PatrolRobot(WatchingDevice, MobileRobot):
         """Places where the object may be, the most likely first."""
         last_spot = await self._find_last_spot(task, object)
         robots = [spot for spot in await self._places(task, "MobileManipulator", height=False) if spot.label not in (self.name, object)]
-        supports = [] if await is_of_type(task, object, "MobileRobot") else await self._places(task, "Support", height=True)
+        supports = [] if await is_of_type(task, object, "MobileRobot") else await self._supports(task)
         holders = {str(row["Robot"]) for row in await task.map.query(f"{object} isHeldBy ?Robot")}
         if last_spot is not None:
             x, y = last_spot.x, last_spot.y
@@ -171,10 +171,17 @@ class PatrolRobot(WatchingDevice, MobileRobot):
             spots += [replace(middle, x=middle.x + dx, y=middle.y + dy) for dx in xs for dy in ys]
         return spots
 
-    async def _places(self, task: Task, kind: str, *, height: bool) -> list[_Spot]:
-        """The positions of the objects of a type; with `height`, the positions on top of them."""
+    async def _supports(self, task: Task) -> list[_Spot]:
+        """The positions on top of the furniture on which things can be put."""
+        try:
+            return await self._places(task, "Furniture", height=True, state=" AND ?It.Supporting = TRUE")
+        except RemoteError:  # the ontology of an earlier version does not state it
+            return await self._places(task, "Support", height=True)
+
+    async def _places(self, task: Task, kind: str, *, height: bool, state: str = "") -> list[_Spot]:
+        """The positions of the objects of a type in this state; with `height`, the positions on top of them."""
         place = "?It.PositionX = ?X AND ?It.PositionY = ?Y AND ?It.PositionZ = ?Z"
-        rows = await task.map.query(f"?It: {kind} = ?It AND {place}" + (" AND ?It.Shape.Height = ?Height" if height else ""))
+        rows = await task.map.query(f"?It: {kind} = ?It AND {place}" + (" AND ?It.Shape.Height = ?Height" if height else "") + state)
         return [_spot(str(row["It"]), row) for row in rows]
 
 

@@ -107,12 +107,14 @@ class Ways(Struct, frozen=True, kw_only=True, tag="ways", tag_field="ask"):
 class Legs(Struct, frozen=True):
     """The way through several stops: the driving distance of each leg in metres, None where there is no path.
 
-    `shut`: the shut doors that have to be opened for it; `open`: the open doors that have to stay open.
+    `shut`: the shut doors that have to be opened for it; `open`: the open doors that have to stay open. `carries`: whether robots can put
+    things on the last stop; True for a point.
     """
 
     lengths: tuple[float | None, ...]
     shut: tuple[str, ...] = ()
     open: tuple[str, ...] = ()
+    carries: bool = True
 
 
 class Idle(Struct, frozen=True, kw_only=True, tag="idle", tag_field="ask"):
@@ -249,6 +251,8 @@ class Answer(Struct, frozen=True, kw_only=True, tag="answer", tag_field="say"):
     """The shut doors on the only way. The lengths are those of the way with these doors open."""
     open: tuple[str, ...] | None = None
     """The open doors on the only way."""
+    carries: bool | None = None
+    """Whether robots can put things on the last stop."""
 
 
 class Refused(Struct, frozen=True, kw_only=True, tag="error", tag_field="say"):

@@ -40,7 +40,7 @@ from somrs.devices.simulator.motion.robot import CHARGING, PERIOD, GivenUp, Robo
 from somrs.devices.simulator.motion.searching import Sought, look_around, look_at
 from somrs.devices.simulator.world.distances import Array
 from somrs.devices.simulator.world.scene import Scene
-from somrs.devices.simulator.world.solids import Role, Solid
+from somrs.devices.simulator.world.solids import CARRYING, Role, Solid
 from somrs.errors import UsageError
 
 
@@ -102,7 +102,7 @@ def _approach(robot: Robot, scene: Scene, name: str) -> Routine:
     if solid.role is Role.THING:
         yield from get_within_reach(robot, name, lambda: _spot_of(scene, name), scene.pose(name)[2], [name], _container_of(scene, name))
         return
-    if solid.role in (Role.SUPPORT, Role.FLOOR, Role.MARK):
+    if solid.role in CARRYING:
         yield from get_within_reach(robot, name, spots_on(robot, solid, None), top_of(solid))
         return
     spots = outline_spots(solid)
@@ -151,7 +151,7 @@ def _place(robot: Robot, scene: Scene, command: Place) -> Routine:
     solid = _solid(scene, command.support)
     if robot.holding is None:
         raise GivenUp("not-holding", f"{robot.name} holds nothing that it could put on {command.support}")
-    if solid.role not in (Role.SUPPORT, Role.FLOOR, Role.MARK):
+    if solid.role not in CARRYING:
         raise GivenUp("not-possible", f"nothing can be put on {command.support}, which is a {solid.type}")
     robot.need_gripper()
     position = (command.x, command.y) if command.x is not None and command.y is not None else None

@@ -13,7 +13,7 @@ from somrs.devices.simulator.motion.driving import MARGIN
 from somrs.devices.simulator.motion.navigation import Navigator, Pose
 from somrs.devices.simulator.motion.robot import Robot
 from somrs.devices.simulator.server.simulation import Simulation
-from somrs.devices.simulator.world.solids import Point, Role, Solid, path_length
+from somrs.devices.simulator.world.solids import CARRYING, Point, Role, Solid, path_length
 from somrs.entish import Attribute, Comparison, Name, Number, Relation, Truth
 from somrs.entish.formula import conjuncts
 from somrs.entish.parse import parse
@@ -78,12 +78,14 @@ def find_legs(simulation: Simulation, robot: str, stops: Stops, situation: str |
     promised = _Promised.read(situation, solids)
     doors = {solid.name: promised.doors.get(solid.name, solid.open) for solid in solids.values() if solid.role is Role.DOOR}
     planner = _LegPlanner(simulation, simulation.robots[robot], promised)
+    last = solids.get(stops[-1]) if stops and isinstance(stops[-1], str) else None
+    carries = last is None or last.role in CARRYING
     paths = planner.paths(stops, doors)
     if None not in paths or all(doors.values()):
-        return Legs(_lengths(paths), open=_needed(planner, stops, doors, paths))
+        return Legs(_lengths(paths), (), _needed(planner, stops, doors, paths), carries)
     open_paths = planner.paths(stops, dict.fromkeys(doors, True))
     if None in open_paths:
-        return Legs(_lengths(paths))
+        return Legs(_lengths(paths), carries=carries)
     shut = [door for door, is_open in doors.items() if not is_open and planner.passes(door, open_paths)]
     for door in [*shut] if len(shut) > 1 else ():  # a longer way may need fewer doors
         fewer = planner.paths(stops, {**doors, **dict.fromkeys(shut, True), door: False})
@@ -91,7 +93,7 @@ def find_legs(simulation: Simulation, robot: str, stops: Stops, situation: str |
             shut.remove(door)
             open_paths = fewer
     needed = _needed(planner, stops, {**doors, **dict.fromkeys(shut, True)}, open_paths)
-    return Legs(_lengths(open_paths), tuple(shut), tuple(door for door in needed if door not in shut))
+    return Legs(_lengths(open_paths), tuple(shut), tuple(door for door in needed if door not in shut), carries)
 
 
 def _needed(planner: _LegPlanner, stops: Stops, doors: Mapping[str, bool], paths: list[list[Point] | None]) -> tuple[str, ...]:

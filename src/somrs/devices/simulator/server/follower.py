@@ -1,7 +1,8 @@
 """Keeps a simulated world in agreement with the Repository's map.
 
-The world is built from the map. It follows objects that are added, removed or renamed, changes of their types, and doors that open or
-close. Positions come from the physics alone: positions that robots report to the map do not move objects.
+The world is built from the map. It follows objects that are added, removed or renamed, changes of their types, doors that open or
+close, and what the map says about where things can be put. Positions come from the physics alone: positions that robots report to the map
+do not move objects.
 
 An object that comes to the map may be a thing that is in the world already: a camera saw it where the map did not have it. Two like
 things cannot be in one place, so the thing gets the name of the object instead of being built again. It gets its own name back if the
@@ -50,6 +51,8 @@ class Follower:
         elif self.simulation is not None:
             if news.ontology_changed:
                 self.simulation.learn(self.replica.ontology)
+                for object in self.replica.map.objects.values():  # the default of its type may be another one
+                    self.simulation.set_carrying(object)
             # A reloaded map has no list of changes, so they are computed from the difference.
             changes = differences(map_before, self.replica.map) if news.reloaded else news.changes
             renamed = [renaming for renaming in news.renamed if renaming.section is Section.OBJECTS] if not news.reloaded else []
@@ -73,6 +76,8 @@ class Follower:
                     self._remove(simulation, name, merged.get(name))
                 case ValueSet(name, "Open") if (door := self.replica.map.objects.get(name)) is not None:
                     simulation.renew(door)
+                case ValueSet(name, "Supporting") if (support := self.replica.map.objects.get(name)) is not None:
+                    simulation.set_carrying(support)
 
     def _remove(self, simulation: Simulation, name: str, into: str | None) -> None:
         """Follow an object that leaves the map. `into`: the object that it turned out to be.

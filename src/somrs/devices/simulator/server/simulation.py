@@ -36,7 +36,7 @@ from somrs.devices.simulator.motion.routines import concerned_objects, make_rout
 from somrs.devices.simulator.world.leaves import Leaf
 from somrs.devices.simulator.world.recognition import landmarks, sightings
 from somrs.devices.simulator.world.scene import RESTING, Scene
-from somrs.devices.simulator.world.solids import Role, Solid, solid_of
+from somrs.devices.simulator.world.solids import Role, Solid, role_of, solid_of
 from somrs.devices.simulator.world.vision import StationaryCamera, clear_points, view
 from somrs.devices.simulator.world.weighing_scale import WeighingScale
 from somrs.devices.simulator.world.world import STEP
@@ -421,6 +421,12 @@ class Simulation:
                 for leaf in leaves:
                     self.scene.set_leaf(leaf, 0.0)
                 self._note_leaves(owner)
+
+    def set_carrying(self, object: Object) -> None:
+        """Let things be put on an object that stands still, or not, as its Supporting is on the map; other objects are ignored."""
+        solid, role = self.scene.world.solids.get(object.name), role_of(object, self._ontology)
+        if solid is not None and {solid.role, role} == {Role.SUPPORT, Role.STATIC}:
+            self.scene.world.solids[object.name] = replace(solid, role=role)
 
     def move(self, thing: str, x: float, y: float, z: float, yaw: float = 0.0) -> None:
         """Move a thing to another pose without a robot. Raises UsageError."""

@@ -20,7 +20,7 @@ SIGHT = 4.0
 
 
 class Role(StrEnum):
-    """The behaviour of an object in the simulated world, which follows from its type."""
+    """The behaviour of an object in the simulated world, which follows from its type, and of furniture also from its Supporting."""
 
     IGNORED = "nothing"
     """Abstract, or without a position or a form."""
@@ -61,6 +61,10 @@ _ROLES = (
     ("TableTop", Role.PART),
     ("PhysicalObject", Role.STATIC),
 )
+
+
+CARRYING = (Role.SUPPORT, Role.FLOOR, Role.MARK)
+"""The roles of the objects on which robots put things."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -166,8 +170,17 @@ def path_length(path: Sequence[Point]) -> float:
 
 
 def role_of(object: Object, ontology: Ontology) -> Role:
-    """The role of the object's type; `IGNORED` for a type that the ontology does not know."""
-    return next((role for ancestor, role in _ROLES if ontology.is_subtype(object.type, ancestor)), Role.IGNORED)
+    """The role of the object; `IGNORED` for a type that the ontology does not know.
+
+    Whether things can be put on something that stands still is stated by Supporting. An ontology of an earlier version has no such
+    attribute; then the type decides.
+    """
+    role = next((role for ancestor, role in _ROLES if ontology.is_subtype(object.type, ancestor)), Role.IGNORED)
+    stated = object.values.get("Supporting")
+    supporting = ontology.default(object.type, "Supporting") if stated is None else stated
+    if role not in (Role.SUPPORT, Role.STATIC) or supporting is None:
+        return role
+    return Role.SUPPORT if supporting else Role.STATIC
 
 
 def solid_of(object: Object, ontology: Ontology) -> Solid | None:

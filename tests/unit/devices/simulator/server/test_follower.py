@@ -8,12 +8,14 @@ import pytest
 from msgspec import structs
 
 from somrs.devices.simulator.link.commands import Approach, Command, CommandDone, CommandGivenUp, DriveTo, Grip, Place
+from somrs.devices.simulator.server.driving_distances import find_legs
 from somrs.devices.simulator.server.follower import Follower
 from somrs.kernel.component import Component, Effect, Received, Send, Started, TimerFired
 from somrs.kernel.replica import GAP_TIME, ReplicaDue
 from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.naming import Renaming, Section
 from somrs.ontology.objects import FactAdded, Object, ObjectAdded, ObjectRemoved, ValueSet
+from somrs.ontology.types import Value
 from somrs.protocol.messages.knowledge import Alteration, Define, Definitions, MergeObject, RenameObject, UpdateMap
 from somrs.protocol.messages.observations import Observation
 from somrs.repository.component import Repository
@@ -72,6 +74,27 @@ def test_a_door_that_is_closed_on_the_map_is_closed_in_the_world() -> None:
     assert end.reason == "unreachable"
     pair.update(UpdateMap(situation="Door1.Open = TRUE"))
     assert isinstance(pair.drive(drive_back), CommandDone)
+
+
+def test_things_can_be_put_where_the_map_says_so() -> None:
+    pair = RepositoryAndWorld()
+    stool: dict[str, Value] = {
+        "PositionX": 2.0,
+        "PositionY": 2.0,
+        "PositionZ": 0.0,
+        "Shape.Form": "Box",
+        "Shape.Width": 0.5,
+        "Shape.Depth": 0.5,
+    }
+    pair.update(UpdateMap(changes=(ObjectAdded(Object(name="Stool1", type="Chair", values={**stool, "Shape.Height": 0.5})),)))
+    assert not find_legs(pair.simulation, "Patrol1", ("Stool1",)).carries
+    pair.update(UpdateMap(situation="Stool1.Supporting = TRUE"))
+    assert find_legs(pair.simulation, "Patrol1", ("Stool1",)).carries
+    pair.update(UpdateMap(changes=(ValueSet("Stool1", "Supporting", None),)))
+    assert not find_legs(pair.simulation, "Patrol1", ("Stool1",)).carries
+    chair = structs.replace(upper().types["Chair"], defaults={"Supporting": True})
+    pair.update(Define(definitions=Definitions(types=(chair,))))
+    assert find_legs(pair.simulation, "Patrol1", ("Stool1",)).carries
 
 
 def test_what_is_measured_moves_nothing() -> None:

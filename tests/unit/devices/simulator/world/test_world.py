@@ -12,10 +12,13 @@ from somrs.devices.simulator.link.commands import Approach, CommandDone, Command
 from somrs.devices.simulator.server.simulation import Simulation
 from somrs.devices.simulator.world import scene as scene_module
 from somrs.devices.simulator.world.scene import Scene
-from somrs.devices.simulator.world.solids import Role, solid_of
+from somrs.devices.simulator.world.solids import Role, role_of, solid_of
 from somrs.devices.simulator.world.world import triangles
 from somrs.errors import SimulationError, UsageError
+from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.objects import Map, Object
+from somrs.ontology.types import Ontology
+from tests.support.paths import ROOT
 from tests.support.simulator_room import ONTOLOGY, Run, box, robot, room, shell, thing
 
 
@@ -31,6 +34,26 @@ def test_types_bring_their_defaults() -> None:
     solid = solid_of(thing("Jar1", "Jar", 1, 2, 0), ONTOLOGY)
     assert solid is not None
     assert (solid.role, solid.radius, solid.height, solid.weight) == (Role.THING, 0.04, 0.14, 0.3)
+
+
+@pytest.mark.parametrize(
+    ("type", "stated", "role", "role_in_0_3"),
+    [
+        ("Table", None, Role.SUPPORT, Role.SUPPORT),
+        ("Table", False, Role.STATIC, Role.STATIC),
+        ("Furniture", None, Role.SUPPORT, Role.STATIC),
+        ("Chair", None, Role.STATIC, Role.STATIC),
+        ("Chair", True, Role.SUPPORT, Role.SUPPORT),
+        ("Wall", True, Role.WALL, Role.WALL),
+        ("Jar", True, Role.THING, Role.THING),
+        ("StationaryManipulator", None, Role.SUPPORT, Role.SUPPORT),
+    ],
+)
+def test_the_map_states_where_things_can_be_put(type: str, stated: bool | None, role: Role, role_in_0_3: Role) -> None:
+    object = Object(name="It", type=type, values={} if stated is None else {"Supporting": stated})
+    assert role_of(object, upper()) is role
+    earlier = load_text((ROOT / "tests/data/upper-0.3.0.yaml").read_text("utf-8"), base=Ontology()).ontology
+    assert role_of(object, earlier) is role_in_0_3
 
 
 def test_things_stay_where_they_are_for_a_minute() -> None:

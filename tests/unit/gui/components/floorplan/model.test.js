@@ -49,6 +49,18 @@ test("a thing is put on the table, not through it on the floor", () => {
   assert.equal(model.targetAt(50, 50, "Ground"), null);
 });
 
+test("a thing is put where the map says that things can be put", () => {
+  const state = (value) => model.apply([{ type: "ValueSet", object: "Table001", path: "Supporting", value }], 8);
+  state(false);
+  assert.equal(model.targetAt(2, 3.9, "Ground"), "Floor0");
+  state(null);
+  assert.equal(model.targetAt(2, 3.9, "Ground"), "Table001");
+  model.apply([{ type: "ObjectAdded", object: object("Rack001", "Rack", 8, 2, { "Shape.Form": "Box", "Shape.Width": 1, "Shape.Depth": 1, "Shape.Height": 1 }) }], 9);
+  assert.equal(model.targetAt(8, 2, "Ground"), "Floor0");
+  model.apply([{ type: "ValueSet", object: "Rack001", path: "Supporting", value: true }], 10);
+  assert.equal(model.targetAt(8, 2, "Ground"), "Rack001");
+});
+
 test("changes say what looks otherwise now", () => {
   const changes = [
     { type: "ValueSet", object: "Table001", path: "PositionX", value: 4 }, { type: "ObjectAdded", object: object("Jar003", "Jar", 1, 1) },

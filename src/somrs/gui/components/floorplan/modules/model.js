@@ -4,6 +4,7 @@ import { kindOf } from "./kinds.js";
 
 const PLACED_BY = ["isOn", "isIn", "isHeldBy"];
 const PART_OF = "isPartOf";
+const FURNITURE = 3; // as `carries` of a kind
 const SOMEWHERE = 0.3; // m below a storey's floor at which an object still belongs to it
 
 export class Model {
@@ -246,15 +247,23 @@ export class Model {
     return floor ? middle(floor) : null;
   }
 
+  // Whether things can be put on an object, by preference; 0: they cannot. Furniture states it with Supporting. The ontology of an earlier
+  // data folder does not have it; then the kind decides.
+  carries(name) {
+    const kind = this.kind(name), stated = this.value(name, "Supporting");
+    if (stated === false) return 0;
+    return kind.carries ?? (stated && kind.layer === "furniture" ? FURNITURE : 0);
+  }
+
   // The support of a thing put down at this position: the highest support, else a place, else a floor.
   targetAt(x, y, storey, except = new Set()) {
     let best = null;
     for (const name of this.objects.keys()) {
-      const kind = this.kind(name);
-      if (!kind.carries || except.has(name) || this.storeyOf(name) !== storey) continue;
+      const carries = this.carries(name);
+      if (!carries || except.has(name) || this.storeyOf(name) !== storey) continue;
       const solid = this.solid(name);
       if (!solid || !contains(solid, x, y)) continue;
-      const rank = kind.carries * 1000 + solid.z + (solid.height || 0);
+      const rank = carries * 1000 + solid.z + (solid.height || 0);
       if (best === null || rank > best.rank) best = { rank, name };
     }
     return best?.name ?? null;
