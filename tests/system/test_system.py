@@ -25,7 +25,7 @@ from somrs.demo.scenarios import play
 from somrs.deployment.system import System
 from somrs.devices.simulator.link.commands import Fault
 from somrs.devices.simulator.link.link import OperatorLink
-from somrs.errors import UsageError
+from somrs.errors import FormulaError, UsageError
 from somrs.protocol.messages.clients import Submit, TaskView
 from somrs.protocol.messages.frp import Outcome
 from tests.support import warm
@@ -166,7 +166,7 @@ def test_the_office(tmp_path: Path) -> None:
             nowhere = await accomplish(client, "Carton002 isOn lounge")
             assert nowhere.outcome is Outcome.FAILED
             assert "Carton002" in nowhere.explanation
-            with pytest.raises(UsageError, match="Coke001"):
+            with pytest.raises(FormulaError, match="Coke001"):
                 await client.submit(Submit(effect="Coke007 isOn lounge"))
 
     asyncio.run(run())
@@ -182,7 +182,7 @@ def test_a_new_kind_of_device_joins_while_the_system_runs(tmp_path: Path) -> Non
 
     async def run() -> None:
         async with running(data, SCENARIO_1) as (_, client, operator):
-            with pytest.raises(UsageError, match="wasWashedBy"):
+            with pytest.raises(FormulaError, match="wasWashedBy"):
                 await client.submit(Submit(effect=effect))
             washer = subprocess.Popen(
                 [sys.executable, ROOT / "examples" / "jar_washer.py", "--name", "Washer001", "--data", data], stdout=subprocess.PIPE
