@@ -4,16 +4,30 @@ from __future__ import annotations
 
 import pytest
 
-from somrs.protocol.frp import states
+from somrs.protocol.frp import coordinator_session, participant_session, states
 from somrs.protocol.frp.states import Entry, Kind
+from somrs.protocol.messages import frp
 from somrs.protocol.messages.frp import Cancel, End, Fault, State, Stop
+from verification.model_check.coordinator import Coordinators
 from verification.model_check.explore import explore
 from verification.model_check.media import DUPLICATING, EMPTY, FIFO, LOSSY_FIFO, MEDIA, OUTBOX, UNORDERED, Medium
-from verification.model_check.mutations import Mutation, all_mutations, altered, find_violation
+from verification.model_check.mutations import TRIALS, Mutation, all_mutations, altered, find_violation
 from verification.model_check.pair import explore_pair
-from verification.model_check.properties import Property
+from verification.model_check.participant import WorkState
+from verification.model_check.property import Property
 from verification.model_check.quotient import Quotient, quotient
-from verification.model_check.suite import check_assumption, check_lost_disk, check_one, check_two
+from verification.model_check.rules import RULES
+from verification.model_check.step import Step, StepKind, is_conditional
+from verification.model_check.suite import (
+    KIND_PROPERTIES,
+    KINDS,
+    check_assumption,
+    check_kind,
+    check_kind_with_two,
+    check_lost_disk,
+    check_one,
+    check_two,
+)
 from verification.model_check.system import Link, LostDisk, Model
 
 
@@ -37,6 +51,19 @@ def test_check_termination_when_a_disk_is_lost(disk_owner: LostDisk) -> None:
     assert _fallen({**check_lost_disk(FIFO, disk_owner).cells}) == []
 
 
+@pytest.mark.parametrize("kind", [*KINDS], ids=str)
+def test_a_step_that_depends_on_more_than_the_protocol(kind: StepKind) -> None:
+    result = check_kind(kind, FIFO)
+    assert _fallen({**result.cells}) == []
+    assert result.cells.keys() >= {*KIND_PROPERTIES[kind]}
+    assert result.states > 1000
+
+
+@pytest.mark.parametrize("kind", [StepKind.NOT_NOW, StepKind.RECOGNITION], ids=str)
+def test_two_participants_of_a_step_that_depends_on_more(kind: StepKind) -> None:
+    assert _fallen({**check_kind_with_two(kind, DUPLICATING).cells}) == []
+
+
 @pytest.mark.parametrize(("cut_off", "clocks"), [(False, True), (True, False)])
 def test_without_the_timing_assumption_two_work_on_one_step(cut_off: bool, clocks: bool) -> None:
     broken = check_assumption(cut_off=cut_off, clocks=clocks).cells[Property.MUTUAL_EXCLUSION]
@@ -57,6 +84,62 @@ WRONG = [
     Mutation("RESUMES", "Executing", "", "Completed"),
     Mutation("HOLDING_STATES", "Executing", "", "ignored"),
 ]
+
+
+WRONG_RULES = {
+    ("condition of a service", "always met"): Property.CONDITION,
+    ("precondition of a step", "without the condition"): Property.VALID_STATE,
+    ("invariant", "never broken"): Property.INVARIANT,
+    ("start condition", "without the invariant"): Property.INVARIANT,
+    ("refusal", "for good"): Property.REFUSAL,
+    ("refusal", "for now"): Property.REFUSAL,
+    ("refusal", "a condition is for good"): Property.REFUSAL,
+    ("work to undo", "none"): Property.PARTIAL_RESULT,
+    ("work to undo", "all"): Property.RECOGNITION,
+}
+"""Wrong rules of the Task Manager, by the property that they violate."""
+
+
+@pytest.mark.parametrize(("rule", "change"), WRONG_RULES, ids=lambda name: name)
+def test_a_wrong_rule_is_noticed(rule: str, change: str) -> None:
+    mutation = Mutation("RULES", rule, "", change)
+    assert mutation in all_mutations()
+    trials = [trial for trial in TRIALS if not trial.two_participants and trial.model.kind in RULES[rule].kinds]
+    assert find_violation(mutation, trials).startswith(WRONG_RULES[rule, change])
+
+
+def test_a_stop_that_is_ignored_breaks_what_has_to_hold_meanwhile() -> None:
+    with altered(Mutation("PARTICIPANT", "Executing", "Stop", "ignored")):
+        broken = check_kind(StepKind.WHILE, FIFO).cells[Property.INVARIANT]
+    assert broken is not None
+    assert "the door is shut, sends Stop [Stopping]" in "\n".join(broken.chart)
+
+
+def test_a_new_session_needs_ids_of_its_own() -> None:
+    """With the ids of the session before, the participant takes the new Arrange for an old one, and never answers."""
+    space = explore(Link(Model(medium=FIFO, kind=StepKind.NOT_NOW, reuses_ids=True)), single_participant=True)
+    assert space.violations.keys() == {Property.TERMINATION}
+
+
+def test_a_task_that_goes_on_before_the_map_has_what_was_recognised_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Coordinators, "waits_for_map", staticmethod(lambda coordinator: False))
+    assert _fallen({**check_kind(StepKind.RECOGNITION, FIFO).cells}) == [Property.RECOGNITION]
+
+
+@pytest.mark.parametrize("checks", [True, False])
+def test_a_task_manager_that_knows_no_conditions_starts_nothing(monkeypatch: pytest.MonkeyPatch, checks: bool) -> None:
+    """It accepts conditional terms like any others, and its Execute does not mention the condition. The participant objects."""
+    monkeypatch.setattr(Step, "meets_condition", lambda self, session, is_open: True)
+    monkeypatch.setattr(Step, "order", lambda self, session, is_open: frp.Execute(inputs={}))
+    monkeypatch.setattr(coordinator_session, "unstated_condition", lambda terms, execute: None)
+    if not checks:
+        monkeypatch.setattr(participant_session, "unstated_condition", lambda terms, execute: None)
+    link = Link(Model(medium=DUPLICATING, restarts=False, kind=StepKind.CONDITIONAL))
+    explore(link, single_participant=True)
+    conditional = [state for state in link.participants.states if is_conditional(state.session.terms)]
+    begun = [state for state in conditional if state.work_state is not WorkState.NOT_STARTED]
+    assert bool(begun) is not checks
+    assert any(state.work_state is WorkState.COMPLETED for state in link.participants.states), "terms without a condition are carried out"
 
 
 @pytest.mark.parametrize("mutation", WRONG, ids=str)

@@ -16,8 +16,8 @@ from rich.table import Table
 
 from verification.model_check.media import MEDIA
 from verification.model_check.mutations import all_mutations, judge_all
-from verification.model_check.properties import Property
-from verification.model_check.suite import LOST_DISKS, Result, check_all, check_assumption
+from verification.model_check.property import Property
+from verification.model_check.suite import KINDS, LOST_DISKS, Result, check_all, check_assumption, check_kinds
 
 COLUMNS = 160
 
@@ -26,6 +26,8 @@ BOUNDS = (
     "Two participants on a lossy FIFO: senders repeat their oldest message first, as nodes do. One participant: in any order.",
     "Two participants, or a lost disk: an order expires when its participant is given up. Otherwise it can expire at any moment.",
     "A new order is sent only to a participant that was not reached. Only the duplicating medium delivers an order a second time.",
+    "Kinds of steps: one at a time, with one formula. Two participants of them: on the medium that can deliver whatever the others can.",
+    "A new session follows when both sides have ended the one before. Beside one that has not ended, it is the second participant.",
     "A lost disk: one, once, without other restarts. Only property 3 is checked, as a side is not bound by what it has lost.",
     "Property 5, map correctness, concerns the Task Manager's data, which are not in this model. The fault runs check it.",
 )
@@ -33,7 +35,9 @@ BOUNDS = (
 
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m verification.model_check", description="Checks the Failure Recovery Protocol.")
-    parser.add_argument("--mutations", action="store_true", help="alter each entry of the tables in turn, and check the properties")
+    parser.add_argument(
+        "--mutations", action="store_true", help="alter each entry of the tables and each rule in turn, and check the properties"
+    )
     parser.add_argument("--processes", type=int, default=os.cpu_count() or 1, help="for --mutations: number of parallel processes")
     options = parser.parse_args(arguments)
     console = Console(width=None if sys.stdout.isatty() else COLUMNS, highlight=False)
@@ -50,23 +54,27 @@ def _bar(console: Console) -> Progress:
 def _properties(console: Console) -> tuple[int, int]:
     started_at = time.perf_counter()
     with _bar(console) as bar:
-        task = bar.add_task("exploring", total=2 * len(MEDIA) + len(LOST_DISKS) + 2)
+        task = bar.add_task("exploring", total=2 * len(MEDIA) + len(LOST_DISKS) + len(KINDS) * (len(MEDIA) + 1) + 2)
 
         def tick(states: int) -> None:
             bar.update(task, description=f"exploring: {states:,} states")
 
-        results = []
-        for result in check_all(tick):
-            results.append(result)
-            bar.advance(task)
+        results: list[Result] = []
+        kind_results: list[Result] = []
+        for table_results, checks in ((results, check_all(tick)), (kind_results, check_kinds(tick))):
+            for result in checks:
+                table_results.append(result)
+                bar.advance(task)
         assumption_results = []
         for cut_off, clocks in ((False, True), (True, False)):
             assumption_results.append(check_assumption(cut_off=cut_off, clocks=clocks, tick=tick))
             bar.advance(task)
     console.print(table(results, "The Failure Recovery Protocol in every reachable state"))
+    console.print(table(kind_results, "Conditions, refusals for now, what has to hold meanwhile, and recognition"))
     console.print(table(assumption_results, "Without the timing assumption property 1 has to fail: no protocol can ensure it"))
     for bound in BOUNDS:
         console.print(f"- {bound}")
+    results += kind_results
     _print_charts(console, [*results, *assumption_results])
     cells = [counterexample for result in results for counterexample in result.cells.values()]
     failed = sum(broken is not None for broken in cells) + sum(
@@ -81,12 +89,13 @@ def table(results: list[Result], title: str) -> Table:
     drawn = Table(title=title, title_justify="left")
     drawn.add_column("medium", no_wrap=True)
     drawn.add_column("with", no_wrap=True)
-    for prop in Property:
+    columns = [prop for prop in Property if any(prop in result.cells for result in results)]
+    for prop in columns:
         drawn.add_column(str(prop), justify="center")
     drawn.add_column("states", justify="right")
     drawn.add_column("s", justify="right")
     for result in results:
-        cells = ["-" if prop not in result.cells else "holds" if result.cells[prop] is None else "FALLS" for prop in Property]
+        cells = ["-" if prop not in result.cells else "holds" if result.cells[prop] is None else "FALLS" for prop in columns]
         drawn.add_row(result.medium, result.configuration, *cells, f"{result.states:,}", f"{result.seconds:.1f}")
     return drawn
 

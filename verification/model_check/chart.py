@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from verification.model_check.explore import StateSpace, Violation
-from verification.model_check.pair import ClassPair, PairSpace
+from verification.model_check.pair import SEPARATE, ClassPair, PairSpace
 from verification.model_check.quotient import Quotient
 from verification.model_check.sides import Action
 from verification.model_check.system import Link, LinkState, Transition
@@ -67,14 +67,14 @@ def _matching(
     target: ClassPair,
 ) -> Iterator[tuple[Transition | None, Transition | None]]:
     for transition in left_transitions:
-        if transition.joint in ("", "claim") and sorted((classes[transition.target], classes[right_state])) == [*target]:
+        if transition.joint in (*SEPARATE, "claim") and sorted((classes[transition.target], classes[right_state])) == [*target]:
             yield transition, None
     for transition in right_transitions:
-        if transition.joint in ("", "claim") and sorted((classes[left_state], classes[transition.target])) == [*target]:
+        if transition.joint in (*SEPARATE, "claim") and sorted((classes[left_state], classes[transition.target])) == [*target]:
             yield None, transition
     for transition in left_transitions:
         for other_transition in right_transitions:
-            is_joint = transition.joint.rstrip("+-") == other_transition.joint.rstrip("+-") not in ("", "claim")
+            is_joint = transition.joint.rstrip("+-") == other_transition.joint.rstrip("+-") not in (*SEPARATE, "claim")
             if is_joint and sorted((classes[transition.target], classes[other_transition.target])) == [*target]:
                 yield transition, other_transition
 
@@ -84,14 +84,14 @@ def _lines(link: Link, state_before: LinkState, transition: Transition, *, tm: i
     action = transition.action
     if not isinstance(action, Action):
         post = link.participant_inbox if transition.actor == "down" else link.coordinator_inbox
-        yield Line(lane=tm if transition.actor == "down" else sm, text=f"{post.name(action.token)} {action.word}")
+        yield Line(lane=tm if transition.actor == "down" else sm, text=f"{post.description(action.token)} {action.word}")
         return
     at_tm = transition.actor in ("tm", "to tm")
     lane, source = (tm, sm) if at_tm else (sm, tm)
     old_state = (link.coordinator(state_before) if at_tm else link.participant(state_before)).session.state
     new_state = (link.coordinator(transition.target) if at_tm else link.participant(transition.target)).session.state
     change = f" [{new_state}]" if new_state is not old_state else ""
-    message_names = [(link.participant_inbox if at_tm else link.coordinator_inbox).name(token) for token in action.tokens]
+    message_names = [(link.participant_inbox if at_tm else link.coordinator_inbox).description(token) for token in action.tokens]
     answers = f", sends {', '.join(message_names)}" if message_names and not action.description.startswith("sends ") else ""
     addressee = f" to {'AB'[sm // 2]}" if at_tm and tm == 1 else ""
     description = action.description if action.description != "gives it up" or tm == 0 else f"gives up {'AB'[sm // 2]}"

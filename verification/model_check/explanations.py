@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 Pattern = tuple[str, str, str, str]
-"""Table, state, message and change, as in a `Mutation`."""
+"""Table, state, message and change, as in a `Mutation`; for a rule, its name in place of the state."""
 
 UNUSED_ENTRY = "never used"
 
@@ -19,6 +19,7 @@ FAULT = "never used: no Fault is sent, as no message is malformed or unexpected;
 STATUS_ONLY = "no effect: a participant that has its journal reports its state for information only"
 MONITORED = "no effect here: Progress informs people, and resets a timer that can fire at any time in the model"
 ONLY_IF_LATE = "not needed if the timing assumption holds: a device that was given up does not move"
+OTHER_SIDE = "not needed if the other side follows the protocol: an order states the condition, or is not sent; it protects against others"
 
 
 def _explain_each(
@@ -77,6 +78,8 @@ EXPLANATIONS: dict[Pattern, str] = {
     **_explain_each("ABANDONED_STATES", ("Committed",), ("",), ("ignored", "Failed"),
                     "equivalent: it has not begun, and Cancel releases the step"),
     ("ABANDONED_STATES", "Executing", "", "ignored"): "equivalent: it receives Stop, and is given up in the state Stopping",
+    ("RULES", "condition in Execute, coordinator", "", "not required"): OTHER_SIDE,
+    ("RULES", "condition in Execute, participant", "", "not required"): OTHER_SIDE,
     ("RESUMES", "Executing", "", "Stopped"): "equivalent: both report that the work was interrupted, and where",
     ("RESUMES", "Stopping", "", "Failed"): "equivalent: both report that the work was interrupted, and where",
 }  # fmt: skip

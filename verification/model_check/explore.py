@@ -8,8 +8,10 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 from verification.model_check.coordinator import Phase
-from verification.model_check.properties import Outcome, Property, broken_properties, has_ended, outcome
+from verification.model_check.properties import Outcome, broken_properties, has_ended, outcome, works_behind_a_shut_door
+from verification.model_check.property import Property
 from verification.model_check.sides import Fair
+from verification.model_check.step import StepKind
 from verification.model_check.system import Link, LinkState, LostDisk, Transition, TransitionKind
 
 ENDED = (Phase.ACCOMPLISHED, Phase.BROKEN)
@@ -78,17 +80,19 @@ def explore(
     for state_number, state in enumerate(space.states):
         if (pair := state[:2]) not in checked:
             checked.add(pair)
-            for prop, reason in broken_properties(link.coordinator(state), link.participant(state)) if checks_properties else ():
+            for prop, reason in (
+                broken_properties(link.model.kind, link.coordinator(state), link.participant(state)) if checks_properties else ()
+            ):
                 space.violations.setdefault(prop, Violation(property=prop, reason=reason, state=state_number))
         space.begins.append(len(space.targets))
         for transition in link.transitions(state):
-            kind, target, _, _, wrong = transition
+            kind, target, wrong = transition.kind, transition.target, transition.wrong
             if single_participant and kind[0] == "accomplish-":
                 continue
             if wrong and checks_properties:
+                violated = transition.violates
                 space.violations.setdefault(
-                    Property.VALID_STATE,
-                    Violation(property=Property.VALID_STATE, reason=wrong, state=state_number, last_transition=transition),
+                    violated, Violation(property=violated, reason=wrong, state=state_number, last_transition=transition)
                 )
             target_number = numbers.get(target)
             if target_number is None:
@@ -135,11 +139,23 @@ def _check_termination(space: StateSpace) -> None:
     if (stuck := find_stuck_state(space, home, endless)) is not None:
         reason = "a cancel cannot end work that does not end by itself"
         space.violations.setdefault(Property.TERMINATION, Violation(property=Property.TERMINATION, reason=reason, state=stuck))
+    if link.model.kind is StepKind.WHILE:
+        _check_that_it_stops(space)
     ended_states = [n for n, state in enumerate(space.states) if link.coordinator(state).phase not in (Phase.OPEN, Phase.STOPPING)]
     coordinator_labels = {label for label, (_, _, is_coordinator) in enumerate(space.kinds) if is_coordinator}
     if (stuck := find_stuck_state(space, ended_states, coordinator_labels)) is not None:
         reason = "the transaction cannot end as long as the participant is silent"
         space.violations.setdefault(Property.TERMINATION, Violation(property=Property.TERMINATION, reason=reason, state=stuck))
+
+
+def _check_that_it_stops(space: StateSpace) -> None:
+    """Check that a device which works although the door is shut comes to rest, even if the work never ends and the door never opens."""
+    link = space.link
+    allowed = [n for n, state in enumerate(space.states) if not works_behind_a_shut_door(link.coordinator(state), link.participant(state))]
+    labels = {label for label, (joint, fair, _) in enumerate(space.kinds) if fair is Fair.YES and joint != "map"}
+    if (stuck := find_stuck_state(space, allowed, labels)) is not None:
+        reason = "the device works on, although what has to hold meanwhile does not hold any more"
+        space.violations[Property.INVARIANT] = Violation(property=Property.INVARIANT, reason=reason, state=stuck)
 
 
 def find_stuck_state(space: StateSpace, goal: Iterable[int], labels: set[int]) -> int | None:

@@ -1,4 +1,4 @@
-"""Checks the check: alters each entry of the tables in turn, and tests whether a property is violated.
+"""Checks the check: alters each entry of the tables and each rule in turn, and tests whether a property is violated.
 
 A mutation that violates no property needs an explanation in `EXPLANATIONS`. Without one it shows a gap in the properties, or an entry of
 the tables that is not needed.
@@ -19,20 +19,26 @@ from verification.model_check.explanations import EXPLANATIONS, UNUSED_ENTRY
 from verification.model_check.explore import StateSpace, explore
 from verification.model_check.media import DUPLICATING, FIFO, UNORDERED, UNORDERED_LOSSY
 from verification.model_check.pair import explore_pair
-from verification.model_check.properties import Property
+from verification.model_check.property import Property
 from verification.model_check.quotient import quotient
+from verification.model_check.rules import RULES
+from verification.model_check.step import StepKind
 from verification.model_check.system import Link, LostDisk, Model
 
 MAX_STATES = 120_000
 """The limit on the states with altered tables. Parts beyond it count as infinite."""
 
 SIDES = ("PARTICIPANT", "COORDINATOR")
+RULE_TABLE = "RULES"
 SENDS = ("PARTICIPANT_SENDS", "COORDINATOR_SENDS")
 
 
 @dataclass(frozen=True, order=True)
 class Mutation:
-    """An alteration of one entry. `change` is `ignored`, `unanswered`, or the name of the new state or message."""
+    """An alteration of one entry. `change` is `ignored`, `unanswered`, or the name of the new state or message.
+
+    In the table `RULES`, `state` is the name of a rule of the Task Manager, and `change` that of the wrong rule in its place.
+    """
 
     table: str
     state: str
@@ -64,7 +70,7 @@ class Verdict:
 
 def all_mutations() -> list[Mutation]:
     """Return all mutations. An entry that moves or answers is ignored, unanswered, or leads to the end. A message that a side may send is
-    not allowed, or leads to the end. The other tables lose or change each state."""
+    not allowed, or leads to the end. The other tables lose or change each state. Each rule is replaced by wrong ones."""
     mutations = []
     for table in SIDES:
         for state, row in getattr(states, table).items():
@@ -87,18 +93,23 @@ def all_mutations() -> list[Mutation]:
         mutations += [
             Mutation("ABANDONED_STATES", state, "", replacement) for replacement in (State.FAILED, State.ENDED) if replacement is not target
         ]
+    mutations += [Mutation("UNBEGUN", state, "", "ignored") for state in states.UNBEGUN]
     for state, report in states.RESUMES.items():
         mutations.append(Mutation("RESUMES", state, "", "ignored"))
         mutations += [
             Mutation("RESUMES", state, "", kind.__name__) for kind in (Completed, Failed, Stopped, Stranded) if kind is not report
         ]
     mutations += [Mutation("HOLDING_STATES", state, "", "ignored") for state in sorted(states.HOLDING_STATES)]
-    return mutations
+    return mutations + [Mutation(RULE_TABLE, name, "", change) for name, rule in RULES.items() for change in rule.changes]
 
 
 @contextlib.contextmanager
 def altered(mutation: Mutation) -> Iterator[None]:
-    """A context in which the entry is altered."""
+    """A context in which the entry, or the rule, is altered."""
+    if mutation.table == RULE_TABLE:
+        with RULES[mutation.state].altered(mutation.change):
+            yield
+        return
     table: Any = getattr(states, mutation.table)
     state = State(mutation.state)
     if mutation.table == "HOLDING_STATES":
@@ -170,6 +181,15 @@ TRIALS = (
         for medium, lost_disk in ((FIFO, LostDisk.COORDINATOR), (UNORDERED, LostDisk.COORDINATOR), (FIFO, LostDisk.PARTICIPANT))
     ),
     Trial(name=f"2 participants, {DUPLICATING.name}", model=Model(medium=DUPLICATING), two_participants=True),
+    *(
+        Trial(name=f"{kind}, {medium.name}", model=Model(medium=medium, lapses=True, kind=kind))
+        for kind, medium in (
+            (StepKind.RECOGNITION, DUPLICATING),
+            (StepKind.NOT_NOW, DUPLICATING),
+            (StepKind.WHILE, DUPLICATING),
+            (StepKind.CONDITIONAL, FIFO),
+        )
+    ),
 )
 
 Entry = tuple[str, str, str]
@@ -188,7 +208,8 @@ def used_entries(trial: Trial) -> frozenset[Entry]:
     for table, side in sides:
         for state in {side_state.session.state for side_state in side.states}:
             entries |= {(f"{table}_SENDS", state, message.__name__) for message in getattr(states, f"{table}_SENDS").get(state, {})}
-            entries |= {(other_table, state, "") for other_table in ("ABANDONED_STATES", "RESUMES", "HOLDING_STATES")}
+            entries |= {(other_table, state, "") for other_table in ("ABANDONED_STATES", "RESUMES", "HOLDING_STATES", "UNBEGUN")}
+    entries |= {(RULE_TABLE, name, "") for name, rule in RULES.items() if trial.model.kind in rule.kinds}
     return frozenset(entries)
 
 

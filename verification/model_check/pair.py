@@ -12,7 +12,8 @@ from dataclasses import dataclass, field
 
 from verification.model_check.coordinator import Phase
 from verification.model_check.explore import Tick
-from verification.model_check.properties import Outcome, Property
+from verification.model_check.properties import Outcome
+from verification.model_check.property import Property
 from verification.model_check.quotient import Quotient
 
 ClassPair = tuple[int, int]
@@ -23,6 +24,10 @@ JOINT_RULES = (
     ("accomplish+", "accomplish-"), ("accomplish-", "accomplish+"),
 )  # fmt: skip
 """The moves of the transaction, which both participants make at once. It is accomplished when either has completed the step."""
+
+
+SEPARATE = ("", "map", "anew")
+"""The rules of moves that one participant makes without regard to the other."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,7 +118,7 @@ def successors(quotient: Quotient, pair: ClassPair) -> Iterator[tuple[int, Class
 def _single_successors(quotient: Quotient, mover: int, partner: int) -> Iterator[tuple[int, ClassPair]]:
     held = quotient.observations[partner].holds_step
     for (joint, fair, _), target in quotient.transitions[mover]:
-        if joint == "" or (joint == "claim" and not held):
+        if joint in SEPARATE or (joint == "claim" and not held):
             yield fair, (target, partner) if target <= partner else (partner, target)
 
 
@@ -122,7 +127,7 @@ def _joint(quotient: Quotient, mover: int) -> dict[str, list[tuple[int, int]]]:
         return {}
     targets: dict[str, list[tuple[int, int]]] = {}
     for (joint, fair, _), target in quotient.transitions[mover]:
-        if joint not in ("", "claim"):
+        if joint not in (*SEPARATE, "claim"):
             targets.setdefault(joint, []).append((fair, target))
     return targets
 

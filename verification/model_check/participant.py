@@ -14,12 +14,27 @@ from somrs.protocol.frp.participant_session import ParticipantSession
 from somrs.protocol.frp.session import ParticipantBody
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.frp import State
-from verification.model_check.sides import PARTICIPANT, SM, TM, TRANSACTION, Action, Fair, Side, forget_fleeting, is_late, key, try_action
+from verification.model_check import step
+from verification.model_check.sides import (
+    NOW,
+    PARTICIPANT,
+    SM,
+    TM,
+    TRANSACTION,
+    Action,
+    Fair,
+    Side,
+    describe,
+    forget_fleeting,
+    key,
+    try_action,
+)
+from verification.model_check.step import StepKind
 
 # The contents of the bodies are arbitrary: no state depends on them.
 PARTICIPANT_BODIES: dict[type[object], ParticipantBody] = {
-    frp.Terms: frp.Terms(effect="E", price=1.0, duration=1.0),
-    frp.Refuse: frp.Refuse(reason="r"),
+    frp.Terms: step.TERMS,
+    frp.Refuse: step.REFUSE,
     frp.Progress: frp.Progress(fraction=0.5),
     frp.Completed: frp.Completed(situation="S"),
     frp.Failed: frp.Failed(description="d"),
@@ -40,15 +55,12 @@ REQUIRED_MESSAGES: dict[State, tuple[type[object], ...]] = {
 }
 
 
-UNBEGUN: dict[State, type[object]] = {State.OFFERED: frp.Refuse, State.COMMITTED: frp.Failed}
-"""The answers to an Execute that came too late. The answer to a late Compensate is Stranded."""
-
-
 class WorkState(Enum):
     """The work that a participant has really done."""
 
     NOT_STARTED = "nothing"
     STARTED = "begun"
+    LOOKED = "seen, and nothing changed"
     COMPLETED = "done"
     HALF = "partly done"
     UNDONE = "undone"
@@ -71,8 +83,11 @@ class Participant:
     """The participant has lost its disk."""
 
 
+@dataclass
 class Participants(Side[Participant]):
     """The participant's states, with the results of every message and every choice."""
+
+    kind: StepKind = StepKind.PLAIN
 
     def first(self) -> int:
         return self._add(Participant(session=_fresh_participant()))
@@ -95,9 +110,9 @@ class Participants(Side[Participant]):
     def _receive(self, state_number: int, token: int, description: str) -> Action:
         participant, session = self.states[state_number], self.states[state_number].session.copy()
         message = self.inbox.messages[token]
-        late = is_late(message)
-        if late and isinstance(message.body, frp.Execute) and session.state in UNBEGUN:
-            tokens = self._refused(session, UNBEGUN[session.state])
+        objection = session.objection(message, NOW)
+        if objection and isinstance(message.body, frp.Execute) and session.state in states.UNBEGUN:
+            tokens = self._refused(session, states.UNBEGUN[session.state])
             return Action(description, self._add(replace(participant, session=session)), tokens)
         self.outbox.prepare(session, states.PARTICIPANT[session.state][type(message.body)].answer)
         result = session.receive(message)
@@ -110,7 +125,7 @@ class Participants(Side[Participant]):
         )
         if result.state_before is State.ENDED and result.state is not State.ENDED:
             wrong = f"a participant that has ended becomes {result.state}"
-        elif late and result.moved and result.state is State.COMPENSATING:
+        elif objection and result.moved and result.state is State.COMPENSATING:
             tokens = (*tokens, *self._refused(session, frp.Stranded))
         elif result.moved and result.state in (State.EXECUTING, State.COMPENSATING) and result.state_before is not result.state:
             is_start = result.state is State.EXECUTING
@@ -119,16 +134,28 @@ class Participants(Side[Participant]):
                 moving=True,
                 halted=False,
                 verdict=None,
-                work_state=WorkState.STARTED if is_start else participant.work_state,
+                work_state=self._begun if is_start else participant.work_state,
             )
         elif result.moved and result.state is State.ENDED:
             participant_after = replace(participant_after, verdict=None, halted=False)
         return Action(description, self._add(participant_after), tokens, wrong=wrong)
 
+    @property
+    def _begun(self) -> WorkState:
+        return WorkState.LOOKED if self.kind is StepKind.RECOGNITION else WorkState.STARTED
+
     def _refused(self, session: ParticipantSession, kind: type[object]) -> tuple[int, ...]:
-        """Answer an order that came too late, as `ServiceManager` does: nothing moves."""
+        """Answer an order that must not be carried out, as `ServiceManager` does: nothing moves."""
         self.outbox.prepare(session, kind)
-        return (self.outbox.number(session.send(PARTICIPANT_BODIES[kind]), session.number),)
+        return (self.outbox.number(session.send(self._bodies(session.state, kind)[0]), session.number),)
+
+    def _bodies(self, state: State, kind: type[object]) -> tuple[ParticipantBody, ...]:
+        """What the participant may say with a message of this type."""
+        if kind not in (frp.Terms, frp.Refuse):
+            return (PARTICIPANT_BODIES[kind],)
+        if state is not State.ARRANGING:
+            return (step.expiry(self.kind),)
+        return tuple(answer for answer in step.answers(self.kind) if isinstance(answer, kind))
 
     def _all_actions(self, state_number: int) -> Iterator[Action]:
         """Yield the participant's moves, with those of its device and its timers."""
@@ -136,9 +163,10 @@ class Participants(Side[Participant]):
         state = participant.session.state
         for kind in dict.fromkeys((*states.PARTICIPANT_SENDS.get(state, {}), *REQUIRED_MESSAGES.get(state, ()))):
             if (not participant.halted and (participant.moving or state not in states.WORKING)) or kind is frp.Progress:
-                yield self._send(state_number, kind)
+                for body in self._bodies(state, kind):
+                    yield self._send(state_number, body)
         if participant.halted and participant.verdict is not None:
-            yield self._send(state_number, participant.verdict)
+            yield self._send(state_number, PARTICIPANT_BODIES[participant.verdict])
         if participant.moving and state not in states.WORKING:
             yield Action(
                 "comes to rest", self._add(replace(participant, moving=False, work_state=_interrupted(participant))), fair=Fair.YES
@@ -146,14 +174,14 @@ class Participants(Side[Participant]):
         if participant.moving and state in (State.EXECUTING, State.COMPENSATING):
             yield Action("is cut off, and halts", self._add(_halted(participant)))
 
-    def _send(self, state_number: int, kind: type[object]) -> Action:
-        description = f"sends {kind.__name__}"
-        return try_action(lambda: self._perform_send(state_number, kind, description), description, state_number)
+    def _send(self, state_number: int, body: ParticipantBody) -> Action:
+        description = f"sends {describe(body)}"
+        return try_action(lambda: self._perform_send(state_number, body, description), description, state_number)
 
-    def _perform_send(self, state_number: int, kind: type[object], description: str) -> Action:
-        participant, session = self.states[state_number], self.states[state_number].session.copy()
+    def _perform_send(self, state_number: int, body: ParticipantBody, description: str) -> Action:
+        participant, session, kind = self.states[state_number], self.states[state_number].session.copy(), type(body)
         self.outbox.prepare(session, kind)
-        message = session.send(PARTICIPANT_BODIES[kind])
+        message = session.send(body)
         forget_fleeting(session)
         participant_after = replace(participant, session=session)
         wrong = ""
@@ -207,6 +235,8 @@ def _interrupted(participant: Participant) -> WorkState:
 
 def _reported_work_state(participant: Participant, kind: type[object]) -> WorkState:
     """Return the real state of the work after a report of this type."""
+    if participant.work_state is WorkState.LOOKED:
+        return WorkState.LOOKED
     if kind is frp.Completed:
         return WorkState.COMPLETED
     if kind is frp.Compensated:

@@ -7,25 +7,13 @@ Property 5, map correctness, concerns the Task Manager's data; the fault runs ch
 from __future__ import annotations
 
 from collections.abc import Iterator
-from enum import StrEnum
 
 from somrs.protocol.frp import states
-from somrs.protocol.messages.frp import Accept, State
+from somrs.protocol.messages.frp import Accept, Execute, State
 from verification.model_check.coordinator import NEEDS_COMPENSATION, Coordinator, Phase
 from verification.model_check.participant import Participant, WorkState
-
-
-class Property(StrEnum):
-    """The properties, in the order in which they are printed."""
-
-    VALID_STATE = "no invalid state"
-    MUTUAL_EXCLUSION = "1 mutual exclusion"
-    CONTRACT = "2 no work without a contract"
-    TERMINATION = "3 termination"
-    PARTIAL_RESULT = "4 no silent partial result"
-    ORPHAN = "6 no orphan"
-    RESTART = "7 restart transparency"
-
+from verification.model_check.property import Property
+from verification.model_check.step import DOOR_OPEN, StepKind, is_conditional
 
 BrokenProperty = tuple[Property, str]
 
@@ -36,7 +24,7 @@ Outcome = tuple[Phase, WorkState, State | None]
 """The end of a transaction for one participant: the outcome, the work really done, and the coordinator's last state of it."""
 
 
-def broken_properties(coordinator: Coordinator, participant: Participant) -> Iterator[BrokenProperty]:
+def broken_properties(kind: StepKind, coordinator: Coordinator, participant: Participant) -> Iterator[BrokenProperty]:
     """Yield the properties that the two states together violate. A side that lost its disk is not bound by what it has lost."""
     believed, real = coordinator.session.state, participant.session.state
     if coordinator.phase is Phase.LOST:
@@ -44,6 +32,8 @@ def broken_properties(coordinator: Coordinator, participant: Participant) -> Ite
     if not participant.forgot:
         yield from _fits(coordinator, participant)
         yield from _contract(coordinator, participant)
+    yield from _depends_on_the_door(kind, coordinator, participant)
+    yield from _recognition(coordinator, participant)
     if coordinator.phase is Phase.BROKEN and not _is_client_told(coordinator, participant):
         yield Property.PARTIAL_RESULT, f"the work was {participant.work_state.value}; the coordinator last knew {coordinator.last_state}"
     if coordinator.phase in (Phase.ACCOMPLISHED, Phase.BROKEN) and believed not in (State.NEW, State.ENDED):
@@ -76,10 +66,34 @@ def _contract(coordinator: Coordinator, participant: Participant) -> Iterator[Br
         yield Property.CONTRACT, "it compensates without a Compensate"
 
 
+def _depends_on_the_door(kind: StepKind, coordinator: Coordinator, participant: Participant) -> Iterator[BrokenProperty]:
+    if kind is StepKind.WHILE and works_behind_a_shut_door(coordinator, participant) and coordinator.session.state is State.EXECUTING:
+        yield Property.INVARIANT, "the service is not told to stop, although what has to hold meanwhile does not hold any more"
+    execute = participant.session.received_messages.get("Execute")
+    if (
+        participant.work_state is not WorkState.NOT_STARTED
+        and is_conditional(participant.session.terms)
+        and not (execute is not None and isinstance(execute.body, Execute) and execute.body.precondition == DOOR_OPEN)
+    ):
+        yield Property.CONDITION, "it began on an order that does not say that its condition holds"
+
+
+def works_behind_a_shut_door(coordinator: Coordinator, participant: Participant) -> bool:
+    """Whether the device works on a step that needs an open door, and the door is shut by the map of a task that goes on."""
+    return participant.moving and coordinator.is_open is False and coordinator.phase is Phase.OPEN
+
+
+def _recognition(coordinator: Coordinator, participant: Participant) -> Iterator[BrokenProperty]:
+    if participant.work_state is WorkState.LOOKED and "Compensate" in coordinator.session.sent_messages:
+        yield Property.RECOGNITION, "it is told to undo what changed nothing"
+    if coordinator.phase is Phase.ACCOMPLISHED and coordinator.reporting:
+        yield Property.RECOGNITION, "the task goes on, and the map does not have what was recognised"
+
+
 def _is_client_told(coordinator: Coordinator, participant: Participant) -> bool:
     """Whether the client learns in which state the work was left."""
     last_state = coordinator.last_state
-    if participant.work_state is WorkState.NOT_STARTED or coordinator.abandoned or last_state is State.STRANDED:
+    if participant.work_state in (WorkState.NOT_STARTED, WorkState.LOOKED) or coordinator.abandoned or last_state is State.STRANDED:
         return True
     if last_state is State.COMPENSATED:
         return participant.work_state is WorkState.UNDONE or participant.forgot

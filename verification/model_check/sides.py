@@ -22,12 +22,13 @@ from somrs.protocol.messages import frp
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.frp import State
 from verification.model_check.futures import Futures
+from verification.model_check.property import Property
 
 TM, SM, TRANSACTION, PARTICIPANT = "tm", "sm", "t", "service#step"
 FLEETING = ("Progress", "Status", "Fault", "Query")
 
-LAPSED = 0.0
-"""The `begin_by` of an order that has expired by the participant's clock. Orders in time have no `begin_by`."""
+LAPSED, NOW = 0.0, 1.0
+"""The `begin_by` of an order that has expired by the participant's clock, and the time on it. Orders in time have no `begin_by`."""
 
 
 class Fair(IntEnum):
@@ -49,7 +50,9 @@ class Action(NamedTuple):
     fair: Fair = Fair.NO
     joint: str = ""
     wrong: str = ""
-    """Why this step violates the protocol; empty if it does not."""
+    """Why this step violates a property; empty if it does not."""
+    violates: Property = Property.VALID_STATE
+    """The property that a wrong step violates."""
 
 
 class MessageTable:
@@ -91,6 +94,9 @@ class MessageTable:
     def name(self, token: int) -> str:
         return type(self.messages[token].body).__name__
 
+    def description(self, token: int) -> str:
+        return describe(self.messages[token].body)
+
     def mask_of(self, kinds: frozenset[type[object]]) -> int:
         """Return the bit mask of the messages of these types."""
         return sum(1 << token for token, message in enumerate(self.messages) if type(message.body) in kinds)
@@ -106,8 +112,22 @@ def _identity(message: Message) -> object:
     if isinstance(body, frp.Fault):
         return "Fault", header.relates_to
     if is_late(message):
-        return "late", header.message_id
-    return header.message_id
+        return "late", header.message_id, variant(body)
+    return header.message_id, variant(body)
+
+
+def variant(body: object) -> object:
+    """What distinguishes messages of one type on which a decision depends; None for the variant that says nothing special."""
+    match body:
+        case frp.Arrange(situation=situation):
+            return situation
+        case frp.Terms(condition=condition):
+            return condition
+        case frp.Refuse(not_now=not_now, condition=condition):
+            return (not_now, condition) if not_now or condition is not None else None
+        case frp.Execute(precondition=precondition):
+            return precondition
+    return None
 
 
 def is_late(message: Message) -> bool:
@@ -116,8 +136,15 @@ def is_late(message: Message) -> bool:
 
 
 def key(session: CoordinatorSession | ParticipantSession, matters: Callable[[State, str], bool]) -> object:
-    sent_keys = sorted((name, record.id, record.state if name == "Query" else "") for name, record in session.sent_messages.items())
-    received_keys = sorted((name, record.id) for name, record in session.received_messages.items() if matters(session.state, name))
+    sent_keys = sorted(
+        (name, record.id, record.state if name == "Query" else "", str(variant(record.body)))
+        for name, record in session.sent_messages.items()
+    )
+    received_keys = sorted(
+        (name, record.id, str(variant(record.body)))
+        for name, record in session.received_messages.items()
+        if matters(session.state, name) or variant(record.body) is not None
+    )
     return session.state, tuple(sent_keys), tuple(received_keys)
 
 
@@ -146,7 +173,7 @@ class Side(ABC, Generic[S]):
     def receive(self, state_number: int, token: int) -> Action:
         """Return the result of receiving the message in this state."""
         if (state_number, token) not in self.reactions:
-            description = f"receives {'late ' if is_late(self.inbox.messages[token]) else ''}{self.inbox.name(token)}"
+            description = f"receives {'late ' if is_late(self.inbox.messages[token]) else ''}{self.inbox.description(token)}"
             self.reactions[state_number, token] = try_action(
                 lambda: self._receive(state_number, token, description), description, state_number
             )
@@ -171,6 +198,19 @@ class Side(ABC, Generic[S]):
         numbers = tuple(self.outbox.number(message, session.number) for message in messages)
         fault = next((message.body.text for message in messages if isinstance(message.body, frp.Fault)), "")
         return numbers, f"an unexpected message: {fault}" if fault else ""
+
+
+def describe(body: object) -> str:
+    """The type of the message, and what its variant says."""
+    name = type(body).__name__
+    match body:
+        case frp.Arrange(situation=str()) | frp.Execute(precondition=str()):
+            return f"{name} (open)"
+        case frp.Terms(condition=str()) | frp.Refuse(condition=str()):
+            return f"{name} (if open)"
+        case frp.Refuse(not_now=True):
+            return f"{name} (not now)"
+    return name
 
 
 def try_action(action: Callable[[], Action], description: str, state_number: int) -> Action:

@@ -10,8 +10,9 @@ from verification.model_check.chart import pair_chart, single_chart
 from verification.model_check.explore import StateSpace, Tick, explore
 from verification.model_check.media import DUPLICATING, FIFO, LOSSY_FIFO, MEDIA, OUTBOX, Medium
 from verification.model_check.pair import PairSpace, explore_pair
-from verification.model_check.properties import Property
+from verification.model_check.property import Property
 from verification.model_check.quotient import quotient
+from verification.model_check.step import StepKind
 from verification.model_check.system import Link, LostDisk, Model
 
 LOST_DISKS = ((FIFO, LostDisk.PARTICIPANT), (FIFO, LostDisk.COORDINATOR), (DUPLICATING, LostDisk.COORDINATOR))
@@ -48,33 +49,61 @@ SINGLE_PROPERTIES = (
 )
 
 
+KIND_PROPERTIES: dict[StepKind, tuple[Property, ...]] = {
+    StepKind.PLAIN: (),
+    StepKind.CONDITIONAL: (Property.CONDITION, Property.REFUSAL),
+    StepKind.NOT_NOW: (Property.REFUSAL,),
+    StepKind.WHILE: (Property.INVARIANT,),
+    StepKind.RECOGNITION: (Property.RECOGNITION,),
+}
+"""The properties that concern one kind of step only."""
+
+KINDS = tuple(kind for kind in StepKind if kind is not StepKind.PLAIN)
+
+
 def check_one(medium: Medium, tick: Tick | None = None) -> Result:
     """Check one participant, with kills and restarts at any moment and, for property 7, without."""
-    started_at = time.perf_counter()
-    calm = explore(Link(Model(medium=medium, restarts=False, lapses=True)), single_participant=True, tick=tick)
-    space = explore(Link(Model(medium=medium, lapses=True)), single_participant=True, tick=tick)
-    cells: dict[Property, Counterexample | None] = dict.fromkeys(SINGLE_PROPERTIES)
-    cells |= _counterexamples(space)
-    if new := space.outcomes - calm.outcomes:
-        cells[Property.RESTART] = _only_with_restarts(new)
-    return Result(
-        medium=medium.name, configuration="1 participant", states=len(space.states), seconds=time.perf_counter() - started_at, cells=cells
-    )
+    return _check_part(StepKind.PLAIN, medium, "1 participant", tick)
 
 
 def check_two(medium: Medium, tick: Tick | None = None) -> Result:
     """Check two participants of one step. Properties of one are checked in its part with arbitrary others."""
+    return _check_pair(StepKind.PLAIN, OUTBOX if medium is LOSSY_FIFO else medium, "2 participants", tick)
+
+
+def _check_part(kind: StepKind, medium: Medium, configuration: str, tick: Tick | None) -> Result:
     started_at = time.perf_counter()
-    medium = OUTBOX if medium is LOSSY_FIFO else medium
-    cells: dict[Property, Counterexample | None] = dict.fromkeys(Property)
-    _, calm = _explore_two(Model(medium=medium, restarts=False), tick)
-    part, space = _explore_two(Model(medium=medium), tick)
+    calm = explore(Link(Model(medium=medium, restarts=False, lapses=True, kind=kind)), single_participant=True, tick=tick)
+    space = explore(Link(Model(medium=medium, lapses=True, kind=kind)), single_participant=True, tick=tick)
+    cells: dict[Property, Counterexample | None] = dict.fromkeys((*SINGLE_PROPERTIES, *KIND_PROPERTIES[kind]))
+    cells |= _counterexamples(space)
+    if new := space.outcomes - calm.outcomes:
+        cells[Property.RESTART] = _only_with_restarts(new)
+    seconds = time.perf_counter() - started_at
+    return Result(medium=medium.name, configuration=configuration, states=len(space.states), seconds=seconds, cells=cells)
+
+
+def _check_pair(kind: StepKind, medium: Medium, configuration: str, tick: Tick | None) -> Result:
+    started_at = time.perf_counter()
+    properties = (*SINGLE_PROPERTIES, Property.MUTUAL_EXCLUSION, *KIND_PROPERTIES[kind])
+    cells: dict[Property, Counterexample | None] = dict.fromkeys(properties)
+    _, calm = _explore_two(Model(medium=medium, restarts=False, kind=kind), tick)
+    part, space = _explore_two(Model(medium=medium, kind=kind), tick)
     cells |= _counterexamples(part) | pair_counterexamples(space)
     if new := space.outcomes - calm.outcomes:
         cells[Property.RESTART] = _only_with_restarts(new)
-    return Result(
-        medium=medium.name, configuration="2 participants", states=len(space.states), seconds=time.perf_counter() - started_at, cells=cells
-    )
+    seconds = time.perf_counter() - started_at
+    return Result(medium=medium.name, configuration=configuration, states=len(space.states), seconds=seconds, cells=cells)
+
+
+def check_kind(kind: StepKind, medium: Medium, tick: Tick | None = None) -> Result:
+    """Check one participant with a step of this kind, with kills and restarts at any moment and, for property 7, without."""
+    return _check_part(kind, OUTBOX if medium is LOSSY_FIFO else medium, str(kind), tick)
+
+
+def check_kind_with_two(kind: StepKind, medium: Medium, tick: Tick | None = None) -> Result:
+    """Check two participants of one step of this kind."""
+    return _check_pair(kind, OUTBOX if medium is LOSSY_FIFO else medium, f"{kind}, 2 participants", tick)
 
 
 def check_lost_disk(medium: Medium, lost_disk: LostDisk, tick: Tick | None = None) -> Result:
@@ -102,8 +131,16 @@ def check_assumption(*, cut_off: bool, clocks: bool, tick: Tick | None = None) -
     )
 
 
+def check_kinds(tick: Tick | None = None) -> Iterator[Result]:
+    """Yield the results for steps that depend on more than the protocol, each kind by itself."""
+    for kind in KINDS:
+        for medium in MEDIA:
+            yield check_kind(kind, medium, tick)
+        yield check_kind_with_two(kind, DUPLICATING, tick)
+
+
 def check_all(tick: Tick | None = None) -> Iterator[Result]:
-    """Yield the results of all configurations in which the properties have to hold."""
+    """Yield the results of all configurations of a plain step, in which the properties have to hold."""
     for medium in MEDIA:
         yield check_one(medium, tick)
     for medium in MEDIA:

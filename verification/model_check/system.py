@@ -2,6 +2,7 @@
 
 One participant's part is a `Link`. Links of one step depend on each other only by moves that are `joint`:
 - `claim`: no other participant holds the step (`states.HOLDING_STATES`) when this one is accepted, or receives Compensate;
+- `map`: the map says otherwise of the door; `anew`: a new session begins. Both concern only this participant;
 - `cancel`, `fail`, `accomplish`, `end`, `overdue`: the transaction stops or ends for all of its participants at once.
 `pair.py` composes two links by these rules.
 """
@@ -16,11 +17,14 @@ from typing import NamedTuple
 from somrs.protocol.frp.states import WORKING, MessageType
 from somrs.protocol.messages.frp import State
 from somrs.task_manager.execution.participants import UNREACHED_STATES
+from verification.model_check.channels import Channels, ChannelUpdate
 from verification.model_check.coordinator import Coordinator, Coordinators, Phase
 from verification.model_check.futures import Futures
-from verification.model_check.media import EMPTY, Arrival, Channel, Event, Medium, members
+from verification.model_check.media import Arrival, Event, Medium
 from verification.model_check.participant import Participant, Participants
+from verification.model_check.property import Property
 from verification.model_check.sides import Action, Fair, MessageTable, is_late
+from verification.model_check.step import StepKind
 
 REPEATED_MESSAGES = frozenset(("Cancel", "End", "Terms", "Refuse", "Completed", "Failed", "Stopped", "Compensated", "Stranded"))
 """The messages that are repeated for a day. Progress, Query, Status and Fault are not, and orders only in the states below."""
@@ -53,6 +57,9 @@ class Model:
     """An order in transit may expire at any moment; otherwise when its participant is given up."""
     cut_off: bool = True
     """A device has stopped when its participant is given up."""
+    kind: StepKind = StepKind.PLAIN
+    reuses_ids: bool = False
+    """A new session has the ids of the one before it; otherwise, ids of its own."""
     clocks: bool = True
     """An order in transit has expired by the participant's clock, too, when the participant is given up."""
 
@@ -71,91 +78,13 @@ class Transition(NamedTuple):
     wrong: str = ""
 
     @property
+    def violates(self) -> Property:
+        """The property that a wrong step violates."""
+        return self.action.violates if isinstance(self.action, Action) else Property.VALID_STATE
+
+    @property
     def joint(self) -> str:
         return self.kind[0]
-
-
-class _Channels:
-    """The states of the channels of one direction, by number."""
-
-    def __init__(self, medium: Medium, post: MessageTable) -> None:
-        self.medium, self.messages = medium, post
-        self.channels: list[Channel] = [EMPTY]
-        self._numbers: dict[Channel, int] = {EMPTY: 0}
-        self._send_results: dict[tuple[int, tuple[int, ...]], int] = {}
-        self._arrivals: dict[int, tuple[tuple[Arrival, int], ...]] = {}
-        self._events: dict[int, tuple[tuple[Event, int], ...]] = {}
-        self._lapsed: dict[int, tuple[tuple[Event, int], ...]] = {}
-        self._restarted: dict[int, tuple[int, ...]] = {}
-
-    def number(self, channel: Channel) -> int:
-        if channel not in self._numbers:
-            self._numbers[channel] = len(self.channels)
-            self.channels.append(channel)
-        return self._numbers[channel]
-
-    def send(self, channel_number: int, tokens: tuple[int, ...]) -> int:
-        if not tokens:
-            return channel_number
-        if (channel_number, tokens) not in self._send_results:
-            channel = self.channels[channel_number]
-            for token in tokens:
-                channel = self.medium.send(channel, token)
-            self._send_results[channel_number, tokens] = self.number(channel)
-        return self._send_results[channel_number, tokens]
-
-    def arrivals(self, channel_number: int) -> tuple[tuple[Arrival, int], ...]:
-        if channel_number not in self._arrivals:
-            self._arrivals[channel_number] = tuple(
-                (arrival, self.number(arrival.channel_after)) for arrival in self.medium.arrivals(self.channels[channel_number])
-            )
-        return self._arrivals[channel_number]
-
-    def events(self, channel_number: int) -> tuple[tuple[Event, int], ...]:
-        if channel_number not in self._events:
-            self._events[channel_number] = tuple(
-                (event, self.number(event.channel_after)) for event in self.medium.events(self.channels[channel_number])
-            )
-        return self._events[channel_number]
-
-    def lapsed(self, channel_number: int) -> tuple[tuple[Event, int], ...]:
-        """Return the channels after the expiry of one of the orders in this one."""
-        if channel_number not in self._lapsed:
-            channel = self.channels[channel_number]
-            lapses = []
-            for token in {*channel.queue, *members(channel.unacknowledged | channel.copies)}:
-                if (late := self.messages.lapsed(token)) != token:
-                    lapsed_channel = self.medium.lapsed(channel, token, late)
-                    lapses.append((Event("has expired", token, lapsed_channel, False), self.number(lapsed_channel)))
-            self._lapsed[channel_number] = tuple(lapses)
-        return self._lapsed[channel_number]
-
-    def drop(self, channel_number: int, kinds: frozenset[MessageType]) -> int:
-        """Return the channel without messages of these types."""
-        return (
-            self.number(self.medium.drop(self.channels[channel_number], self.messages.mask_of(kinds)))
-            if channel_number and kinds
-            else channel_number
-        )
-
-    def restarted(self, channel_number: int) -> tuple[int, ...]:
-        if channel_number not in self._restarted:
-            self._restarted[channel_number] = tuple(
-                self.number(channel) for channel in self.medium.restarted(self.channels[channel_number])
-            )
-        return self._restarted[channel_number]
-
-
-class _ChannelUpdate(dict[int, int]):
-    """Maps each channel of one direction to the channel after these messages were sent and the ineffective types dropped. Computed
-    once for each channel."""
-
-    def __init__(self, channels: _Channels, tokens: tuple[int, ...], ineffective: frozenset[MessageType]) -> None:
-        self.channels, self.tokens, self.ineffective = channels, tokens, ineffective
-
-    def __missing__(self, channel_number: int) -> int:
-        updated_number = self[channel_number] = self.channels.drop(self.channels.send(channel_number, self.tokens), self.ineffective)
-        return updated_number
 
 
 class _LinkAction(NamedTuple):
@@ -164,8 +93,8 @@ class _LinkAction(NamedTuple):
     kind: TransitionKind
     c: int
     p: int
-    down_update: _ChannelUpdate
-    up_update: _ChannelUpdate
+    down_update: ChannelUpdate
+    up_update: ChannelUpdate
     actor: str
     action: Action
 
@@ -186,12 +115,13 @@ class _Pair(NamedTuple):
     queries: tuple[_LinkAction, ...]
     """Only when nothing is in transit to the participant."""
     abandonments: tuple[_LinkAction, ...]
+    new_sessions: tuple[_LinkAction, ...]
     restarts: tuple[_LinkAction, ...]
     loses_disk: tuple[_LinkAction, ...]
     at_participant: dict[tuple[int, bool], _LinkAction]
     at_coordinator: dict[tuple[int, bool], _LinkAction]
-    down_update: _ChannelUpdate
-    up_update: _ChannelUpdate
+    down_update: ChannelUpdate
+    up_update: ChannelUpdate
 
 
 def _fair(event: Event, is_repeated: bool) -> Fair | None:
@@ -213,15 +143,19 @@ class Link:
         self.participant_inbox, self.coordinator_inbox = MessageTable(), MessageTable()
         self._futures = Futures(lost_disk=model.lost_disk is not LostDisk.NONE)
         self._certain = Futures(lost_disk=False, queries=model.lost_disk is LostDisk.PARTICIPANT)
-        self.coordinators = Coordinators(inbox=self.coordinator_inbox, outbox=self.participant_inbox, futures=self._futures)
+        self.coordinators = Coordinators(
+            inbox=self.coordinator_inbox, outbox=self.participant_inbox, futures=self._futures, kind=model.kind
+        )
         self.coordinators.queries = model.lost_disk is LostDisk.PARTICIPANT
-        self.participants = Participants(inbox=self.participant_inbox, outbox=self.coordinator_inbox, futures=self._futures)
+        self.participants = Participants(
+            inbox=self.participant_inbox, outbox=self.coordinator_inbox, futures=self._futures, kind=model.kind
+        )
         self._to_participant, self._to_coordinator = (
-            _Channels(model.medium, self.participant_inbox),
-            _Channels(model.medium, self.coordinator_inbox),
+            Channels(model.medium, self.participant_inbox),
+            Channels(model.medium, self.coordinator_inbox),
         )
         self._pairs: dict[tuple[int, int], _Pair] = {}
-        self._channel_updates: dict[tuple[_Channels, tuple[int, ...], frozenset[MessageType]], _ChannelUpdate] = {}
+        self._channel_updates: dict[tuple[Channels, tuple[int, ...], frozenset[MessageType]], ChannelUpdate] = {}
         self._order_repeats: dict[tuple[int, int], bool] = {}
 
     @property
@@ -245,6 +179,8 @@ class Link:
             yield link_action.transition(down_channel, up_channel)
         for link_action in pair.abandonments:
             yield link_action.transition(self._too_late(down_channel), up_channel)
+        for link_action in pair.new_sessions:
+            yield self._begun_anew(link_action, down_channel, up_channel)
         for arrival, rest in to_participant.arrivals(down_channel):
             yield (
                 pair.at_participant.get((arrival.token, arrival.is_repeated)) or self._heard_by_participant(pair, c, p, arrival)
@@ -279,10 +215,15 @@ class Link:
         actions: list[_LinkAction] = []
         queries: list[_LinkAction] = []
         abandonments: list[_LinkAction] = []
+        new_sessions: list[_LinkAction] = []
         for action in self.coordinators.actions(c):
             if action.joint == "give up":
                 if not (self.model.cut_off and participant.moving):
                     abandonments.append(self._link_action(("", Fair.NO, True), action.target, p, "tm", action))
+            elif action.joint == "anew":
+                if participant.session.state is State.ENDED and not participant.moving:
+                    p_after = p if self.model.reuses_ids else self.participants.first()
+                    new_sessions.append(self._link_action(("anew", Fair.YES, True), action.target, p_after, "tm", action))
             elif action.joint == "again":
                 if participant.session.state in UNREACHED_STATES.get(coordinator.session.state, ()):
                     actions.append(self._link_action(("", Fair.YES, True), action.target, p, "tm", action))
@@ -299,6 +240,7 @@ class Link:
             actions=tuple(actions),
             queries=tuple(queries),
             abandonments=tuple(abandonments),
+            new_sessions=tuple(new_sessions),
             restarts=tuple(self._restarts(c, p)) if self.model.restarts else (),
             loses_disk=tuple(self._disk_lost(c, p)),
             at_participant={},
@@ -317,10 +259,20 @@ class Link:
         up_update = self._channel_update(self._to_coordinator, () if from_coordinator else action.tokens, ineffective_up)
         return _LinkAction(kind, c, p, down_update, up_update, actor, action)
 
-    def _channel_update(self, channels: _Channels, tokens: tuple[int, ...], ineffective: frozenset[MessageType]) -> _ChannelUpdate:
+    def _begun_anew(self, link_action: _LinkAction, down_channel: int, up_channel: int) -> Transition:
+        """Begin a new session. The one before must have left nothing behind: no message of it can have an effect any more."""
+        if self.model.reuses_ids:
+            return link_action.transition(down_channel, up_channel)
+        transition = link_action.transition(0, 0)
+        if down_channel or up_channel:
+            wrong = "a message of the session before can still have an effect"
+            return transition._replace(wrong=wrong)
+        return transition
+
+    def _channel_update(self, channels: Channels, tokens: tuple[int, ...], ineffective: frozenset[MessageType]) -> ChannelUpdate:
         key = channels, tokens, ineffective
         if key not in self._channel_updates:
-            self._channel_updates[key] = _ChannelUpdate(channels, tokens, ineffective)
+            self._channel_updates[key] = ChannelUpdate(channels, tokens, ineffective)
         return self._channel_updates[key]
 
     def _ineffective_messages(self, c: int, p: int) -> tuple[frozenset[MessageType], frozenset[MessageType]]:
