@@ -39,6 +39,8 @@ def page() -> str:
             "",
             *_grid(states.PARTICIPANT, states.TO_PARTICIPANT),
             "",
+            *_unbegun(),
+            "",
             "## The coordinator's view of a participant",
             "",
             "`silent` is the coordinator's own transition, after a timeout.",
@@ -49,6 +51,16 @@ def page() -> str:
             "",
         ]
     )
+
+
+def _unbegun() -> Iterator[str]:
+    """Yield the answers to an Execute that must not be carried out."""
+    yield "An Execute that comes after its `begin_by`, or does not say that the condition of the Terms holds, starts nothing:"
+    yield ""
+    yield "| state | transition and answer |"
+    yield "|---|---|"
+    for state, answer in states.UNBEGUN.items():
+        yield f"| **{state}** | → {states.PARTICIPANT_SENDS[state][answer]} !{answer.__name__} |"
 
 
 def _mermaid(table: Table, sends: Sends, silent: dict[State, State], excluded: frozenset[MessageType]) -> Iterator[str]:
