@@ -211,6 +211,9 @@ class ParticipantEvents:
         member = self._state.members.find_member(subject.participant)
         if member is None:
             return  # the task ended before that
+        observation = self._state.reports.waiting[0].update.observation
+        if observation is None or observation.as_of is None:  # for the map, it is as new as its arrival
+            member.last_news_time = max(member.last_news_time, now)
         for event in result.events(member.offer.service):
             self._log_event(event, self._assignment(member)[1], now)
         if isinstance(subject, WorkSubject) and result.problems:

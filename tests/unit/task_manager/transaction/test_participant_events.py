@@ -275,6 +275,15 @@ def test_what_a_lost_participant_reported_before_does_not_hold_for_sure() -> Non
     assert (harness.reports[-1].author, harness.reports[-1].observation) == ("nobody could look", Observation(as_of=ordered + 2.0))
 
 
+def test_what_a_lost_participant_reported_without_a_time_does_not_hold_for_sure() -> None:
+    harness = TaskManagerHarness()
+    harness.executing()
+    ordered = harness.member().last_order_time
+    harness.service_says(frp.Progress(fraction=0.4, situation="Jar002 isHeldBy Robot1"), ordered + 3.0)
+    harness.service_says(frp.Failed(description="stuck"), ordered + 4.0)
+    assert (harness.reports[-1].author, harness.reports[-1].observation) == ("nobody could look", Observation(as_of=ordered + 3.0))
+
+
 def test_progress_is_told_when_it_is_news_and_put_on_the_map_when_it_changed_something() -> None:
     harness = TaskManagerHarness()
     harness.executing()
