@@ -13,7 +13,7 @@ from verification.model_check.explore import explore
 from verification.model_check.media import DUPLICATING, EMPTY, FIFO, LOSSY_FIFO, MEDIA, OUTBOX, UNORDERED, Medium
 from verification.model_check.mutations import TRIALS, Mutation, all_mutations, altered, find_violation
 from verification.model_check.pair import explore_pair
-from verification.model_check.participant import WorkState
+from verification.model_check.participant import PARTICIPANT_BODIES, WorkState
 from verification.model_check.property import Property
 from verification.model_check.quotient import Quotient, quotient
 from verification.model_check.rules import RULES
@@ -124,6 +124,11 @@ def test_a_new_session_needs_ids_of_its_own() -> None:
 def test_a_task_that_goes_on_before_the_map_has_what_was_recognised_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Coordinators, "waits_for_map", staticmethod(lambda coordinator: False))
     assert _fallen({**check_kind(StepKind.RECOGNITION, FIFO).cells}) == [Property.RECOGNITION]
+
+
+def test_a_participant_that_hides_what_it_has_begun_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(PARTICIPANT_BODIES, frp.Stopped, frp.Stopped(tried=False))
+    assert Property.PARTIAL_RESULT in _fallen({**check_one(FIFO).cells})
 
 
 @pytest.mark.parametrize("checks", [True, False])

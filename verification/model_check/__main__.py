@@ -21,6 +21,9 @@ from verification.model_check.suite import KINDS, LOST_DISKS, Result, check_all,
 
 COLUMNS = 160
 
+WIDE_TABLE = 9
+"""The number of properties from which on a table has their numbers in place of their names, and signs in place of words."""
+
 BOUNDS = (
     "One copy of a message is in transit at a time, except on the duplicating medium, which can deliver whatever the other media can.",
     "Two participants on a lossy FIFO: senders repeat their oldest message first, as nodes do. One participant: in any order.",
@@ -71,6 +74,7 @@ def _properties(console: Console) -> tuple[int, int]:
             bar.advance(task)
     console.print(table(results, "The Failure Recovery Protocol in every reachable state"))
     console.print(table(kind_results, "Conditions, refusals for now, what has to hold meanwhile, and recognition"))
+    console.print(f"({'; '.join(prop for prop in Property if prop.number)})")
     console.print(table(assumption_results, "Without the timing assumption property 1 has to fail: no protocol can ensure it"))
     for bound in BOUNDS:
         console.print(f"- {bound}")
@@ -90,12 +94,14 @@ def table(results: list[Result], title: str) -> Table:
     drawn.add_column("medium", no_wrap=True)
     drawn.add_column("with", no_wrap=True)
     columns = [prop for prop in Property if any(prop in result.cells for result in results)]
+    is_wide = len(columns) >= WIDE_TABLE
     for prop in columns:
-        drawn.add_column(str(prop), justify="center")
-    drawn.add_column("states", justify="right")
-    drawn.add_column("s", justify="right")
+        drawn.add_column((prop.number or "valid") if is_wide else str(prop), justify="center")
+    drawn.add_column("states", justify="right", no_wrap=True)
+    drawn.add_column("s", justify="right", no_wrap=True)
+    holds, falls = ("✓", "✗") if is_wide else ("holds", "FALLS")
     for result in results:
-        cells = ["-" if prop not in result.cells else "holds" if result.cells[prop] is None else "FALLS" for prop in columns]
+        cells = ["-" if prop not in result.cells else holds if result.cells[prop] is None else falls for prop in columns]
         drawn.add_row(result.medium, result.configuration, *cells, f"{result.states:,}", f"{result.seconds:.1f}")
     return drawn
 

@@ -133,13 +133,15 @@ class Coordinators(Side[Coordinator]):
         coordinator = self.states[state_number]
         state, sent_messages = coordinator.session.state, coordinator.session.sent_messages
         allowed, waits = states.COORDINATOR_SENDS.get(state, {}), self.waits_for_map(coordinator)
-        undo = state in NEEDS_COMPENSATION and "Execute" in sent_messages and self.step.needs_undoing(coordinator.session)
+        may_undo = state in NEEDS_COMPENSATION and "Execute" in sent_messages and self.step.needs_undoing(coordinator.session)
+        # Whoever says that nothing was begun need not undo anything; if it was given up before, it may be told to.
+        must_undo = may_undo and not _says_that_nothing_was_begun(coordinator)
         if coordinator.phase is Phase.OPEN:
             yield from self._map_changes(state_number)
             for kind in dict.fromkeys((*allowed, *([REQUIRED_MESSAGES[state]] if state in REQUIRED_MESSAGES else []))):
                 if kind is REQUIRED_REPEATS.get(state):
                     continue
-                if kind is frp.Compensate and undo:
+                if kind is frp.Compensate and may_undo:
                     yield self._send(state_number, kind, joint="claim")
                 elif kind is frp.Arrange:
                     for arrange in arranges(self.kind):
@@ -162,11 +164,11 @@ class Coordinators(Side[Coordinator]):
                     state_number, "accomplish+" if state is State.COMPLETED else "accomplish-", Phase.ACCOMPLISHED, fair=Fair.YES
                 )
         elif coordinator.phase is Phase.STOPPING:
-            if undo and frp.Compensate in allowed:
-                yield self._send(state_number, frp.Compensate, joint="claim", fair=Fair.YES)
+            if may_undo and frp.Compensate in allowed:
+                yield self._send(state_number, frp.Compensate, joint="claim", fair=Fair.YES if must_undo else Fair.NO)
             if state is State.UNREACHABLE and frp.Stop in allowed:
                 yield self._send(state_number, frp.Stop)
-            if state not in states.WORKING and not undo and not waits:
+            if state not in states.WORKING and not must_undo and not waits:
                 yield self._end(state_number, "end", Phase.BROKEN, fair=Fair.YES)
             if not waits:
                 yield self._end(state_number, "overdue", Phase.BROKEN)
@@ -311,6 +313,11 @@ def _has_passing_refusal(coordinator: Coordinator) -> bool:
     """Whether the session ended by a refusal for now, so that the transaction waits, and does not fail for it."""
     refusal = coordinator.session.refusal
     return coordinator.session.state is State.ENDED and refusal is not None and refusal.passes
+
+
+def _says_that_nothing_was_begun(coordinator: Coordinator) -> bool:
+    received = coordinator.session.received_messages.get(coordinator.session.state.value)
+    return received is not None and isinstance(received.body, frp.Failed | frp.Stopped) and not received.body.tried
 
 
 def _condition_ignored(coordinator: Coordinator, kind: type[object]) -> str:

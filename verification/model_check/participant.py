@@ -151,6 +151,8 @@ class Participants(Side[Participant]):
 
     def _bodies(self, state: State, kind: type[object]) -> tuple[ParticipantBody, ...]:
         """What the participant may say with a message of this type."""
+        if kind is frp.Failed and state is State.COMMITTED:
+            return (frp.Failed(description="d", tried=False),)
         if kind not in (frp.Terms, frp.Refuse):
             return (PARTICIPANT_BODIES[kind],)
         if state is not State.ARRANGING:

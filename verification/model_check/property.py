@@ -19,3 +19,9 @@ class Property(StrEnum):
     INVARIANT = "9 while"
     REFUSAL = "10 not now"
     RECOGNITION = "11 recognition"
+
+    @property
+    def number(self) -> str:
+        """Its number; empty for the first, which has none."""
+        first, _, _ = self.value.partition(" ")
+        return first if first.isdigit() else ""

@@ -127,6 +127,8 @@ def variant(body: object) -> object:
             return (not_now, condition) if not_now or condition is not None else None
         case frp.Execute(precondition=precondition):
             return precondition
+        case frp.Failed(tried=False) | frp.Stopped(tried=False):
+            return "nothing was begun"
     return None
 
 
@@ -210,6 +212,8 @@ def describe(body: object) -> str:
             return f"{name} (if open)"
         case frp.Refuse(not_now=True):
             return f"{name} (not now)"
+        case frp.Failed(tried=False) | frp.Stopped(tried=False):
+            return f"{name} (not begun)"
     return name
 
 
