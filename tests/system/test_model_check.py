@@ -5,15 +5,17 @@ from __future__ import annotations
 import pytest
 
 from somrs.protocol.frp import coordinator_session, participant_session, states
+from somrs.protocol.frp.session import ParticipantBody
 from somrs.protocol.frp.states import Entry, Kind
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.frp import Cancel, End, Fault, State, Stop
+from verification.model_check import participant
 from verification.model_check.coordinator import Coordinators
 from verification.model_check.explore import explore
 from verification.model_check.media import DUPLICATING, EMPTY, FIFO, LOSSY_FIFO, MEDIA, OUTBOX, UNORDERED, Medium
 from verification.model_check.mutations import TRIALS, Mutation, all_mutations, altered, find_violation
 from verification.model_check.pair import explore_pair
-from verification.model_check.participant import PARTICIPANT_BODIES, WorkState
+from verification.model_check.participant import WorkState
 from verification.model_check.property import Property
 from verification.model_check.quotient import Quotient, quotient
 from verification.model_check.rules import RULES
@@ -127,7 +129,9 @@ def test_a_task_that_goes_on_before_the_map_has_what_was_recognised_is_noticed(m
 
 
 def test_a_participant_that_hides_what_it_has_begun_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(PARTICIPANT_BODIES, frp.Stopped, frp.Stopped(tried=False))
+    bodies: dict[type[object], ParticipantBody] = dict(participant.PARTICIPANT_BODIES)
+    bodies[frp.Stopped] = frp.Stopped(tried=False)
+    monkeypatch.setattr(participant, "PARTICIPANT_BODIES", bodies)
     assert Property.PARTIAL_RESULT in _fallen({**check_one(FIFO).cells})
 
 

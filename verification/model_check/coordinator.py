@@ -194,7 +194,7 @@ class Coordinators(Side[Coordinator]):
             return
         is_open = not coordinator.is_open
         description, fair = f"the door is {'open' if is_open else 'shut'}", Fair.YES if is_open else Fair.NO
-        must_stop = session.state is State.EXECUTING and self.step.must_stop(is_open)
+        must_stop = session.state is State.EXECUTING and self.step.must_stop(session, is_open)
 
         def take_action() -> Action:
             numbers = self._send_kind(session, frp.Stop if must_stop else None)

@@ -49,7 +49,7 @@ RULES = {
         owner=call_for_proposals,
         attribute="unmet_condition",
         kinds=(StepKind.CONDITIONAL,),
-        changes={"always met": lambda session, promised, replica: None},
+        changes={"always met": lambda stated, promised, replica: None},
     ),
     "precondition of a step": Rule(
         owner=AvailableServices,
@@ -79,7 +79,7 @@ RULES = {
         owner=invariants,
         attribute="broken_invariant",
         kinds=(StepKind.WHILE,),
-        changes={"never broken": lambda service_type, run, provider, replica: None},
+        changes={"never broken": lambda service_type, run, member, replica: None},
     ),
     "start condition": Rule(
         owner=ServiceType,

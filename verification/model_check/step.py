@@ -92,7 +92,7 @@ class Step:
         """Whether the plan meets the condition of the service, if it has one."""
         workflow = self._workflows[is_promised(session)]
         promised = workflow.promised_effects(workflow.runs["step2"])
-        return call_for_proposals.unmet_condition(session, promised, _REPLICAS[bool(is_open)]) is None
+        return call_for_proposals.unmet_condition(session.condition, promised, _REPLICAS[bool(is_open)]) is None
 
     def order(self, session: CoordinatorSession, is_open: bool | None) -> frp.Execute | None:
         """The order to begin; None if the step may not begin now."""
@@ -103,9 +103,9 @@ class Step:
             return None
         return frp.Execute(inputs={}, precondition=str(situation) if situation is not None else None)
 
-    def must_stop(self, is_open: bool) -> bool:
+    def must_stop(self, session: CoordinatorSession, is_open: bool) -> bool:
         """Whether a service that executes the step has to be stopped."""
-        return invariants.broken_invariant(self._type, self._run, "Robot1", _REPLICAS[is_open]) is not None
+        return invariants.broken_invariant(self._type, self._run, self._member(session), _REPLICAS[is_open]) is not None
 
     def needs_undoing(self, session: CoordinatorSession) -> bool:
         """Whether the work of the participant has to be undone if the task is not accomplished."""
