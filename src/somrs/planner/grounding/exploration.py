@@ -22,7 +22,7 @@ from somrs.planner.model.facts import Facts
 from somrs.planner.model.operators import GOAL, Argument, Fact, Pattern, Test
 from somrs.planner.model.world import Binding, World
 
-EFFORT = 1_000_000
+EFFORT = 300_000
 """The maximum number of facts to match with conditions: about three seconds."""
 
 

@@ -48,9 +48,9 @@ DEPTH = 300
 """The maximum length of a chain of actions."""
 STEPS = 3_000
 """The maximum number of steps."""
-EFFORT = 500_000
+EFFORT = 200_000
 """The maximum number of facts to match with conditions in all explorations together: two to five seconds."""
-EARNED_EFFORT = 50_000
+EARNED_EFFORT = 20_000
 """The effort that is added for each part of the goal when it is first reached: many parts may take long, a dead end may not."""
 FACTS = 20_000
 """The maximum number of facts to match when one action is bound."""
