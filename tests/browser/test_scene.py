@@ -61,7 +61,7 @@ def call_api(system: RunningSystem, method: str, path: str, body: object = None)
 
 def submit_task(system: RunningSystem, goal: str) -> str:
     """Submit a task. Its id."""
-    return str(call_api(system, "POST", "/tasks", {"effect": goal, "author": "Ada"})["task"])
+    return str(call_api(system, "POST", "/tasks", {"effect": goal})["task"])
 
 
 def await_success(system: RunningSystem, task: str) -> None:
