@@ -188,7 +188,8 @@ class _Query:
     def _has_witness(self, variable: Variable, body: Formula, bound: Bindings) -> bool:
         """Whether the body holds for an object in place of the variable."""
         witnesses = {variable.name: variable}
-        while isinstance(body, Exists):  # one query for all, because an equation within may give a variable its value
+        # One query for all, because an equation within may give a variable its value. A variable of the same name hides the outer one.
+        while isinstance(body, Exists) and body.variable.name not in witnesses:
             witnesses[body.variable.name] = body.variable
             body = body.body
         outer = {name: term for name, term in bound.items() if name not in witnesses and name in variables(body)}

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from heapq import heappop, heappush
+from itertools import count
 
 from somrs.entish import Comparison, Variable
 from somrs.entish.formula import variables
@@ -51,6 +52,8 @@ class Exploration:
         """The action that makes each reached fact true that does not hold now."""
         self._costs: dict[Fact, float] = {}
         self._waiting: list[tuple[float, int, Fact, Action]] = []
+        self._arrivals = count()
+        """Orders what costs the same: values have no order."""
         self._seen: set[tuple[object, ...]] = set()
         self._choices: dict[tuple[int, tuple[int, ...]], int | None] = {}
         self._needed: dict[tuple[int, tuple[int, ...]], tuple[str, ...]] = {}
@@ -175,7 +178,7 @@ class Exploration:
         for fact in added_facts(action, self.world):
             if fact not in self.facts and cost < self._costs.get(fact, float("inf")):
                 self._costs[fact] = cost
-                heappush(self._waiting, (cost, len(self._seen), fact, action))
+                heappush(self._waiting, (cost, next(self._arrivals), fact, action))
 
 
 def _rules(demand: Demand) -> Iterator[Rule]:
