@@ -2,30 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
-from somrs.devices.simulator.link.commands import Close, Command, CommandDone, CommandGivenUp, Fault, Open, RobotState, Status, Stop
+from msgspec import structs
+
+from somrs.devices.simulator.link.commands import Close, Command, CommandDone, CommandGivenUp, Fault, Open, Status, Stop
 from somrs.devices.simulator.motion.leaves import obstacle_in_sweep
 from somrs.devices.simulator.motion.robot import PERIOD, Robot
 from somrs.devices.simulator.world.leaves import Leaf
 from somrs.devices.simulator.world.scene import Scene
 from somrs.devices.simulator.world.solids import Solid
+from somrs.devices.simulator.world.stationary import OnEnd, StationaryDevice
 
 DRIVE_SPEED = 0.3
 """Speed of the leaf, m/s."""
 DRIVE_PATIENCE = 45.0
 """Time for which the drive waits for a free doorway before it gives up, s."""
 
-OnEnd = Callable[[CommandDone | CommandGivenUp], None]
 
-
-class DoorDrive:
+class DoorDrive(StationaryDevice):
     """The drive of one door. `robots`: those for which it waits. The caller calls `step` once per control period."""
 
+    refusal = "is a door: it accepts Open and Close of itself, Stop and Status"
+
     def __init__(self, solid: Solid, scene: Scene, robots: Mapping[str, Robot]) -> None:
-        self.solid, self.scene, self._robots = solid, scene, robots
-        self.faults: set[Fault] = set()
-        self.activity: str | None = None
+        super().__init__(solid, scene)
+        self._robots = robots
         self._goal: float | None = None
         self._waited = 0.0
         self._on_end: OnEnd | None = None
@@ -34,10 +36,6 @@ class DoorDrive:
     def _leaf(self) -> Leaf:
         (leaf,) = self.scene.leaves(self.solid.name)
         return leaf
-
-    def state(self) -> RobotState:
-        solid, faults = self.solid, tuple(sorted(self.faults))
-        return RobotState(time=self.scene.time, x=solid.x, y=solid.y, yaw=solid.yaw, activity=self.activity, faults=faults)
 
     @property
     def busy(self) -> bool:
@@ -57,7 +55,7 @@ class DoorDrive:
             case Stop() | Status():
                 on_end(self._done())
             case _:
-                on_end(self._given_up("not-possible", f"{self.solid.name} is a door: it accepts Open and Close of itself, Stop and Status"))
+                on_end(self._refused())
 
     def fault(self, fault: Fault) -> None:
         """Inject a fault: the leaf stops."""
@@ -105,8 +103,7 @@ class DoorDrive:
             on_end(self._given_up(reason, description))
 
     def _given_up(self, reason: str, description: str) -> CommandGivenUp:
-        object_states = (self.scene.observe(self.solid.name),)
-        return CommandGivenUp(reason=reason, description=description, state=self.state(), object_states=object_states)
+        return structs.replace(super()._given_up(reason, description), object_states=(self.scene.observe(self.solid.name),))
 
     def _done(self) -> CommandDone:
         return CommandDone(state=self.state(), object_states=(self.scene.observe(self.solid.name),))

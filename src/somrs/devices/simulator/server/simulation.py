@@ -6,7 +6,7 @@ Nothing here reads a clock: the caller of `step` determines the speed of simulat
 from __future__ import annotations
 
 from collections import ChainMap
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Generator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -37,6 +37,7 @@ from somrs.devices.simulator.world.leaves import Leaf
 from somrs.devices.simulator.world.recognition import landmarks, sightings
 from somrs.devices.simulator.world.scene import RESTING, Scene
 from somrs.devices.simulator.world.solids import Role, Solid, role_of, solid_of
+from somrs.devices.simulator.world.stationary import OnEnd, StationaryDevice
 from somrs.devices.simulator.world.vision import StationaryCamera, clear_points, view
 from somrs.devices.simulator.world.weighing_scale import WeighingScale
 from somrs.devices.simulator.world.world import STEP
@@ -50,9 +51,8 @@ NO_DOORS: Doors = frozenset()
 MOST_NAVIGATORS = 16
 """The number of navigators to keep, of all levels and states of doors."""
 
-Linked = Robot | StationaryCamera | DoorDrive | WeighingScale
+Linked = Robot | StationaryDevice
 """A device with a robot link."""
-OnEnd = Callable[[CommandDone | CommandGivenUp], None]
 
 
 @dataclass(slots=True)
@@ -77,11 +77,9 @@ class Simulation:
         self.scene = Scene(map, ontology)
         self._navigators: dict[tuple[float, Doors], Navigator] = {}
         self.robots: dict[str, Robot] = {}
-        self.cameras: dict[str, StationaryCamera] = {}
-        self.drives: dict[str, DoorDrive] = {}
-        """The powered doors."""
-        self.scales: dict[str, WeighingScale] = {}
-        self.linked: Mapping[str, Linked] = ChainMap[str, Any](self.cameras, self.drives, self.scales, self.robots)
+        self.stationary: dict[str, StationaryDevice] = {}
+        """The cameras, scales and powered doors."""
+        self.linked: Mapping[str, Linked] = ChainMap[str, Any](self.stationary, self.robots)
         """Everything with a robot link."""
         self._work: dict[str, _Work] = {}
         self._dropped: dict[str, str] = {}
@@ -102,8 +100,12 @@ class Simulation:
     @property
     def busy(self) -> bool:
         """Whether anything moves, or work is pending."""
-        working = any(not self._dead(name) for name in self._work) or any(drive.busy for drive in self.drives.values())
+        working = any(not self._dead(name) for name in self._work) or any(drive.busy for drive in self._drives)
         return working or any(robot.asking_robot is not None for robot in self.robots.values()) or not self._at_rest()
+
+    @property
+    def _drives(self) -> list[DoorDrive]:
+        return [device for device in self.stationary.values() if isinstance(device, DoorDrive)]
 
     def _at_rest(self) -> bool:
         held = set(self.scene.held.values())
@@ -132,9 +134,9 @@ class Simulation:
                 if robot.mobile:
                     self._work[name] = _Work(_chain_routines(withdraw(robot), make_way(robot, asking_robot)), None, None)
             robot.end_period()
-        for name, drive in self.drives.items():
+        for drive in self._drives:
             if drive.step():
-                self._note_leaves(name)
+                self._note_leaves(drive.solid.name)
         self._shut_doors()
         pulled = set(self.scene.pulled.values())
         for owner in {leaf.split("/")[0] for leaf in self._pulled - pulled}:
@@ -167,19 +169,10 @@ class Simulation:
             clear = clear_points(self.scene, robot, command.expected)
             on_end(CommandDone(state=device.state(), object_states=seen[0], sightings=seen[1], clear=clear))
             return
-        if isinstance(device, DoorDrive):
+        if not isinstance(device, Robot):
             device.command(command, on_end)
-            self._note_leaves(robot)
-            return
-        if isinstance(device, StationaryCamera):
-            on_end(
-                CommandGivenUp(
-                    reason="not-possible", description=f"{robot} is a camera: it accepts only Sense and Status", state=device.state()
-                )
-            )
-            return
-        if isinstance(device, WeighingScale):
-            on_end(device.command(command))
+            if isinstance(device, DoorDrive):
+                self._note_leaves(robot)
             return
         running = self._work.get(robot)
         reflex = running is not None and (running.command is None or running.failure is not None) and Fault.DRIVE in device.faults
@@ -346,10 +339,8 @@ class Simulation:
         if name in self.robots:
             self._end(name, GivenUp("stopped", f"{name} was removed from the world"))
             del self.robots[name]
-        self.cameras.pop(name, None)
-        self.drives.pop(name, None)
+        self.stationary.pop(name, None)
         self._to_shut.pop(name, None)
-        self.scales.pop(name, None)
         if solid is not None:
             self.scene.remove(name)
         if name in self._map.objects:
@@ -444,11 +435,11 @@ class Simulation:
 
     def _add_linked(self, solid: Solid) -> None:
         if solid.role is Role.CAMERA:
-            self.cameras[solid.name] = StationaryCamera(solid, self.scene)
+            self.stationary[solid.name] = StationaryCamera(solid, self.scene)
         elif solid.powered:
-            self.drives[solid.name] = DoorDrive(solid, self.scene, self.robots)
+            self.stationary[solid.name] = DoorDrive(solid, self.scene, self.robots)
         elif solid.scale:
-            self.scales[solid.name] = WeighingScale(solid, self.scene)
+            self.stationary[solid.name] = WeighingScale(solid, self.scene)
         elif solid.role is Role.ROBOT:
             self.robots[solid.name] = Robot(solid, self.scene, self._navigator(solid.z), self.robots)
 

@@ -6,9 +6,10 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from somrs.devices.simulator.link.commands import Fault, ObjectState, Point, RobotState
+from somrs.devices.simulator.link.commands import ObjectState, Point
 from somrs.devices.simulator.world.scene import Scene
 from somrs.devices.simulator.world.solids import Role, Solid
+from somrs.devices.simulator.world.stationary import StationaryDevice
 
 MAST = 1.05
 """Height of the camera of a robot with an arm, above its underside, m."""
@@ -98,18 +99,10 @@ def _points(scene: Scene, solid: Solid, eye: Eye) -> Iterator[Place]:
         yield x - side * (y - eye.position[1]), y + side * (x - eye.position[0]), middle
 
 
-class StationaryCamera:
-    """A stationary camera as a device on the robot link. `view` computes what it sees."""
+class StationaryCamera(StationaryDevice):
+    """A stationary camera. `view` computes what it sees."""
 
-    activity: None = None
-
-    def __init__(self, solid: Solid, scene: Scene) -> None:
-        self.solid, self.scene = solid, scene
-        self.faults: set[Fault] = set()
-
-    def state(self) -> RobotState:
-        solid = self.solid
-        return RobotState(time=self.scene.time, x=solid.x, y=solid.y, yaw=solid.yaw, faults=tuple(sorted(self.faults)))
+    refusal = "is a camera: it accepts only Sense and Status"
 
 
 def looks_towards(scene: Scene, eye: Place, point: Place, ignored: Iterable[str]) -> bool:

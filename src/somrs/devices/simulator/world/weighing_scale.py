@@ -4,35 +4,26 @@ from __future__ import annotations
 
 from msgspec.structs import replace
 
-from somrs.devices.simulator.link.commands import Command, CommandDone, CommandGivenUp, Fault, RobotState, Status, Stop, Weigh
-from somrs.devices.simulator.world.scene import Scene
-from somrs.devices.simulator.world.solids import Solid
+from somrs.devices.simulator.link.commands import Command, CommandDone, CommandGivenUp, Fault, Status, Stop, Weigh
+from somrs.devices.simulator.world.stationary import OnEnd, StationaryDevice
 
 RESOLUTION = 0.01
 """Resolution of the weights that a scale measures, kg."""
 
 
-class WeighingScale:
-    """One scale. It measures one weight: that of everything on it."""
+class WeighingScale(StationaryDevice):
+    """One scale. It measures one weight: that of everything on it. Its commands take no time."""
 
-    activity: None = None
+    refusal = "is a scale: it accepts Weigh, Stop and Status"
 
-    def __init__(self, solid: Solid, scene: Scene) -> None:
-        self.solid, self.scene = solid, scene
-        self.faults: set[Fault] = set()
-
-    def state(self) -> RobotState:
-        solid = self.solid
-        return RobotState(time=self.scene.time, x=solid.x, y=solid.y, yaw=solid.yaw, faults=tuple(sorted(self.faults)))
-
-    def command(self, command: Command) -> CommandDone | CommandGivenUp:
-        """Carry out a command, which takes no time."""
+    def command(self, command: Command, on_end: OnEnd) -> None:
         match command:
             case Weigh(object=name):
-                return self._weigh(name)
+                on_end(self._weigh(name))
             case Stop() | Status():
-                return CommandDone(state=self.state())
-        return self._given_up("not-possible", f"{self.solid.name} is a scale: it accepts Weigh, Stop and Status")
+                on_end(CommandDone(state=self.state()))
+            case _:
+                on_end(self._refused())
 
     def _weigh(self, name: str) -> CommandDone | CommandGivenUp:
         load = self._load()
@@ -56,6 +47,3 @@ class WeighingScale:
                 thing for thing in self.scene.things() if self.scene.holder(thing) is None and self.scene.observe(thing).support == carrier
             ]
         return load[1:]
-
-    def _given_up(self, reason: str, description: str) -> CommandGivenUp:
-        return CommandGivenUp(reason=reason, description=description, state=self.state())
