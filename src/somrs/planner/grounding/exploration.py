@@ -24,7 +24,7 @@ from somrs.planner.model.operators import GOAL, Argument, Fact, Pattern, Test
 from somrs.planner.model.world import Binding, World
 
 EFFORT = 300_000
-"""The maximum number of facts to match with conditions: about three seconds."""
+"""The maximum number of facts to match with conditions: about a second."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -49,7 +49,7 @@ DEPTH = 300
 STEPS = 3_000
 """The maximum number of steps."""
 EFFORT = 200_000
-"""The maximum number of facts to match with conditions in all explorations together: two to five seconds."""
+"""The maximum number of facts to match with conditions in all explorations together: one to three seconds."""
 EARNED_EFFORT = 20_000
 """The effort that is added for each part of the goal when it is first reached: many parts may take long, a dead end may not."""
 FACTS = 20_000
