@@ -13,8 +13,9 @@ from somrs.gui.pages.map.change_text import describe_changes
 from somrs.gui.pages.map.moves import X, Y, Z
 from somrs.gui.shell import author, guarded, notify
 from somrs.ontology.objects import Map
-from somrs.ontology.types import PHYSICAL, UNKNOWN, Ontology
+from somrs.ontology.types import UNKNOWN, Ontology
 from somrs.protocol.messages.knowledge import MergeObject
+from somrs.repository.association import compatible_types
 
 _MAX_OPTIONS = 30
 _MAX_LINES = 8
@@ -38,12 +39,11 @@ class Candidate:
 def candidates(name: str, map: Map, ontology: Ontology) -> list[Candidate]:
     """The objects that the object may be, the likeliest first: of the same type, missing, near."""
     object = map.objects[name]
-    types = {*ontology.subtypes(object.type), *(type for type in ontology.ancestors(object.type) if ontology.is_subtype(type, PHYSICAL))}
     options = [
         Candidate(
             name=other.name, type=other.type, missing=other.values.get(UNKNOWN) is True, distance=_distance(object.values, other.values)
         )
-        for type in {object.type, *types}
+        for type in compatible_types(object.type, ontology)
         for other in (map.objects[other_name] for other_name in map.of_type(type))
         if other.name != name and not ontology.is_device(other.type)
     ]
