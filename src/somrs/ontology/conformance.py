@@ -251,15 +251,10 @@ class _Checker:
         return formula_holds(substitute(parse(text), {SELF_VARIABLE: Name(object.name)}), self.map, self.ontology)
 
     def _fact(self, fact: Fact) -> Iterator[Violation]:
-        relation = self.ontology.relations.get(fact.relation)
-        if relation is None:
-            message = _unknown("relation", fact.relation, self.ontology.relations)
-            yield Violation(subject=str(fact), rule="unknown-relation", message=message)
+        if (violation := malformed(fact, self.ontology)) is not None:
+            yield violation
             return
-        if len(relation.joins) != len(fact.arguments):
-            message = f"{fact.relation} joins {len(relation.joins)} objects ({', '.join(relation.joins)}), not {len(fact.arguments)}"
-            yield Violation(subject=str(fact), rule="relation-types", message=message)
-            return
+        relation = self.ontology.relations[fact.relation]
         for name, expected_type in zip(fact.arguments, relation.joins, strict=True):
             object = self.map.objects.get(name)
             if object is None:
@@ -362,3 +357,15 @@ def value_problem(attribute: AttributeType, value: Value) -> str:
 def _unknown(kind: str, name: str, known_names: Iterable[str]) -> str:
     hint = nearest(name, known_names)
     return f"no {kind} is called {name}" + (f"; {hint}" if hint else f"; define it, or use one of the {kind}s there are")
+
+
+def malformed(fact: Fact, ontology: Ontology) -> Violation | None:
+    """Why the fact is none of the ontology, whatever the map: it has an unknown relation, or relates another number of objects."""
+    relation = ontology.relations.get(fact.relation)
+    if relation is None:
+        message = _unknown("relation", fact.relation, ontology.relations)
+        return Violation(subject=str(fact), rule="unknown-relation", message=message)
+    if len(relation.joins) != len(fact.arguments):
+        message = f"{fact.relation} joins {len(relation.joins)} objects ({', '.join(relation.joins)}), not {len(fact.arguments)}"
+        return Violation(subject=str(fact), rule="relation-types", message=message)
+    return None

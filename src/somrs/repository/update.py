@@ -10,7 +10,7 @@ from msgspec import structs
 
 from somrs.entish.parse import nearest
 from somrs.errors import FormulaError
-from somrs.ontology.conformance import Violation, violations, violations_of
+from somrs.ontology.conformance import Violation, malformed, violations, violations_of
 from somrs.ontology.objects import (
     Change,
     Fact,
@@ -172,9 +172,9 @@ def _impossible(map: Map, ontology: Ontology, changes: Iterable[Change]) -> Iter
                     yield Violation(subject=name, rule="unknown-object", message=_unknown(name, presence))
                 elif isinstance(change, ObjectRemoved):
                     presence[name] = False
-            case FactRemoved(fact) if fact.relation not in ontology.relations:
-                message = f"the ontology has no relation {fact.relation}. {nearest(fact.relation, ontology.relations)}".rstrip()
-                yield Violation(subject=str(fact), rule="unknown-relation", message=message)
+            case FactAdded(fact) | FactRemoved(fact):
+                if (violation := malformed(fact, ontology)) is not None:
+                    yield violation
 
 
 def _unknown(name: str, presence: dict[str, bool]) -> str:

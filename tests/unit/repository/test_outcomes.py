@@ -240,8 +240,20 @@ def test_an_object_is_renamed_with_its_facts_and_the_ontology_stays_as_it_is() -
         (
             (FactRemoved(Fact("isUn", ("Jar1", "Table1"))), FactRemoved(Fact("qqqqqqq", ("Jar1",)))),
             [
-                ("Jar1 isUn Table1", "unknown-relation", "the ontology has no relation isUn. did you mean isOn or isIn?"),
-                ("qqqqqqq(Jar1)", "unknown-relation", "the ontology has no relation qqqqqqq."),
+                ("Jar1 isUn Table1", "unknown-relation", "no relation is called isUn; did you mean isOn or isIn?"),
+                (
+                    "qqqqqqq(Jar1)",
+                    "unknown-relation",
+                    "no relation is called qqqqqqq; define it, or use one of the relations there are",
+                ),
+            ],
+        ),
+        (
+            (FactAdded(Fact("isUn", ("Jar1", "Table1"))), FactAdded(Fact("isOn", ())), FactRemoved(Fact("isOn", ("Jar1",)))),
+            [
+                ("Jar1 isUn Table1", "unknown-relation", "no relation is called isUn; did you mean isOn or isIn?"),
+                ("isOn()", "relation-types", "isOn joins 2 objects (PhysicalObject, Object), not 0"),
+                ("isOn(Jar1)", "relation-types", "isOn joins 2 objects (PhysicalObject, Object), not 1"),
             ],
         ),
     ],

@@ -196,7 +196,7 @@ def test_everything_that_is_wrong_is_said_and_nothing_is_done(repository: Reposi
     assert "no object Jra2" in problem_text
     assert "Jar2" in problem_text
     assert "Table1: is on the map already" in problem_text
-    assert "no relation isAt0" in problem_text
+    assert "no relation is called isAt0" in problem_text
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import msgspec
@@ -254,13 +254,16 @@ RESTARTS = st.sampled_from(["", "", "", "kill", "stop"])
 def test_the_file_holds_the_map_and_history_adds_up_to_it(updates: list[tuple[UpdateMap | MergeObject, str]]) -> None:
     with tempfile.TemporaryDirectory() as folder:
         keeper = Keeper(Path(folder) / "repository.sqlite")
+        merged: dict[str, str] = {}
         for update, restart in [*updates, (UpdateMap(), "kill")]:
             map_before, version = keeper.contents.map, keeper.contents.version
             answer = keeper.ask(update, object)
             if answer == Updated(version=version + 1):
                 if isinstance(update, UpdateMap):
-                    assert keeper.contents.map == plain(map_before, update)
+                    assert keeper.contents.map == plain(map_before, update, merged)
+                    merged = {name: into for name, into in merged.items() if name not in keeper.contents.map.objects}
                 else:
+                    merged[update.name] = update.into
                     assert map_before.objects.keys() - keeper.contents.map.objects.keys() == {update.name}
             else:
                 assert keeper.contents.map == map_before
@@ -294,13 +297,35 @@ def changed_names(event: Event) -> list[str]:
     return [*names, *(merging.into for merging in event.merged)]
 
 
-def plain(map: Map, update: UpdateMap) -> Map:
-    """What an update comes to, done change by change. A situation here is that one thing is on one other."""
+def plain(map: Map, update: UpdateMap, merged: Mapping[str, str]) -> Map:
+    """What an update comes to, done change by change. A situation here is that one thing is on one other.
+
+    `merged`: the object that a name which is lost stands for.
+    """
+    added = {change.object.name for change in update.changes if isinstance(change, ObjectAdded)}
+    lost = {name for name in merged if name not in map.objects and name not in added}
+
+    def current(name: str) -> str:
+        return current(merged[name]) if name in lost else name
+
+    def renamed(fact: Fact) -> Fact:
+        return Fact(fact.relation, tuple(current(argument) for argument in fact.arguments))
+
     for change in update.changes:
-        map = map.changed([change])
+        match change:
+            case ObjectRemoved(name):
+                map = map.changed([ObjectRemoved(current(name))])
+            case ValueSet(name, path, value):
+                map = map.changed([ValueSet(current(name), path, value)])
+            case FactAdded(fact):
+                map = map.changed([FactAdded(renamed(fact))])
+            case FactRemoved(fact):
+                map = map.changed([FactRemoved(renamed(fact))])
+            case _:
+                map = map.changed([change])
     if update.situation is not None:
-        name, _, place = update.situation.split()
-        map = map.changed(
-            [*(FactRemoved(fact) for fact in map.facts("isOn") if fact.arguments[0] == name), FactAdded(Fact("isOn", (name, place)))]
-        )
+        name, relation, place = update.situation.split()
+        place_fact = renamed(Fact(relation, (name, place)))
+        former = (fact for fact in map.facts("isOn") if fact.arguments[0] == place_fact.arguments[0])
+        map = map.changed([*(FactRemoved(fact) for fact in former), FactAdded(place_fact)])
     return map
