@@ -33,6 +33,7 @@ from somrs.devices.simulator.motion.leaves import obstacle_in_sweep
 from somrs.devices.simulator.motion.navigation import Navigator
 from somrs.devices.simulator.motion.robot import PERIOD, GivenUp, Robot, Routine
 from somrs.devices.simulator.motion.routines import concerned_objects, make_routine
+from somrs.devices.simulator.server.navigators import Navigators
 from somrs.devices.simulator.world.leaves import Leaf
 from somrs.devices.simulator.world.recognition import landmarks, sightings
 from somrs.devices.simulator.world.scene import RESTING, Scene
@@ -44,12 +45,6 @@ from somrs.devices.simulator.world.world import STEP
 from somrs.errors import UsageError
 from somrs.ontology.objects import Map, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import Ontology
-
-Doors = frozenset[tuple[str, bool]]
-"""Doors that are to be open (True) or shut in a plan, other than they are now."""
-NO_DOORS: Doors = frozenset()
-MOST_NAVIGATORS = 16
-"""The number of navigators to keep, of all levels and states of doors."""
 
 Linked = Robot | StationaryDevice
 """A device with a robot link."""
@@ -75,7 +70,7 @@ class Simulation:
     def __init__(self, map: Map, ontology: Ontology) -> None:
         self._map, self._ontology = map, ontology
         self.scene = Scene(map, ontology)
-        self._navigators: dict[tuple[float, Doors], Navigator] = {}
+        self._navigators = self._new_navigators()
         self.robots: dict[str, Robot] = {}
         self.stationary: dict[str, StationaryDevice] = {}
         """The cameras, scales and powered doors."""
@@ -441,28 +436,21 @@ class Simulation:
         elif solid.scale:
             self.stationary[solid.name] = WeighingScale(solid, self.scene)
         elif solid.role is Role.ROBOT:
-            self.robots[solid.name] = Robot(solid, self.scene, self._navigator(solid.z), self.robots)
-
-    def _navigator(self, level: float, doors: Doors = NO_DOORS) -> Navigator:
-        key = round(level, 1), doors
-        if key not in self._navigators:
-            while len(self._navigators) >= MOST_NAVIGATORS:
-                del self._navigators[next(iter(self._navigators))]
-            changes = [ValueSet(door, "Open", is_open) for door, is_open in doors if door in self._map.objects]
-            promised, positions = dict(doors), self.scene.world.positions
-            positions = {leaf: position for leaf, position in positions.items() if leaf.split("/")[0] not in promised}
-            self._navigators[key] = Navigator(self._map.changed(changes), self._ontology, level=level, leaf_positions=positions)
-        return self._navigators[key]
+            self.robots[solid.name] = Robot(solid, self.scene, self._navigators.navigator(solid.z), self.robots)
 
     def navigator_of(self, robot: Robot, doors: Mapping[str, bool]) -> Navigator:
         """Plans the robot's paths as if these doors were open (True) or shut."""
         solids = self.scene.world.solids
-        return self._navigator(robot.solid.z, frozenset((door, is_open) for door, is_open in doors.items() if solids[door].open != is_open))
+        changed = frozenset((door, is_open) for door, is_open in doors.items() if solids[door].open != is_open)
+        return self._navigators.navigator(robot.solid.z, changed)
 
     def _renew_navigators(self) -> None:
-        self._navigators = {}
+        self._navigators = self._new_navigators()
         for robot in self.robots.values():
-            robot.navigator = self._navigator(robot.solid.z)
+            robot.navigator = self._navigators.navigator(robot.solid.z)
+
+    def _new_navigators(self) -> Navigators:
+        return Navigators(self._map, self._ontology, self.scene.world.positions)
 
     def _linked(self, name: str) -> Linked:
         if name not in self.linked:
