@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
-from dataclasses import dataclass, field
+from contextlib import AbstractAsyncContextManager
 
 import pytest
 
 from somrs.devices.simulator.drivers.manipulator import Manipulator
-from somrs.devices.simulator.drivers.simulated import SimulatedDevice
 from somrs.devices.simulator.link.commands import Fault
-from somrs.devices.simulator.link.link import OperatorLink
 from somrs.entish.parse import parse
 from somrs.ontology.files.loading import upper
-from somrs.ontology.objects import Map
-from somrs.ontology.services import ServiceType
-from somrs.repository.component import Repository
-from somrs.service_manager.sdk.device import MapReader
-from somrs.service_manager.sdk.orders import Advance, Halt, Order, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo, WorkDone
+from somrs.service_manager.sdk.orders import Halt, Quoted, Refusal, ServiceFailed, WorkDone
 from tests.support.building import building
-from tests.support.robot_lab import map_after, repository, run, run_work, simulator
-from tests.support.virtual_devices import make_ask
+from tests.support.robot_lab import map_after, run, run_work
+from tests.support.simulated_device_harness import SimulatedDeviceHarness, simulated
 
 SITE = (
     building(
@@ -49,44 +41,8 @@ facts:
 )
 
 
-@dataclass
-class _Harness:
-    device: SimulatedDevice
-    operator: OperatorLink
-    repository: Repository
-    advances: list[Advance] = field(default_factory=list)
-
-    async def quote(self, service: str, **inputs: str) -> object:
-        return await run_work(self.device, Quote(self.order(service, **inputs)), self.repository, self.advances)
-
-    async def perform(self, service: str, **inputs: str) -> Map:
-        """The map after the service, as it reports."""
-        result = await run_work(self.device, Perform(self.order(service, **inputs)), self.repository, self.advances)
-        assert isinstance(result, WorkDone)
-        return map_after(result.situation, SITE)
-
-    async def undo(self, service: str, situation: str, **inputs: str) -> Map:
-        result = await run_work(self.device, Undo(self.order(service, **inputs), situation), self.repository, self.advances)
-        assert isinstance(result, WorkDone)
-        return map_after(result.situation, SITE)
-
-    def order(self, service: str, **inputs: str) -> Order:
-        service_type: ServiceType = upper().services[service]
-        method = next(name for name, offered in self.device.services().items() if offered.type == service)
-        return Order(participant="p", method=method, inputs=inputs, effect=service_type.effect, precondition=service_type.precondition)
-
-
-@asynccontextmanager
-async def _harness(name: str = "Robot1", speed: float | None = None) -> AsyncIterator[_Harness]:
-    async with simulator(speed, SITE) as server, OperatorLink(server.host, server.port) as operator:
-        knowledge = repository(SITE)
-        device = Manipulator(name, f"{server.host}:{server.port}")
-        device.map = MapReader(make_ask(knowledge, lambda: 0.0))
-        await device.open()
-        try:
-            yield _Harness(device, operator, knowledge)
-        finally:
-            await device.close()
+def _harness(name: str = "Robot1", speed: float | None = None) -> AbstractAsyncContextManager[SimulatedDeviceHarness]:
+    return simulated(Manipulator, name, SITE, speed)
 
 
 def test_a_robot_moves_to_a_place_and_back() -> None:

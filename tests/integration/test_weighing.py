@@ -2,27 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
-from dataclasses import dataclass
-
 import pytest
 from msgspec import structs
 
 from somrs.devices.simulator.drivers.manipulator import Manipulator
 from somrs.devices.simulator.drivers.scale import Scale
-from somrs.devices.simulator.drivers.simulated import SimulatedDevice
 from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.devices.simulator.link.link import OperatorLink, RobotLink
 from somrs.errors import UsageError
-from somrs.ontology.files.loading import upper
-from somrs.ontology.objects import Map
-from somrs.repository.component import Repository
-from somrs.service_manager.sdk.device import MapReader
-from somrs.service_manager.sdk.orders import Order, Perform, Quote, Quoted, Refusal, ServiceFailed, WorkDone
+from somrs.service_manager.sdk.orders import Quote, Refusal, ServiceFailed
 from tests.support.building import building
-from tests.support.robot_lab import map_after, repository, run, run_work, simulator
-from tests.support.virtual_devices import make_ask
+from tests.support.robot_lab import map_after, run, run_work, simulator
+from tests.support.simulated_device_harness import simulated
 
 SITE = (
     "types:\n  Parcel: {parent: Graspable, doc: Nobody knows what it weighs before it is weighed}\n"
@@ -43,45 +34,9 @@ facts:
 """Parcel1 has a volume of 2 l, and Parcel2 one of 1.5 l: that of the water that weighs as much."""
 
 
-@dataclass
-class _Harness:
-    device: SimulatedDevice
-    operator: OperatorLink
-    repository: Repository
-
-    def order(self, service: str, **inputs: str) -> Order:
-        service_type = upper().services[service]
-        method = next(name for name, offered in self.device.services().items() if offered.type == service)
-        return Order(participant="p", method=method, inputs=inputs, effect=service_type.effect, precondition=service_type.precondition)
-
-    async def quote(self, service: str, **inputs: str) -> Quoted:
-        quoted = await run_work(self.device, Quote(self.order(service, **inputs)), self.repository, [])
-        assert isinstance(quoted, Quoted)
-        return quoted
-
-    async def perform(self, service: str, **inputs: str) -> Map:
-        """The map after the service, as it reports."""
-        done = await run_work(self.device, Perform(self.order(service, **inputs)), self.repository, [])
-        assert isinstance(done, WorkDone)
-        return map_after(done.situation, SITE)
-
-
-@asynccontextmanager
-async def _harness(kind: type[SimulatedDevice], name: str) -> AsyncIterator[_Harness]:
-    async with simulator(text=SITE) as server, OperatorLink(server.host, server.port) as operator:
-        knowledge = repository(SITE)
-        device = kind(name, f"{server.host}:{server.port}")
-        device.map = MapReader(make_ask(knowledge, lambda: 0.0))
-        await device.open()
-        try:
-            yield _Harness(device, operator, knowledge)
-        finally:
-            await device.close()
-
-
 def test_a_scale_weighs_what_stands_on_it_alone() -> None:
     async def test() -> None:
-        async with _harness(Scale, "Scale1") as harness:
+        async with simulated(Scale, "Scale1", SITE) as harness:
             assert (await harness.quote("WeighObject", Object="Parcel1")).price == 0.1
             assert (await harness.perform("WeighObject", Object="Parcel1")).objects["Parcel1"].values["Weight"] == 2.0
             await harness.operator.set_weight("Parcel1", 3.127)
@@ -98,7 +53,7 @@ def test_a_scale_weighs_what_stands_on_it_alone() -> None:
 
 def test_a_scale_refuses_what_is_not_alone_on_the_map_and_says_what_would_help() -> None:
     async def test() -> None:
-        async with _harness(Scale, "Scale1") as harness:
+        async with simulated(Scale, "Scale1", SITE) as harness:
             order = structs.replace(harness.order("WeighObject", Object="Parcel1"), situation="Jar1 isOn Scale1")
             with pytest.raises(Refusal, match="Jar1 is on it, too") as refused:
                 await run_work(harness.device, Quote(order), harness.repository, [])
@@ -121,7 +76,7 @@ def test_a_scale_accepts_no_other_commands() -> None:
 
 def test_a_robot_weighs_a_thing_by_lifting_it_a_little() -> None:
     async def test() -> None:
-        async with _harness(Manipulator, "Robot1") as harness:
+        async with simulated(Manipulator, "Robot1", SITE) as harness:
             await harness.operator.set_weight("Parcel2", 2.6)
             map = await harness.perform("WeighObject", Object="Parcel2")
             assert map.objects["Parcel2"].values["Weight"] == 2.6, "more than it could carry"
@@ -135,7 +90,7 @@ def test_a_robot_weighs_a_thing_by_lifting_it_a_little() -> None:
 
 def test_a_robot_demands_that_what_nobody_has_weighed_is_light_enough() -> None:
     async def test() -> None:
-        async with _harness(Manipulator, "Robot1") as harness:
+        async with simulated(Manipulator, "Robot1", SITE) as harness:
             quoted = await harness.quote("TransferObject", Object="Parcel2", Destination="Scale1")
             assert quoted.condition == "Parcel2.Weight <= Robot1.Payload"
             quoted = await harness.quote("TransferObject", Object="Jar1", Destination="Scale1")
@@ -147,7 +102,7 @@ def test_a_robot_demands_that_what_nobody_has_weighed_is_light_enough() -> None:
 @pytest.mark.parametrize(("weight", "known"), [(3.0, 3.0), (7.0, None)])
 def test_a_thing_that_is_heavier_than_the_map_says_is_left_where_it_is(weight: float, known: float | None) -> None:
     async def test() -> None:
-        async with _harness(Manipulator, "Robot1") as harness:
+        async with simulated(Manipulator, "Robot1", SITE) as harness:
             await harness.operator.set_weight("Jar1", weight)
             with pytest.raises(ServiceFailed, match=f"Jar1 weighs {weight:g} kg, which is too heavy for Robot1") as failed:
                 await harness.perform("TransferObject", Object="Jar1", Destination="Scale1")
@@ -161,7 +116,7 @@ def test_a_thing_that_is_heavier_than_the_map_says_is_left_where_it_is(weight: f
 
 def test_a_robot_reports_what_a_carried_thing_weighs_if_that_is_news() -> None:
     async def test() -> None:
-        async with _harness(Manipulator, "Robot1") as harness:
+        async with simulated(Manipulator, "Robot1", SITE) as harness:
             await harness.operator.set_weight("Jar1", 1.2)
             map = await harness.perform("TransferObject", Object="Jar1", Destination="Scale1")
             assert map.has_fact("isOn", ("Jar1", "Scale1"))
