@@ -15,10 +15,11 @@ from somrs.ontology.objects import Map
 from somrs.planner.model.plan import Plan, Step
 from somrs.planner.model.problem import Problem
 from somrs.protocol.messages.bodies import Body
-from somrs.protocol.messages.clients import Submit, Submitted, TaskNews, WatchTask
 from somrs.protocol.messages.directory import Discover, Discovered
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message
 from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.submission import Submit, Submitted
+from somrs.protocol.messages.task_news import TaskNews, WatchTask
 from somrs.service_manager.sdk.device import Device, Situation, Task, service
 
 CARRIERS = tuple(f"Robot{number + 1}" for number in range(BIDDERS))

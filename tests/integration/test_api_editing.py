@@ -23,11 +23,11 @@ from somrs.ontology.naming import DefinitionKey, Renaming, Section
 from somrs.ontology.objects import Map, ObjectRemoved, ValueSet
 from somrs.ontology.types import ObjectType, RelationType
 from somrs.ports import Reservation
-from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.knowledge import Define, Definitions, MergeObject, RenameObject, UpdateMap
 from somrs.protocol.messages.observations import Discovery, Observation
 from somrs.protocol.messages.orders import Blank, Daily, OrderSaved, TemplateSaved
 from somrs.protocol.messages.people import person_name
+from somrs.protocol.messages.submission import Submit
 from tests.support.hang import HANG_TIME
 from tests.support.small_system import Porter, SmallSystem, running
 

@@ -15,9 +15,9 @@ from somrs.client.client import Client
 from somrs.client.refusals import Changed, NotFound
 from somrs.errors import FormulaError, InputError, UsageError
 from somrs.ontology.services import Handler, Occasion
-from somrs.protocol.messages.clients import Policy, Submit
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.orders import Blank, Daily, Every, Filled, Once, OrderSaved, Run, RunState, StandingOrder, TemplateSaved
+from somrs.protocol.messages.submission import Policy, Submit
 from somrs.scheduling.execution import message_for
 from tests.support.hang import HANG_TIME
 from tests.support.small_system import Porter, SmallSystem, Time, live_api_at, running

@@ -34,9 +34,9 @@ from somrs.errors import FormulaError, UsageError
 from somrs.gui.proxy import Proxy
 from somrs.ontology.objects import Object, ObjectAdded, ValueSet
 from somrs.ports import bound
-from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.protocol.messages.orders import TemplateSaved
+from somrs.protocol.messages.submission import Submit
 from somrs.runtime.http import QuietServer
 from somrs.runtime.wire import Unanswered
 from tests.support.hang import HANG_TIME

@@ -18,9 +18,10 @@ from somrs.cli.task_commands import task as show_task
 from somrs.client.hub import News
 from somrs.client.refusals import NotFound
 from somrs.errors import UsageError
-from somrs.protocol.messages.clients import ContractView, MessageView, Phase, Submit
 from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.frp import Outcome, State
+from somrs.protocol.messages.submission import Submit
+from somrs.protocol.messages.task_views import ContractView, MessageView, Phase
 from somrs.task_manager import manager
 from tests.support.hang import HANG_TIME
 from tests.support.small_system import Porter, SmallSystem, running

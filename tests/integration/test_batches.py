@@ -14,8 +14,8 @@ from msgspec import Struct
 
 from somrs.kernel.codec import Schema
 from somrs.kernel.component import DeliveryFailed, Effect, Input, Received, Send, TimerFired
-from somrs.protocol.messages.clients import CancelTask
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id
+from somrs.protocol.messages.submission import CancelTask
 from somrs.protocol.soap import soap
 from somrs.protocol.soap.document import MOST_BYTES
 from somrs.runtime import batches

@@ -5,11 +5,11 @@ from __future__ import annotations
 from msgspec import structs
 
 from somrs.ontology.services import Parameter, ServiceType
-from somrs.protocol.messages.clients import Preview, Previewed
 from somrs.protocol.messages.directory import Discover, Discovered, Offer, Publish, Published, ServiceTypesChanged
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.knowledge import Define, Defined, Definitions
+from somrs.protocol.messages.previews import Preview, Previewed
 from somrs.service_manager.sdk.device import Device, Situation, Task, service
 from tests.support.virtual_system import Robot, VirtualSystem
 

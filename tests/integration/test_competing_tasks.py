@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import pytest
 
 from somrs.ontology.objects import Fact, FactRemoved
-from somrs.protocol.messages.clients import CancelTask, Phase, Policy
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.event_text import short_id
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.knowledge import UpdateMap
+from somrs.protocol.messages.submission import CancelTask, Policy
+from somrs.protocol.messages.task_views import Phase
 from somrs.runtime.virtual_time import Work
 from somrs.service_manager.sdk.orders import Advance, Halt, Order, ServiceFailed, WorkDone
 from tests.support.event_sentences import texts

@@ -6,10 +6,10 @@ import pytest
 
 from somrs.ontology.naming import DefinitionKey, Section
 from somrs.ontology.types import Constraint, ObjectType
-from somrs.protocol.messages.clients import Phase
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.knowledge import Alteration, Define, Defined, Definitions, MergeObject, RenameObject, Updated
+from somrs.protocol.messages.task_views import Phase
 from somrs.runtime.virtual_time import Work
 from somrs.service_manager.sdk.orders import Order, ServiceFailed
 from tests.support.keeper import renaming

@@ -15,9 +15,10 @@ from somrs.gui.pages.history import _row as history_row
 from somrs.gui.pages.task_header import reason_text
 from somrs.gui.pages.task_story import story
 from somrs.gui.pages.tasks import _table_row as task_row
-from somrs.protocol.messages.clients import TaskRow, TasksNews, WatchTasks
-from somrs.protocol.messages.events import EventKind
+from somrs.protocol.messages.event_kinds import EventKind
 from somrs.protocol.messages.records import TaskRecord
+from somrs.protocol.messages.task_news import TasksNews, WatchTasks
+from somrs.protocol.messages.task_views import TaskRow
 from tests.integration.test_recovery import GOAL
 from tests.support.virtual_system import Robot, VirtualSystem
 

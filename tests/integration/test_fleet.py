@@ -20,11 +20,11 @@ from somrs.client.client import Client
 from somrs.client.task_history import TaskHistory
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Value
-from somrs.protocol.messages.clients import WorkView
 from somrs.protocol.messages.directory import Offer, PresenceChange, Publish, Published, Retract, Retracted, ServicesJoined, ServicesLeft
 from somrs.protocol.messages.envelope import message_id
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.records import ReadRecords, Records, TaskRecord
+from somrs.protocol.messages.task_views import WorkView
 from somrs.storage import archive
 from tests.support.hang import HANG_TIME
 from tests.support.small_system import SmallSystem

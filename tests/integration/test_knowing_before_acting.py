@@ -10,10 +10,11 @@ from somrs.ontology.objects import ValueSet
 from somrs.ontology.services import Parameter, ServiceKind, ServiceType
 from somrs.ontology.types import RelationType, Value
 from somrs.protocol.messages import events
-from somrs.protocol.messages.clients import Preview, Previewed, TaskView
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.knowledge import Definitions, UpdateMap
+from somrs.protocol.messages.previews import Preview, Previewed
+from somrs.protocol.messages.task_views import TaskView
 from somrs.runtime.virtual_time import Work
 from somrs.service_manager.sdk.orders import Capability, Order, Profile, ServiceFailed, WorkDone
 from tests.support.virtual_system import SITE, Robot, VirtualSystem

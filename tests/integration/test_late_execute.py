@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from somrs.protocol.messages import frp
-from somrs.protocol.messages.clients import CancelTask
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.frp import Outcome, State
+from somrs.protocol.messages.submission import CancelTask
 from somrs.runtime.virtual_network import LATENCY, Medium
 from somrs.task_manager.execution.participants import SILENCE
 from tests.integration.test_recovery import recognize_at_place, restore_object

@@ -16,8 +16,8 @@ from msgspec import structs
 from somrs.errors import RemoteError, UsageError
 from somrs.kernel.component import DeliveryFailed, Effect, Input, Received, Send, TimerFired
 from somrs.protocol.messages import frp
-from somrs.protocol.messages.clients import CancelTask
 from somrs.protocol.messages.envelope import Header, Message, message_id
+from somrs.protocol.messages.submission import CancelTask
 from somrs.runtime.host import Host
 from somrs.runtime.node import Report
 from somrs.runtime.wire import Wire

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from somrs.protocol.messages import events, frp
-from somrs.protocol.messages.clients import TaskView
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.task_views import TaskView
 from somrs.runtime.virtual_network import LATENCY, Medium
 from somrs.service_manager.sdk.device import Device
 from tests.integration.test_invariants import DOOR_OPEN, Carrier, logged

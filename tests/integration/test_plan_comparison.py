@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.protocol.messages import events
-from somrs.protocol.messages.clients import CancelTask, Policy, Preview, Previewed
 from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.previews import Preview, Previewed
+from somrs.protocol.messages.submission import CancelTask, Policy
 from somrs.task_manager.manager import TaskManager
 from tests.support.virtual_system import Robot, VirtualSystem
 

@@ -7,11 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from somrs.protocol.messages import frp
-from somrs.protocol.messages.clients import Policy, Preview, Previewed
 from somrs.protocol.messages.envelope import Header
 from somrs.protocol.messages.event_text import short_id
 from somrs.protocol.messages.frp import Outcome, State
+from somrs.protocol.messages.previews import Preview, Previewed
 from somrs.protocol.messages.records import TaskRecord
+from somrs.protocol.messages.submission import Policy
 from tests.integration.test_task_manager import GOAL
 from tests.support.examples import examples
 from tests.support.lab import request

@@ -8,9 +8,11 @@ from hypothesis import strategies as st
 from somrs.kernel.codec import Codec, encode
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Value
-from somrs.protocol.messages.clients import CancelTask, Phase, Policy, ReadTasks, Tasks
 from somrs.protocol.messages.directory import CAPACITY_ATTRIBUTE, Offer
 from somrs.protocol.messages.frp import Execute, Outcome, State
+from somrs.protocol.messages.submission import CancelTask, Policy
+from somrs.protocol.messages.task_news import ReadTasks, Tasks
+from somrs.protocol.messages.task_views import Phase
 from somrs.service_manager.participant.participant import ServiceManager
 from somrs.service_manager.sdk.orders import Capability, Profile
 from somrs.task_manager.device_queue import AtWork, DeviceQueues

@@ -5,8 +5,9 @@ from __future__ import annotations
 import pytest
 
 from somrs.ontology.services import Parameter, ServiceType
-from somrs.protocol.messages.clients import Preview, Previewed, TaskView
 from somrs.protocol.messages.frp import Arrange, Outcome
+from somrs.protocol.messages.previews import Preview, Previewed
+from somrs.protocol.messages.task_views import TaskView
 from somrs.service_manager.sdk.device import Device, Situation, Task, service
 from somrs.service_manager.sdk.orders import Refusal
 from tests.support.virtual_devices import Pause

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from somrs.ontology.services import Parameter, ServiceKind, ServiceType
-from somrs.protocol.messages.clients import Preview, Previewed
 from somrs.protocol.messages.findings import Findings
 from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.previews import Preview, Previewed
 from somrs.runtime.virtual_time import Work
 from somrs.service_manager.sdk.orders import Order, ServiceFailed, WorkDone
 from tests.integration.test_knowing_before_acting import WEIGH, KnowingSystem, finds_nothing, work_of

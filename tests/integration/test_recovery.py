@@ -8,10 +8,11 @@ from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, ValueSe
 from somrs.ontology.services import Handler, Occasion
 from somrs.planner.model.plan import Step
 from somrs.protocol.messages import frp
-from somrs.protocol.messages.clients import CancelTask, Policy, TaskView
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.knowledge import MapChanged, UpdateMap
+from somrs.protocol.messages.submission import CancelTask, Policy
+from somrs.protocol.messages.task_views import TaskView
 from somrs.runtime.virtual_network import LATENCY
 from somrs.runtime.virtual_time import Work
 from somrs.service_manager.sdk.orders import Advance, Halt, Order, ServiceFailed, WorkDone

@@ -9,10 +9,10 @@ from somrs.cli.task_commands import handlers
 from somrs.client.export import Table, columns
 from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.services import Occasion
-from somrs.protocol.messages.clients import ContractView, MessageView, StepView, TaskEvent, WorkView
-from somrs.protocol.messages.events import EventKind
+from somrs.protocol.messages.event_kinds import EventKind
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.records import TaskRecord
+from somrs.protocol.messages.task_views import ContractView, MessageView, StepView, TaskEvent, WorkView
 from somrs.service_manager.participant import messaging
 from somrs.task_manager.arrangement import call_for_proposals
 from somrs.task_manager.execution import participants

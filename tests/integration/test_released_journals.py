@@ -12,9 +12,9 @@ import pytest
 from somrs.kernel.codec import decode_untyped, encode
 from somrs.kernel.component import Send, Started, TimerFired
 from somrs.kernel.durability import JournaledComponent
-from somrs.protocol.messages.clients import Phase
-from somrs.protocol.messages.events import GoalKind
 from somrs.protocol.messages.frp import Outcome, State
+from somrs.protocol.messages.goal_kinds import GoalKind
+from somrs.protocol.messages.task_views import Phase
 from somrs.registry.component import Registry
 from somrs.registry.state import LeasesDue
 from somrs.repository.component import Repository

@@ -8,22 +8,11 @@ from hypothesis import strategies as st
 
 from somrs.kernel.codec import Codec, encode
 from somrs.kernel.component import Answered, Ask, Input, Received, Send, Started
-from somrs.protocol.messages.clients import (
-    ContractView,
-    Messages,
-    MessageView,
-    Phase,
-    ReadMessages,
-    ReadTasks,
-    StepView,
-    TaskNews,
-    TasksNews,
-    WatchTask,
-    WatchTasks,
-)
 from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.frp import Fault, Outcome, State
 from somrs.protocol.messages.records import Records
+from somrs.protocol.messages.task_news import Messages, ReadMessages, ReadTasks, TaskNews, TasksNews, WatchTask, WatchTasks
+from somrs.protocol.messages.task_views import ContractView, MessageView, Phase, StepView
 from somrs.protocol.soap import soap
 from somrs.protocol.soap.document import MOST_BYTES
 from somrs.runtime.virtual_time import Work

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from somrs.protocol.messages.clients import CancelTask, Policy, Preview, Previewed, ReadTasks, Tasks
 from somrs.protocol.messages.frp import Arrange, Failed, Outcome, State
+from somrs.protocol.messages.previews import Preview, Previewed
+from somrs.protocol.messages.submission import CancelTask, Policy
+from somrs.protocol.messages.task_news import ReadTasks, Tasks
 from somrs.runtime.virtual_time import Work
 from somrs.service_manager.sdk.orders import Advance, Order, ServiceFailed, WorkDone
 from tests.support.event_sentences import texts

@@ -10,10 +10,12 @@ from somrs.kernel.component import Effect, Input
 from somrs.kernel.replica import ReplicaDue
 from somrs.ontology.objects import ObjectRemoved
 from somrs.protocol.messages import events, frp
-from somrs.protocol.messages.clients import CancelTask, Phase, Policy, Preview, Previewed, Submit, TaskRejected
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.knowledge import Updated, UpdateMap
+from somrs.protocol.messages.previews import Preview, Previewed
+from somrs.protocol.messages.submission import CancelTask, Policy, Submit, TaskRejected
+from somrs.protocol.messages.task_views import Phase
 from somrs.runtime.virtual_time import Work
 from somrs.service_manager.sdk.orders import Advance, Order, ServiceFailed
 from somrs.task_manager.manager import REMEMBERED, TaskManager

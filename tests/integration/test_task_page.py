@@ -12,7 +12,7 @@ from somrs.gui.pages.task_chapters import Chapter, failures, summary
 from somrs.gui.pages.task_story import story
 from somrs.gui.pages.task_text import gist
 from somrs.ontology.services import Handler, Occasion
-from somrs.protocol.messages.clients import CancelTask
+from somrs.protocol.messages.submission import CancelTask
 from tests.integration.test_recovery import BOTH_JARS, GOAL, goes_silent, holding, patrolled_system, restore_object, run_until_step_done
 from tests.support.virtual_system import Robot, VirtualSystem, drop_object
 

@@ -12,10 +12,12 @@ from somrs.cli.task_report import messages, print_report
 from somrs.client import terminal
 from somrs.client.task_report import TaskReport, to_builtins
 from somrs.client.trace import lines_of, without_heartbeats
-from somrs.protocol.messages.clients import CancelTask, ReadTasks, TaskNews, Tasks, TaskView, WatchTask
-from somrs.protocol.messages.events import EventKind
+from somrs.protocol.messages.event_kinds import EventKind
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.records import TaskRecord
+from somrs.protocol.messages.submission import CancelTask
+from somrs.protocol.messages.task_news import ReadTasks, TaskNews, Tasks, WatchTask
+from somrs.protocol.messages.task_views import TaskView
 from somrs.runtime.virtual_time import Work
 from somrs.service_manager.sdk.orders import Advance, Order
 from tests.integration.test_recovery import BOTH_JARS, GOAL, goes_silent, holding, patrolled_system, restore_object, run_until_step_done

@@ -7,8 +7,8 @@ from msgspec import structs
 
 from somrs.ontology.services import Parameter, ServiceType
 from somrs.protocol.messages import events
-from somrs.protocol.messages.clients import Policy
 from somrs.protocol.messages.frp import Outcome, State
+from somrs.protocol.messages.submission import Policy
 from somrs.runtime.virtual_time import Work
 from somrs.service_manager.sdk.orders import Order, WorkDone
 from tests.support.virtual_system import Robot, VirtualSystem, drop_object

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from somrs.protocol.messages import events
-from somrs.protocol.messages.clients import CancelTask, Phase
+from somrs.protocol.messages import waits
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.knowledge import UpdateMap
+from somrs.protocol.messages.submission import CancelTask
+from somrs.protocol.messages.task_views import Phase
 from somrs.runtime.virtual_time import Work
 from somrs.service_manager.sdk.orders import Order, ServiceFailed, WorkDone
 from tests.support.virtual_system import Robot, VirtualSystem, transfer_effect
@@ -53,7 +54,7 @@ def test_what_comes_to_nothing_for_the_same_reason_is_said_once() -> None:
     state = system.manager.state.tasks[task]
     event_count, message_count, participant_count = len(state.events), len(state.messages), len([*state.members])
     system.world.run(7200)
-    assert len(logged(system, task, events.WaitsToRetry)) == 1
+    assert len(logged(system, task, waits.WaitsToRetry)) == 1
     assert (len(state.events), len(state.messages), len([*state.members])) == (event_count, message_count, participant_count)
     assert state.goal.waiting_to_retry is not None
     assert state.goal.waiting_to_retry.attempts > 100

@@ -6,10 +6,10 @@ from msgspec import Struct
 
 from somrs.kernel.codec import Schema
 from somrs.kernel.component import Answered, Ask, Effect, ErrorAnswer, Input, Received, Record, Send, SetTimer, Started, TimerFired
-from somrs.protocol.messages.clients import CancelTask
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id, reply
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.records import TaskRecord
+from somrs.protocol.messages.submission import CancelTask
 
 LONG = 1e6
 """Seconds for which every message is repeated."""

@@ -11,10 +11,11 @@ from somrs.ontology.objects import Map
 from somrs.ontology.services import ServiceType
 from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
-from somrs.protocol.messages.clients import Submit, Submitted, TaskRejected, TaskView
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.knowledge import Definitions, UpdateMap
 from somrs.protocol.messages.records import TaskRecord
+from somrs.protocol.messages.submission import Submit, Submitted, TaskRejected
+from somrs.protocol.messages.task_views import TaskView
 from somrs.registry.component import SCHEMA as REGISTRY
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository

@@ -16,7 +16,7 @@ from somrs.api.remote import api_of, live_api
 from somrs.client.client import Addresses
 from somrs.deployment.system import System
 from somrs.errors import SomrsError
-from somrs.protocol.messages.clients import Submit
+from somrs.protocol.messages.submission import Submit
 from tests.support import warm
 from tests.support.hang import HANG_TIME
 from tests.support.paths import SCENARIO_1

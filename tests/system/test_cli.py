@@ -15,8 +15,8 @@ from somrs.cli.main import FaultOption
 from somrs.cli.tasks import FormatOption, OutcomeOption, PolicyOption, TableOption
 from somrs.client.export import Format, Table
 from somrs.devices.simulator.link.commands import Fault
-from somrs.protocol.messages.clients import Policy
 from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.submission import Policy
 from tests.support.command import program, somrs
 from tests.support.hang import HANG_TIME
 from tests.support.paths import SCENARIO_1, SHARED

@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 
 from somrs.client.client import Client
-from somrs.protocol.messages.clients import Submit, TaskView
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.knowledge import UpdateMap
+from somrs.protocol.messages.submission import Submit
+from somrs.protocol.messages.task_views import TaskView
 from tests.support.paths import ROOT
 from tests.system.test_system import accomplish, running
 

@@ -11,9 +11,9 @@ import pytest
 from somrs.cli.task_commands import run_task, tasks
 from somrs.client.export import Format, Table, export
 from somrs.deployment.system import System
-from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.records import TaskRecord
+from somrs.protocol.messages.submission import Submit
 from tests.support import warm
 from tests.support.paths import SCENARIO_1
 

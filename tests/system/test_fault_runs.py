@@ -12,10 +12,10 @@ import pytest
 from msgspec import structs
 
 from somrs.kernel.component import Answered, Effect, Effects, EffectsReturning, Input, Received, TimerFired
-from somrs.protocol.messages.clients import CancelTask, Policy
 from somrs.protocol.messages.events import UndoingCheaper
 from somrs.protocol.messages.frp import Accept, Outcome
 from somrs.protocol.messages.observations import Observation
+from somrs.protocol.messages.submission import CancelTask, Policy
 from somrs.repository.association import Association, Sighting
 from somrs.runtime.virtual_time import KillPoint, World
 from somrs.service_manager.participant.timers import TermsDue

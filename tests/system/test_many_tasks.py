@@ -11,8 +11,9 @@ from pathlib import Path
 
 from somrs.client.client import Client
 from somrs.deployment.system import System
-from somrs.protocol.messages.clients import Submit, TaskView
 from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.submission import Submit
+from somrs.protocol.messages.task_views import TaskView
 from tests.support import warm
 from tests.support.hang import HANG_TIME
 

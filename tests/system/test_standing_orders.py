@@ -16,9 +16,9 @@ from somrs.client.client import Addresses, Client
 from somrs.deployment.system import System
 from somrs.errors import RemoteError, UsageError
 from somrs.ports import Reservation
-from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.orders import Every, OrderSaved, Run, RunState
+from somrs.protocol.messages.submission import Submit
 from tests.support import warm
 from tests.support.hang import HANG_TIME
 from tests.support.paths import SCENARIO_1

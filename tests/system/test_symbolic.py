@@ -21,9 +21,10 @@ from somrs.errors import RemoteError, UsageError
 from somrs.ontology.files.site import dump_site
 from somrs.ontology.objects import Change, Fact, FactAdded
 from somrs.ontology.truth import formula_holds
-from somrs.protocol.messages.clients import Submit, TaskView
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.knowledge import UpdateMap
+from somrs.protocol.messages.submission import Submit
+from somrs.protocol.messages.task_views import TaskView
 from somrs.service_manager.participant.participant import ServiceManager
 from somrs.service_manager.sdk.orders import Halt, Order, Perform, Quote, Quoted, ServiceFailed, WorkDone
 from somrs.sites.pddl import ImportedProblem, read

@@ -26,8 +26,9 @@ from somrs.deployment.system import System
 from somrs.devices.simulator.link.commands import Fault
 from somrs.devices.simulator.link.link import OperatorLink
 from somrs.errors import FormulaError, UsageError
-from somrs.protocol.messages.clients import Submit, TaskView
 from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.submission import Submit
+from somrs.protocol.messages.task_views import TaskView
 from tests.support import warm
 from tests.support.command import program
 from tests.support.hang import HANG_TIME

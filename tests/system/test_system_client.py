@@ -13,8 +13,8 @@ import somrs
 from somrs import Client
 from somrs.client.client import Addresses
 from somrs.errors import UsageError
-from somrs.protocol.messages.clients import Phase
 from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.task_views import Phase
 from tests.support.paths import ROOT, SCENARIO_1
 from tests.system.test_system import running
 

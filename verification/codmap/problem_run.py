@@ -17,10 +17,10 @@ from somrs.ontology.types import PART_OF
 from somrs.planner.model.plan import NoPlan, Plan, Step
 from somrs.planner.model.problem import AvailableService, Problem
 from somrs.planner_service.engines import plan_in_process
-from somrs.protocol.messages.clients import Policy, Submit, Submitted
 from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.event_text import join_reasons, sentence
 from somrs.protocol.messages.frp import Outcome, State
+from somrs.protocol.messages.submission import Policy, Submit, Submitted
 from somrs.registry.component import Registry
 from somrs.repository.component import Repository
 from somrs.repository.state import Contents

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 
 from somrs.kernel.component import Effect, Input, Received, Send, SetTimer, TimerFired
 from somrs.protocol.messages.bodies import Body
-from somrs.protocol.messages.clients import Cancelling, CancelTask, Preview, Previewed, Submit, Submitted, TaskRejected
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Fault
+from somrs.protocol.messages.previews import Preview, Previewed
+from somrs.protocol.messages.submission import Cancelling, CancelTask, Submit, Submitted, TaskRejected
 from verification.fault_runs.scenario import TaskRequest
 
 PATIENCE = 15.0

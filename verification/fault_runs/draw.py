@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from somrs.ontology.services import Handler, Occasion
-from somrs.protocol.messages.clients import Policy
+from somrs.protocol.messages.submission import Policy
 from somrs.runtime.virtual_time import KillPoint
 from verification.fault_runs.scenario import (
     AT_WORK,

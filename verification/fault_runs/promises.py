@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 from somrs.protocol.frp.session import service_of
 from somrs.protocol.messages import events, frp
-from somrs.protocol.messages.clients import Phase
 from somrs.protocol.messages.envelope import Message
-from somrs.protocol.messages.events import GoalKind
 from somrs.protocol.messages.frp import State
+from somrs.protocol.messages.goal_kinds import GoalKind
+from somrs.protocol.messages.task_views import Phase
 from somrs.task_manager.manager import TaskManager
 from somrs.task_manager.transaction.state import TaskState
 from verification.fault_runs.scenario import Carry, Store

@@ -16,13 +16,13 @@ from somrs.ontology.truth import formula_holds
 from somrs.planner.model.problem import Problem
 from somrs.protocol.frp.session import service_of
 from somrs.protocol.messages import frp
-from somrs.protocol.messages.clients import TaskView, WorkView
 from somrs.protocol.messages.envelope import Message, message_id, normalised_id
 from somrs.protocol.messages.event_text import sentence
-from somrs.protocol.messages.events import GoalKind
 from somrs.protocol.messages.frp import Outcome, State
+from somrs.protocol.messages.goal_kinds import GoalKind
 from somrs.protocol.messages.knowledge import Rejected, Updated, UpdateMap
 from somrs.protocol.messages.records import TaskRecord
+from somrs.protocol.messages.task_views import TaskView, WorkView
 from somrs.service_manager.participant.participant import ServiceManager
 from somrs.task_manager.manager import TaskManager
 from somrs.task_manager.transaction.state import TaskState

@@ -8,11 +8,11 @@ from rich.table import Table
 
 from somrs.kernel.component import Input, Received
 from somrs.protocol.messages import frp
-from somrs.protocol.messages.clients import Cancelling, CancelTask, Submit, Submitted, TaskRejected
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.event_text import sentence
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.knowledge import Rejected, UpdateMap
+from somrs.protocol.messages.submission import Cancelling, CancelTask, Submit, Submitted, TaskRejected
 from verification.fault_runs.result import RECOVERIES, Result
 from verification.fault_runs.scenario_run import ScenarioRun
 

@@ -6,7 +6,7 @@ import gc
 from collections import Counter
 from dataclasses import dataclass, field
 
-from somrs.protocol.messages import events
+from somrs.protocol.messages import events, waits
 from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.records import TaskRecord
@@ -20,8 +20,8 @@ RECOVERIES: dict[type[Event], str] = {
     events.ServiceReplaced: "replaced",
     events.Replanned: "planned anew",
     events.TriedOnceMore: "planned anew",
-    events.WaitsForTasks: "waited for another task",
-    events.WaitsForDevice: "waited for its turn at a device",
+    waits.WaitsForTasks: "waited for another task",
+    waits.WaitsForDevice: "waited for its turn at a device",
     events.LookBegun: "observations",
     events.NobodyLooks: "not observed",
     events.UndoneByOthers: "undone by others",

@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 from enum import StrEnum
 
 from somrs.ontology.services import Handler
-from somrs.protocol.messages.clients import Policy
+from somrs.protocol.messages.submission import Policy
 from somrs.runtime.virtual_time import KillPoint
 
 AT_WORK = "the device at work"

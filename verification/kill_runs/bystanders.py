@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 
 from somrs.client.client import Client
 from somrs.ontology.objects import ValueSet
-from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.knowledge import Updated, UpdateMap
+from somrs.protocol.messages.submission import Submit
 
 PAUSE = 0.3
 """Seconds between two requests of a client."""

@@ -11,11 +11,11 @@ from somrs.devices.simulator.link.commands import ObjectState, RobotState
 from somrs.ontology.objects import Map, ValueSet
 from somrs.ontology.types import Ontology
 from somrs.ontology.values import value_of
-from somrs.protocol.messages.clients import Phase, TaskView
 from somrs.protocol.messages.events import ServiceFailure, ServiceRefused
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.knowledge import Event
 from somrs.protocol.messages.records import TaskRecord
+from somrs.protocol.messages.task_views import Phase, TaskView
 from somrs.task_manager.execution.participants import SILENCE
 from verification.kill_runs.bystanders import AUTHOR, PATH, Acknowledged
 from verification.kill_runs.draw import HOMES, Case, Victim

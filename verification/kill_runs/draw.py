@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from somrs.protocol.frp.states import TO_COORDINATOR, TO_PARTICIPANT
-from somrs.protocol.messages.clients import Policy
+from somrs.protocol.messages.submission import Policy
 from verification.kill_runs.scenarios import CHEAP, DEAR, PLACES, THINGS, Scenario, scenarios_of
 
 MESSAGES = tuple(dict.fromkeys(kind.__name__ for kind in (*TO_PARTICIPANT, *TO_COORDINATOR)))

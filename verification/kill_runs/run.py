@@ -16,9 +16,10 @@ from somrs.client.task_history import TaskHistory
 from somrs.client.trace import TASK_MANAGER, Line
 from somrs.errors import RemoteError, SomrsError
 from somrs.protocol.messages import frp
-from somrs.protocol.messages.clients import Cancelling, CancelTask, Submit, TaskView
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.records import ReadRecords
+from somrs.protocol.messages.submission import Cancelling, CancelTask, Submit
+from somrs.protocol.messages.task_views import TaskView
 from verification.kill_runs import checks
 from verification.kill_runs.bystanders import CHANGED, Acknowledged, Bystanders
 from verification.kill_runs.draw import Case, Victim

@@ -21,9 +21,10 @@ from pathlib import Path
 from somrs.cli.import_commands import problem_of
 from somrs.client.client import Addresses, Client
 from somrs.ontology.files.site import dump_site
-from somrs.protocol.messages.clients import Phase, Submit, WorkView
-from somrs.protocol.messages.events import GoalKind
 from somrs.protocol.messages.frp import State
+from somrs.protocol.messages.goal_kinds import GoalKind
+from somrs.protocol.messages.submission import Submit
+from somrs.protocol.messages.task_views import Phase, WorkView
 from verification.upgrade_runs.release import ROOT, build_release, release_name
 from verification.upgrade_runs.run import Tree
 

@@ -13,8 +13,9 @@ from pathlib import Path
 
 from somrs.client.client import Addresses, Client
 from somrs.errors import RemoteError, UsageError
-from somrs.protocol.messages.clients import Phase, Submit, TaskRow
 from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.submission import Submit
+from somrs.protocol.messages.task_views import Phase, TaskRow
 from verification.upgrade_runs.release import ROOT
 
 UP_TIME = 300.0

@@ -17,11 +17,12 @@ from somrs.errors import FormulaError
 from somrs.ontology.naming import DefinitionKey, Renaming, Section, key_of
 from somrs.ontology.renaming import speaks_of
 from somrs.ontology.types import Ontology
-from somrs.protocol.messages.clients import Submit, TaskView
 from somrs.protocol.messages.event_text import short_id
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.knowledge import Revision
 from somrs.protocol.messages.orders import StandingOrder, Template, blanks_to_variables
+from somrs.protocol.messages.submission import Submit
+from somrs.protocol.messages.task_views import TaskView
 
 
 class DefinitionUserKind(StrEnum):

@@ -22,9 +22,9 @@ from somrs.errors import SomrsError
 from somrs.ontology.services import ServiceKind
 from somrs.ontology.types import WORKING, Value
 from somrs.ontology.values import value_of
-from somrs.protocol.messages.clients import StepView, TaskView, WorkView
 from somrs.protocol.messages.directory import Discover, Offer, PresenceChange
 from somrs.protocol.messages.frp import State
+from somrs.protocol.messages.task_views import StepView, TaskView, WorkView
 
 _STOREY = "Storey"
 _HELD_BY = "isHeldBy"

@@ -14,9 +14,9 @@ from somrs.client.refusals import ErrorReport, refusal_of
 from somrs.errors import RemoteError
 from somrs.protocol.messages import frp, orders
 from somrs.protocol.messages.bodies import Body
-from somrs.protocol.messages.clients import Submit, Submitted
 from somrs.protocol.messages.envelope import message_id
 from somrs.protocol.messages.orders import Filled, OrderSaved, Run, StandingOrder, Template, TemplateSaved
+from somrs.protocol.messages.submission import Submit, Submitted
 
 RESTART_PATIENCE = 10.0
 """Seconds for which a read request waits for a Scheduler that is being restarted."""

@@ -9,9 +9,9 @@ from collections.abc import Iterable
 import msgspec
 
 from somrs.client.task_history import TaskHistory
-from somrs.protocol.messages.clients import WorkView
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.records import ReadRecords, TaskRecord
+from somrs.protocol.messages.task_views import WorkView
 
 MOST_TASKS = 1000
 """Maximum number of tasks read at the first request, the latest ones; older ones say little about the present."""

@@ -13,10 +13,10 @@ from somrs.api.simulator_gateway import link
 from somrs.client.operations import operation
 from somrs.errors import SomrsError
 from somrs.ontology.types import ABSTRACT
-from somrs.protocol.messages.clients import ReadTasks, Tasks
 from somrs.protocol.messages.directory import Discover, Discovered
 from somrs.protocol.messages.knowledge import OntologyPage, ReadOntology
 from somrs.protocol.messages.orders import ReadTemplates, TemplatesPage
+from somrs.protocol.messages.task_news import ReadTasks, Tasks
 from somrs.version import __version__
 
 PATIENCE = 2.0

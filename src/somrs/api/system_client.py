@@ -20,8 +20,10 @@ from somrs.client.hub import News
 from somrs.client.live_news import LiveHub
 from somrs.errors import UsageError
 from somrs.ontology.services import Handler
-from somrs.protocol.messages.clients import Phase, Policy, Preview, Previewed, Submit, TaskRow, TaskView
 from somrs.protocol.messages.findings import Findings
+from somrs.protocol.messages.previews import Preview, Previewed
+from somrs.protocol.messages.submission import Policy, Submit
+from somrs.protocol.messages.task_views import Phase, TaskRow, TaskView
 
 DATA_FOLDER = Path(".somrs")
 """The default data folder of `somrs up`, which contains the addresses of the system."""

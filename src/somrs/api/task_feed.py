@@ -13,8 +13,9 @@ from somrs.client.client import Client
 from somrs.client.hub import Hub
 from somrs.client.task_history import TaskHistory
 from somrs.errors import RemoteError
-from somrs.protocol.messages.clients import ContractView, Phase, TaskEvent, TaskRow, TasksNews, TaskView, WatchTask, WatchTasks
 from somrs.protocol.messages.records import ReadRecords
+from somrs.protocol.messages.task_news import TasksNews, WatchTask, WatchTasks
+from somrs.protocol.messages.task_views import ContractView, Phase, TaskEvent, TaskRow, TaskView
 from somrs.runtime.wire import Unanswered
 
 WAIT = 20.0

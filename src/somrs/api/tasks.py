@@ -15,22 +15,14 @@ from somrs.client.task_report import is_named, repetition
 from somrs.client.task_report import view as view_of
 from somrs.client.trace import lines_from, without_heartbeats
 from somrs.errors import RemoteError, UsageError
-from somrs.protocol.messages.clients import (
-    ContractView,
-    Messages,
-    Phase,
-    Preview,
-    Previewed,
-    Submit,
-    Submitted,
-    TaskEvent,
-    TaskRow,
-    TaskView,
-)
 from somrs.protocol.messages.envelope import message_id
 from somrs.protocol.messages.event_text import short_id
 from somrs.protocol.messages.findings import Findings
+from somrs.protocol.messages.previews import Preview, Previewed
 from somrs.protocol.messages.records import ReadRecords
+from somrs.protocol.messages.submission import Submit, Submitted
+from somrs.protocol.messages.task_news import Messages
+from somrs.protocol.messages.task_views import ContractView, Phase, TaskEvent, TaskRow, TaskView
 from somrs.runtime.wire import Unanswered
 
 __all__ = ["TaskChanged", "TaskDetails", "TaskList", "TaskService", "TasksChanged"]

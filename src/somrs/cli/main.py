@@ -194,7 +194,8 @@ def plan(
 ) -> None:
     """Show the plan for a goal without executing it. Shows why there is none if planning fails."""
     from somrs.cli.preview import plan as run
-    from somrs.protocol.messages.clients import Policy, Preview
+    from somrs.protocol.messages.previews import Preview
+    from somrs.protocol.messages.submission import Policy
 
     request = Preview(
         effect=formula, precondition=precondition, quotes=quotes, policy=Policy(policy.value), time_value=time_value, deadline=deadline

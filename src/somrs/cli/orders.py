@@ -12,7 +12,7 @@ from somrs.cli.tasks import PolicyOption
 from somrs.protocol.messages.orders import OrderSaved, TemplateSaved
 
 if TYPE_CHECKING:
-    from somrs.protocol.messages.clients import Submit
+    from somrs.protocol.messages.submission import Submit
 
 templates_app = typer.Typer(
     help="Templates: tasks for repeated use, with blanks to fill in. Without a command: list them.",
@@ -190,7 +190,7 @@ def _task(
     priority: int,
     unavailable: UnavailableOption,
 ) -> Submit:
-    from somrs.protocol.messages.clients import Policy, Submit
+    from somrs.protocol.messages.submission import Policy, Submit
 
     return Submit(
         effect=formula,

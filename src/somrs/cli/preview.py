@@ -12,7 +12,7 @@ from somrs.client import terminal
 from somrs.client.client import Addresses, Client
 from somrs.client.outlook_text import outlook_note, outlook_price
 from somrs.client.task_report import reasons
-from somrs.protocol.messages.clients import OtherPlan, Preview, Previewed, Quotation
+from somrs.protocol.messages.previews import OtherPlan, Preview, Previewed, Quotation
 
 
 async def plan(request: Preview, data: Path, *, json: bool) -> int:

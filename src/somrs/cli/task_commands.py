@@ -18,10 +18,12 @@ from somrs.client.task_report import TaskReport, is_named, repetition, to_builti
 from somrs.client.trace import Line, lines_from, lines_of, without_heartbeats
 from somrs.errors import FormulaError, UsageError
 from somrs.ontology.services import Handler, Occasion
-from somrs.protocol.messages.clients import Submit, TaskNews, TaskView
-from somrs.protocol.messages.events import EventKind
+from somrs.protocol.messages.event_kinds import EventKind
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.records import ReadRecords
+from somrs.protocol.messages.submission import Submit
+from somrs.protocol.messages.task_news import TaskNews
+from somrs.protocol.messages.task_views import TaskView
 
 LAST_TASK = "last"
 """In place of an id: the task that was submitted last."""

@@ -13,9 +13,9 @@ from somrs.client.message_chart import SETBACKS, describe_message
 from somrs.client.state_labels import priority_text
 from somrs.client.task_report import TaskReport
 from somrs.client.trace import TASK_MANAGER, Line, without_heartbeats
-from somrs.protocol.messages.clients import ContractView, WorkView
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.people import person_name
+from somrs.protocol.messages.task_views import ContractView, WorkView
 
 
 def print_report(report: TaskReport, console: Console) -> None:

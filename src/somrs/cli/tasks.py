@@ -83,7 +83,7 @@ def do(
     """Submit a task, with a formula as its goal. Shows the plan, the services, the recovery from failures, and the outcome."""
     from somrs.cli.task_commands import handlers
     from somrs.cli.task_commands import run_task as run
-    from somrs.protocol.messages.clients import Policy, Submit
+    from somrs.protocol.messages.submission import Policy, Submit
 
     submission = Submit(
         effect=formula,
@@ -111,7 +111,7 @@ def look(
     """Find out for which objects and values a formula holds. Cognitive services observe it; nothing is moved. Shows the answers, who saw
     them, and when."""
     from somrs.cli.task_commands import run_task as run
-    from somrs.protocol.messages.clients import Policy, Submit
+    from somrs.protocol.messages.submission import Policy, Submit
 
     waits = unavailable is UnavailableOption.wait
     submission = Submit(effect=formula, policy=Policy(policy.value), deadline=deadline, waits=waits, recognise=True)

@@ -16,7 +16,7 @@ import msgspec
 from somrs.errors import FormulaError, RemoteError, UsageError
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.types import Definition, Ontology
-from somrs.protocol.messages import clients, directory, frp, knowledge, records
+from somrs.protocol.messages import directory, frp, knowledge, previews, records, submission, task_news, task_views
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.people import client_address
@@ -242,7 +242,7 @@ class Client:
 
     # The Task Manager
 
-    async def submit(self, task: clients.Submit, patience: float = 0.0, id: str | None = None, author: str | None = None) -> str:
+    async def submit(self, task: submission.Submit, patience: float = 0.0, id: str | None = None, author: str | None = None) -> str:
         """Submit a task, and return its id. Submissions with the same message `id` are one task.
 
         Raises:
@@ -252,84 +252,84 @@ class Client:
         """
         answer: object = await self.ask(self.addresses.task_manager, task, object, patience=patience, id=id, author=author)
         match answer:
-            case clients.Submitted(task=id):
+            case submission.Submitted(task=id):
                 return id
-            case clients.TaskRejected(mistake=clients.FormulaMistake() as mistake):
+            case submission.TaskRejected(mistake=submission.FormulaMistake() as mistake):
                 raise FormulaError(mistake.text, mistake.position, mistake.problem, mistake.hint)
-            case clients.TaskRejected(problem=wrong):
+            case submission.TaskRejected(problem=wrong):
                 raise UsageError(wrong)
             case frp.Fault(text=text):
                 raise RemoteError(text)
             case _:
                 raise RemoteError(f"the Task Manager answered {type(answer).__name__}")
 
-    async def news(self, task: str) -> AsyncIterator[clients.TaskNews]:
+    async def news(self, task: str) -> AsyncIterator[task_news.TaskNews]:
         """Yield the news of the task until it has ended, across restarts of the Task Manager."""
         event_count = 0
         while True:
-            watch = clients.WatchTask(task=task, after=event_count)
+            watch = task_news.WatchTask(task=task, after=event_count)
             news = await self.watch(watch, patience=PATIENCE)
             yield news
-            if news.view.phase is clients.Phase.ENDED and not news.more:
+            if news.view.phase is task_views.Phase.ENDED and not news.more:
                 return
             event_count += len(news.events)
 
-    async def watch(self, request: clients.WatchTask, patience: float = 0.0) -> clients.TaskNews:
+    async def watch(self, request: task_news.WatchTask, patience: float = 0.0) -> task_news.TaskNews:
         """News of a task. A view that is too long for one message is read in parts and joined."""
-        parts: list[clients.TaskView] = []
-        news = await self.ask(self.addresses.task_manager, request, clients.TaskNews, timeout=request.wait + 40, patience=patience)
+        parts: list[task_views.TaskView] = []
+        news = await self.ask(self.addresses.task_manager, request, task_news.TaskNews, timeout=request.wait + 40, patience=patience)
         while news.rest is not None:
             parts.append(news.view)
             next_request = msgspec.structs.replace(request, parts=news.rest, wait=0)
-            news = await self.ask(self.addresses.task_manager, next_request, clients.TaskNews, patience=patience)
+            news = await self.ask(self.addresses.task_manager, next_request, task_news.TaskNews, patience=patience)
         if not parts:
             return news
         views = [*parts, news.view]
         steps, work = (tuple(chain.from_iterable(getattr(view, part) for view in views)) for part in ("steps", "work"))
         return msgspec.structs.replace(news, view=msgspec.structs.replace(news.view, steps=steps, work=work))
 
-    async def watch_list(self, request: clients.WatchTasks) -> clients.TasksNews:
+    async def watch_list(self, request: task_news.WatchTasks) -> task_news.TasksNews:
         """A page of the changes in the list of tasks."""
-        return await self.ask(self.addresses.task_manager, request, clients.TasksNews, timeout=request.wait + 40)
+        return await self.ask(self.addresses.task_manager, request, task_news.TasksNews, timeout=request.wait + 40)
 
-    async def rows(self) -> tuple[clients.TaskRow, ...]:
+    async def rows(self) -> tuple[task_views.TaskRow, ...]:
         """The tasks that the Task Manager holds, as rows of a list, newest first."""
-        rows_by_task: dict[str, clients.TaskRow] = {}
+        rows_by_task: dict[str, task_views.TaskRow] = {}
         version, has_next_page = 0, True
         while has_next_page:
-            news = await self.watch_list(clients.WatchTasks(after=version, wait=0))
+            news = await self.watch_list(task_news.WatchTasks(after=version, wait=0))
             rows_by_task |= {row.task: row for row in news.rows}
             version, has_next_page = news.version, news.more
         return tuple(sorted(rows_by_task.values(), key=lambda row: (row.submitted_at, row.task), reverse=True))
 
-    async def read_task(self, task: str) -> clients.TaskNews:
+    async def read_task(self, task: str) -> task_news.TaskNews:
         """The task as it is now, with all its events and, while it runs, all its contracts."""
-        events: tuple[clients.TaskEvent, ...] = ()
-        contracts: dict[str, clients.ContractView] = {}
+        events: tuple[task_views.TaskEvent, ...] = ()
+        contracts: dict[str, task_views.ContractView] = {}
         changed, has_next_page = 0, True
         while has_next_page:
-            news = await self.watch(clients.WatchTask(task=task, after=len(events), contracts=changed, wait=0))
+            news = await self.watch(task_news.WatchTask(task=task, after=len(events), contracts=changed, wait=0))
             events += news.events
             contracts |= {contract.participant: contract for contract in news.contracts}
             changed, has_next_page = news.contracts_at, news.more
         sorted_contracts = sorted(contracts.values(), key=lambda contract: contract.number)
         return msgspec.structs.replace(news, events=events, contracts=tuple(sorted_contracts))
 
-    async def all_messages(self, task: str) -> tuple[clients.MessageView, ...]:
+    async def all_messages(self, task: str) -> tuple[task_views.MessageView, ...]:
         """All messages of a running or ended task."""
-        messages: tuple[clients.MessageView, ...] = ()
+        messages: tuple[task_views.MessageView, ...] = ()
         has_next_page = True
         while has_next_page:
             page = await self.messages(task, len(messages))
             messages, has_next_page = messages + page.messages, page.more
         return messages
 
-    async def tasks(self, *, running: bool = False, limit: int | None = None) -> tuple[clients.TaskView, ...]:
+    async def tasks(self, *, running: bool = False, limit: int | None = None) -> tuple[task_views.TaskView, ...]:
         """The tasks that the Task Manager holds, newest first: all, or those that have not ended."""
-        tasks: list[clients.TaskView] = []
-        question = clients.ReadTasks(running=running, limit=PAGE if limit is None else min(limit, PAGE))
+        tasks: list[task_views.TaskView] = []
+        question = task_news.ReadTasks(running=running, limit=PAGE if limit is None else min(limit, PAGE))
         while limit is None or len(tasks) < limit:
-            page = await self.ask(self.addresses.task_manager, question, clients.Tasks)
+            page = await self.ask(self.addresses.task_manager, question, task_news.Tasks)
             tasks += page.tasks
             if not page.more:
                 break
@@ -341,12 +341,12 @@ class Client:
         return await self.ask(self.addresses.task_manager, query, records.Records)
 
     async def cancel(self, task: str, reason: str) -> None:
-        request = clients.CancelTask(task=task, reason=reason)
-        await self.ask(self.addresses.task_manager, request, clients.Cancelling, patience=PATIENCE)
+        request = submission.CancelTask(task=task, reason=reason)
+        await self.ask(self.addresses.task_manager, request, submission.Cancelling, patience=PATIENCE)
 
-    async def messages(self, task: str, offset: int = 0) -> clients.Messages:
+    async def messages(self, task: str, offset: int = 0) -> task_news.Messages:
         """A page of the messages of a running or ended task, after the first `offset`."""
-        return await self.ask(self.addresses.task_manager, clients.ReadMessages(task=task, after=offset), clients.Messages)
+        return await self.ask(self.addresses.task_manager, task_news.ReadMessages(task=task, after=offset), task_news.Messages)
 
-    async def preview(self, request: clients.Preview) -> clients.Previewed:
-        return await self.ask(self.addresses.task_manager, request, clients.Previewed, timeout=60)
+    async def preview(self, request: previews.Preview) -> previews.Previewed:
+        return await self.ask(self.addresses.task_manager, request, previews.Previewed, timeout=60)

@@ -20,10 +20,10 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from somrs.client.task_history import TaskHistory, open_task_history
 from somrs.errors import UsageError
-from somrs.protocol.messages.clients import ContractView, MessageView, TaskEvent, WorkView
-from somrs.protocol.messages.events import EventKind
+from somrs.protocol.messages.event_kinds import EventKind
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.records import ReadRecords, Records, TaskRecord
+from somrs.protocol.messages.task_views import ContractView, MessageView, TaskEvent, WorkView
 
 PAGE = 100
 """Number of records requested at once; a page may have fewer if they are long."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from somrs.protocol.messages.clients import Outlook
+from somrs.protocol.messages.previews import Outlook
 
 
 def outlook_price(outlook: Outlook, currency: str) -> str:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from somrs.errors import UsageError
-from somrs.protocol.messages.clients import Phase
 from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.task_views import Phase
 
 PHASES: Mapping[Phase, str] = {
     Phase.PLANNING: "Planning",

@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from msgspec import Struct
 
 from somrs.client.durations import format_duration
-from somrs.protocol.messages.clients import Phase, StepView, TaskView, WorkView
 from somrs.protocol.messages.frp import State
+from somrs.protocol.messages.task_views import Phase, StepView, TaskView, WorkView
 
 
 class Cost(Struct, frozen=True, kw_only=True):

@@ -7,9 +7,11 @@ from typing import Any
 import msgspec
 
 from somrs.errors import UsageError
-from somrs.protocol.messages.clients import ContractView, Phase, Previewed, Submit, TaskEvent, TaskRow, TaskView
 from somrs.protocol.messages.event_text import short_id
+from somrs.protocol.messages.previews import Previewed
 from somrs.protocol.messages.records import TaskRecord
+from somrs.protocol.messages.submission import Submit
+from somrs.protocol.messages.task_views import ContractView, Phase, TaskEvent, TaskRow, TaskView
 
 
 class TaskReport(msgspec.Struct, frozen=True, kw_only=True):

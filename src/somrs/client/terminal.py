@@ -23,14 +23,15 @@ from somrs.client.task_report import reasons
 from somrs.client.trace import Line
 from somrs.ontology.objects import Change, FactAdded, FactRemoved, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.services import ServiceType
-from somrs.protocol.messages.clients import StepView, TaskEvent, TaskView, WorkView
 from somrs.protocol.messages.directory import Offer
+from somrs.protocol.messages.event_kinds import EventKind
 from somrs.protocol.messages.event_text import short_id
-from somrs.protocol.messages.events import EventKind, TaskEnded
+from somrs.protocol.messages.events import TaskEnded
 from somrs.protocol.messages.findings import Findings
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.observations import Discovery
 from somrs.protocol.messages.people import person_name
+from somrs.protocol.messages.task_views import StepView, TaskEvent, TaskView, WorkView
 
 MARKS = {Outcome.ACCOMPLISHED: ("✔", "green"), Outcome.FAILED: ("✘", "red"), Outcome.CANCELLED: ("■", "yellow")}
 """A sign and a colour for each outcome; colour is never the only sign."""

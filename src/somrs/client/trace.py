@@ -8,9 +8,9 @@ from typing import Any
 
 import msgspec
 
-from somrs.protocol.messages.clients import MessageView
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.records import TaskRecord
+from somrs.protocol.messages.task_views import MessageView
 
 TASK_MANAGER = "TaskManager"
 

@@ -31,9 +31,10 @@ from somrs.entish.parse import parse
 from somrs.errors import SimulationError
 from somrs.ontology.files.site import dump_site
 from somrs.ontology.truth import formula_holds
-from somrs.protocol.messages.clients import Submit, TaskView
-from somrs.protocol.messages.events import EventKind
+from somrs.protocol.messages.event_kinds import EventKind
 from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.submission import Submit
+from somrs.protocol.messages.task_views import TaskView
 
 _JAR, _TABLE, _DOOR, _SCALE, _PERSON = "Jar004", "Table002", "Door001", "Scale001", "Anna"
 REQUEST = Submit(effect=f"{_JAR} isSealedBy {_PERSON} AND {_JAR} isOn {_TABLE}")

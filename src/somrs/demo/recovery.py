@@ -27,9 +27,10 @@ from somrs.devices.simulator.link.link import OperatorLink
 from somrs.errors import RemoteError
 from somrs.ontology.files.site import dump_site
 from somrs.ontology.objects import Map
-from somrs.protocol.messages.clients import Policy, Submit, TaskView
-from somrs.protocol.messages.events import EventKind
+from somrs.protocol.messages.event_kinds import EventKind
 from somrs.protocol.messages.frp import Outcome, State
+from somrs.protocol.messages.submission import Policy, Submit
+from somrs.protocol.messages.task_views import TaskView
 
 _DESTINATION = "Platform001"
 _THINGS = ("Jar002", "Jar003", "Carton001")

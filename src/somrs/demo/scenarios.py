@@ -40,8 +40,9 @@ from somrs.ontology.files.site import dump_site
 from somrs.ontology.objects import Change, Map, ValueSet
 from somrs.ontology.truth import formula_holds
 from somrs.ontology.types import Ontology
-from somrs.protocol.messages.clients import Submit, TaskView
 from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.submission import Submit
+from somrs.protocol.messages.task_views import TaskView
 
 _SCENARIOS = ("1", "1b", "2", "3")
 REQUEST = Submit(effect="Jar002 isOn Platform001", precondition="Jar002 isOn ?Shelf")

@@ -29,12 +29,12 @@ from somrs.kernel.component import (
 from somrs.kernel.replica import Replica
 from somrs.protocol.messages import orders
 from somrs.protocol.messages.bodies import Body
-from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id, reply
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.leases import grant_lease
 from somrs.protocol.messages.orders import OrderSaved, OrdersChanged, Run, RunState, StandingOrder, Template
 from somrs.protocol.messages.paging import fit_page
+from somrs.protocol.messages.submission import Submit
 from somrs.scheduling.book import Book, expect
 from somrs.scheduling.execution import LATE, Execution, task_for
 from somrs.scheduling.recurrence import check_recurrence, due_after, due_between, zone_of

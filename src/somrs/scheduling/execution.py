@@ -14,12 +14,14 @@ from somrs.client.task_report import reasons
 from somrs.errors import InputError
 from somrs.kernel.component import Effects, Send
 from somrs.protocol.messages.bodies import Body
-from somrs.protocol.messages.clients import Phase, Submit, Submitted, TaskNews, TaskRejected, WatchTask
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Fault, Outcome
 from somrs.protocol.messages.orders import Run, RunState, StandingOrder
 from somrs.protocol.messages.people import client_address
 from somrs.protocol.messages.records import ReadRecords, Records
+from somrs.protocol.messages.submission import Submit, Submitted, TaskRejected
+from somrs.protocol.messages.task_news import TaskNews, WatchTask
+from somrs.protocol.messages.task_views import Phase
 from somrs.scheduling.state import Question, SchedulerState
 
 LATE = 60.0

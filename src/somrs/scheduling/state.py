@@ -5,9 +5,10 @@ from __future__ import annotations
 from msgspec import Struct, field
 
 from somrs.kernel.replica import Replica, ReplicaDue
-from somrs.protocol.messages.clients import Submit, WatchTask
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.records import ReadRecords
+from somrs.protocol.messages.submission import Submit
+from somrs.protocol.messages.task_news import WatchTask
 from somrs.scheduling.book import Book
 
 

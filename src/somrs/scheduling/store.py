@@ -9,9 +9,9 @@ from pathlib import Path
 import msgspec
 
 from somrs.kernel.durability import JournalCodec, JournaledComponent
-from somrs.protocol.messages.clients import WatchTask
 from somrs.protocol.messages.envelope import message_id
 from somrs.protocol.messages.orders import Run, StandingOrder, Template
+from somrs.protocol.messages.task_news import WatchTask
 from somrs.scheduling.book import Book
 from somrs.scheduling.component import SCHEMA, Scheduler
 from somrs.scheduling.state import Located, Question, SchedulerState

@@ -10,8 +10,8 @@ from somrs.entish.parse import nearest
 from somrs.errors import FormulaError, UsageError
 from somrs.kernel.replica import Replica
 from somrs.ontology.check import check as check_formula
-from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.orders import BLANK, Blank, Template, fill_blanks, fill_formula
+from somrs.protocol.messages.submission import Submit
 from somrs.task_manager.context import find_task_error
 
 VALUES = ("number", "text", "truth")

@@ -19,8 +19,8 @@ from somrs.ontology.truth import formula_holds
 from somrs.ontology.types import UNKNOWN
 from somrs.planner.model.plan import Plan
 from somrs.planner.model.problem import AvailableService, Problem
-from somrs.protocol.messages.clients import FormulaMistake, Policy, Submit, TaskRejected
 from somrs.protocol.messages.directory import Offer
+from somrs.protocol.messages.submission import FormulaMistake, Policy, Submit, TaskRejected
 from somrs.task_manager.device_queue import AtWork, DeviceQueues
 from somrs.task_manager.pace import Pace
 from somrs.task_manager.requests import Requests

@@ -24,7 +24,7 @@ from somrs.kernel.component import (
 )
 from somrs.kernel.replica import ReplicaUpdate
 from somrs.ontology.objects import objects_of
-from somrs.protocol.messages import clients, directory, frp, records
+from somrs.protocol.messages import directory, frp, previews, records, submission, task_news
 from somrs.protocol.messages.bodies import REQUESTS, Body, FrpBody
 from somrs.protocol.messages.envelope import Message, message_id, reply
 from somrs.protocol.messages.paging import fit_page
@@ -65,7 +65,7 @@ REMEMBERED = 200
 """The number of tasks in memory. Beyond that, the oldest ended tasks are dropped; the archive keeps their records."""
 
 
-PreviewWork = Callable[[PreviewExecutor], EffectsReturning[clients.Previewed | None]]
+PreviewWork = Callable[[PreviewExecutor], EffectsReturning[previews.Previewed | None]]
 
 
 class TaskManager:
@@ -164,7 +164,7 @@ class TaskManager:
                 yield from self._advance_preview(message.header.transaction, now, lambda preview: preview.receive(message, now))
             else:
                 yield from answer_stranger(message, self.address)
-        elif not state.replica.ready and isinstance(body, clients.Submit | clients.Preview):
+        elif not state.replica.ready and isinstance(body, submission.Submit | previews.Preview):
             state.awaiting_map[id] = message
             yield SetTimer(MapDue(id), now + READY_TIME)
         else:
@@ -174,20 +174,20 @@ class TaskManager:
         """Handle a client's request."""
         state = self.state
         match message.body:
-            case clients.Submit():
+            case submission.Submit():
                 yield from self._submit(message, message.body, now)
-            case clients.CancelTask(task=task) | clients.WatchTask(task=task) if task not in state.tasks:
+            case submission.CancelTask(task=task) | task_news.WatchTask(task=task) if task not in state.tasks:
                 yield self._reply(message, frp.Fault(code="env:Sender", text=f"there is no task {task} here"))
-            case clients.CancelTask(task=task, reason=reason):
+            case submission.CancelTask(task=task, reason=reason):
                 yield from self._transaction(task).cancel(now, reason)
-                yield self._reply(message, clients.Cancelling(task=task))
-            case clients.ReadTasks():
+                yield self._reply(message, submission.Cancelling(task=task))
+            case task_news.ReadTasks():
                 yield self._reply(message, self._list_tasks(message.body))
-            case clients.WatchTask() | clients.WatchTasks():
+            case task_news.WatchTask() | task_news.WatchTasks():
                 yield from self._replies(self._subscriptions.wait(message, message.body, now))
-            case clients.ReadMessages():
+            case task_news.ReadMessages():
                 yield self._read_messages(message, message.body)
-            case clients.Preview():
+            case previews.Preview():
                 yield from self._preview(message, message.body, now)
             case records.ReadRecords():
                 yield self._read_records(message, message.body)
@@ -202,7 +202,7 @@ class TaskManager:
                 fault = frp.Fault(code="wsa:ActionNotSupported", text=f"a Task Manager does not understand {type(body).__name__}")
                 yield self._reply(message, fault)
 
-    def _submit(self, message: Message, task: clients.Submit, now: float) -> Effects:
+    def _submit(self, message: Message, task: submission.Submit, now: float) -> Effects:
         state, id = self.state, message_id("task", message.header.message_id)
         if id not in state.tasks:
             if (task_error := find_task_error(task, state.replica)) is not None:
@@ -211,9 +211,9 @@ class TaskManager:
             state.tasks[id] = new_task(id, task, now, client=message.header.sender)
             state.running.append(id)
             yield from self._transaction(id).start(now)
-        yield self._reply(message, clients.Submitted(task=id))
+        yield self._reply(message, submission.Submitted(task=id))
 
-    def _preview(self, message: Message, query: clients.Preview, now: float) -> Effects:
+    def _preview(self, message: Message, query: previews.Preview, now: float) -> Effects:
         state, id = self.state, message_id("preview", message.header.message_id)
         if id not in state.previews:
             preview = new_preview(id, query, message)
@@ -243,7 +243,7 @@ class TaskManager:
             self.state.previews[quoted.id] = preview_of_plan(quoted)
             yield from self._advance_preview(quoted.id, now, partial(PreviewExecutor.begin_with_plan, plan=quoted.plan, now=now))
 
-    def _list_tasks(self, query: clients.ReadTasks) -> clients.Tasks:
+    def _list_tasks(self, query: task_news.ReadTasks) -> task_news.Tasks:
         tasks = self.state.tasks
         matching_tasks = [task for task in tasks.values() if task.outcome is None or not query.running]
         newest = sorted(matching_tasks, key=lambda task: (task.submitted_at, task.id), reverse=True)
@@ -253,15 +253,15 @@ class TaskManager:
                 task for task in newest if last_task is not None and (task.submitted_at, task.id) < (last_task.submitted_at, last_task.id)
             ]
         page = tuple(fit_page((view_in_parts(task, 0)[0] for task in newest), max(query.limit, 0)))
-        return clients.Tasks(tasks=page, more=len(page) < len(newest))
+        return task_news.Tasks(tasks=page, more=len(page) < len(newest))
 
-    def _read_messages(self, request: Message, query: clients.ReadMessages) -> Effect:
+    def _read_messages(self, request: Message, query: task_news.ReadMessages) -> Effect:
         """The messages of a running task are in its state; those of an ended task are in its record."""
         offset = max(query.after, 0)
         if query.task in self.state.running:
             passed = self.state.tasks[query.task].messages
             page = tuple(fit_page(message_view(entry.at, entry.message) for entry in islice(passed, offset, None)))
-            return self._reply(request, clients.Messages(messages=page, more=offset + len(page) < len(passed)))
+            return self._reply(request, task_news.Messages(messages=page, more=offset + len(page) < len(passed)))
         parts = tuple(name for name in records.PARTS if name != "messages")
         return self._read_records(request, records.ReadRecords(task=query.task, limit=1, after=offset, without=parts))
 
@@ -394,9 +394,9 @@ def _records_reply(request: Message, answer: Answer) -> Body:
     match answer, request.body:
         case records.Records(), records.ReadRecords():
             return answer
-        case records.Records(records=(record,)), clients.ReadMessages():
-            return clients.Messages(messages=record.messages, more=answer.rest is not None)
-        case records.Records(), clients.ReadMessages(task=task):
+        case records.Records(records=(record,)), task_news.ReadMessages():
+            return task_news.Messages(messages=record.messages, more=answer.rest is not None)
+        case records.Records(), task_news.ReadMessages(task=task):
             return frp.Fault(code="env:Sender", text=f"there is no task {task} here")
         case _:
             return frp.Fault(code="env:Receiver", text=f"the records cannot be read: {answer}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from somrs.kernel.codec import Migration
-from somrs.protocol.messages.events import GoalKind
+from somrs.protocol.messages.goal_kinds import GoalKind
 
 
 def _with_goals(snapshot: Any) -> Any:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from somrs.planner.model.plan import Plan, Step
-from somrs.protocol.messages.clients import Outlook
+from somrs.protocol.messages.previews import Outlook
 
 LastTerms = Callable[[Step], Sequence[tuple[float, float]]]
 """The last prices and durations (s) of the services that can do a step."""

@@ -16,12 +16,14 @@ from msgspec import Struct, field, structs
 from somrs.kernel.component import Effects, EffectsReturning, SetTimer
 from somrs.planner.model.plan import Plan, Step
 from somrs.protocol.messages import frp
-from somrs.protocol.messages.clients import OtherPlan, Preview, Previewed, Quotation, Submit
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.event_text import waiting_text
-from somrs.protocol.messages.events import Event, WaitsForTasks
+from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.frp import State
+from somrs.protocol.messages.previews import OtherPlan, Preview, Previewed, Quotation
+from somrs.protocol.messages.submission import Submit
+from somrs.protocol.messages.waits import WaitsForTasks
 from somrs.task_manager.arrangement.available_services import AvailableServices, KnownServices
 from somrs.task_manager.arrangement.call_for_proposals import MAX_OPEN_CALLS, Arrangement, CallForProposals, OpenCalls, make_call
 from somrs.task_manager.arrangement.conditions import Conditions, StatedConditions, condition_error

@@ -17,7 +17,7 @@ from somrs.entish.formula import alternatives, literals, terms
 from somrs.ontology.services import ServiceKind
 from somrs.ontology.types import Ontology
 from somrs.planner.model.plan import Plan, Step
-from somrs.protocol.messages.events import Holder
+from somrs.protocol.messages.waits import Holder
 
 
 class Reservation(Struct, frozen=True, kw_only=True):

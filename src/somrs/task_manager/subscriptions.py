@@ -9,9 +9,10 @@ from msgspec import Struct, field
 
 from somrs.kernel.component import SetTimer
 from somrs.protocol.messages.bodies import Body
-from somrs.protocol.messages.clients import ContractView, TaskNews, TasksNews, WatchTask, WatchTasks
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.paging import PAGE_BYTES, fit_page, size
+from somrs.protocol.messages.task_news import TaskNews, TasksNews, WatchTask, WatchTasks
+from somrs.protocol.messages.task_views import ContractView
 from somrs.task_manager.timers import NewsDue
 from somrs.task_manager.transaction.state import TaskState
 from somrs.task_manager.transaction.views import contract_view, event_view, row, view_in_parts

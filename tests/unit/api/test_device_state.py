@@ -13,8 +13,8 @@ from somrs.gui import icons
 from somrs.gui.components import scene
 from somrs.gui.device_card import SIGNS
 from somrs.gui.pages import task_text
-from somrs.protocol.messages.clients import Phase
 from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.task_views import Phase
 
 
 def test_a_robot_with_a_broken_drive_is_not_working_while_it_is_idle() -> None:

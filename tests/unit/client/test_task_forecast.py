@@ -6,8 +6,8 @@ import pytest
 from msgspec import structs
 
 from somrs.client.task_forecast import Cost, cost, cost_text, remaining_text, remaining_time
-from somrs.protocol.messages.clients import Phase, StepView, TaskView, WorkView
 from somrs.protocol.messages.frp import Outcome, State
+from somrs.protocol.messages.task_views import Phase, StepView, TaskView, WorkView
 
 NOW = 1000.0
 

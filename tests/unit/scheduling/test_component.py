@@ -14,12 +14,14 @@ from somrs.kernel.durability import JournalCodec, JournaledComponent
 from somrs.ontology.files.loading import load_text
 from somrs.protocol.messages import orders
 from somrs.protocol.messages.bodies import Body
-from somrs.protocol.messages.clients import Phase, Submit, Submitted, TaskNews, TaskRejected, TaskView, WatchTask
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message
 from somrs.protocol.messages.frp import Fault, Outcome
 from somrs.protocol.messages.knowledge import SubscribeMap
 from somrs.protocol.messages.orders import Daily, Every, OrderSaved, Run, RunState
 from somrs.protocol.messages.records import ReadRecords, Records
+from somrs.protocol.messages.submission import Submit, Submitted, TaskRejected
+from somrs.protocol.messages.task_news import TaskNews, WatchTask
+from somrs.protocol.messages.task_views import Phase, TaskView
 from somrs.scheduling.book import Book
 from somrs.scheduling.component import SCHEMA, Scheduler
 from somrs.scheduling.execution import LATE, WAIT, message_for, task_for

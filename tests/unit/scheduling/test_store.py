@@ -11,9 +11,9 @@ import pytest
 from somrs.errors import UsageError
 from somrs.kernel.component import Notified, Send, Started, TimerFired
 from somrs.kernel.durability import JournaledComponent
-from somrs.protocol.messages.clients import WatchTask
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.orders import Daily, Once, RunState
+from somrs.protocol.messages.task_news import WatchTask
 from somrs.scheduling.component import Scheduler
 from somrs.scheduling.state import Located, OrdersDue
 from somrs.scheduling.store import KIND, orders_journal

@@ -7,10 +7,10 @@ import pytest
 from somrs.kernel.component import Effect, Input, Received
 from somrs.protocol.messages import orders
 from somrs.protocol.messages.bodies import Body
-from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.orders import Blank, Every, OrderSaved, TemplateSaved
+from somrs.protocol.messages.submission import Submit
 from somrs.repository.component import Repository
 from somrs.runtime.virtual_time import World
 from somrs.scheduling.component import READY_TIME, SCHEMA, Scheduler

@@ -8,8 +8,8 @@ from somrs.entish.parse import parse
 from somrs.ontology.objects import ValueSet
 from somrs.ontology.services import Handler, Occasion
 from somrs.ontology.types import UNKNOWN, Value
-from somrs.protocol.messages.clients import Policy, Submit
 from somrs.protocol.messages.directory import Offer
+from somrs.protocol.messages.submission import Policy, Submit
 from somrs.task_manager.context import Quotes, find_task_error, known_to_hold, planning_problem
 from tests.unit.task_manager.transaction.test_participant_events import GOAL, INITIAL_SITUATION, TaskManagerHarness
 

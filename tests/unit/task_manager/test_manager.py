@@ -6,12 +6,12 @@ import pytest
 
 from somrs.kernel.component import Answered, Ask, DeliveryFailed, Effect, ErrorAnswer, Received, Send, SetTimer, Started, TimerFired
 from somrs.kernel.replica import Replica, ReplicaDue
-from somrs.protocol.messages import clients, frp, records
+from somrs.protocol.messages import frp, previews, records, submission, task_news, task_views
 from somrs.protocol.messages.bodies import Body
-from somrs.protocol.messages.clients import Policy, Submit
 from somrs.protocol.messages.directory import Discover
 from somrs.protocol.messages.envelope import Header, Message, reply
 from somrs.protocol.messages.knowledge import Definitions, Event, MapChanged, MapPage, MapSubscribed, OntologyPage, Rejected, Updated
+from somrs.protocol.messages.submission import Policy, Submit
 from somrs.task_manager.context import MOST_PRIORITY, find_task_error
 from somrs.task_manager.manager import TaskManager
 from somrs.task_manager.state import UnsettledReport
@@ -29,13 +29,13 @@ def answers(effects: list[Effect]) -> list[Body]:
 
 
 def record(task: str) -> records.TaskRecord:
-    message = clients.MessageView(at=1.0, type="End", sender="tm", recipient="r", participant="p", id="1", relates_to=None, body="{}")
+    message = task_views.MessageView(at=1.0, type="End", sender="tm", recipient="r", participant="p", id="1", relates_to=None, body="{}")
     return records.TaskRecord(
         task=task, client="client", effect=GOAL, submitted_at=0.0, ended_at=1.0, outcome=frp.Outcome.FAILED, messages=(message,)
     )
 
 
-@pytest.mark.parametrize("body", [clients.Submit(effect=GOAL), clients.Preview(effect=GOAL)])
+@pytest.mark.parametrize("body", [submission.Submit(effect=GOAL), previews.Preview(effect=GOAL)])
 def test_who_wants_something_before_the_map_is_known_waits_for_it(body: Body) -> None:
     manager = TaskManager("tm", repository="repository", registry="registry")
     assert send_request(manager, body, 10.0) == [SetTimer(MapDue("request"), 40.0)]
@@ -45,10 +45,10 @@ def test_who_wants_something_before_the_map_is_known_waits_for_it(body: Body) ->
         text="the map of the environment is not known yet, because repository does not answer; try again later",
     )
     assert manager.handle(TimerFired(MapDue("request")), 41.0) == []
-    assert answers(send_request(manager, clients.ReadTasks(), 42.0, "other")) == [clients.Tasks(tasks=())]
+    assert answers(send_request(manager, task_news.ReadTasks(), 42.0, "other")) == [task_news.Tasks(tasks=())]
 
 
-@pytest.mark.parametrize("body", [clients.CancelTask(task="no task"), clients.WatchTask(task="no task")])
+@pytest.mark.parametrize("body", [submission.CancelTask(task="no task"), task_news.WatchTask(task="no task")])
 def test_a_task_that_is_not_known_is_said_to_be_none(body: Body) -> None:
     assert answers(send_request(TaskManagerHarness().manager, body)) == [frp.Fault(code="env:Sender", text="there is no task no task here")]
 
@@ -65,12 +65,12 @@ def test_a_request_for_others_is_answered_with_a_fault() -> None:
 
 def test_a_task_that_is_stated_twice_by_one_message_is_one_task() -> None:
     manager = TaskManagerHarness().manager
-    first = answers(send_request(manager, clients.Submit(effect="Jar001 isOn Platform001"), 10.0, "again"))
-    second = answers(send_request(manager, clients.Submit(effect="Jar001 isOn Platform001"), 11.0, "again"))
+    first = answers(send_request(manager, submission.Submit(effect="Jar001 isOn Platform001"), 10.0, "again"))
+    second = answers(send_request(manager, submission.Submit(effect="Jar001 isOn Platform001"), 11.0, "again"))
     assert first == second
     assert len(manager.open) == 2
-    rejected = answers(send_request(manager, clients.Submit(effect="Jar001 isOn Platform001", deadline=0.0), 12.0, "wrong"))
-    assert [type(body) for body in rejected] == [clients.TaskRejected]
+    rejected = answers(send_request(manager, submission.Submit(effect="Jar001 isOn Platform001", deadline=0.0), 12.0, "wrong"))
+    assert [type(body) for body in rejected] == [submission.TaskRejected]
     assert len(manager.state.tasks) == 2
 
 
@@ -79,15 +79,15 @@ def test_tasks_are_listed_from_the_newest_and_by_pages() -> None:
     first = harness.task.id
     submitted_ids = []
     for number, jar in enumerate(("Jar001", "Tin001")):
-        (body,) = answers(send_request(harness.manager, clients.Submit(effect=f"{jar} isOn Platform001"), 10.0 + number, jar))
-        assert isinstance(body, clients.Submitted)
+        (body,) = answers(send_request(harness.manager, submission.Submit(effect=f"{jar} isOn Platform001"), 10.0 + number, jar))
+        assert isinstance(body, submission.Submitted)
         submitted_ids.append(body.task)
     second, third = submitted_ids
-    send_request(harness.manager, clients.CancelTask(task=second), 20.0, "cancel")
+    send_request(harness.manager, submission.CancelTask(task=second), 20.0, "cancel")
 
     def listed(**options: object) -> tuple[list[str], bool]:
-        (listing,) = answers(send_request(harness.manager, clients.ReadTasks(**options), 30.0))  # type: ignore[arg-type]  # fields of ReadTasks
-        assert isinstance(listing, clients.Tasks)
+        (listing,) = answers(send_request(harness.manager, task_news.ReadTasks(**options), 30.0))  # type: ignore[arg-type]  # fields of ReadTasks
+        assert isinstance(listing, task_news.Tasks)
         return [view.task for view in listing.tasks], listing.more
 
     assert listed() == ([third, second, first], False)
@@ -105,8 +105,8 @@ def test_messages_of_a_task_that_is_under_way_are_read_behind_those_that_are_kno
     harness.executing()
     types = ["Arrange", "Terms", "Accept", "Execute"]
     for offset, expected in ((-1, types), (0, types), (3, types[3:]), (4, []), (9, [])):
-        (page,) = answers(send_request(harness.manager, clients.ReadMessages(task=harness.task.id, after=offset)))
-        assert isinstance(page, clients.Messages)
+        (page,) = answers(send_request(harness.manager, task_news.ReadMessages(task=harness.task.id, after=offset)))
+        assert isinstance(page, task_news.Messages)
         assert ([message.type for message in page.messages], page.more) == (expected, False)
 
 
@@ -114,20 +114,20 @@ def test_messages_of_a_task_that_is_over_are_read_from_its_record() -> None:
     manager = TaskManagerHarness().manager
     other_parts = tuple(name for name in records.PARTS if name != "messages")
     for offset, expected_offset in ((-2, 0), (5, 5)):
-        (ask,) = [effect for effect in send_request(manager, clients.ReadMessages(task="old", after=offset)) if isinstance(effect, Ask)]
+        (ask,) = [effect for effect in send_request(manager, task_news.ReadMessages(task="old", after=offset)) if isinstance(effect, Ask)]
         assert ask == Ask(RecordsWanted("request"), records.ReadRecords(task="old", limit=1, after=expected_offset, without=other_parts))
     task_record = record("old")
     (body,) = answers(manager.handle(Answered(RecordsWanted("request"), records.Records(records=(task_record,))), 11.0))
-    assert body == clients.Messages(messages=task_record.messages)
+    assert body == task_news.Messages(messages=task_record.messages)
     assert manager.handle(Answered(RecordsWanted("request"), records.Records(records=(task_record,))), 11.0) == []
 
 
 @pytest.mark.parametrize(
     ("body", "value", "answer"),
     [
-        (clients.ReadMessages(task="old"), records.Records(records=()), frp.Fault(code="env:Sender", text="there is no task old here")),
+        (task_news.ReadMessages(task="old"), records.Records(records=()), frp.Fault(code="env:Sender", text="there is no task old here")),
         (
-            clients.ReadMessages(task="old"),
+            task_news.ReadMessages(task="old"),
             ErrorAnswer("the disk is full"),
             frp.Fault(code="env:Receiver", text="the records cannot be read: the disk is full"),
         ),
@@ -152,10 +152,10 @@ def test_what_the_archive_says_is_told_to_who_asked(body: Body, value: object, a
 def test_who_waits_for_news_is_answered_in_time(wait: float, fire_time: float) -> None:
     harness = TaskManagerHarness()
     news = len(harness.task.events)
-    effects = send_request(harness.manager, clients.WatchTask(task=harness.task.id, after=news, wait=wait))
+    effects = send_request(harness.manager, task_news.WatchTask(task=harness.task.id, after=news, wait=wait))
     assert effects == [SetTimer(NewsDue("request"), fire_time)]
     (body,) = answers(harness.manager.handle(TimerFired(NewsDue("request")), fire_time))
-    assert isinstance(body, clients.TaskNews)
+    assert isinstance(body, task_news.TaskNews)
     assert (body.events, body.more, body.messages, body.contracts, body.contracts_at) == ((), False, 1, (), 0)
     assert harness.manager.handle(TimerFired(NewsDue("request")), fire_time) == []
 
@@ -173,33 +173,33 @@ def test_who_waits_for_news_is_answered_in_time(wait: float, fire_time: float) -
 )
 def test_who_waits_for_news_is_told_what_is_new(options: dict[str, int], answered: bool) -> None:
     harness = TaskManagerHarness()
-    effects = send_request(harness.manager, clients.WatchTask(task=harness.task.id, **options))
+    effects = send_request(harness.manager, task_news.WatchTask(task=harness.task.id, **options))
     assert bool(answers(effects)) is answered
     assert [effect for effect in effects if isinstance(effect, SetTimer)] == ([] if answered else [SetTimer(NewsDue("request"), 30.0)])
 
 
 def test_news_number_events_and_contracts() -> None:
     harness = TaskManagerHarness("Robot1", "Robot2")
-    (first,) = answers(send_request(harness.manager, clients.WatchTask(task=harness.task.id, contracts=0)))
-    assert isinstance(first, clients.TaskNews)
+    (first,) = answers(send_request(harness.manager, task_news.WatchTask(task=harness.task.id, contracts=0)))
+    assert isinstance(first, task_news.TaskNews)
     assert [event.number for event in first.events] == [1, 2, 3]
     assert ([contract.number for contract in first.contracts], first.contracts_at, first.messages) == ([1, 2], 2, 2)
     harness.offer(12.0)
-    (second,) = answers(send_request(harness.manager, clients.WatchTask(task=harness.task.id, after=3, contracts=2), 13.0))
-    assert isinstance(second, clients.TaskNews)
+    (second,) = answers(send_request(harness.manager, task_news.WatchTask(task=harness.task.id, after=3, contracts=2), 13.0))
+    assert isinstance(second, task_news.TaskNews)
     assert [event.number for event in second.events] == [4]
     assert ([contract.number for contract in second.contracts], second.contracts_at) == ([1], 3)
 
 
 def test_the_list_tells_which_tasks_changed_since() -> None:
     harness = TaskManagerHarness()
-    send_request(harness.manager, clients.Submit(effect="Jar001 isOn Platform001"), 10.0, "other")
+    send_request(harness.manager, submission.Submit(effect="Jar001 isOn Platform001"), 10.0, "other")
     other_id = harness.manager.open[1]
 
     def rows(known_version: int) -> tuple[list[str], int] | None:
-        news = answers(send_request(harness.manager, clients.WatchTasks(after=known_version), 20.0))
-        assert all(isinstance(body, clients.TasksNews) and not body.more for body in news)
-        return ([row.task for row in news[0].rows], news[0].version) if news and isinstance(news[0], clients.TasksNews) else None
+        news = answers(send_request(harness.manager, task_news.WatchTasks(after=known_version), 20.0))
+        assert all(isinstance(body, task_news.TasksNews) and not body.more for body in news)
+        return ([row.task for row in news[0].rows], news[0].version) if news and isinstance(news[0], task_news.TasksNews) else None
 
     version = harness.manager.state.subscriptions.version
     assert rows(0) == ([harness.manager.open[0], other_id], version)
@@ -264,14 +264,14 @@ def test_what_was_reported_to_another_store_is_not_waited_for() -> None:
 
 def test_who_waited_for_the_map_is_served_once_it_is_read() -> None:
     manager, replica = TaskManager("tm", repository="repository", registry="registry"), TaskManagerHarness().replica
-    send_request(manager, clients.Submit(effect=GOAL), 10.0, "first")
+    send_request(manager, submission.Submit(effect=GOAL), 10.0, "first")
     manager.state.replica.ontology, manager.state.replica.map = replica.ontology, replica.map
     manager.handle(changed(3), 11.0)
     assert [*manager.state.awaiting_map] == ["first"], "it is not read yet"
     manager.state.replica.version = 0
     effects = manager.handle(TimerFired(ReplicaDue()), 12.0)
     assert SetTimer(MapDue("first"), None) in effects
-    assert [type(body) for body in answers(effects)] == [clients.Submitted]
+    assert [type(body) for body in answers(effects)] == [submission.Submitted]
     assert (manager.state.awaiting_map, len(manager.open)) == ({}, 1)
 
 
@@ -279,8 +279,8 @@ def test_tasks_are_known_since_the_first_start() -> None:
     harness = TaskManagerHarness()
     for now in (7.0, 9.0):
         harness.manager.handle(Started("tm"), now)
-    (news,) = answers(send_request(harness.manager, clients.WatchTasks(after=0), 20.0))
-    assert isinstance(news, clients.TasksNews)
+    (news,) = answers(send_request(harness.manager, task_news.WatchTasks(after=0), 20.0))
+    assert isinstance(news, task_news.TasksNews)
     assert (news.begun, harness.manager.state.requests.incarnation) == (7.0, 7.0)
 
 
@@ -292,22 +292,22 @@ def test_the_oldest_tasks_that_are_over_are_forgotten(monkeypatch: pytest.Monkey
     harness = TaskManagerHarness()
     first = harness.task.id
     for number, jar in enumerate(("Jar001", "Tin001")):
-        send_request(harness.manager, clients.Submit(effect=f"{jar} isOn Platform001"), 10.0 + number, jar)
+        send_request(harness.manager, submission.Submit(effect=f"{jar} isOn Platform001"), 10.0 + number, jar)
     _, second, third = harness.manager.open
     assert [*harness.manager.state.tasks] == [first, second, third], "none of them is over"
-    send_request(harness.manager, clients.CancelTask(task=second), 20.0, "cancel")
+    send_request(harness.manager, submission.CancelTask(task=second), 20.0, "cancel")
     assert [*harness.manager.state.tasks] == harness.manager.open == [first, third]
     assert second not in harness.manager.state.subscriptions.changed
-    send_request(harness.manager, clients.CancelTask(task=first), 21.0, "cancel again")
+    send_request(harness.manager, submission.CancelTask(task=first), 21.0, "cancel again")
     assert ([*harness.manager.state.tasks], harness.manager.open) == ([first, third], [third])
 
 
 def test_more_messages_than_fit_are_behind_those_that_do() -> None:
     manager = TaskManagerHarness().manager
-    send_request(manager, clients.ReadMessages(task="old"))
+    send_request(manager, task_news.ReadMessages(task="old"))
     archive_page = records.Records(records=(record("old"),), rest=1)
     (body,) = answers(manager.handle(Answered(RecordsWanted("request"), archive_page), 11.0))
-    assert body == clients.Messages(messages=archive_page.records[0].messages, more=True)
+    assert body == task_news.Messages(messages=archive_page.records[0].messages, more=True)
 
 
 @pytest.mark.parametrize(("participant", "expected"), [("p", ["Cancel"]), (None, [])])
@@ -321,7 +321,7 @@ def test_who_takes_part_in_nothing_that_is_known_is_sent_home(participant: str |
 
 def test_what_the_registry_could_not_be_questionis_questionagain() -> None:
     manager = TaskManagerHarness().manager
-    effects = send_request(manager, clients.Submit(effect="Jar001 isOn Platform001"))
+    effects = send_request(manager, submission.Submit(effect="Jar001 isOn Platform001"))
     (discover,) = [effect.message for effect in effects if isinstance(effect, Send) and isinstance(effect.message.body, Discover)]
     retry_effects = manager.handle(DeliveryFailed(discover, "no route"), 12.0)
     assert [effect.message for effect in retry_effects if isinstance(effect, Send)] == [discover]

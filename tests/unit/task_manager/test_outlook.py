@@ -8,7 +8,7 @@ from somrs.client.outlook_text import outlook_note, outlook_price
 from somrs.entish.parse import parse
 from somrs.ontology.services import ServiceKind
 from somrs.planner.model.plan import Link, Plan, Step
-from somrs.protocol.messages.clients import Outlook
+from somrs.protocol.messages.previews import Outlook
 from somrs.task_manager.outlook import foresee
 
 TERMS = {"Open": [(1.0, 10.0), (3.0, 8.0)], "Carry": [(4.0, 20.0)], "Seal": [(2.0, 5.0)], "Paint": []}

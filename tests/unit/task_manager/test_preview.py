@@ -8,12 +8,14 @@ from somrs.entish import Name
 from somrs.entish.parse import parse
 from somrs.kernel.component import Answered, Ask, DeliveryFailed, Effect, ErrorAnswer, Received, Send, SetTimer
 from somrs.planner.model.plan import Link, NoPlan, Obstacle, Plan, Step
-from somrs.protocol.messages import clients, frp
+from somrs.protocol.messages import frp, previews, submission
 from somrs.protocol.messages.bodies import FrpBody
-from somrs.protocol.messages.clients import Policy, Preview, Previewed, Quotation, StepView, Submit
 from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.event_text import short_id
-from somrs.protocol.messages.events import Holder, WaitsForTasks
+from somrs.protocol.messages.previews import Preview, Previewed, Quotation
+from somrs.protocol.messages.submission import Policy, Submit
+from somrs.protocol.messages.task_views import StepView
+from somrs.protocol.messages.waits import Holder, WaitsForTasks
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.preview import MOST_ROUNDS, PREVIEW_ONLY, REPLY_TIME, PreviewState
 from somrs.task_manager.timers import BidsDue, PlanWanted, PreviewDue, Timer
@@ -38,7 +40,7 @@ class PreviewHarness:
     def __init__(self, harness: TaskManagerHarness, now: float = 10.0, *, under_way: bool = False, **options: object) -> None:
         self.harness = harness
         if not under_way:
-            harness.client_says(clients.CancelTask(task=harness.task.id), 5.0)
+            harness.client_says(submission.CancelTask(task=harness.task.id), 5.0)
         query = Preview(**{"effect": GOAL, "quotes": True, **options})  # type: ignore[arg-type]  # fields of Preview
         self.effects = harness.client_says(query, now)
 
@@ -175,7 +177,7 @@ def test_what_is_stated_twice_by_one_message_is_one_preview() -> None:
         (Plan(), Previewed(steps=(), explanation="nothing to do: it is so already")),
         (
             NoPlan("no way", separate_reasons=("no", "way"), obstacles=(Obstacle.PROMISED,)),
-            Previewed(steps=(), explanation="no way", reasons=("no", "way"), obstacles=(clients.Obstacle.PROMISED,)),
+            Previewed(steps=(), explanation="no way", reasons=("no", "way"), obstacles=(previews.Obstacle.PROMISED,)),
         ),
         (
             ErrorAnswer("out of memory"),

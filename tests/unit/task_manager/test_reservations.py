@@ -7,7 +7,7 @@ import pytest
 from somrs.entish.parse import parse
 from somrs.ontology.types import RelationType
 from somrs.planner.model.plan import Step
-from somrs.protocol.messages.events import Holder, WaitsForTasks
+from somrs.protocol.messages.waits import Holder, WaitsForTasks
 from somrs.task_manager.reservations import Reservation, Reservations, plan_reservation
 from tests.support.laboratory import laboratory
 

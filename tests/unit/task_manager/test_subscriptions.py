@@ -11,10 +11,11 @@ from somrs.kernel.component import SetTimer
 from somrs.planner.model.plan import Step
 from somrs.protocol.messages import events, frp
 from somrs.protocol.messages.bodies import Body
-from somrs.protocol.messages.clients import Submit, TaskNews, TasksNews, WatchTask, WatchTasks
 from somrs.protocol.messages.envelope import Header, Message
-from somrs.protocol.messages.events import GoalKind
 from somrs.protocol.messages.frp import Outcome, State
+from somrs.protocol.messages.goal_kinds import GoalKind
+from somrs.protocol.messages.submission import Submit
+from somrs.protocol.messages.task_news import TaskNews, TasksNews, WatchTask, WatchTasks
 from somrs.task_manager.execution.execution_log import Work
 from somrs.task_manager.subscriptions import Replies, Subscriptions, TaskSubscriptions
 from somrs.task_manager.timers import NewsDue

@@ -21,9 +21,9 @@ from somrs.errors import SomrsError
 from somrs.gui.icons import OUTCOMES, format_time
 from somrs.gui.news import follow
 from somrs.gui.shell import guarded, page
-from somrs.protocol.messages.clients import Phase
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.records import Records, TaskRecord
+from somrs.protocol.messages.task_views import Phase
 
 PAGE = 50
 """Tasks per page."""

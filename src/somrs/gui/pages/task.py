@@ -26,9 +26,9 @@ from somrs.gui.question_panel import QuestionPanel
 from somrs.gui.shell import page
 from somrs.gui.throttle import Throttle
 from somrs.gui.unavailable_banner import UnavailableBanner
-from somrs.protocol.messages.clients import ContractView, TaskEvent, TaskView
 from somrs.protocol.messages.event_text import short_id
 from somrs.protocol.messages.frp import State
+from somrs.protocol.messages.task_views import ContractView, TaskEvent, TaskView
 
 FIRST_READ_TIME = 2.0
 """Seconds for which the page waits for the task before it is shown without it."""

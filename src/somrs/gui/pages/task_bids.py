@@ -8,8 +8,8 @@ from somrs.client.durations import format_duration
 from somrs.gui.components.task.terms import Bid, TermsTable
 from somrs.gui.icons import Sign, format_time
 from somrs.gui.panel import Panel
-from somrs.protocol.messages.clients import ContractView
 from somrs.protocol.messages.frp import State
+from somrs.protocol.messages.task_views import ContractView
 
 CONTRACT_SIGNS = {
     State.COMMITTED: Sign("handshake", "Chosen", "good"),

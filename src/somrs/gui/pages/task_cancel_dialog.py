@@ -8,8 +8,8 @@ from nicegui import ui
 
 from somrs.api.remote import LiveApi
 from somrs.gui.shell import guarded, notify
-from somrs.protocol.messages.clients import Phase, TaskView, WorkView
 from somrs.protocol.messages.frp import State
+from somrs.protocol.messages.task_views import Phase, TaskView, WorkView
 
 _FINISHED_STATES = (State.COMPLETED, State.FAILED, State.STOPPED, State.UNREACHABLE)
 

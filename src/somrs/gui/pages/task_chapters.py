@@ -6,7 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 from somrs.gui.pages.task_text import count_text
-from somrs.protocol.messages.events import EventKind, WaitsForTasks
+from somrs.protocol.messages.event_kinds import EventKind
+from somrs.protocol.messages.waits import WaitsForTasks
 
 ANSWERS = {
     EventKind.HANDLER: "handler",

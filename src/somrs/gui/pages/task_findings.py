@@ -6,8 +6,8 @@ from nicegui import ui
 
 from somrs.gui.icons import format_time
 from somrs.gui.panel import Panel
-from somrs.protocol.messages.clients import Phase, TaskView
 from somrs.protocol.messages.findings import Finding, Findings, Unseen
+from somrs.protocol.messages.task_views import Phase, TaskView
 
 
 class FindingsPanel:

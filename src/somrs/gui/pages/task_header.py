@@ -16,10 +16,11 @@ from somrs.gui.pages.task_cancel_dialog import CancelDialog
 from somrs.gui.pages.task_retry import RetryButton
 from somrs.gui.pages.task_text import PHASES, count_text, due_text, gist, task_path, task_sign
 from somrs.gui.pages.task_waits import show_hindrances, show_waits
-from somrs.protocol.messages.clients import Phase, Policy, TaskView
 from somrs.protocol.messages.event_text import short_id
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.people import person_name
+from somrs.protocol.messages.submission import Policy
+from somrs.protocol.messages.task_views import Phase, TaskView
 
 _POLICIES = {Policy.PRICE: "the cheapest", Policy.TIME: "the soonest", Policy.WEIGHTED: "price and time"}
 

@@ -9,7 +9,7 @@ from nicegui import ui
 from somrs.api.remote import LiveApi
 from somrs.gui.pages.task_text import task_path
 from somrs.gui.shell import guarded
-from somrs.protocol.messages.clients import TaskView
+from somrs.protocol.messages.task_views import TaskView
 
 
 class RetryButton(ui.button):

@@ -12,8 +12,8 @@ from somrs.entish.parse import parse
 from somrs.gui.components.floorplan import FloorPlan
 from somrs.gui.components.scene import Scene3D
 from somrs.gui.pages.task_text import device_name
-from somrs.protocol.messages.clients import TaskView
 from somrs.protocol.messages.frp import State
+from somrs.protocol.messages.task_views import TaskView
 
 _SPACE, _PLAN = "3d", "plan"
 VIEW_SETTING = "task view"

@@ -10,12 +10,13 @@ from somrs.client import state_labels
 from somrs.client.task_report import reasons
 from somrs.gui.pages.task_chapters import ANSWERS, LABELS, Chapter, Line
 from somrs.gui.pages.task_text import count_text, gist
-from somrs.protocol.messages import events
-from somrs.protocol.messages.clients import Phase, TaskEvent, TaskView
+from somrs.protocol.messages import events, goal_kinds, waits
+from somrs.protocol.messages.event_kinds import EventKind, kind_of
 from somrs.protocol.messages.event_text import failure_text
-from somrs.protocol.messages.events import Event, EventKind, kind_of
+from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.people import person_name
+from somrs.protocol.messages.task_views import Phase, TaskEvent, TaskView
 
 _LOST = (State.FAILED, State.STOPPED, State.UNREACHABLE)
 
@@ -44,11 +45,11 @@ class _StoryBuilder:
 
     def add_event(self, entry: TaskEvent, event: Event) -> None:
         match event:
-            case events.WaitsForDevice():
+            case waits.WaitsForDevice():
                 pass  # ordinary: devices are often busy
-            case events.WaitsForTasks():
+            case waits.WaitsForTasks():
                 self._add_chapter(entry, "hourglass_empty", "Waiting", "busy").waiting_for = event
-            case events.GoesOn():
+            case waits.GoesOn():
                 self._add_chapter(entry, "hourglass_empty", "Continuing", "busy", entry.text)
             case events.TaskEnded(outcome=outcome, reasons=end_reasons):
                 self.end(entry, outcome, end_reasons)
@@ -250,7 +251,7 @@ def story(view: TaskView, entries: Sequence[TaskEvent]) -> list[Chapter]:
 
 def _is_aside(entry: TaskEvent) -> bool:
     """Whether the event belongs to a goal other than the task's own."""
-    return entry.goal not in (None, events.GoalKind.TASK)
+    return entry.goal not in (None, goal_kinds.GoalKind.TASK)
 
 
 def _of_step(entry: TaskEvent) -> str:

@@ -11,7 +11,7 @@ from somrs.gui.pages.task_chapters import Chapter, summary
 from somrs.gui.pages.task_story import story
 from somrs.gui.pages.task_text import wait_texts
 from somrs.gui.panel import Panel
-from somrs.protocol.messages.clients import TaskEvent, TaskView
+from somrs.protocol.messages.task_views import TaskEvent, TaskView
 
 _TONES = {"good": "check_circle", "bad": "cancel", "busy": "pending", "plain": "info"}
 

@@ -8,10 +8,10 @@ from somrs.client import state_labels
 from somrs.client.durations import format_duration
 from somrs.gui.components.task.waits import WaitText
 from somrs.gui.icons import OUTCOMES, Sign, join_names
-from somrs.protocol.messages.clients import Phase
 from somrs.protocol.messages.event_text import reserved_text, short_id
-from somrs.protocol.messages.events import WaitsForTasks, WaitsToRetry
 from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.task_views import Phase
+from somrs.protocol.messages.waits import WaitsForTasks, WaitsToRetry
 
 PHASES = {
     Phase.PLANNING: Sign("schema", state_labels.PHASES[Phase.PLANNING], "busy"),

@@ -6,7 +6,7 @@ from nicegui import ui
 
 from somrs.gui.icons import format_time
 from somrs.gui.pages.task_text import count_text, hindrance_texts, wait_texts
-from somrs.protocol.messages.events import WaitsForTasks, WaitsToRetry
+from somrs.protocol.messages.waits import WaitsForTasks, WaitsToRetry
 
 
 def show_waits(waiting_for: WaitsForTasks, verb: str) -> None:

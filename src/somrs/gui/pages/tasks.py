@@ -26,8 +26,8 @@ from somrs.gui.pages.task_text import count_text, device_name, due_text, gist, h
 from somrs.gui.shell import guarded, page
 from somrs.gui.throttle import Throttle
 from somrs.gui.unavailable_banner import UnavailableBanner
-from somrs.protocol.messages.clients import Phase, TaskRow
 from somrs.protocol.messages.people import person_name
+from somrs.protocol.messages.task_views import Phase, TaskRow
 
 TASK_LIMIT = 200
 """Limit of tasks shown, which is also the number of ended tasks that the Task Manager keeps."""

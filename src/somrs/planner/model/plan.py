@@ -173,7 +173,7 @@ class Plan(Struct, frozen=True, dict=True, tag=True):
 
 
 class Obstacle(StrEnum):
-    """The kind of reason why there is no plan, with the same values as in `protocol/messages/clients.py`."""
+    """The kind of reason why there is no plan, with the same values as in `protocol/messages/previews.py`."""
 
     NO_SERVICE_TYPE = "no-service-type"
     """No known service type has the required effect."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from somrs.protocol.messages import clients, directory, frp, knowledge, orders, records
+from somrs.protocol.messages import directory, frp, knowledge, orders, previews, records, submission, task_news
 from somrs.protocol.messages.body import MessageBody
 
 FrpBody = (
@@ -26,9 +26,9 @@ KnowledgeBody = (
     | knowledge.Consider | knowledge.Considered | knowledge.ReadEvents | knowledge.Events
 )  # fmt: skip
 ClientBody = (
-    clients.Submit | clients.Submitted | clients.TaskRejected | clients.CancelTask | clients.Cancelling
-    | clients.ReadTasks | clients.Tasks | clients.WatchTask | clients.TaskNews | clients.Preview | clients.Previewed
-    | records.ReadRecords | records.Records | clients.WatchTasks | clients.TasksNews | clients.ReadMessages | clients.Messages
+    submission.Submit | submission.Submitted | submission.TaskRejected | submission.CancelTask | submission.Cancelling
+    | task_news.ReadTasks | task_news.Tasks | task_news.WatchTask | task_news.TaskNews | previews.Preview | previews.Previewed
+    | records.ReadRecords | records.Records | task_news.WatchTasks | task_news.TasksNews | task_news.ReadMessages | task_news.Messages
 )  # fmt: skip
 OrderBody = (
     orders.ReadTemplates | orders.TemplatesPage | orders.SaveTemplate | orders.RenameTemplate | orders.RemoveTemplate | orders.TemplateKept
@@ -61,14 +61,14 @@ REQUESTS: dict[type[Body], tuple[type[Body], ...]] = {
     knowledge.ReadHistory: (knowledge.History,),
     knowledge.ReadEvents: (knowledge.Events,),
     knowledge.SubscribeMap: (knowledge.MapSubscribed,),
-    clients.Submit: (clients.Submitted, clients.TaskRejected),
-    clients.CancelTask: (clients.Cancelling,),
-    clients.ReadTasks: (clients.Tasks,),
-    clients.WatchTask: (clients.TaskNews,),
-    clients.Preview: (clients.Previewed,),
+    submission.Submit: (submission.Submitted, submission.TaskRejected),
+    submission.CancelTask: (submission.Cancelling,),
+    task_news.ReadTasks: (task_news.Tasks,),
+    task_news.WatchTask: (task_news.TaskNews,),
+    previews.Preview: (previews.Previewed,),
     records.ReadRecords: (records.Records,),
-    clients.WatchTasks: (clients.TasksNews,),
-    clients.ReadMessages: (clients.Messages,),
+    task_news.WatchTasks: (task_news.TasksNews,),
+    task_news.ReadMessages: (task_news.Messages,),
     orders.ReadTemplates: (orders.TemplatesPage, orders.OrdersRejected),
     orders.SaveTemplate: (orders.TemplateKept, orders.OrdersRejected),
     orders.RenameTemplate: (orders.TemplateKept, orders.OrdersRejected),

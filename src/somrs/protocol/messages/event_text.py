@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from somrs.protocol.messages import events
-from somrs.protocol.messages.events import ComparedPlan, Event, Holder
+from somrs.protocol.messages import events, waits
+from somrs.protocol.messages.events import ComparedPlan, Event
+from somrs.protocol.messages.waits import Holder
 
 
 def join_reasons(reasons: Iterable[str]) -> str:
@@ -18,12 +19,12 @@ def short_id(task: str) -> str:
     return task.rpartition(":")[2][:8]
 
 
-def waiting_text(event: events.WaitsForTasks) -> str:
+def waiting_text(event: waits.WaitsForTasks) -> str:
     """Return for which tasks a task waits, and which objects they have reserved."""
     return f"waiting for {', and for '.join(f'{_task_text(holder)}, which {reserved_text(holder)}' for holder in event.known_holders)}"
 
 
-def retry_text(event: events.WaitsToRetry) -> str:
+def retry_text(event: waits.WaitsToRetry) -> str:
     """Return why there is no way to do a task now, with the number of attempts. Services with the same reason are named together."""
     subjects_by_reason: dict[str, list[str]] = {}
     for hindrance in event.hindrances:
@@ -67,13 +68,13 @@ def sentence(event: Event) -> str:
             plan = f"planned: {count} step{'s' if count != 1 else ''}"
             dependent = "depends" if foreseen == 1 else "depend"
             return f"{plan}, of which {foreseen} {dependent} on what the others find out" if foreseen else plan
-        case events.WaitsForTasks():
+        case waits.WaitsForTasks():
             return waiting_text(event)
-        case events.WaitsToRetry():
+        case waits.WaitsToRetry():
             return retry_text(event)
-        case events.WaitOver(attempts=attempts, seconds=seconds):
+        case waits.WaitOver(attempts=attempts, seconds=seconds):
             return f"continuing after {seconds:.0f} s and {attempts} attempt{'s' if attempts != 1 else ''}"
-        case events.GoesOn():
+        case waits.GoesOn():
             return "continuing: the objects it waited for are free"
         case events.Replanned(reasons=reasons):
             return f"replanning: {join_reasons(reasons)}"
@@ -105,7 +106,7 @@ def _of_step(event: Event) -> str:
             return f"{service} refuses{' for now' if not_now else ''}: {reason}{possible}"
         case events.ServiceChosen(service=service, price=price, currency=currency, duration=duration):
             return f"{service} does it for {price:g} {currency}, in {duration:.0f} s"
-        case events.WaitsForDevice(device=device):
+        case waits.WaitsForDevice(device=device):
             return f"waiting for its turn at {device}"
         case events.StepStarted(service=service):
             return f"{service} starts"

@@ -1,53 +1,18 @@
 """The events of a task: a closed union. Programs read these; `event_text.py` makes sentences of them, for people.
 
+Those of a task that waits are in `waits.py`; `event_kinds.py` says what each event means for its task.
+
 Services have their names in the whole system (`Robot1.TransferObject`). Formulas are Entish. Prices are in the currency of the terms;
 durations are in seconds.
 """
 
 from __future__ import annotations
 
-from enum import StrEnum
-
 from msgspec import Struct
 
 from somrs.protocol.messages.frp import Outcome
-
-
-class EventKind(StrEnum):
-    """The kind of an event in the life of a task."""
-
-    NEWS = "news"
-    """The task proceeds."""
-    SETBACK = "setback"
-    """Something went wrong."""
-    HANDLER = "handler"
-    """A handler for a failure begins."""
-    REPLACE = "replace"
-    """Another service takes the step."""
-    REPLAN = "replan"
-    """A new plan is made from the present situation."""
-    WAIT = "wait"
-    """The task waits for another task or for services, or continues."""
-    LOOK = "look"
-    """A cognitive service observes, or observed, what a failure left."""
-    UNDO = "undo"
-    """What was done, or what a failure left, is undone."""
-    END = "end"
-    """The task is over."""
-
-
-class GoalKind(StrEnum):
-    """Why a formula is to be made true."""
-
-    TASK = "task"
-    """It is the client's goal."""
-    HANDLER = "handler"
-    """It is the goal of a handler for a failure."""
-    LOOK = "look"
-    """The outcome of a failure is unknown; a cognitive service observes it."""
-    UNDO = "undo"
-    """Services other than the original one undo what was done."""
-
+from somrs.protocol.messages.goal_kinds import GoalKind
+from somrs.protocol.messages.waits import GoesOn, Holder, WaitOver, WaitsForDevice, WaitsForTasks, WaitsToRetry
 
 # From the goal to the plan
 
@@ -64,69 +29,6 @@ class Planned(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
 
     steps: int
     foreseen: int = 0
-
-
-class Holder(Struct, frozen=True, kw_only=True):
-    """A task that has reserved objects which another task needs. `waiting`: it waits for them itself, and comes first."""
-
-    task: str
-    goal: str
-    objects: tuple[str, ...]
-    waiting: bool = False
-
-
-class WaitsForTasks(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
-    """Other tasks have reserved objects that the plan needs.
-
-    `tasks`: the goals of these tasks, by their ids. `holders`: the same tasks, with what each has reserved; events of SO-MRS 0.2 have none.
-    """
-
-    tasks: dict[str, str]
-    objects: tuple[str, ...]
-    holders: tuple[Holder, ...] = ()
-
-    @classmethod
-    def on(cls, holders: tuple[Holder, ...]) -> WaitsForTasks:
-        objects = {name for holder in holders for name in holder.objects}
-        return cls(tasks={holder.task: holder.goal for holder in holders}, objects=tuple(sorted(objects)), holders=holders)
-
-    @property
-    def known_holders(self) -> tuple[Holder, ...]:
-        """The tasks with what each has reserved, as far as the event tells them apart."""
-        return self.holders or tuple(Holder(task=task, goal=goal, objects=self.objects) for task, goal in self.tasks.items())
-
-
-class Hindrance(Struct, frozen=True, kw_only=True):
-    """Why a task cannot proceed now. `subject`: a service, a service type that nobody offers, or a component; `since`: s since 1970."""
-
-    subject: str
-    reason: str
-    since: float
-
-
-class WaitsToRetry(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
-    """There is no way to do the task now, but for reasons that pass.
-
-    The Task Manager tries again at `next_attempt` (s since 1970), `pause` seconds after the last attempt, or earlier if a device joins or
-    is mended. `attempts`: those that failed `since` the task began to wait.
-    """
-
-    hindrances: tuple[Hindrance, ...]
-    since: float
-    next_attempt: float
-    pause: float
-    attempts: int = 1
-
-
-class WaitOver(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
-    """The task proceeds after it waited to try again. `attempts`: all that failed meanwhile; `seconds`: how long it waited."""
-
-    attempts: int
-    seconds: float
-
-
-class GoesOn(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
-    """The objects for which the task waited are free."""
 
 
 class Replanned(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
@@ -212,12 +114,6 @@ class ServiceChosen(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=T
 
 
 # Execution
-
-
-class WaitsForDevice(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
-    """The device performs other work first."""
-
-    device: str
 
 
 class StepStarted(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
@@ -470,26 +366,3 @@ ServiceFailure = (
     | ReportRejected | CompensationFailed
 )  # fmt: skip
 """What can go wrong with a service."""
-
-KINDS: dict[type[Event], EventKind] = {
-    **dict.fromkeys((WaitsForTasks, WaitsToRetry, WaitOver, GoesOn, WaitsForDevice), EventKind.WAIT),
-    **dict.fromkeys((Replanned, TriedOnceMore, ConditionsAdopted), EventKind.REPLAN),
-    **dict.fromkeys(
-        (
-            NotBegun, StepFailed, ServiceFaulted, ContractForgotten, ServiceSilent, ServiceOverdue, InvariantBroken, ServiceLost,
-            ReportRejected, GoalFailed, CompensationFailed, WorkStranded,
-        ),
-        EventKind.SETBACK,
-    ),
-    ServiceReplaced: EventKind.REPLACE,
-    HandlerBegun: EventKind.HANDLER,
-    **dict.fromkeys((FoundOut, LookBegun, LookFound, NobodyLooks, KnownOtherwise, ObjectsDiscovered), EventKind.LOOK),
-    UndoingCheaper: EventKind.UNDO,
-    **dict.fromkeys((FailuresUndone, UndoneByHandler, UndoneByService, UndoneByOthers, Compensated, WorkUndone), EventKind.UNDO),
-    TaskEnded: EventKind.END,
-}  # fmt: skip
-"""The kinds of events; all other events are news."""
-
-
-def kind_of(event: Event) -> EventKind:
-    return KINDS.get(type(event), EventKind.NEWS)

@@ -9,8 +9,8 @@ from enum import StrEnum
 from msgspec import Struct, structs
 
 from somrs.protocol.messages.body import MessageBody
-from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.submission import Submit
 
 BLANK = re.compile(r"{([^{}]*)}")
 """A blank in a formula of a template: its name in braces."""

@@ -6,9 +6,10 @@ from msgspec import Struct
 
 from somrs.ontology.services import Handler
 from somrs.protocol.messages.body import MessageBody
-from somrs.protocol.messages.clients import ContractView, MessageView, Policy, StepView, TaskEvent, WorkView
 from somrs.protocol.messages.findings import Findings
 from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.submission import Policy
+from somrs.protocol.messages.task_views import ContractView, MessageView, StepView, TaskEvent, WorkView
 
 
 class TaskRecord(Struct, frozen=True, kw_only=True, tag=True):

@@ -14,7 +14,7 @@ from lxml import etree
 from msgspec import Struct
 
 from somrs.errors import WireError
-from somrs.protocol.messages import clients, frp, knowledge
+from somrs.protocol.messages import frp, knowledge, submission
 from somrs.protocol.messages.bodies import REQUESTS, ClientBody, DirectoryBody, FrpBody, KnowledgeBody, OrderBody
 from somrs.protocol.messages.envelope import ANONYMOUS, VERSION, Header, Message, message_id, normalised_id
 from somrs.protocol.soap.document import MOST_BYTES, SENDER, parse
@@ -172,7 +172,7 @@ def _reason(body: Struct) -> str:
     match body:
         case knowledge.Rejected(problems=problems):
             return "\n".join(problems)
-        case clients.TaskRejected(problem=problem):
+        case submission.TaskRejected(problem=problem):
             return problem
         case _:
             return type(body).__name__

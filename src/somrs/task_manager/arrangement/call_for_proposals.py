@@ -15,9 +15,9 @@ from somrs.ontology.truth import formula_holds
 from somrs.planner.model.plan import Step
 from somrs.planner.model.provider_choice import assign_provider
 from somrs.protocol.messages import frp
-from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.frp import State
+from somrs.protocol.messages.submission import Submit
 from somrs.task_manager.context import Commitments, Interval
 from somrs.task_manager.execution.bids import choose_bid, fit_bid, make_bid
 from somrs.task_manager.execution.member import Member

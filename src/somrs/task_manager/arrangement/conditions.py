@@ -17,8 +17,8 @@ from somrs.errors import FormulaError
 from somrs.kernel.replica import Replica
 from somrs.ontology.check import check
 from somrs.planner.model.problem import StepBid
-from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.frp import State
+from somrs.protocol.messages.submission import Submit
 from somrs.task_manager.arrangement.call_for_proposals import Arrangement, CallForProposals
 from somrs.task_manager.context import Quotes
 from somrs.task_manager.execution.bids import choose_bid

@@ -14,8 +14,8 @@ from somrs.errors import FormulaError
 from somrs.kernel.component import Ask, Effects, EffectsReturning, Withdraw
 from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import StepBid
-from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.directory import Offer
+from somrs.protocol.messages.submission import Submit
 from somrs.task_manager.arrangement.available_services import AvailableServices
 from somrs.task_manager.context import TaskManagerContext, planning_problem
 from somrs.task_manager.execution.workflow import Progress, Workflow

@@ -17,9 +17,10 @@ from somrs.ontology.services import ServiceType
 from somrs.ontology.truth import bindings, formula_holds
 from somrs.ontology.types import Ontology
 from somrs.planner.model.plan import Step
-from somrs.protocol.messages.clients import Policy, Previewed, Submit
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.frp import Terms
+from somrs.protocol.messages.previews import Previewed
+from somrs.protocol.messages.submission import Policy, Submit
 from somrs.task_manager.context import Interval
 
 

@@ -16,9 +16,9 @@ from somrs.ontology.services import ServiceKind, ServiceType
 from somrs.ontology.types import UNKNOWN, Ontology
 from somrs.ontology.values import constant
 from somrs.planner.model.plan import Step
-from somrs.protocol.messages.clients import WorkView
-from somrs.protocol.messages.events import GoalKind
 from somrs.protocol.messages.frp import State
+from somrs.protocol.messages.goal_kinds import GoalKind
+from somrs.protocol.messages.task_views import WorkView
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.workflow import StepRun
 

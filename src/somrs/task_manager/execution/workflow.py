@@ -12,7 +12,7 @@ from somrs.entish import Formula
 from somrs.ontology.types import Value
 from somrs.planner.model.plan import Plan, Step
 from somrs.planner.model.provider_choice import assign_provider
-from somrs.protocol.messages.events import GoalKind
+from somrs.protocol.messages.goal_kinds import GoalKind
 from somrs.task_manager.context import Interval
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.participants import Members

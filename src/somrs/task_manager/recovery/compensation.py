@@ -15,9 +15,10 @@ from msgspec import Struct, field
 from somrs.kernel.component import EffectsReturning
 from somrs.ontology.services import Occasion
 from somrs.protocol.messages import events
-from somrs.protocol.messages.clients import Submit
-from somrs.protocol.messages.events import Event, Holder
+from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.frp import State
+from somrs.protocol.messages.submission import Submit
+from somrs.protocol.messages.waits import Holder
 from somrs.task_manager.context import TaskManagerContext, known_to_hold
 from somrs.task_manager.execution.execution_log import ExecutionLog, Work
 from somrs.task_manager.execution.participants import Members, Participants

@@ -16,12 +16,13 @@ from somrs.entish.parse import parse
 from somrs.kernel.component import Effects, EffectsReturning
 from somrs.ontology.services import ServiceKind
 from somrs.planner.model.plan import NoPlan, Plan
-from somrs.protocol.messages import events
-from somrs.protocol.messages.clients import Phase, Previewed
+from somrs.protocol.messages import events, waits
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.event_text import holders_text
-from somrs.protocol.messages.events import GoalKind
 from somrs.protocol.messages.frp import State
+from somrs.protocol.messages.goal_kinds import GoalKind
+from somrs.protocol.messages.previews import Previewed
+from somrs.protocol.messages.task_views import Phase
 from somrs.task_manager.arrangement.available_services import service_names
 from somrs.task_manager.arrangement.call_for_proposals import MAX_OPEN_CALLS
 from somrs.task_manager.arrangement.plan_request import MOST_PLANS, PlanRequest, PlanRequester, PlanResult, ServicesUnknown
@@ -163,7 +164,7 @@ class GoalExecutor:
         yield from self._dismiss_arranged("the task has to wait for others", now)
         self._scope.end_attempt(is_news=True)
         execution.phase, execution.waiting_to_retry = Phase.WAITING, None
-        execution.waiting_for = events.WaitsForTasks.on(blocked_plan.holders)
+        execution.waiting_for = waits.WaitsForTasks.on(blocked_plan.holders)
         self._log_event(execution.waiting_for, now)
         reservations.wait(self._scope.state.id, blocked_plan.reservation)
 
@@ -176,7 +177,7 @@ class GoalExecutor:
     def freed(self, now: float) -> None:
         """The objects that the goal waits for are free."""
         self._execution.waiting_for, self._execution.resumed = None, True
-        self._log_event(events.GoesOn(), now)
+        self._log_event(waits.GoesOn(), now)
 
     # Waiting to try again
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from somrs.entish.parse import parse
 from somrs.planner.model.plan import Plan
 from somrs.protocol.messages import events
-from somrs.protocol.messages.clients import Previewed
+from somrs.protocol.messages.previews import Previewed
 from somrs.task_manager.context import PlanToQuote
 from somrs.task_manager.execution.bids import plan_preference
 from somrs.task_manager.reservations import plan_reservation

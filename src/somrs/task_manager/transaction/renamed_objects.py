@@ -17,7 +17,7 @@ from somrs.ontology.naming import Renaming, Section
 from somrs.ontology.renaming import Renamer
 from somrs.ontology.services import Handler
 from somrs.ontology.types import Ontology
-from somrs.protocol.messages.clients import Submit
+from somrs.protocol.messages.submission import Submit
 from somrs.task_manager.execution.workflow import Progress, StepRun
 from somrs.task_manager.recovery.observation import LookQueue
 from somrs.task_manager.transaction.state import GoalExecution, TaskState

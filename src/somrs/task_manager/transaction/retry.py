@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from msgspec import structs
 
 from somrs.protocol.messages import events
-from somrs.protocol.messages.events import Hindrance, WaitsToRetry
+from somrs.protocol.messages.waits import Hindrance, WaitsToRetry
 
 FIRST_PAUSE = 2.0
 """Seconds from a failed attempt to the next one. The pause doubles with each further attempt, up to `LONGEST_PAUSE`."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from somrs.kernel.component import Effects, SetTimer
-from somrs.protocol.messages import events
-from somrs.protocol.messages.clients import Phase
-from somrs.protocol.messages.events import GoalKind
+from somrs.protocol.messages import waits
+from somrs.protocol.messages.goal_kinds import GoalKind
+from somrs.protocol.messages.task_views import Phase
 from somrs.task_manager.timers import RetryDue
 from somrs.task_manager.transaction.retry import hastened, is_repeated, next_wait
 from somrs.task_manager.transaction.scope import TaskScope
@@ -68,7 +68,7 @@ class RetryWait:
         waited, self._execution.waiting_to_retry = self._execution.waiting_to_retry, None
         if waited is not None:
             self._scope.end_attempt(is_news=True)
-            self._scope.log_event(events.WaitOver(attempts=waited.attempts, seconds=now - waited.since), now)
+            self._scope.log_event(waits.WaitOver(attempts=waited.attempts, seconds=now - waited.since), now)
 
     def abandon(self) -> Effects:
         """End the wait of a goal that is given up."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from somrs.protocol.messages.envelope import Message
-from somrs.protocol.messages.events import Event, EventKind
+from somrs.protocol.messages.event_kinds import EventKind
+from somrs.protocol.messages.events import Event
 from somrs.task_manager.arrangement.available_services import AvailableServices
 from somrs.task_manager.context import TaskManagerContext
 from somrs.task_manager.execution.execution_log import Work

@@ -7,12 +7,17 @@ from collections.abc import Iterator
 from msgspec import Struct, field
 
 from somrs.planner.model.plan import Plan
-from somrs.protocol.messages.clients import Phase, Previewed, Submit
 from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.event_kinds import EventKind, kind_of
 from somrs.protocol.messages.event_text import retry_text, waiting_text
-from somrs.protocol.messages.events import Event, EventKind, GoalKind, WaitsForTasks, WaitsToRetry, kind_of
+from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.findings import Findings
 from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.goal_kinds import GoalKind
+from somrs.protocol.messages.previews import Previewed
+from somrs.protocol.messages.submission import Submit
+from somrs.protocol.messages.task_views import Phase
+from somrs.protocol.messages.waits import WaitsForTasks, WaitsToRetry
 from somrs.task_manager.arrangement.available_services import KnownServices
 from somrs.task_manager.arrangement.call_for_proposals import OpenCalls
 from somrs.task_manager.arrangement.conditions import StatedConditions

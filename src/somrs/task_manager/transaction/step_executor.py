@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from somrs.entish.parse import parse
 from somrs.kernel.component import Effects, EffectsReturning
-from somrs.protocol.messages import events, frp
+from somrs.protocol.messages import events, frp, waits
 from somrs.protocol.messages.frp import State
 from somrs.task_manager.execution.invariants import broken_invariant
 from somrs.task_manager.execution.knowledge import output_texts, relevant_parts, told, told_all
@@ -28,7 +28,7 @@ class StepExecutor:
         if not context.queues.request_turn(member.offer, state.id, rank, context.still_at_work):
             if not run.is_waiting:
                 run.is_waiting = True
-                self._scope.log_event(events.WaitsForDevice(device=member.offer.provider), now, run)
+                self._scope.log_event(waits.WaitsForDevice(device=member.offer.provider), now, run)
             return ()
         try:
             situation = self._scope.services.precondition(run, member)

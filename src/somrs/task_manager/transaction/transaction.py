@@ -16,11 +16,12 @@ from somrs.kernel.component import Effects, EffectsReturning, Record, SetTimer
 from somrs.ontology.services import Occasion
 from somrs.planner.model.plan import Plan
 from somrs.protocol.messages import events
-from somrs.protocol.messages.clients import Previewed, Submit
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.envelope import Message
-from somrs.protocol.messages.events import GoalKind
 from somrs.protocol.messages.frp import Outcome, State
+from somrs.protocol.messages.goal_kinds import GoalKind
+from somrs.protocol.messages.previews import Previewed
+from somrs.protocol.messages.submission import Submit
 from somrs.task_manager.context import TaskManagerContext
 from somrs.task_manager.execution.execution_log import INTERRUPTED, Work
 from somrs.task_manager.execution.reports import ReportResult, UnobservedSubject, settlement

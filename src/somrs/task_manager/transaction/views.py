@@ -1,4 +1,4 @@
-"""Tasks, steps, contracts, messages and plans as clients see them (the types of `protocol/messages/clients.py`)."""
+"""Tasks, steps, contracts, messages and plans as clients see them (the types of `protocol/messages/task_views.py`)."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ from somrs.errors import FormulaError
 from somrs.ontology.types import UNKNOWN
 from somrs.planner.model.plan import NoPlan, Plan, Step
 from somrs.protocol.frp.states import WORKING
-from somrs.protocol.messages.clients import ContractView, MessageView, Obstacle, Previewed, StepView, TaskEvent, TaskRow, TaskView, WorkView
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.event_text import join_reasons, sentence
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.paging import fit_page
+from somrs.protocol.messages.previews import Obstacle, Previewed
+from somrs.protocol.messages.task_views import ContractView, MessageView, StepView, TaskEvent, TaskRow, TaskView, WorkView
 from somrs.task_manager.arrangement.plan_request import ServicesUnknown
 from somrs.task_manager.execution.knowledge import output_texts, subjects
 from somrs.task_manager.execution.member import Member

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from somrs.planner.model.plan import Plan, Step
-from somrs.protocol.messages.clients import Policy, Submit
 from somrs.protocol.messages.events import UndoingCheaper
+from somrs.protocol.messages.submission import Policy, Submit
 from somrs.task_manager.transaction.scope import TaskScope
 from somrs.task_manager.transaction.state import GoalExecution
 

@@ -22,8 +22,8 @@ from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Map, Object
 from somrs.ontology.services import Handler, Occasion
 from somrs.ontology.types import Kind
-from somrs.protocol.messages.clients import Policy, Submit
 from somrs.protocol.messages.orders import Blank, Daily, Every, Once, StandingOrder, Template
+from somrs.protocol.messages.submission import Policy, Submit
 from somrs.scheduling.templates import check, fill_template
 from tests.support.small_ontology import ONTOLOGY, formulas
 

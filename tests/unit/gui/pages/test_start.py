@@ -28,9 +28,10 @@ from somrs.ontology.files.loading import load
 from somrs.ontology.matching import can_achieve
 from somrs.ontology.objects import Fact, FactAdded, FactRemoved, Map, ObjectRemoved
 from somrs.ontology.types import Ontology
-from somrs.protocol.messages.clients import Phase, Submit, TaskRow
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.orders import Every, Run, RunState, StandingOrder
+from somrs.protocol.messages.submission import Submit
+from somrs.protocol.messages.task_views import Phase, TaskRow
 from tests.support.paths import SCENARIO_1
 
 NOW = 1_000_000.0

@@ -17,9 +17,9 @@ from somrs.planner.model.problem import AvailableService, Problem
 from somrs.planner.model.provider_choice import assign_provider, generalize_providers
 from somrs.planner.model.validation import validate
 from somrs.planner.planning import plan
-from somrs.protocol.messages.clients import Policy
-from somrs.protocol.messages.events import EventKind
+from somrs.protocol.messages.event_kinds import EventKind
 from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.submission import Policy
 from somrs.runtime.virtual_time import Work
 from somrs.service_manager.sdk.orders import Capability, Order, Profile, WorkDone
 from tests.support.relay import carried, maps_of

@@ -13,7 +13,7 @@ from somrs.planner.model.plan import Plan
 from somrs.planner.model.problem import AvailableService, Problem
 from somrs.planner.model.quality import best, cost, makespan
 from somrs.planner.planning import plan
-from somrs.protocol.messages.clients import Policy
+from somrs.protocol.messages.submission import Policy
 from tests.support.virtual_system import SITE, Robot, VirtualSystem
 
 FERRY = ServiceType(name="Ferry", effect="Jar002 isOn Platform001", precondition="Jar002 isOn Cupboard001")

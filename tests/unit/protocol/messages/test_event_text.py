@@ -7,15 +7,17 @@ from collections.abc import Iterator
 
 import pytest
 
-from somrs.protocol.messages import events
+from somrs.protocol.messages import events, waits
+from somrs.protocol.messages.event_kinds import EventKind, kind_of
 from somrs.protocol.messages.event_text import failure_text, join_reasons, loss_text, sentence, waiting_text
-from somrs.protocol.messages.events import Event, EventKind, GoalKind, ServiceFailure, kind_of
+from somrs.protocol.messages.events import Event, ServiceFailure
 from somrs.protocol.messages.frp import Outcome
+from somrs.protocol.messages.goal_kinds import GoalKind
 
 S, TWO = "Robot1.Carry", ("no", "never")
 
 HINDRANCES = tuple(
-    events.Hindrance(subject=f"Robot{number}.Carry", reason=reason, since=0.0)
+    waits.Hindrance(subject=f"Robot{number}.Carry", reason=reason, since=0.0)
     for number, reason in enumerate(("no oil", "it charges", "no oil"), 1)
 )
 
@@ -41,27 +43,27 @@ SENTENCES: list[tuple[Event, str]] = [
     (events.Planned(steps=0), "nothing to do: it is so already"),
     (events.Planned(steps=1), "planned: 1 step"),
     (events.Planned(steps=2), "planned: 2 steps"),
-    (events.WaitsForTasks(tasks={"t1": "A isOn B"}, objects=("A", "B")), "waiting for task t1 (A isOn B), which has reserved A, B"),
+    (waits.WaitsForTasks(tasks={"t1": "A isOn B"}, objects=("A", "B")), "waiting for task t1 (A isOn B), which has reserved A, B"),
     (
-        events.WaitsForTasks.on(
+        waits.WaitsForTasks.on(
             (
-                events.Holder(task="urn:uuid:1a2b3c4d-1111-5222-8333-444455556666", goal="A isOn B", objects=("A",)),
-                events.Holder(task="t2", goal="C isOn D", objects=("C", "D"), waiting=True),
+                waits.Holder(task="urn:uuid:1a2b3c4d-1111-5222-8333-444455556666", goal="A isOn B", objects=("A",)),
+                waits.Holder(task="t2", goal="C isOn D", objects=("C", "D"), waiting=True),
             )
         ),
         "waiting for task 1a2b3c4d (A isOn B), which has reserved A, and for task t2 (C isOn D), which waits for C, D too and comes first",
     ),
     (
-        events.WaitsToRetry(hindrances=HINDRANCES, since=0.0, next_attempt=2.0, pause=2.0),
+        waits.WaitsToRetry(hindrances=HINDRANCES, since=0.0, next_attempt=2.0, pause=2.0),
         "waiting to try again: Robot1.Carry, Robot3.Carry: no oil; Robot2.Carry: it charges",
     ),
     (
-        events.WaitsToRetry(hindrances=HINDRANCES[:1], since=0.0, next_attempt=6.0, pause=4.0, attempts=2),
+        waits.WaitsToRetry(hindrances=HINDRANCES[:1], since=0.0, next_attempt=6.0, pause=4.0, attempts=2),
         "waiting to try again (2 attempts): Robot1.Carry: no oil",
     ),
-    (events.WaitOver(attempts=1, seconds=2.4), "continuing after 2 s and 1 attempt"),
-    (events.WaitOver(attempts=3, seconds=14.0), "continuing after 14 s and 3 attempts"),
-    (events.GoesOn(), "continuing: the objects it waited for are free"),
+    (waits.WaitOver(attempts=1, seconds=2.4), "continuing after 2 s and 1 attempt"),
+    (waits.WaitOver(attempts=3, seconds=14.0), "continuing after 14 s and 3 attempts"),
+    (waits.GoesOn(), "continuing: the objects it waited for are free"),
     (events.Replanned(reasons=TWO), "replanning: no; never"),
     (events.TriedOnceMore(services=("R.A", "R.B")), "there is no plan without R.A, R.B; they may try again"),
     (events.Stopping(reason="enough"), "stopping: enough"),
@@ -98,7 +100,7 @@ SENTENCES: list[tuple[Event, str]] = [
     ),
     (events.ServiceRefused(service=S, reason="it charges", not_now=True), "Robot1.Carry refuses for now: it charges"),
     (events.ServiceChosen(service=S, price=4.5, currency="PLN", duration=29.4), "Robot1.Carry does it for 4.5 PLN, in 29 s"),
-    (events.WaitsForDevice(device="Robot1"), "waiting for its turn at Robot1"),
+    (waits.WaitsForDevice(device="Robot1"), "waiting for its turn at Robot1"),
     (events.StepStarted(service=S), "Robot1.Carry starts"),
     (events.ProgressNoted(service=S, note="half way"), "Robot1.Carry: half way"),
     (events.StepCompleted(service=S, situation="A isOn B"), "Robot1.Carry completed: A isOn B"),
@@ -136,7 +138,7 @@ SENTENCES: list[tuple[Event, str]] = [
     (events.WorkUndone(), "is undone"),
     (events.WorkStranded(taken=True, reason="no"), "is not undone: another task has reserved the objects"),
     (
-        events.WorkStranded(taken=True, holders=(events.Holder(task="t1", goal="A isOn B", objects=("A",)),)),
+        events.WorkStranded(taken=True, holders=(waits.Holder(task="t1", goal="A isOn B", objects=("A",)),)),
         "is not undone: task t1 (A isOn B) has reserved A",
     ),
     (events.WorkStranded(reason="no"), "could not be undone: no"),
@@ -162,7 +164,7 @@ def test_what_went_wrong_is_said_where_the_service_is_named_already() -> None:
 
 def test_reasons_are_on_one_line_and_who_is_waited_for_is_named() -> None:
     assert (join_reasons(()), join_reasons(("a",)), join_reasons(iter(("a", "b")))) == ("", "a", "a; b")
-    assert waiting_text(events.WaitsForTasks(tasks={"t": "g"}, objects=("A",))) == "waiting for task t (g), which has reserved A"
+    assert waiting_text(waits.WaitsForTasks(tasks={"t": "g"}, objects=("A",))) == "waiting for task t (g), which has reserved A"
 
 
 def test_what_is_no_event_has_no_sentence() -> None:

@@ -12,9 +12,8 @@ from msgspec import Struct, structs
 from somrs.errors import UsageError
 from somrs.ontology.services import Handler, Occasion, ServiceType
 from somrs.ontology.types import AttributeType, FunctionType, Kind, ObjectType, RelationType
-from somrs.protocol.messages import clients, directory, events, frp, knowledge, orders, records
+from somrs.protocol.messages import directory, events, frp, knowledge, orders, previews, records, submission, task_news, task_views, waits
 from somrs.protocol.messages.bodies import Body
-from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id, normalised_id, reply
 from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.knowledge import Definitions, by_kind
@@ -22,8 +21,9 @@ from somrs.protocol.messages.leases import LONGEST, SHORTEST, grant_lease
 from somrs.protocol.messages.orders import Blank, Run, RunState, Template, blanks_to_variables, fill_blanks, fill_formula
 from somrs.protocol.messages.paging import PAGE_ITEMS, fit_page, size
 from somrs.protocol.messages.people import client_address, person_name
+from somrs.protocol.messages.submission import Submit
 
-MODULES = (clients, directory, events, frp, knowledge, orders, records)
+MODULES = (directory, events, frp, knowledge, orders, previews, records, submission, task_news, task_views, waits)
 
 
 # Defaults and names

@@ -7,7 +7,7 @@ from lxml import etree
 from msgspec import Struct, structs
 
 from somrs.errors import WireError
-from somrs.protocol.messages import clients, frp, knowledge
+from somrs.protocol.messages import frp, knowledge, submission
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id
 from somrs.protocol.soap import soap
 from somrs.protocol.soap.document import MOST_DEPTH, SENDER, parse
@@ -74,10 +74,10 @@ def test_a_fault_outside_a_contract_has_no_detail() -> None:
     ("body", "reason"),
     [
         (knowledge.Rejected(problems=("a", "b")), "a\nb"),
-        (clients.TaskRejected(problem="no task"), "no task"),
+        (submission.TaskRejected(problem="no task"), "no task"),
     ],
 )
-def test_a_refusal_says_why_in_its_reason(body: knowledge.Rejected | clients.TaskRejected, reason: str) -> None:
+def test_a_refusal_says_why_in_its_reason(body: knowledge.Rejected | submission.TaskRejected, reason: str) -> None:
     root = etree.fromstring(encode(Message(header=HEADER, body=body)))
     assert root.findtext(f".//{{{soap.ENV}}}Text") == reason
     assert [element.text for element in root.iter(f"{{{soap.ENV}}}Value")] == [SENDER]

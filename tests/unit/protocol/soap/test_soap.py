@@ -15,7 +15,7 @@ from msgspec import Struct, structs
 
 from somrs.errors import WireError
 from somrs.ontology.types import Value
-from somrs.protocol.messages import clients, frp, knowledge
+from somrs.protocol.messages import frp, knowledge, submission
 from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id
 from somrs.protocol.soap import soap
 from somrs.protocol.soap.document import MOST_BYTES, SENDER
@@ -112,8 +112,8 @@ def test_the_prefixes_of_a_foreign_fault_mean_what_they_are_bound_to() -> None:
     assert decode(foreign.encode()).body == frp.Fault(code="wsa:ActionNotSupported", text="no")
 
 
-@pytest.mark.parametrize("body", [knowledge.Rejected(problems=("a", "b")), clients.TaskRejected(problem="no task")])
-def test_a_refusal_is_a_soap_fault_with_the_answer_in_it(body: knowledge.Rejected | clients.TaskRejected) -> None:
+@pytest.mark.parametrize("body", [knowledge.Rejected(problems=("a", "b")), submission.TaskRejected(problem="no task")])
+def test_a_refusal_is_a_soap_fault_with_the_answer_in_it(body: knowledge.Rejected | submission.TaskRejected) -> None:
     message = Message(header=Header(sender="http://a", recipient="http://b", message_id=message_id(1), relates_to=message_id(2)), body=body)
     document = encode(message)
     assert etree.fromstring(document).findtext(f".//{{{soap.ENV}}}Fault/{{{soap.ENV}}}Reason/{{{soap.ENV}}}Text") in ("a\nb", "no task")

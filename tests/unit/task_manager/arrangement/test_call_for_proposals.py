@@ -13,9 +13,9 @@ from somrs.kernel.component import Effect, Send, SetTimer
 from somrs.ontology.services import ServiceType
 from somrs.planner.model.plan import Plan, Step
 from somrs.protocol.messages import frp
-from somrs.protocol.messages.clients import Policy, Submit
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.frp import State
+from somrs.protocol.messages.submission import Policy, Submit
 from somrs.task_manager.arrangement.call_for_proposals import REPLY_TIME, Arrangement, CallForProposals, OpenCalls, make_call
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow

@@ -10,9 +10,9 @@ from somrs.kernel.component import Ask, Effect, ErrorAnswer, Send, Withdraw
 from somrs.kernel.replica import Replica
 from somrs.planner.model.plan import NoPlan, Plan, Step
 from somrs.planner.model.problem import LostService, Problem
-from somrs.protocol.messages.clients import Submit
 from somrs.protocol.messages.directory import Discover, Offer
-from somrs.protocol.messages.events import Holder
+from somrs.protocol.messages.submission import Submit
+from somrs.protocol.messages.waits import Holder
 from somrs.task_manager.arrangement.available_services import AvailableServices, KnownServices
 from somrs.task_manager.arrangement.plan_request import PlanRequest, PlanRequester, ServicesUnknown
 from somrs.task_manager.context import Quotes, TaskManagerContext

@@ -8,9 +8,9 @@ from somrs.entish import Name, Term
 from somrs.entish.parse import parse
 from somrs.ontology.services import ServiceType
 from somrs.planner.model.plan import Step
-from somrs.protocol.messages.clients import Policy, Submit
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.frp import Terms
+from somrs.protocol.messages.submission import Policy, Submit
 from somrs.task_manager.execution.bids import (
     Bid,
     able_offers,

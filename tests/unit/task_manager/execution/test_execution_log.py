@@ -12,9 +12,9 @@ from somrs.entish.parse import parse
 from somrs.ontology.objects import ValueSet
 from somrs.ontology.services import ServiceKind
 from somrs.planner.model.plan import Step
-from somrs.protocol.messages.clients import WorkView
-from somrs.protocol.messages.events import GoalKind
 from somrs.protocol.messages.frp import State
+from somrs.protocol.messages.goal_kinds import GoalKind
+from somrs.protocol.messages.task_views import WorkView
 from somrs.task_manager.execution.execution_log import ExecutionLog, Work, concerned_objects, situation_to_restore
 from somrs.task_manager.execution.workflow import StepRun
 from tests.support.laboratory import MAP, TRANSFER, laboratory

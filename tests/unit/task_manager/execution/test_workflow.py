@@ -9,7 +9,7 @@ import pytest
 from somrs.entish import Name
 from somrs.entish.parse import parse
 from somrs.planner.model.plan import Link, Plan, Step
-from somrs.protocol.messages.events import GoalKind
+from somrs.protocol.messages.goal_kinds import GoalKind
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow
 from tests.unit.task_manager.execution.test_participants import OFFER, TransactionHarness

@@ -9,10 +9,10 @@ from somrs.entish.parse import parse
 from somrs.kernel.component import Effect
 from somrs.ontology.services import Handler, Occasion
 from somrs.planner.model.plan import Step
-from somrs.protocol.messages import events, frp
-from somrs.protocol.messages.clients import Submit
+from somrs.protocol.messages import events, frp, waits
 from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.frp import State
+from somrs.protocol.messages.submission import Submit
 from somrs.task_manager.execution.execution_log import ExecutionLog, Work
 from somrs.task_manager.recovery.compensation import Attempt, Compensation, RestorationGoal, Undoing
 from somrs.task_manager.reservations import Reservation
@@ -113,7 +113,7 @@ def test_what_another_task_has_is_left_to_it(objects: tuple[str, ...]) -> None:
     harness.context.reservations.hold("task1", Reservation(changes=frozenset({"Jar001"})))
     assert harness.proceeds() == ([], True)
     mine = "Jar001" in objects
-    stranded = events.WorkStranded(taken=True, holders=(events.Holder(task="other", goal="", objects=("Jar001",)),))
+    stranded = events.WorkStranded(taken=True, holders=(waits.Holder(task="other", goal="", objects=("Jar001",)),))
     assert harness.logged_events == ([(stranded, 9.0, harness.works[0])] if mine else [])
     assert (harness.works[0].state, harness.state.restored) == (State.STRANDED if mine else State.COMPLETED, 0)
 

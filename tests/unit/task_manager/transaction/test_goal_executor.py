@@ -9,12 +9,12 @@ from somrs.kernel.component import Answered, Ask, Effect, ErrorAnswer, Received,
 from somrs.ontology.effects import changes
 from somrs.ontology.services import Handler, Occasion
 from somrs.planner.model.plan import Link, NoPlan, Plan
-from somrs.protocol.messages import clients, events, frp
-from somrs.protocol.messages.clients import Phase
+from somrs.protocol.messages import events, frp, submission, task_news, waits
 from somrs.protocol.messages.directory import Discover, Discovered
 from somrs.protocol.messages.envelope import Message, reply
-from somrs.protocol.messages.events import GoalKind
 from somrs.protocol.messages.frp import Outcome, State
+from somrs.protocol.messages.goal_kinds import GoalKind
+from somrs.protocol.messages.task_views import Phase
 from somrs.task_manager.execution.member import Member
 from somrs.task_manager.execution.workflow import Progress
 from somrs.task_manager.reservations import Reservation
@@ -254,9 +254,9 @@ def test_a_step_waits_for_its_device_and_says_so_once() -> None:
     terms(harness, "a", 1.0, 10.0)
     event_count = len(harness.task.events)
     assert bodies(terms(harness, "b", 2.0, 10.0)) == ["Accept", "Execute"]
-    assert (events.WaitsForDevice(device="Robot1"), *STEP_B) in harness.news(event_count)
+    assert (waits.WaitsForDevice(device="Robot1"), *STEP_B) in harness.news(event_count)
     harness.service_says(frp.Progress(fraction=0.5, situation="Jar001 isHeldBy Robot1"), 3.0, sender=member(harness, "a"))
-    assert logged_events(harness, event_count).count(events.WaitsForDevice(device="Robot1")) == 1
+    assert logged_events(harness, event_count).count(waits.WaitsForDevice(device="Robot1")) == 1
     effects = harness.service_says(frp.Completed(situation="Jar001 isOn Platform001"), 60.0, sender=member(harness, "a"))
     assert bodies(effects) == ["UpdateMap", "Execute"]
 
@@ -403,18 +403,18 @@ def test_who_has_to_wait_lets_go_of_who_is_committed() -> None:
     event_count = len(harness.task.events)
     effects = harness.service_says(frp.Failed(description="stuck", situation=HELD), 5.0, sender=member(harness, "a"))
     assert (bodies(effects), goodbyes(effects)) == (["UpdateMap", "Discover", "Cancel"], ["the task has to wait for others"])
-    waits = events.WaitsForTasks.on((events.Holder(task="other", goal="another wish", objects=("Jar001",)),))
-    assert logged_events(harness, event_count)[1:] == [events.Replanned(reasons=("failed: stuck",)), waits]
+    waiting = waits.WaitsForTasks.on((waits.Holder(task="other", goal="another wish", objects=("Jar001",)),))
+    assert logged_events(harness, event_count)[1:] == [events.Replanned(reasons=("failed: stuck",)), waiting]
     assert (harness.task.phase, harness.task.goal.waiting_for, [run.provider for run in harness.task.goal]) == (
         Phase.WAITING,
-        waits,
+        waiting,
         [None, None],
     )
     reservations = harness.manager.state.reservations
     assert (harness.task.id in reservations.held, [*reservations.waiting]) == (False, [harness.task.id])
     reservations.remove_task("other")
     event_count = len(harness.task.events)
-    effects = harness.client_says(clients.ReadTasks(), 6.0)
+    effects = harness.client_says(task_news.ReadTasks(), 6.0)
     assert [type(event).__name__ for event in logged_events(harness, event_count)] == [
         "GoesOn",
         "Planned",
@@ -432,10 +432,10 @@ def test_what_is_to_be_undone_is_kept_from_others_unless_they_have_it_by_now(res
     harness.service_says(frp.Failed(description="stuck", situation=HELD), 5.0, sender=member(harness, "a"))
     assert harness.task.phase is Phase.WAITING
     event_count = len(harness.task.events)
-    effects = harness.client_says(clients.CancelTask(task=id), 6.0)
+    effects = harness.client_says(submission.CancelTask(task=id), 6.0)
     assert reservations.held.get(id) == (Reservation(changes=frozenset({"Jar001"})) if is_reserved else None)
     assert ("Compensate" in bodies(effects)) is is_reserved
-    stranded = events.WorkStranded(taken=True, holders=(events.Holder(task="other", goal="", objects=("Jar001",)),))
+    stranded = events.WorkStranded(taken=True, holders=(waits.Holder(task="other", goal="", objects=("Jar001",)),))
     assert ((stranded, *STEP_A) in harness.news(event_count)) is not is_reserved
 
 

@@ -13,12 +13,13 @@ from somrs.ontology.files.loading import load_text
 from somrs.ontology.services import Handler, Occasion
 from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
-from somrs.protocol.messages import clients, events, frp
+from somrs.protocol.messages import events, frp, submission, task_views
 from somrs.protocol.messages.bodies import Body, FrpBody
 from somrs.protocol.messages.directory import Discover, Discovered, Offer
 from somrs.protocol.messages.envelope import Header, Message, reply
-from somrs.protocol.messages.events import Event, GoalKind
+from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.frp import Outcome, State
+from somrs.protocol.messages.goal_kinds import GoalKind
 from somrs.protocol.messages.knowledge import Rejected, Updated, UpdateMap
 from somrs.protocol.messages.observations import Observation
 from somrs.task_manager.execution.member import Member
@@ -59,7 +60,7 @@ class TaskManagerHarness:
         """What the planner answers next, in place of what it would find."""
         self.reports: list[UpdateMap] = []
         self.message_count = 0
-        self.client_says(clients.Submit(**{"effect": GOAL, **options}), 0.0)  # type: ignore[arg-type]  # fields of Submit
+        self.client_says(submission.Submit(**{"effect": GOAL, **options}), 0.0)  # type: ignore[arg-type]  # fields of Submit
 
     @property
     def task(self) -> TaskState:
@@ -363,7 +364,7 @@ def test_the_report_of_one_that_was_given_up_is_put_on_the_map_after_the_end(lat
     harness = TaskManagerHarness()
     harness.executing()
     member = harness.member()
-    harness.client_says(clients.CancelTask(task=harness.task.id), 10.0)
+    harness.client_says(submission.CancelTask(task=harness.task.id), 10.0)
     harness.rings(StopDue(harness.task.id), 70.0)
     assert harness.task.outcome is Outcome.CANCELLED
     assert [*harness.task.members] == [member]
@@ -394,16 +395,16 @@ def test_a_task_that_is_cancelled_stops_everybody_and_undoes_what_was_done(reaso
     harness = TaskManagerHarness(deadline=500.0)
     harness.executing()
     event_count = len(harness.task.events)
-    effects = harness.client_says(clients.CancelTask(task=harness.task.id, reason=reason), 10.0)
+    effects = harness.client_says(submission.CancelTask(task=harness.task.id, reason=reason), 10.0)
     assert bodies(effects) == ["Stop", "Cancelling"]
     wakes = {effect.timer: effect.at for effect in effects if isinstance(effect, SetTimer)}
     assert (wakes[DeadlineDue(harness.task.id)], wakes[StopDue(harness.task.id)]) == (None, 70.0)
     assert (harness.task.phase, harness.task.ending, harness.task.reasons) == (
-        clients.Phase.RECOVERING,
+        task_views.Phase.RECOVERING,
         Outcome.CANCELLED,
         (expected_reason,),
     )
-    harness.client_says(clients.CancelTask(task=harness.task.id, reason="once more"), 11.0)
+    harness.client_says(submission.CancelTask(task=harness.task.id, reason="once more"), 11.0)
     effects = harness.service_says(frp.Stopped(situation=INITIAL_SITUATION), 12.0)
     assert [event for event, *_ in harness.news(event_count)] == [
         events.Stopping(reason=expected_reason),
@@ -431,7 +432,7 @@ def test_a_task_whose_deadline_is_over_has_failed() -> None:
 def test_one_that_does_not_say_that_it_stopped_is_given_up() -> None:
     harness = TaskManagerHarness()
     harness.executing()
-    harness.client_says(clients.CancelTask(task=harness.task.id), 10.0)
+    harness.client_says(submission.CancelTask(task=harness.task.id), 10.0)
     event_count = len(harness.task.events)
     effects = harness.rings(StopDue(harness.task.id), 70.0)
     assert harness.news(event_count)[0] == (events.ServiceLost(service=FIRST_SERVICE, stopping=True), *STEP)

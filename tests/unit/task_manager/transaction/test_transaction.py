@@ -7,15 +7,17 @@ import pytest
 from somrs.kernel.component import Answered, Effect, Received, Record, Send, SetTimer, Started, Withdraw
 from somrs.ontology.services import Handler, Occasion
 from somrs.planner.model.plan import NoPlan
-from somrs.protocol.messages import clients, events, frp
-from somrs.protocol.messages.clients import Phase, Submit
+from somrs.protocol.messages import events, frp, submission
 from somrs.protocol.messages.directory import Discovered, Offer
 from somrs.protocol.messages.envelope import reply
 from somrs.protocol.messages.event_text import short_id
-from somrs.protocol.messages.events import GoalKind
 from somrs.protocol.messages.frp import Outcome, State
+from somrs.protocol.messages.goal_kinds import GoalKind
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.protocol.messages.records import TaskRecord
+from somrs.protocol.messages.submission import Submit
+from somrs.protocol.messages.task_views import Phase
+from somrs.protocol.messages.waits import Holder, WaitsForTasks
 from somrs.task_manager.reservations import Reservation
 from somrs.task_manager.timers import BidsDue, DeadlineDue, OverdueDue, PlanWanted, StopDue
 from somrs.task_manager.transaction.state import TaskState
@@ -145,7 +147,7 @@ def test_a_map_that_does_not_take_it_knows_otherwise() -> None:
 
 def test_a_look_that_was_called_off_is_begun_anew_before_anything_is_undone() -> None:
     harness, event_count = start_look()
-    effects = harness.client_says(clients.CancelTask(task=harness.task.id), 6.0)
+    effects = harness.client_says(submission.CancelTask(task=harness.task.id), 6.0)
     assert bodies(effects) == ["Cancel", "Discover", "Cancelling", "Arrange"]
     assert timer_times(effects) == [("DeadlineDue", None), ("StopDue", 66.0)]
     assert kinds(harness, event_count) == ["Stopping", "LookBegun", "ServicesAsked"]
@@ -169,7 +171,7 @@ def test_a_look_for_which_nobody_was_found_yet_is_begun_anew_too() -> None:
     (discover,) = [effect.message for effect in effects if isinstance(effect, Send)]
     assert harness.task.phase is Phase.RECOVERING
     event_count = len(harness.task.events)
-    assert bodies(harness.client_says(clients.CancelTask(task=harness.task.id), 6.0)) == [
+    assert bodies(harness.client_says(submission.CancelTask(task=harness.task.id), 6.0)) == [
         "Discover",
         "Cancelling",
         "UpdateMap",
@@ -220,7 +222,7 @@ def test_a_procedure_needs_nothing_that_others_have() -> None:
 def test_no_procedure_is_begun_for_what_failed_while_the_task_ends() -> None:
     harness = TaskManagerHarness("Robot1", "Robot2", handlers=(Handler(on=Occasion.FAILURE, effect="Jar001 isOn Platform001"),))
     harness.executing()
-    harness.client_says(clients.CancelTask(task=harness.task.id), 5.0)
+    harness.client_says(submission.CancelTask(task=harness.task.id), 5.0)
     event_count = len(harness.task.events)
     harness.service_says(frp.Failed(description="stuck", situation=INITIAL_SITUATION), 6.0)
     assert kinds(harness, event_count) == ["StepFailed", "WorkUndone", "TaskEnded"]
@@ -237,8 +239,8 @@ def waits() -> tuple[TaskManagerHarness, TaskState, TaskState]:
     effects = harness.client_says(Submit(effect="Jar002 isOn Cupboard002", deadline=90.0), 3.0)
     (second,) = [task for task in harness.manager.state.tasks.values() if task is not first]
     assert bodies(effects) == ["Discover", "Submitted"]
-    holders = (events.Holder(task=first.id, goal=GOAL, objects=("Jar002",)),)
-    event = events.WaitsForTasks(tasks={first.id: GOAL}, objects=("Jar002",), holders=holders)
+    holders = (Holder(task=first.id, goal=GOAL, objects=("Jar002",)),)
+    event = WaitsForTasks(tasks={first.id: GOAL}, objects=("Jar002",), holders=holders)
     assert [entry.event for entry in second.events[1:]] == [event]
     assert (second.phase, second.goal.waiting_for) == (Phase.WAITING, event)
     return harness, first, second
@@ -254,7 +256,7 @@ def test_who_waits_for_another_goes_on_when_that_one_has_ended() -> None:
         (reason,),
         reason,
     )
-    effects = harness.client_says(clients.CancelTask(task=first.id), 4.0)
+    effects = harness.client_says(submission.CancelTask(task=first.id), 4.0)
     assert bodies(effects) == ["Cancel", "Cancel", "Cancelling", "Discover", "Arrange", "Arrange"]
     assert [type(entry.event).__name__ for entry in second.events[2:]] == ["GoesOn", "Planned", "ServicesAsked"]
     assert (second.phase, second.goal.waiting_for, second.goal.resumed, view(second).reasons) == (Phase.ARRANGING, None, False, ())
@@ -270,7 +272,7 @@ def test_who_never_got_what_it_waited_for_says_so() -> None:
         second.reasons
     ]
     assert [*harness.manager.state.reservations.waiting] == []
-    assert bodies(harness.client_says(clients.CancelTask(task=first.id), 94.0)) == ["Cancel", "Cancel", "Cancelling"]
+    assert bodies(harness.client_says(submission.CancelTask(task=first.id), 94.0)) == ["Cancel", "Cancel", "Cancelling"]
 
 
 # Going on
@@ -320,7 +322,7 @@ def test_a_task_that_is_over_hears_of_nothing_more() -> None:
     event_count, id = len(harness.task.events), harness.task.id
     for timer in (DeadlineDue(id), StopDue(id), BidsDue(id, 1), OverdueDue(id, member.id)):
         assert harness.rings(timer, 500.0) == []
-    assert bodies(harness.client_says(clients.CancelTask(task=id), 501.0)) == ["Cancelling"]
+    assert bodies(harness.client_says(submission.CancelTask(task=id), 501.0)) == ["Cancelling"]
     assert (harness.task.outcome, harness.news(event_count), harness.task.reasons) == (Outcome.ACCOMPLISHED, [], ())
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from somrs.kernel.component import Send
-from somrs.protocol.messages import clients, events, frp
+from somrs.protocol.messages import events, frp, submission, task_views
 from somrs.protocol.messages.frp import Compensate, Outcome, State
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.task_manager.execution.member import Member
@@ -29,7 +29,7 @@ def start_undoing() -> tuple[TaskManagerHarness, Member, int]:
     ]
     assert bodies(effects) == ["UpdateMap", "Discover", "Arrange"]
     event_count = len(harness.task.events)
-    effects = harness.client_says(clients.CancelTask(task=harness.task.id), 70.0)
+    effects = harness.client_says(submission.CancelTask(task=harness.task.id), 70.0)
     assert bodies(effects) == ["Cancel", "Compensate", "Cancelling"]
     (compensate_effect,) = [effect for effect in effects if isinstance(effect, Send) and isinstance(effect.message.body, Compensate)]
     assert (compensate_effect.message.body, compensate_effect.message.header.participant) == (
@@ -40,7 +40,7 @@ def start_undoing() -> tuple[TaskManagerHarness, Member, int]:
         events.Stopping(reason="cancelled by the client"),
         events.UndoneByService(service=FIRST_SERVICE, situation=INITIAL_SITUATION),
     ]
-    assert harness.task.phase is clients.Phase.COMPENSATING
+    assert harness.task.phase is task_views.Phase.COMPENSATING
     return harness, member, len(harness.task.events)
 
 
@@ -57,7 +57,7 @@ def test_the_service_that_did_it_undoes_it() -> None:
     (work,) = harness.task.log.works
     assert (work.state, work.result, work.ended, work.situation) == (State.COMPENSATED, State.COMPLETED, 61.0, INITIAL_SITUATION)
     assert harness.task.reasons == ("cancelled by the client", f"TransferObject by {FIRST_SERVICE} was undone: {INITIAL_SITUATION}")
-    assert (harness.task.outcome, harness.task.phase, harness.manager.open) == (Outcome.CANCELLED, clients.Phase.ENDED, [])
+    assert (harness.task.outcome, harness.task.phase, harness.manager.open) == (Outcome.CANCELLED, task_views.Phase.ENDED, [])
 
 
 @pytest.mark.parametrize("situation", [None, ELSEWHERE])
@@ -104,7 +104,7 @@ def test_what_is_as_it_was_needs_no_undoing() -> None:
     harness.executing()
     harness.service_says(frp.Completed(situation=INITIAL_SITUATION), 61.0)
     event_count = len(harness.task.events)
-    effects = harness.client_says(clients.CancelTask(task=harness.task.id), 70.0)
+    effects = harness.client_says(submission.CancelTask(task=harness.task.id), 70.0)
     assert [type(event).__name__ for event, *_ in harness.news(event_count)] == ["Stopping", "WorkUndone", "TaskEnded"]
     assert "Compensate" not in bodies(effects)
 
@@ -112,7 +112,7 @@ def test_what_is_as_it_was_needs_no_undoing() -> None:
 def test_what_was_never_begun_is_not_undone() -> None:
     harness = TaskManagerHarness()
     event_count = len(harness.task.events)
-    effects = harness.client_says(clients.CancelTask(task=harness.task.id), 70.0)
+    effects = harness.client_says(submission.CancelTask(task=harness.task.id), 70.0)
     assert [type(event).__name__ for event, *_ in harness.news(event_count)] == ["Stopping", "TaskEnded"]
     assert bodies(effects) == ["Cancel", "Cancelling"]
     assert harness.task.reasons == ("cancelled by the client",)

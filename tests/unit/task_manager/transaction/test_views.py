@@ -6,10 +6,12 @@ import pytest
 
 from somrs.errors import FormulaError
 from somrs.planner.model.plan import NoPlan, Obstacle, Plan
-from somrs.protocol.messages import clients, frp
-from somrs.protocol.messages.clients import ContractView, MessageView, Phase, Policy, Previewed, StepView, TaskRow
+from somrs.protocol.messages import frp, previews
 from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.frp import Outcome, State
+from somrs.protocol.messages.previews import Previewed
+from somrs.protocol.messages.submission import Policy
+from somrs.protocol.messages.task_views import ContractView, MessageView, Phase, StepView, TaskRow
 from somrs.task_manager.transaction.views import contract_view, message_view, preview_reply, row, step_view, view, view_in_parts
 from tests.unit.task_manager.test_preview import CHAIN
 from tests.unit.task_manager.transaction.test_participant_events import (
@@ -133,7 +135,7 @@ def test_a_step_names_those_before_it_once_and_why_each_time() -> None:
         (CHAIN, Previewed(steps=(step_view(CHAIN.steps[0], CHAIN), step_view(CHAIN.steps[1], CHAIN)))),
         (
             NoPlan("none", obstacles=(Obstacle.NO_OBJECT,)),
-            Previewed(steps=(), explanation="none", reasons=("none",), obstacles=(clients.Obstacle.NO_OBJECT,)),
+            Previewed(steps=(), explanation="none", reasons=("none",), obstacles=(previews.Obstacle.NO_OBJECT,)),
         ),
         (
             FormulaError("x", 0, "no"),

@@ -9,7 +9,7 @@ from nicegui.element import Element
 
 from somrs.gui.components import LIVE
 from somrs.gui.components.task import MODULES
-from somrs.protocol.messages.clients import StepView
+from somrs.protocol.messages.task_views import StepView
 
 
 class PlanGraph(Element, component="graph.js", dependencies=[LIVE], esm=MODULES):

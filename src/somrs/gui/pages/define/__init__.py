@@ -19,7 +19,7 @@ from somrs.gui.pages.define.preview import Preview
 from somrs.gui.pages.define.templates import TemplateMenu
 from somrs.gui.pages.task_text import task_path
 from somrs.gui.shell import guarded, notify, page
-from somrs.protocol.messages.clients import Submit
+from somrs.protocol.messages.submission import Submit
 
 SETTLED = 0.4
 """Seconds within which the browser sends its stored draft."""

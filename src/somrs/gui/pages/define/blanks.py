@@ -12,7 +12,7 @@ from somrs.entish.parse import parse
 from somrs.errors import FormulaError
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
-from somrs.protocol.messages.clients import Submit
+from somrs.protocol.messages.submission import Submit
 
 _LEXEME = re.compile(r'"(?:[^"\\\n]|\\.)*"|#[^\n]*|\?[\w-]+|[^\W\d][\w-]*(?:\.[\w.-]+)?')
 

@@ -7,7 +7,8 @@ import msgspec
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError, UsageError
 from somrs.ontology.services import Handler, Occasion
-from somrs.protocol.messages.clients import Policy, Preview, Submit
+from somrs.protocol.messages.previews import Preview
+from somrs.protocol.messages.submission import Policy, Submit
 
 UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0}
 """Seconds of each unit for deadlines."""

@@ -16,7 +16,7 @@ from somrs.gui.pages.define.draft import DAILY, INTERVAL, NOW, ONE_TIME, UNITS, 
 from somrs.gui.pages.define.form import Form
 from somrs.gui.pages.define.procedures import Procedures
 from somrs.gui.panel import panel
-from somrs.protocol.messages.clients import Policy
+from somrs.protocol.messages.submission import Policy
 
 _POLICIES = {
     Policy.PRICE: ("Cheapest", "The lowest price; at equal prices, the earliest completion."),

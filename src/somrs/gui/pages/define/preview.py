@@ -17,8 +17,9 @@ from somrs.gui.pages.define.draft import Draft
 from somrs.gui.pages.define.form import Form
 from somrs.gui.pages.task_waits import show_waits
 from somrs.gui.panel import panel
-from somrs.protocol.messages.clients import Obstacle, OtherPlan, Previewed, Quotation, StepView
-from somrs.protocol.messages.clients import Preview as PreviewRequest
+from somrs.protocol.messages.previews import Obstacle, OtherPlan, Previewed, Quotation
+from somrs.protocol.messages.previews import Preview as PreviewRequest
+from somrs.protocol.messages.task_views import StepView
 
 ADVICE = {
     Obstacle.NO_SERVICE_TYPE: "No service type has such an effect. Choose a goal that a service can achieve:",

@@ -22,7 +22,7 @@ from somrs.gui.pages.start.row_list import RowList
 from somrs.gui.question_panel import QuestionPanel
 from somrs.gui.shell import page
 from somrs.gui.throttle import Throttle
-from somrs.protocol.messages.clients import TaskRow
+from somrs.protocol.messages.task_views import TaskRow
 
 MOST_TASKS = 1000
 """Maximum number of tasks read and kept. The Task Manager keeps 200 ended ones."""

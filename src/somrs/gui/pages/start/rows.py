@@ -12,9 +12,9 @@ from somrs.client.task_report import reasons
 from somrs.gui.device_card import LEAVING, activity_text, state
 from somrs.gui.icons import OUTCOMES, Sign, format_time
 from somrs.gui.pages.task_text import count_text, gist, task_path, task_sign
-from somrs.protocol.messages.clients import Phase, TaskRow
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.orders import RunState, StandingOrder
+from somrs.protocol.messages.task_views import Phase, TaskRow
 
 FAILED_TIME = 86_400.0
 """Seconds for which a failed task needs attention."""
