@@ -19,17 +19,21 @@ from somrs.protocol.messages.knowledge import (
     Definitions,
     MapPage,
     OntologyPage,
+    QueryMap,
     ReadMap,
     ReadOntology,
     Rejected,
+    Row,
+    Rows,
     Updated,
     UpdateMap,
 )
+from somrs.repository.component import Repository
 from somrs.service_manager.participant.joining import Joining
 from somrs.service_manager.participant.timers import JoiningDue, ReportWanted
 from somrs.service_manager.sdk.device import predecessor_name
 from somrs.service_manager.sdk.orders import Capability, Profile, Report
-from tests.support.lab import REPOSITORY
+from tests.support.lab import REPOSITORY, contents, deliver_request
 
 REGISTRY, ME = "http://here/registry", "http://here/washer"
 WASH = ServiceType(name="Wash", effect="?Object isClean ?Provider")
@@ -128,7 +132,42 @@ def test_a_request_has_five_seconds() -> None:
 def test_who_is_on_the_map_publishes_as_what_it_is_there(capacity: int, attributes: dict[str, float]) -> None:
     joiner = Joiner(structs.replace(PROFILE, capacity=capacity))
     joiner.published("BigWasher")
+    assert joiner.last_request() == (REPOSITORY, QueryMap(formula="?Device: Washer = Washer1", limit=1))
+    joiner.answer(Rows(rows=(Row(bindings={"Device": "Washer1"}),), version=1, more=False))
     assert joiner.last_request() == (REGISTRY, Publish(provider="Washer1", offers=(offer("BigWasher", **attributes),), lease=30.0))
+
+
+def join_laboratory(name: str, type: str) -> tuple[Joiner, list[Effect]]:
+    """Start a program for devices of the type, for an object of the laboratory. Return it, and what it does after the last answer."""
+    repository = Repository(REPOSITORY, contents())
+    joiner = Joiner(Profile(name=name, type=type, capabilities=(Capability(type="TransferObject", method="carry"),)))
+    effects: list[Effect] = []
+    answered = 0
+    while answered < len(joiner.requests) and joiner.last_request()[0] == REPOSITORY:
+        answered = len(joiner.requests)
+        [reply] = deliver_request(repository, joiner.last_request()[1])
+        assert isinstance(reply, Send)
+        effects = joiner.answer(reply.message.body)
+    return joiner, effects
+
+
+@pytest.mark.parametrize("type", ["PioneerP3DX", "MobileRobot", "Device"])
+def test_an_object_of_the_type_that_the_program_serves_or_below_it_joins(type: str) -> None:
+    joiner, _ = join_laboratory("Robot1", type)
+    assert joiner.last_request()[0] == REGISTRY
+
+
+@pytest.mark.parametrize(
+    ("name", "type", "actual_type"),
+    [("Table1", "PioneerP3DX", "Table"), ("Robot1", "PatrolRobot", "PioneerP3DX"), ("Robot1", "Washer", "PioneerP3DX")],
+)
+def test_an_object_of_another_type_does_not_join(name: str, type: str, actual_type: str) -> None:
+    _, effects = join_laboratory(name, type)
+    text = (
+        f"{name} cannot join: {name} is a {actual_type} on the map, and this program serves a {type}: "
+        f"choose an object that is a {type}, or a name that is not on the map"
+    )
+    assert effects == [SetTimer(JoiningDue(), None), Ask(ReportWanted(), Report(text, joined=False))]
 
 
 def test_who_brings_no_definitions_reads_those_of_its_service_types_at_once() -> None:

@@ -39,9 +39,11 @@ from somrs.protocol.messages.knowledge import (
     Defined,
     MapPage,
     OntologyPage,
+    QueryMap,
     ReadMap,
     ReadOntology,
     Rejected,
+    Rows,
     Updated,
     UpdateMap,
 )
@@ -59,6 +61,7 @@ class JoinStep(StrEnum):
     DEFINE = "bring new definitions"
     READ = "read the definitions of the service types"
     LOOK = "look whether the device is on the map"
+    COMPARE = "ask whether its object there is of the type that the program serves"
     ADD = "put it there"
     PUBLISH = "offer the services"
     RENEW = "renew the lease"
@@ -117,7 +120,7 @@ class Joining(Struct, kw_only=True):
             due_step = JoinStep.READ if self.withheld else JoinStep.RENEW
             yield from self._take_step(due_step if not self.pending_request else JoinStep.PUBLISH, now)
         else:
-            yield from self._take_step(JoinStep.LOOK if self.step is JoinStep.ADD else self.step, now)
+            yield from self._take_step(JoinStep.LOOK if self.step in (JoinStep.ADD, JoinStep.COMPARE) else self.step, now)
 
     def receive(self, message: Message, now: float) -> Effects:
         """Handle an answer or a notification. An answer to an earlier request is out of date and ignored."""
@@ -136,9 +139,14 @@ class Joining(Struct, kw_only=True):
             case MapPage() as page:
                 if page.objects and page.objects[0].name == self.profile.name:
                     self.object_type = page.objects[0].type
-                    yield from self._take_step(JoinStep.PUBLISH, now)
+                    is_of_type = self.object_type == self.profile.type
+                    yield from self._take_step(JoinStep.PUBLISH if is_of_type else JoinStep.COMPARE, now)
                 else:
                     yield from self._take_step(JoinStep.ADD, now)
+            case Rows(rows=[_, *_]):
+                yield from self._take_step(JoinStep.PUBLISH, now)
+            case Rows() | Fault() if self.step is JoinStep.COMPARE:
+                yield from self._report_problem(self._mismatch())
             case Updated():
                 yield from self._take_step(JoinStep.PUBLISH, now)
             case Published() as published:
@@ -190,6 +198,13 @@ class Joining(Struct, kw_only=True):
     def _undefined(self, service_type: str) -> str:
         return f"the common ontology has no service type {service_type}"
 
+    def _mismatch(self) -> str:
+        name, type = self.profile.name, self.profile.type
+        return (
+            f"{name} is a {self.object_type} on the map, and this program serves a {type}: "
+            f"choose an object that is a {type}, or a name that is not on the map"
+        )
+
     def _take_step(self, step: JoinStep, now: float) -> Effects:
         """Take a step: send its request, and set a timer to repeat it."""
         profile = self.profile
@@ -203,6 +218,8 @@ class Joining(Struct, kw_only=True):
                 recipient, body = self.repository, ReadOntology(after=self.ontology_offset)
             case JoinStep.LOOK:
                 recipient, body = self.repository, ReadMap(after=predecessor_name(profile.name))
+            case JoinStep.COMPARE:
+                recipient, body = self.repository, QueryMap(formula=f"?Device: {profile.type} = {profile.name}", limit=1)
             case JoinStep.ADD:
                 addition = ObjectAdded(Object(name=profile.name, type=profile.type, values=profile.values))
                 recipient, body = self.repository, UpdateMap(changes=(addition,), situation=profile.situation, author=profile.name)
