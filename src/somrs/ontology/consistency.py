@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
-from somrs.entish import Comparison, Number
-from somrs.entish.formula import variables
+from somrs.entish import Comparison, Not, Number
+from somrs.entish.formula import conjuncts, literals, variables
 from somrs.entish.normal_form import has_quantifiers
-from somrs.entish.parse import nearest, parse, parse_term
+from somrs.entish.parse import nearest, parse, parse_term, read
 from somrs.errors import FormulaError
 from somrs.ontology.check import check
 from somrs.ontology.complex_values import inner_paths
 from somrs.ontology.conformance import SELF_VARIABLE, Violation, value_problem
+from somrs.ontology.effects import vague_problem
 from somrs.ontology.schema import RESERVED
 from somrs.ontology.service_kinds import kind_problems
 from somrs.ontology.services import PROVIDER, PROVIDER_TYPE, ServiceKind, ServiceType
@@ -241,6 +242,7 @@ def _service(service: ServiceType, ontology: Ontology) -> Iterator[Violation]:
         if text is not None and are_types_known:
             yield from _formula(service.name, text, ontology, typed, key)
     yield from _invariant(service)
+    yield from _vague_effect(service)
     if service.kind is not ServiceKind.COGNITIVE:
         yield from _quantified_effect(service)
     for problem in kind_problems(service):
@@ -263,6 +265,18 @@ def _invariant(service: ServiceType) -> Iterator[Violation]:
         if name not in {PROVIDER, *(parameter.name for parameter in service.inputs)}:
             message = f"?{name} is no input; what has to hold while the service runs is a formula over the inputs and ?{PROVIDER}"
             yield Violation(subject=service.name, rule="formula", message=message, path="invariant")
+
+
+def _vague_effect(service: ServiceType) -> Iterator[Violation]:
+    try:
+        effect = read(service.effect)
+    except FormulaError:
+        return  # `_formula` reports it
+    for part in conjuncts(effect.formula):
+        if not has_quantifiers(part) and (vague := vague_problem(part)) is not None:
+            first = next(literals(part))
+            error = effect.error(first.atom if isinstance(first, Not) else first, None, *vague)
+            yield Violation(subject=service.name, rule="formula", message=str(error), path="effect")
 
 
 def _quantified_effect(service: ServiceType) -> Iterator[Violation]:

@@ -33,6 +33,18 @@ from somrs.ontology.units import convert_unit
 from somrs.ontology.values import constant, measure
 
 
+def vague_problem(part: Formula) -> tuple[str, str] | None:
+    """Why a part of an effect does not say what becomes true, and what to write instead; None if it says it."""
+    match part:
+        case Relation() | Not(Relation()) | Comparison(Attribute(), "=", _) | Comparison(_, "=", Attribute()):
+            return None
+        case Or():
+            return "an effect with OR does not say what becomes true", "choose one of its alternatives"
+        case Comparison():
+            return "this does not say what becomes true", "write Object.Attribute = value"
+    return "this does not say what becomes true", "say which value the attribute gets"
+
+
 def changes(effect: Formula, map: Map, ontology: Ontology) -> list[Change]:
     """The smallest set of changes that makes an effect without variables true; none when it already holds.
 
@@ -136,6 +148,8 @@ class _ChangeBuilder:
     def changes_for(self, part: Formula) -> Iterator[Change]:
         for variable in variables(part).values():
             raise self.error(part, variable, f"?{variable.name} is not bound", "an effect is made true of named objects and values")
+        if (vague := vague_problem(part)) is not None:
+            raise self.error(part, None, *vague)
         match part:
             case Relation():
                 yield from self._relation_added(part)
@@ -143,10 +157,6 @@ class _ChangeBuilder:
                 yield from self._relation_removed(atom)
             case Comparison():
                 yield from self._value_set(part)
-            case Or():
-                raise self.error(part, None, "an effect with OR does not say what becomes true", "choose one of its alternatives")
-            case _:
-                raise self.error(part, None, f"{part} does not say what becomes true", "say which value the attribute gets")
 
     # Relations
 
@@ -199,8 +209,7 @@ class _ChangeBuilder:
 
     def _value_set(self, part: Comparison) -> Iterator[Change]:
         target, source = (part.left, part.right) if isinstance(part.left, Attribute) else (part.right, part.left)
-        if part.operator != "=" or not isinstance(target, Attribute):
-            raise self.error(part, None, f"{part} does not say what becomes true", "write Object.Attribute = value")
+        assert isinstance(target, Attribute), "the part is not vague"
         self._require_object(part, target.owner)
         assert isinstance(target.owner, Name)
         attribute = self._attribute(part, target)

@@ -30,7 +30,7 @@ def define_outcome(map: Map, ontology: Ontology, define: Define) -> Outcome:
     ontology_after = revise_ontology(renamer.ontology(remaining_ontology), (), define.definitions.all_definitions())
     changes = tuple(renamer.changes(map)) if define.renamed else ()
     map_after = map.changed(changes)
-    broken = [*lost_dependencies(ontology, ontology_after), *ontology_violations(ontology_after)]
+    broken = [*lost_dependencies(ontology, ontology_after), *_inconsistencies(ontology, ontology_after, define)]
     if replaced := [*_replaced(define)]:  # statements about the removed definition must not silently apply to its successor
         broken += [
             *violations_after(map, ontology, remaining_ontology, replaced),
@@ -71,6 +71,15 @@ def rename_outcome(map: Map, ontology: Ontology, rename: RenameObject) -> Outcom
     changes, change = tuple(renamer.changes(map)), revision(ontology, renamer.ontology(ontology))
     ontology_after = apply_revision(ontology, change) if change is not None else ontology
     return Outcome(map=map.changed(changes), ontology=ontology_after, changes=changes, revision=change, renamed=(renaming,))
+
+
+def _inconsistencies(ontology: Ontology, ontology_after: Ontology, define: Define) -> Iterator[Violation]:
+    """The violations in the ontology after the change. An earlier version may have accepted what this one does not: such a definition can
+    stay as it is."""
+    if violations := ontology_violations(ontology_after):
+        defined = {(section_of(definition), definition.name) for definition in define.definitions.all_definitions()}
+        earlier = {*ontology_violations(ontology)}
+        yield from (v for v in violations if v not in earlier or (v.section, v.subject) in defined)
 
 
 def _replaced(define: Define) -> Iterator[DefinitionKey]:

@@ -315,6 +315,38 @@ def limited(**fields: object) -> ObjectType:
                 ),
             ],
         ),
+        (
+            service(effect="?x.Color = Red AND (?x isOn ?Provider OR ?x.Load = 2)"),
+            [
+                broken(
+                    "services",
+                    "formula",
+                    "effect",
+                    "an effect with OR does not say what becomes true\n  ?x.Color = Red AND (?x isOn ?Provider OR ?x.Load = 2)\n"
+                    "                         ^\nchoose one of its alternatives",
+                )
+            ],
+        ),
+        (
+            service(effect="?x.Load > 2 AND NOT ?x.Color = Red"),
+            [
+                broken(
+                    "services",
+                    "formula",
+                    "effect",
+                    "this does not say what becomes true\n  ?x.Load > 2 AND NOT ?x.Color = Red\n          ^\n"
+                    "write Object.Attribute = value",
+                ),
+                broken(
+                    "services",
+                    "formula",
+                    "effect",
+                    "this does not say what becomes true\n  ?x.Load > 2 AND NOT ?x.Color = Red\n                               ^\n"
+                    "say which value the attribute gets",
+                ),
+            ],
+        ),
+        (service(effect="NOT ?x isOn ?Provider AND ?x.Load = ?Provider.Load + 1 AND Red = ?x.Color"), []),
         (service(inputs=X, invariant="?x isOn ?Provider"), []),
         (
             service(inputs=X, invariant="?x isOn ?y"),

@@ -109,8 +109,8 @@ def test_what_is_no_effect_is_shown_in_its_place(effect: str, position: int, pro
     [
         ("A isOn ?x", 7, "?x is not bound", "an effect is made true of named objects and values"),
         ("A isOn B OR A isOn C", 2, "an effect with OR does not say what becomes true", "choose one of its alternatives"),
-        ("A.Size > 3", 7, "A.Size > 3 does not say what becomes true", "write Object.Attribute = value"),
-        ("NOT A.Size = 3", 11, "NOT A.Size = 3 does not say what becomes true", "say which value the attribute gets"),
+        ("A.Size > 3", 7, "this does not say what becomes true", "write Object.Attribute = value"),
+        ("NOT A.Size = 3", 11, "this does not say what becomes true", "say which value the attribute gets"),
         ("NOT A isOm B", 6, "there is no relation isOm", "did you mean isOn?"),
         ("A isOn Aa", 7, "there is no object Aa on the map", "did you mean A?"),
         ("A.Sise = 3", 2, "a Jar has no attribute Sise", "did you mean Size?"),

@@ -8,6 +8,7 @@ import pytest
 from somrs.kernel.component import Answered, Ask, DeliveryFailed, Received, Record, Send, SetTimer, Started, TimerFired
 from somrs.ontology.conformance import violations
 from somrs.ontology.files.loading import load_text, upper
+from somrs.ontology.naming import DefinitionKey, Section
 from somrs.ontology.objects import (
     Change,
     Fact,
@@ -49,7 +50,7 @@ from somrs.protocol.messages.knowledge import (
 )
 from somrs.repository.component import Repository
 from somrs.repository.state import ArchivedEvents, Contents, HistoryOf, LeasesDue, Subscription
-from tests.support.lab import CLIENT, REPOSITORY, SITE, ask, contents, deliver_request, records, request, sent_bodies
+from tests.support.lab import CLIENT, REPOSITORY, SITE, ask, contents, deliver_request, lab, records, request, sent_bodies
 
 JAR = Object(name="Jar9", type="Jar", values={"PositionX": 1.0, "PositionY": 1.1, "PositionZ": 0.7})
 
@@ -460,3 +461,17 @@ def test_the_laboratory_obeys_its_types() -> None:
     loaded = load_text(SITE, base=upper())
     assert loaded.map is not None
     assert violations(loaded.map, loaded.ontology) == []
+
+
+def test_an_effect_with_or_is_refused_but_stays_where_an_earlier_version_accepted_it() -> None:
+    ontology, map = lab()
+    vague = ServiceType(name="Tidy", inputs=(Parameter(name="Jar", type="Jar"),), effect="?Jar isOn Table1 OR ?Jar isOn Table2")
+    rejection = ask(Repository(REPOSITORY, contents()), Define(definitions=Definitions(services=(vague,)), author="Anna"), Rejected)
+    [problem] = rejection.problems
+    assert "an effect with OR does not say what becomes true" in problem
+    repository = Repository(REPOSITORY, Contents(ontology=ontology.extended([vague]), map=map))
+    crate = ObjectType(name="Crate", parent="Jar")
+    assert ask(repository, Define(definitions=Definitions(types=(crate,)), author="Anna"), Defined)
+    assert ask(repository, Define(definitions=Definitions(services=(vague,)), author="Anna"), Rejected).problems == (problem,)
+    useless = Define(removed=(DefinitionKey(section=Section.TYPES, name="Jar"),), author="Anna")
+    assert any("no type is called Jar" in problem for problem in ask(repository, useless, Rejected).problems)

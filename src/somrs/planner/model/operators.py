@@ -11,10 +11,11 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
-from somrs.entish import Arithmetic, Attribute, Call, Comparison, Formula, Name, Not, Or, Relation, Term, Variable
+from somrs.entish import Arithmetic, Attribute, Call, Comparison, Formula, Name, Not, Relation, Term, Variable
 from somrs.entish.formula import Constant, Literal, conjuncts, names, terms, variables, with_types
 from somrs.entish.normal_form import has_quantifiers
 from somrs.entish.parse import parse
+from somrs.ontology.effects import vague_problem
 from somrs.ontology.services import PROVIDER, ServiceType
 from somrs.ontology.types import ROOT, Kind, Ontology
 from somrs.ontology.values import attribute_at
@@ -437,6 +438,8 @@ class _Compiler:
     # Effects
 
     def _effect(self, part: Formula) -> None:
+        if (vague := vague_problem(part)) is not None:
+            raise Inexpressible(part, vague[0])
         match part:
             case Relation():
                 self.add_effects.append(self._pattern(part))
@@ -453,10 +456,6 @@ class _Compiler:
                 new_value = self._hide(source, {}, patterns)
                 self.preconditions.update(dict.fromkeys(patterns))
                 self.add_effects.append(("." + target.path, (strip_type(target.owner), new_value)))
-            case Or():
-                raise Inexpressible(part, "an effect with OR does not say what becomes true")
-            case _:
-                raise Inexpressible(part, "it does not say what becomes true")
 
 
 def strip_type(term: Name | Variable) -> str | Variable:

@@ -304,8 +304,8 @@ def test_each_alternative_is_an_operator_with_what_is_written() -> None:
     ("precondition", "effect", "message"),
     [
         (None, "marked(T1) OR marked(T2)", "marked(T1) OR marked(T2): an effect with OR does not say what becomes true"),
-        (None, "T1.Level > 1 m", "T1.Level > 1 m: it does not say what becomes true"),
-        (None, "NOT T1.Clean = TRUE", "NOT T1.Clean = TRUE: it does not say what becomes true"),
+        (None, "T1.Level > 1 m", "T1.Level > 1 m: this does not say what becomes true"),
+        (None, "NOT T1.Clean = TRUE", "NOT T1.Clean = TRUE: this does not say what becomes true"),
         (
             "NOT T1.Level = T2.Level",
             "marked(T1)",
