@@ -3,18 +3,15 @@
 Paper, "Service Registry": information about the services currently available. A service is listed as long as its provider renews its
 lease, so that silent providers drop out. The list survives a restart, and so do the latest arrivals and departures. The Registry answers
 the renewal of an unknown provider with a Fault; the provider then publishes its services again. It lists only offers that agree about the
-definitions of service types (`listing.py`), and tells a provider when a definition changes.
+definitions of service types (`listing.py`). `announcements.py` tells subscribers what changed, and a provider when a definition changes.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from itertools import chain
-from types import MappingProxyType
 from typing import Self
-
-import msgspec
 
 from somrs.entish.formula import Formula
 from somrs.entish.parse import parse
@@ -31,7 +28,6 @@ from somrs.protocol.messages.directory import (
     Discover,
     Discovered,
     Offer,
-    PresenceChange,
     PresenceLog,
     Publish,
     Published,
@@ -42,26 +38,20 @@ from somrs.protocol.messages.directory import (
     ServicesJoined,
     ServicesLeft,
     ServicesSubscribed,
-    ServiceTypesChanged,
     SubscribeServices,
     Withheld,
 )
-from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id, normalised_id, reply
+from somrs.protocol.messages.envelope import ANONYMOUS, Message, normalised_id, reply
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import MapChanged, OntologyChanged
 from somrs.protocol.messages.leases import grant_lease
-from somrs.protocol.messages.paging import PAGE_BYTES, fit_page
+from somrs.protocol.messages.paging import fit_page
+from somrs.registry.announcements import Announcements
 from somrs.registry.listing import ListedOffers, Listing
 from somrs.registry.state import LeasesDue, Provider, RegistryState, Timer
 
 REMEMBERED = 10_000
 """How many publications, renewals and retractions are remembered: a repeated request that arrives late must not undo a newer one."""
-
-REPUBLISHING_TIME = 3.0
-"""Seconds within which a provider is expected to publish again when service types are defined anew."""
-
-LOG_LENGTH = 200
-"""How many arrivals and departures are remembered."""
 
 Answer = Published | Retracted | Fault
 
@@ -102,6 +92,10 @@ class Registry:
     def _listing(self) -> Listing:
         replica = self.state.replica
         return Listing(self.state.providers, self.ontology, replica.version if replica is not None else math.inf)
+
+    @property
+    def _announcements(self) -> Announcements:
+        return Announcements(self.state, self._listing())
 
     def _effects(self, event: Input, now: float) -> Effects:
         state = self.state
@@ -186,7 +180,7 @@ class Registry:
             providers[publish.provider] = Provider(offers=offers, expires_at=now + lease, ontology_version=version)
         else:
             providers.pop(publish.provider, None)
-        effects = self._announce(listed, "retracted", now, requester=publish.provider)
+        effects = self._announcements.announce(listed, "retracted", now, requester=publish.provider)
         return self._published(publish.provider, lease, now), effects
 
     def _check_offers(self, publish: Publish) -> dict[str, Offer]:
@@ -237,7 +231,7 @@ class Registry:
             del provider.offers[service]
         if not provider.offers:
             del self.state.providers[retract.provider]
-        return Retracted(services=tuple(removed_services)), self._announce(listed, "retracted", now)
+        return Retracted(services=tuple(removed_services)), self._announcements.announce(listed, "retracted", now)
 
     def _expire(self, now: float) -> list[Effect]:
         self.state.subscribers = {address: expires_at for address, expires_at in self.state.subscribers.items() if expires_at > now}
@@ -246,14 +240,14 @@ class Registry:
         names = [name for _, name in silent]
         listed = self._listed_with_rivals(names, [offer for name in names for offer in providers[name].offers.values()])
         expiries = {name: providers.pop(name).expires_at for name in names}
-        return self._announce(listed, "expired", now, expiries)
+        return self._announcements.announce(listed, "expired", now, expiries)
 
     def _ontology_changed(self, before: Listing, now: float) -> Effects:
         listed = before.listed(self.state.providers)
         if self._listing().version < before.version:  # the Repository's store begins anew: its versions say nothing about earlier ones
             for provider in self.state.providers.values():
                 provider.ontology_version = 0
-        yield from self._announce(listed, "outdated", now)
+        yield from self._announcements.announce(listed, "outdated", now)
 
     def _listed_with_rivals(self, names: Iterable[str], offers: Iterable[Offer]) -> ListedOffers:
         """The listed offers of these providers, and of those that the arrival or departure of `offers` concerns."""
@@ -273,7 +267,7 @@ class Registry:
             offers = [offer for name in present for offer in listing.offers_of(name)]
         fitting = [offer for offer in offers if self._fits(offer, discover, effect)]
         later_offers = sorted((offer for offer in fitting if offer.service > discover.after), key=lambda offer: offer.service)
-        page = next(_paginate(later_offers), [])
+        page = [*fit_page(later_offers, len(later_offers))]
         return Discovered(
             offers=tuple(page),
             more=len(page) < len(later_offers),
@@ -300,87 +294,10 @@ class Registry:
                 yield current.parent
             current = self.ontology.services.get(current.parent) if current.parent is not None else None
 
-    # Notifications
-
-    def _announce(
-        self,
-        before: ListedOffers,
-        reason: str,
-        now: float,
-        expiries: Mapping[str, float] = MappingProxyType({}),
-        requester: str | None = None,
-    ) -> list[Effect]:
-        """Announce which offers are listed now and were not before, or not as they are now, and which services are not listed any more.
-
-        `reason`: why services left that their provider does not offer now; `expiries`: when their leases expired, if that is earlier than
-        `now`. A provider whose services are withheld is told so, unless it is the requester, which learns it from the answer.
-        """
-        effects: list[Effect] = []
-        for name, offers in self._listing().listed(before).items():
-            old, provider = before[name], self.state.providers.get(name)
-            published = provider.offers if provider is not None else {}
-            removed = [service for service in old if service not in offers]
-            outdated = [service for service in removed if service in published]
-            gone = [service for service in removed if service not in published]
-            changed = [offer for service, offer in offers.items() if old.get(service) != offer]
-            effects += self._announce_left(name, gone, reason, now, expiries.get(name))
-            effects += self._announce_left(name, outdated, "outdated", now)
-            effects += self._announce_joined(name, [service for service in offers if service not in old], changed, now)
-            if outdated and name != requester:
-                effects += self._tell_provider(name, [published[service] for service in outdated], now)
-        return effects
-
-    def _tell_provider(self, provider: str, offers: list[Offer], now: float) -> list[Effect]:
-        self.state.providers[provider].expected_by = now + REPUBLISHING_TIME
-        types = tuple(dict.fromkeys(offer.service_type.name for offer in offers))
-        addresses = dict.fromkeys(offer.address for offer in offers)
-        return self._notify(addresses, ServiceTypesChanged(provider=provider, service_types=types), now)
-
-    def _announce_joined(self, provider: str, added_services: list[str], offers: list[Offer], now: float) -> list[Effect]:
-        """Announce offers that are new or have changed; the services of the new ones are `added_services`."""
-        self._log(PresenceChange(at=now, device=provider, services=tuple(added_services), joined=True))
-        return [effect for page in _paginate(offers) for effect in self._notify_subscribers(ServicesJoined(offers=tuple(page)), now)]
-
-    def _announce_left(self, provider: str, services: list[str], reason: str, now: float, left_at: float | None = None) -> list[Effect]:
-        """Announce services that left now or, if the Registry was not running then, at an earlier time."""
-        at = left_at if left_at is not None else now
-        self._log(PresenceChange(at=at, device=provider, services=tuple(services), joined=False, reason=reason))
-        return self._notify_subscribers(ServicesLeft(services=tuple(services), provider=provider, reason=reason), now) if services else []
-
-    def _log(self, change: PresenceChange) -> None:
-        if change.services:
-            self.state.presence_log.append(change)
-            del self.state.presence_log[:-LOG_LENGTH]
-
-    def _notify_subscribers(self, news: ServicesJoined | ServicesLeft, now: float) -> list[Effect]:
-        return self._notify([address for address, expires_at in self.state.subscribers.items() if expires_at > now], news, now)
-
-    def _notify(self, recipients: Iterable[str], news: ServicesJoined | ServicesLeft | ServiceTypesChanged, now: float) -> list[Effect]:
-        self.state.news_count += 1
-        # The time is part of the id: a Registry that lost its state numbers its notifications from 1 again.
-        ids = {recipient: message_id(self.state.address, recipient, "news", self.state.news_count, now) for recipient in recipients}
-        headers = [Header(sender=self.state.address, recipient=recipient, message_id=id) for recipient, id in ids.items()]
-        return [Send(Message(header=header, body=news)) for header in headers]
-
 
 def _equal_values(value: Value | None, other_value: Value) -> bool:
     """Whether two values are equal; TRUE is not 1."""
     return value == other_value and isinstance(value, bool) == isinstance(other_value, bool)
-
-
-def _paginate(offers: Iterable[Offer]) -> Iterator[list[Offer]]:
-    """Split the offers into lists that each fit into one message."""
-    page: list[Offer] = []
-    page_size = 0
-    for offer in offers:
-        size = len(msgspec.json.encode(offer))
-        if page and page_size + size > PAGE_BYTES:
-            yield page
-            page, page_size = [], 0
-        page.append(offer)
-        page_size += size
-    if page:
-        yield page
 
 
 def only_reads(event: Input) -> bool:

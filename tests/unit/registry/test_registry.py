@@ -31,7 +31,8 @@ from somrs.protocol.messages.envelope import ANONYMOUS
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import Define, Definitions, QueryMap
 from somrs.protocol.messages.paging import PAGE_BYTES, size
-from somrs.registry.component import LOG_LENGTH, SCHEMA, Registry, only_reads
+from somrs.registry.announcements import LOG_LENGTH
+from somrs.registry.component import SCHEMA, Registry, only_reads
 from somrs.registry.state import LeasesDue
 from somrs.repository.component import Repository
 from somrs.runtime.virtual_time import World

@@ -33,3 +33,18 @@ def fit_page(items: Iterable[T], limit: int = PAGE_ITEMS, max_bytes: int = PAGE_
         if used_bytes > max_bytes and number > 0:
             return
         yield item
+
+
+def pages(items: Iterable[T], max_bytes: int = PAGE_BYTES) -> Iterator[list[T]]:
+    """Split the items into pages, each with as many as fit."""
+    page: list[T] = []
+    used_bytes = 0
+    for item in items:
+        item_bytes = size(item)
+        if page and used_bytes + item_bytes > max_bytes:
+            yield page
+            page, used_bytes = [], 0
+        page.append(item)
+        used_bytes += item_bytes
+    if page:
+        yield page

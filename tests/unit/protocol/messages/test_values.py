@@ -19,7 +19,7 @@ from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.knowledge import Definitions, by_kind
 from somrs.protocol.messages.leases import LONGEST, SHORTEST, grant_lease
 from somrs.protocol.messages.orders import Blank, Run, RunState, Template, blanks_to_variables, fill_blanks, fill_formula
-from somrs.protocol.messages.paging import PAGE_ITEMS, fit_page, size
+from somrs.protocol.messages.paging import PAGE_ITEMS, fit_page, pages, size
 from somrs.protocol.messages.people import client_address, person_name
 from somrs.protocol.messages.submission import Submit
 
@@ -166,6 +166,21 @@ def test_a_page_has_what_fits_and_the_first_in_any_case(items: list[str], limit:
 def test_a_page_has_so_many_items_and_bytes_if_nothing_else_is_said() -> None:
     assert len([*fit_page([0] * 300)]) == PAGE_ITEMS
     assert len([*fit_page(["a" * 9998] * 5)]) == 4
+
+
+@pytest.mark.parametrize(
+    ("items", "max_bytes", "expected_pages"),
+    [
+        ([], 8, []),
+        (["aa", "bb", "cc"], 8, [["aa", "bb"], ["cc"]]),
+        (["aa", "bb", "cc"], 7, [["aa"], ["bb"], ["cc"]]),
+        (["aa", "bb", "cc"], 12, [["aa", "bb", "cc"]]),
+        (["aaaa", "b", "c"], 5, [["aaaa"], ["b"], ["c"]]),
+        (["b", "aaaa"], 1, [["b"], ["aaaa"]]),
+    ],
+)
+def test_pages_have_all_items_and_each_as_many_as_fit(items: list[str], max_bytes: int, expected_pages: list[list[str]]) -> None:
+    assert [*pages(items, max_bytes)] == expected_pages
 
 
 # People
