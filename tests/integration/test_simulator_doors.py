@@ -119,7 +119,7 @@ def test_a_robot_that_is_stopped_lets_the_handle_go_and_says_whether_it_is_open(
     assert (state.object, state.open) == ("Door1", False)
     assert isinstance(ends[0], CommandGivenUp)
     assert ends[0].reason == "stopped"
-    assert not run.simulation.scene.pulled
+    assert not run.simulation.scene.hands.pulled
     _done(run, Open(object="Door1"))
     assert _is_open(run, "Door1"), "it goes on from where the door is"
 

@@ -26,7 +26,7 @@ def floor_things(robot: Robot, ignored: Collection[str] = ()) -> list[Disc]:
     discs = []
     for thing in robot.scene.things():
         x, y, z, _ = robot.scene.pose(thing)
-        if thing not in ignored and robot.scene.holder(thing) is None and -0.1 < z - robot.solid.z < NEAR_FLOOR:
+        if thing not in ignored and robot.scene.hands.holder(thing) is None and -0.1 < z - robot.solid.z < NEAR_FLOOR:
             support = robot.scene.support_below(x, y, z + 0.02)
             if support is None or support.top - robot.solid.z < 0.05:
                 discs.append(Disc(x, y, robot.scene.world.solids[thing].extent))

@@ -63,8 +63,8 @@ def _container_around(robot: Robot) -> Solid | None:
 
 def let_go(robot: Robot) -> Routine:
     """Release the handle of a door, if the hand holds one, and lift the hand above it."""
-    if robot.name in robot.scene.pulled:
-        robot.scene.let_go(robot.name)
+    if robot.name in robot.scene.hands.pulled:
+        robot.scene.hands.let_go(robot.name)
         if Fault.GRIPPER not in robot.faults:
             yield from _open_clear(robot)
         yield from robot.arm(lift=min(robot.joints["lift"] + HANDLE_LENGTH, LIFT_TOP - 0.01))
@@ -105,7 +105,7 @@ def _lift_over(robot: Robot, spot: Point, at_least: float = 0.0, container: Soli
         solid = robot.scene.world.solids[thing]
         if (container is not None) != (robot.scene.container_at(px, py, z) is not None):
             continue  # a board or a leaf is between the thing and the arm
-        if robot.scene.holder(thing) is None and np.hypot(line[:, 0] - px, line[:, 1] - py).min() < solid.extent + 0.13:
+        if robot.scene.hands.holder(thing) is None and np.hypot(line[:, 0] - px, line[:, 1] - py).min() < solid.extent + 0.13:
             top = max(top, z + solid.height)
     for block in robot.scene.world.blocks():
         if container is not None and block.name.split("/")[0] == container.name:
@@ -214,7 +214,7 @@ def _take(robot: Robot, thing: str) -> Routine:
     robot.need_gripper()
     yield from _claim_arm(robot, scene.pose(thing)[:2])
     x, y, z, _ = scene.pose(thing)
-    if scene.holder(thing) is not None or math.dist((x, y), robot.arm_claim.end if robot.arm_claim else (x, y)) > 0.05:
+    if scene.hands.holder(thing) is not None or math.dist((x, y), robot.arm_claim.end if robot.arm_claim else (x, y)) > 0.05:
         robot.arm_claim = None
         raise GivenUp("slipped", f"{thing} was taken away before {robot.name} could grip it")
     container = scene.container_at(x, y, z)
@@ -233,7 +233,7 @@ def _take(robot: Robot, thing: str) -> Routine:
     yield from robot.arm(lift=tip + robot.size.hang + 0.03)
     yield from robot.arm(lift=tip + robot.size.hang)
     yield from _close(robot, thing)
-    scene.hold(robot.name, thing)
+    scene.hands.hold(robot.name, thing)
 
 
 def _grasp_angle(robot: Robot, thing: str, container: Solid | None) -> tuple[float, float]:
@@ -340,7 +340,7 @@ def _put_on_spot(robot: Robot, spot: Point, top: float, container: Solid | None 
 def _release(robot: Robot, thing: str) -> Routine:
     """Release a thing that stands, wait until it is at rest, and withdraw the arm."""
     robot.need_gripper()
-    robot.scene.release(robot.name)
+    robot.scene.hands.release(robot.name)
     yield from _open_clear(robot)
     for _ in range(50):
         if robot.scene.are_at_rest(thing):

@@ -160,7 +160,7 @@ def obstacle_in_sweep(scene: Scene, leaf: Leaf, robots: Iterable[Robot]) -> str 
     sweep = _sweep(leaf)
     for thing in scene.things():
         x, y, z, _ = scene.pose(thing)
-        in_way = Capsule((x, y), (x, y), scene.world.solids[thing].extent).gap(sweep) < 0 and scene.holder(thing) is None
+        in_way = Capsule((x, y), (x, y), scene.world.solids[thing].extent).gap(sweep) < 0 and scene.hands.holder(thing) is None
         if in_way and leaf.bottom - 0.1 < z - leaf.owner.z < leaf.top and scene.container_at(x, y, z) is None:
             return thing
     near = (robot for robot in robots if abs(robot.solid.z - leaf.owner.z) < leaf.top)
@@ -199,7 +199,7 @@ def _grip_handle(robot: Robot, leaf: Leaf, side: int) -> Routine:
             else:
                 robot.lead(finger, 0.0)
         if len(touching) == 2:
-            robot.scene.hold_handle(robot.name, leaf)
+            robot.scene.hands.hold_handle(robot.name, leaf.name)
             return
         yield
     raise GivenUp("slipped", f"the fingers of {robot.name} close without the handle of {leaf.owner.name} between them")

@@ -110,7 +110,7 @@ def thing_distances(robot: Robot, spots: Array, low: float, high: float, ignored
     for thing in robot.scene.things():
         x, y, z, _ = robot.scene.pose(thing)
         solid = robot.scene.world.solids[thing]
-        if thing not in ignored and z < high and z + solid.height > low and robot.scene.holder(thing) is None:
+        if thing not in ignored and z < high and z + solid.height > low and robot.scene.hands.holder(thing) is None:
             distances = np.minimum(distances, np.hypot(spots[:, 0] - x, spots[:, 1] - y) - solid.extent)
     return distances
 

@@ -86,7 +86,7 @@ class Robot:
 
     @property
     def holding(self) -> str | None:
-        return self.scene.held.get(self.name)
+        return self.scene.hands.held.get(self.name)
 
     @property
     def mobile(self) -> bool:

@@ -86,7 +86,7 @@ def concerned_objects(command: Command, robot: Robot) -> tuple[str, ...]:
             return (name,)
         case Place() | Insert() | PutDown() if robot.holding is not None:
             return (robot.holding,)
-        case Stop() if (leaf := robot.scene.pulled.get(robot.name)) is not None:
+        case Stop() if (leaf := robot.scene.hands.pulled.get(robot.name)) is not None:
             return (leaf.split("/")[0],)
     return ()
 
@@ -138,7 +138,7 @@ def _reach_for(robot: Robot, scene: Scene, name: str) -> Routine:
         raise GivenUp("holding", f"{robot.name} holds {robot.holding} already")
     if solid.role is not Role.THING:
         raise GivenUp("not-possible", f"{name} is a {solid.type}, not a thing that can be carried")
-    holder = scene.holder(name)
+    holder = scene.hands.holder(name)
     if holder is not None:
         raise GivenUp("not-possible", f"{name} is held by {holder}")
     robot.need_gripper()
@@ -173,7 +173,7 @@ def _insert(robot: Robot, scene: Scene, name: str) -> Routine:
 def _container_of(scene: Scene, thing: str) -> Solid | None:
     """The container in which a thing is. Raises GivenUp if that is shut."""
     x, y, z, _ = scene.pose(thing)
-    container = scene.container_at(x, y, z) if scene.holder(thing) is None else None
+    container = scene.container_at(x, y, z) if scene.hands.holder(thing) is None else None
     if container is not None:
         _need_open(container)
     return container

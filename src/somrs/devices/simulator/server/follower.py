@@ -109,7 +109,7 @@ class Follower:
         distances = {
             thing: math.dist(simulation.scene.pose(thing)[:3], place)
             for thing in simulation.scene.things()
-            if simulation.scene.holder(thing) is None and are_alike(solids[thing], new, self.replica.ontology)
+            if simulation.scene.hands.holder(thing) is None and are_alike(solids[thing], new, self.replica.ontology)
         }
         near = [thing for thing, distance in distances.items() if distance <= SAME_PLACE and not self._is_mapped_at(thing, place)]
         return min(near, key=distances.__getitem__, default=None)

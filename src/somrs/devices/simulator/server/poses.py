@@ -108,7 +108,7 @@ def _angles(turns: Array) -> Array:
 
 def robot_statuses(simulation: Simulation) -> dict[str, RobotStatus]:
     """The current status of each device with a robot link, by name."""
-    held = simulation.scene.held
+    held = simulation.scene.hands.held
     return {
         name: RobotStatus(holding=held.get(name), activity=device.activity, faults=_faults(device))
         for name, device in simulation.linked.items()

@@ -103,7 +103,7 @@ class Simulation:
         return [device for device in self.stationary.values() if isinstance(device, DoorDrive)]
 
     def _at_rest(self) -> bool:
-        held = set(self.scene.held.values())
+        held = set(self.scene.hands.held.values())
         loose = [thing for thing in self.scene.things() if thing not in held]
         return all(robot.stands for robot in self.robots.values()) and (not loose or self.scene.are_at_rest(*loose))
 
@@ -133,7 +133,7 @@ class Simulation:
             if drive.step():
                 self._note_leaves(drive.solid.name)
         self._shut_doors()
-        pulled = set(self.scene.pulled.values())
+        pulled = set(self.scene.hands.pulled.values())
         for owner in {leaf.split("/")[0] for leaf in self._pulled - pulled}:
             self._note_leaves(owner)
         self._pulled = pulled
@@ -329,7 +329,7 @@ class Simulation:
         """Remove an object."""
         solid = self.scene.world.solids.get(name)
         for robot, work in [*self._work.items()]:
-            if robot != name and work.failure is None and (name in work.touched or self.scene.held.get(robot) == name):
+            if robot != name and work.failure is None and (name in work.touched or self.scene.hands.held.get(robot) == name):
                 self._abort(self.robots[robot], work, GivenUp("not-possible", f"{name} was removed from the world"))
         if name in self.robots:
             self._end(name, GivenUp("stopped", f"{name} was removed from the world"))
@@ -362,7 +362,7 @@ class Simulation:
             self.add(object)
             return
         x, y, z, yaw = self.scene.pose(name)
-        holder = self.scene.holder(name)
+        holder = self.scene.hands.holder(name)
         for robot, work in [*self._work.items()]:
             if name in work.touched:
                 self._abort(self.robots[robot], work, GivenUp("not-possible", f"{name} was renamed to {object.name}"))
@@ -372,7 +372,7 @@ class Simulation:
             self.scene.place_thing(object.name, x, y, z, yaw)
             self.scene.set_weight(object.name, solid.weight)
             if holder is not None:
-                self.scene.hold(holder, object.name)
+                self.scene.hands.hold(holder, object.name)
 
     def renew(self, object: Object) -> None:
         """Open or close a door or container as the map says, if somebody else than a robot did; other objects are ignored.

@@ -16,6 +16,7 @@ from somrs.devices.simulator.link.commands import ObjectState
 from somrs.devices.simulator.world.chassis import HANDLE_BIT, Joints
 from somrs.devices.simulator.world.dimensions import dimensions_of
 from somrs.devices.simulator.world.distances import Array, distances_from
+from somrs.devices.simulator.world.hands import Hands
 from somrs.devices.simulator.world.leaves import Leaf, inside, leaves_of
 from somrs.devices.simulator.world.solids import Role, Solid
 from somrs.devices.simulator.world.world import STEP, World, build
@@ -32,7 +33,7 @@ SLEEP = int(mujoco.mjtEnableBit.mjENBL_SLEEP)
 
 
 class Scene:
-    """The state of the world. `held`: the thing that is welded to each robot's hand, by robot. `pulled`: the leaf whose handle it holds.
+    """The state of the world. `hands`: what robots hold.
 
     `disturbed`: simulated time at which an object was last added, removed, moved or released, so that objects at rest may move.
     """
@@ -45,8 +46,7 @@ class Scene:
             raise SimulationError(f"the world of this map cannot be built: {error}") from error
         self.data: mujoco.MjData = mujoco.MjData(self.model)
         self.joints: dict[str, Joints] = {}
-        self.held: dict[str, str] = {}
-        self.pulled: dict[str, str] = {}
+        self.hands = Hands(self._disturb)
         self.time = 0.0
         self.disturbed, self._awake = 0.0, True
         self._bind()
@@ -58,6 +58,7 @@ class Scene:
         """Look up all bodies and joints by name in the newly compiled model."""
         model = self.model
         names = [model.body(int(body)).name for body in model.geom_bodyid]
+        self.hands.bind(model, self.data)
         self._owner = [name.split("/")[0] for name in names]
         self._geom_body = names
         self._things = {solid.name: model.body(solid.name).id for solid in self.world.by_role(Role.THING)}
@@ -126,11 +127,7 @@ class Scene:
         return solid
 
     def remove(self, name: str) -> None:
-        for robot, thing in list(self.held.items()):
-            if name in (robot, thing):
-                self.release(robot)
-        for robot in [robot for robot, leaf in self.pulled.items() if name in (robot, leaf.split("/")[0])]:
-            self.let_go(robot)
+        self.hands.remove(name)
         self.world.remove(name)
         self._recompile()
         mujoco.mj_forward(self.model, self.data)
@@ -143,28 +140,18 @@ class Scene:
     def _recompile(self) -> None:
         self._disturb()
         controls = {self.model.actuator(i).name: float(self.data.ctrl[i]) for i in range(self.model.nu)}
-        welds = {robot: self.model.eq_data[self._weld(robot)].copy() for robot in self.held}
-        pulls = {robot: self.model.eq_data[self._pull(robot)].copy() for robot in self.pulled}
+        constraints = self.hands.constraints()
         self.model, self.data = self.world.spec.recompile(self.model, self.data)
         for i in range(self.model.nu):
             self.data.ctrl[i] = controls.get(self.model.actuator(i).name, 0.0)
         self._bind()
-        for robot, thing in self.held.items():
-            weld = self._weld(robot)
-            self.model.eq_obj2id[weld] = self._things[thing]
-            self.model.eq_data[weld] = welds[robot]
-            self.data.eq_active[weld] = 1
-        for robot, leaf in self.pulled.items():
-            pull = self._pull(robot)
-            self.model.eq_obj2id[pull] = self.model.body(leaf).id
-            self.model.eq_data[pull] = pulls[robot]
-            self.data.eq_active[pull] = 1
+        self.hands.restore(constraints)
 
     def place_thing(self, thing: str, x: float, y: float, z: float, yaw: float) -> None:
         """Move a thing to another pose, upright and at rest. A robot that held it releases it."""
-        holder = self.holder(thing)
+        holder = self.hands.holder(thing)
         if holder is not None:
-            self.release(holder)
+            self.hands.release(holder)
         body = self.model.body(self._things[thing])
         place, speed = int(self.model.jnt_qposadr[body.jntadr[0]]), int(body.dofadr[0])
         self.data.qpos[place : place + 7] = [x, y, z, math.cos(yaw / 2), 0, 0, math.sin(yaw / 2)]
@@ -238,13 +225,10 @@ class Scene:
     def things(self) -> Iterable[str]:
         return self._things
 
-    def holder(self, thing: str) -> str | None:
-        return next((robot for robot, held in self.held.items() if held == thing), None)
-
     def observe(self, name: str) -> ObjectState:
         """The true state of an object. `support` is None while a robot holds it."""
         x, y, z, yaw = self.pose(name)
-        holder, container = self.holder(name), self.container_at(x, y, z) if name in self._things else None
+        holder, container = self.hands.holder(name), self.container_at(x, y, z) if name in self._things else None
         if container is not None and holder is None:
             return ObjectState(object=name, x=x, y=y, z=z, yaw=yaw, container=container.name)
         is_open = self.world.solids[name].open if self.leaves(name) else None
@@ -257,7 +241,7 @@ class Scene:
         """
         x, y, z, _ = self.pose(name)
         if name in self._things:
-            if self.holder(name) is not None:
+            if self.hands.holder(name) is not None:
                 return None
             support_tops = {
                 body_name: self.world.solids[body_name].top
@@ -339,55 +323,11 @@ class Scene:
                 first_name != second_name
                 and HANDLE_BIT not in (self.model.geom_contype[first_geom], self.model.geom_contype[second_geom])
                 and (first_name in self.joints or second_name in self.joints)
-                and self.held.get(first_name) != second_name
-                and self.held.get(second_name) != first_name
+                and self.hands.held.get(first_name) != second_name
+                and self.hands.held.get(second_name) != first_name
             ):
                 contacts.add((first_name, second_name))
         return contacts
-
-    # The grasp
-
-    def _weld(self, robot: str) -> int:
-        return int(mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_EQUALITY, f"{robot}/grasp"))
-
-    def hold(self, robot: str, thing: str) -> None:
-        """Weld a thing to the robot's hand in its current relative pose. The caller has checked that both fingers touch it."""
-        weld, hand, body = self._weld(robot), self.model.body(f"{robot}/wrist").id, self._things[thing]
-        inverse, place, turn = np.zeros(4), np.zeros(3), np.zeros(4)
-        mujoco.mju_negQuat(inverse, self.data.xquat[hand])
-        mujoco.mju_rotVecQuat(place, self.data.xpos[body] - self.data.xpos[hand], inverse)
-        mujoco.mju_mulQuat(turn, inverse, self.data.xquat[body])
-        self.model.eq_obj2id[weld] = body
-        # Anchor of the welded body, its position and rotation in the hand's frame, and the weight of the rotation.
-        self.model.eq_data[weld] = [0, 0, 0, *place, *turn, 1, *([0] * (self.model.eq_data.shape[1] - 11))]
-        self.data.eq_active[weld] = 1
-        self.held[robot] = thing
-
-    def release(self, robot: str) -> None:
-        self.data.eq_active[self._weld(robot)] = 0
-        self._disturb()
-        self.held.pop(robot, None)
-
-    def _pull(self, robot: str) -> int:
-        return int(mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_EQUALITY, f"{robot}/pull"))
-
-    def hold_handle(self, robot: str, leaf: Leaf) -> None:
-        """Join the robot's hand to a leaf; it can still turn. The caller has checked that both fingers touch a handle."""
-        pull, hand, body = self._pull(robot), self.model.body(f"{robot}/wrist").id, self.model.body(leaf.name).id
-        anchor, inverse = np.zeros(3), np.zeros(4)
-        mujoco.mju_negQuat(inverse, self.data.xquat[body])
-        mujoco.mju_rotVecQuat(anchor, self.data.xpos[hand] - self.data.xpos[body], inverse)
-        self.model.eq_obj2id[pull] = body
-        self.model.eq_data[pull] = [0, 0, 0, *anchor, *([0] * (self.model.eq_data.shape[1] - 6))]
-        self.data.eq_active[pull] = 1
-        self.pulled[robot] = leaf.name
-        self._disturb()
-
-    def let_go(self, robot: str) -> None:
-        """Release the handle that the robot holds, if it does."""
-        if self.pulled.pop(robot, None) is not None:
-            self.data.eq_active[self._pull(robot)] = 0
-            self._disturb()
 
     def is_unobstructed(self, start: tuple[float, float, float], end: tuple[float, float, float], ignored: Iterable[str]) -> bool:
         """Whether no solid except the ignored objects is between two points."""

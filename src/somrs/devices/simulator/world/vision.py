@@ -67,7 +67,7 @@ def visible(scene: Scene, viewer: str, name: str, radius: float | None = None) -
     first, *other_points = _points(scene, scene.world.solids[name], eye)
     if not eye.faces(first) or (radius is not None and math.dist(eye.position[:2], first[:2]) > radius):
         return False
-    transparent = [viewer, name, *([held] if (held := scene.held.get(viewer)) else [])]
+    transparent = [viewer, name, *([held] if (held := scene.hands.held.get(viewer)) else [])]
     return any(scene.is_unobstructed(eye.position, point, transparent) for point in (first, *other_points))
 
 
@@ -80,7 +80,7 @@ def view(scene: Scene, viewer: str, radius: float | None = None) -> tuple[Object
 def clear_points(scene: Scene, viewer: str, points: Sequence[Point]) -> tuple[int, ...]:
     """The numbers of the points that the viewer's camera faces and that nothing hides."""
     eye = eye_of(scene, viewer)
-    transparent = [viewer, *([held] if (held := scene.held.get(viewer)) else [])]
+    transparent = [viewer, *([held] if (held := scene.hands.held.get(viewer)) else [])]
     places = [(point.x, point.y, point.z) for point in points]
     return tuple(
         number for number, place in enumerate(places) if eye.faces(place) and scene.is_unobstructed(eye.position, place, transparent)

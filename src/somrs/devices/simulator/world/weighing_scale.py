@@ -41,9 +41,7 @@ class WeighingScale(StationaryDevice):
 
     def _load(self) -> list[str]:
         """The things that stand on the scale, or on a thing on it."""
-        load = [self.solid.name]
+        scene, load = self.scene, [self.solid.name]
         for carrier in load:
-            load += [
-                thing for thing in self.scene.things() if self.scene.holder(thing) is None and self.scene.observe(thing).support == carrier
-            ]
+            load += [thing for thing in scene.things() if scene.hands.holder(thing) is None and scene.observe(thing).support == carrier]
         return load[1:]
