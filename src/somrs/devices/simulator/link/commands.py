@@ -1,7 +1,7 @@
 """Commands to a simulated robot, their results, and the states that it reports, as plain values.
 
-`lines.py` defines their wire form; `simulation.py` carries the commands out. Positions are in metres on the map, angles in radians, times
-in seconds of simulated time.
+`lines.py` defines their wire form; `server/robot_work.py` carries the commands out. Positions are in metres on the map, angles in radians,
+times in seconds of simulated time.
 """
 
 from __future__ import annotations

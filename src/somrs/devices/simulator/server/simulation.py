@@ -1,39 +1,23 @@
 """The public interface of the simulation: time in control periods, commands to robots and their results, faults, and observations.
 
 Nothing here reads a clock: the caller of `step` determines the speed of simulated time. While nothing is `busy`, no step is necessary.
+How robots carry out commands is in `robot_work.py`, and the physics in `world/`.
 """
 
 from __future__ import annotations
 
 from collections import ChainMap
-from collections.abc import Generator, Mapping
-from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
-from msgspec import structs
-
-from somrs.devices.simulator.link.commands import (
-    Command,
-    CommandDone,
-    CommandGivenUp,
-    Fault,
-    LookAround,
-    LookAt,
-    ObjectState,
-    RobotState,
-    Sense,
-    Status,
-    Stop,
-)
+from somrs.devices.simulator.link.commands import Command, CommandDone, Fault, ObjectState, RobotState, Sense, Status
 from somrs.devices.simulator.motion.door_drive import DoorDrive
-from somrs.devices.simulator.motion.driving import make_way
-from somrs.devices.simulator.motion.handling import set_down, withdraw
 from somrs.devices.simulator.motion.leaves import obstacle_in_sweep
 from somrs.devices.simulator.motion.navigation import Navigator
-from somrs.devices.simulator.motion.robot import PERIOD, GivenUp, Robot, Routine
-from somrs.devices.simulator.motion.routines import concerned_objects, make_routine
+from somrs.devices.simulator.motion.robot import PERIOD, Robot
 from somrs.devices.simulator.server.navigators import Navigators
+from somrs.devices.simulator.server.robot_work import RobotWork
 from somrs.devices.simulator.world.leaves import Leaf
 from somrs.devices.simulator.world.recognition import landmarks, sightings
 from somrs.devices.simulator.world.scene import RESTING, Scene
@@ -50,20 +34,6 @@ Linked = Robot | StationaryDevice
 """A device with a robot link."""
 
 
-@dataclass(slots=True)
-class _Work:
-    """The work of a robot: a routine, and the command that it carries out (None: the robot acts on its own)."""
-
-    routine: Generator[None, None, object]
-    command: Command | None
-    on_end: OnEnd | None
-    touched: tuple[str, ...] = ()
-    observations: dict[str, ObjectState] = field(default_factory=dict)
-    """The objects that were seen, for commands that search."""
-    failure: GivenUp | None = None
-    """Why the command was given up. Set while the robot still draws its arm in, or puts down what it holds."""
-
-
 class Simulation:
     """A world built from a map, with its robots and cameras."""
 
@@ -76,8 +46,7 @@ class Simulation:
         """The cameras, scales and powered doors."""
         self.linked: Mapping[str, Linked] = ChainMap[str, Any](self.stationary, self.robots)
         """Everything with a robot link."""
-        self._work: dict[str, _Work] = {}
-        self._dropped: dict[str, str] = {}
+        self._work = RobotWork(self.scene, self.robots)
         self._pulled: set[str] = set()
         """The leaves that robots held by their handles in the last period."""
         self._to_shut: dict[str, tuple[Leaf, ...]] = {}
@@ -95,7 +64,7 @@ class Simulation:
     @property
     def busy(self) -> bool:
         """Whether anything moves, or work is pending."""
-        working = any(not self._dead(name) for name in self._work) or any(drive.busy for drive in self._drives)
+        working = self._work.busy or any(drive.busy for drive in self._drives)
         return working or any(robot.asking_robot is not None for robot in self.robots.values()) or not self._at_rest()
 
     @property
@@ -120,14 +89,9 @@ class Simulation:
         """Advance by one control period."""
         for robot in self.robots.values():
             robot.begin_period()
-        for name in list(self._work):
-            if name in self._work and not self._dead(name):
-                self._advance(name)
-        for name, robot in self.robots.items():
-            if robot.asking_robot is not None and name not in self._work:
-                asking_robot, robot.asking_robot = robot.asking_robot, None
-                if robot.mobile:
-                    self._work[name] = _Work(_chain_routines(withdraw(robot), make_way(robot, asking_robot)), None, None)
+        self._work.advance()
+        for robot in self.robots.values():
+            self._work.make_way(robot)
             robot.end_period()
         for drive in self._drives:
             if drive.step():
@@ -169,95 +133,7 @@ class Simulation:
             if isinstance(device, DoorDrive):
                 self._note_leaves(robot)
             return
-        running = self._work.get(robot)
-        reflex = running is not None and (running.command is None or running.failure is not None) and Fault.DRIVE in device.faults
-        if not reflex:
-            self._end(robot, GivenUp("stopped", f"{robot} received another command"))
-        if isinstance(command, Stop) and reflex:
-            on_end(CommandDone(state=device.state()))
-            return
-        observations: dict[str, ObjectState] = {}
-        device.weighed.clear()
-        routine, touched = make_routine(command, device, self.scene, observations), concerned_objects(command, device)
-        if reflex and running is not None:
-            self._end_callback_only(robot)
-            routine = _chain_routines(running.routine, routine)
-        device.activity = type(command).__name__
-        self._work[robot] = _Work(routine, command, on_end, touched, observations)
-
-    def _end_callback_only(self, robot: str) -> None:
-        """Report the end of the running command to its sender, but let the robot finish putting down what it holds."""
-        work = self._work.pop(robot)
-        self._report(robot, work, work.failure or GivenUp("stopped", f"{robot} received another command"))
-
-    def _advance(self, name: str) -> None:
-        robot, work = self.robots[name], self._work[name]
-        try:
-            next(work.routine)
-        except StopIteration:
-            self._finish(robot, work)
-        except GivenUp as failure:
-            self._abort(robot, work, failure)
-
-    def _finish(self, robot: Robot, work: _Work) -> None:
-        if work.failure is None and robot.holding is not None and Fault.DRIVE in robot.faults:
-            failure = GivenUp("drive-dead", f"the drive of {robot.name} is dead")
-            self._abort(robot, work, failure)
-            return
-        del self._work[robot.name]
-        self._report(robot, work, work.failure)
-
-    def _abort(self, robot: Robot, work: _Work, failure: GivenUp) -> None:
-        """Clean up before the command ends: draw the arm in, and put down what cannot be carried further."""
-        robot.plan = []
-        if work.failure is not None:  # the cleaning up failed, too; it is not repeated
-            del self._work[robot.name]
-            robot.arm_claim = robot.arm_claim if robot.arm_out else None
-            self._report(robot, work, work.failure)
-            return
-        work.failure = failure
-        if Fault.DRIVE in robot.faults and robot.holding is not None and Fault.GRIPPER not in robot.faults:
-            self._dropped[robot.name] = robot.holding
-            work.routine = set_down(robot)
-        else:
-            work.routine = withdraw(robot)
-
-    def _end(self, robot: str, failure: GivenUp) -> None:
-        """End the robot's work at once."""
-        work = self._work.pop(robot, None)
-        device = self.robots[robot]
-        device.plan, device.activity = [], None
-        if work is not None:
-            work.routine.close()
-            self._report(robot, work, work.failure or failure)
-
-    def _report(self, robot: Robot | str, work: _Work, failure: GivenUp | None) -> None:
-        device = self.robots[robot] if isinstance(robot, str) else robot
-        device.activity = None
-        if work.on_end is None:
-            return
-        dropped = self._dropped.pop(device.name, None)
-        touched = dict.fromkeys([*work.touched, *([dropped] if dropped else []), *([device.holding] if device.holding else [])])
-        observed = [state for name, state in work.observations.items() if name in self.scene.world.solids]
-        object_states = (
-            *landmarks(self.scene, observed),
-            *(structs.replace(self.observe(name), weight=device.weighed.get(name)) for name in touched if name in self.scene.world.solids),
-        )
-        like = work.command.like if isinstance(work.command, LookAt | LookAround) else None
-        seen = sightings(self.scene, device.name, observed, like)
-        on_end, work.on_end = work.on_end, None
-        if failure is None:
-            on_end(CommandDone(state=device.state(), object_states=object_states, sightings=seen))
-        else:
-            on_end(
-                CommandGivenUp(
-                    reason=failure.reason,
-                    description=failure.description,
-                    state=device.state(),
-                    object_states=object_states,
-                    sightings=seen,
-                )
-            )
+        self._work.begin(device, command, on_end)
 
     # Observations
 
@@ -281,29 +157,12 @@ class Simulation:
         if isinstance(device, DoorDrive):
             device.fault(fault)
             self._note_leaves(robot)
-        if not isinstance(device, Robot):
-            return
-        match fault:
-            case Fault.DRIVE if robot not in self._work and device.holding is not None and Fault.GRIPPER not in device.faults:
-                self._dropped[robot] = device.holding
-                self._work[robot] = _Work(set_down(device), None, None, failure=GivenUp("drive-dead", f"the drive of {robot} is dead"))
-            case Fault.SILENT:
-                work = self._work.pop(robot, None)
-                if work is not None:
-                    work.routine.close()
-                device.plan, device.activity = [], None
-            case Fault.LINK:
-                self._end(robot, GivenUp("stopped", f"the link to {robot} is lost"))
-            case Fault.GRIPPER if device.size.gripper:
-                device.hold_joint("left")
-                device.hold_joint("right")
+        if isinstance(device, Robot):
+            self._work.fault(device, fault)
 
     def repair(self, robot: str, fault: Fault) -> None:
         """Repair a fault. Commands that were given up because of it are not resumed."""
         self._linked(robot).faults.discard(fault)
-
-    def _dead(self, robot: str) -> bool:
-        return bool(self.linked[robot].faults & {Fault.SILENT, Fault.LINK})
 
     # Changes of the map
 
@@ -328,12 +187,8 @@ class Simulation:
     def remove(self, name: str) -> None:
         """Remove an object."""
         solid = self.scene.world.solids.get(name)
-        for robot, work in [*self._work.items()]:
-            if robot != name and work.failure is None and (name in work.touched or self.scene.hands.held.get(robot) == name):
-                self._abort(self.robots[robot], work, GivenUp("not-possible", f"{name} was removed from the world"))
-        if name in self.robots:
-            self._end(name, GivenUp("stopped", f"{name} was removed from the world"))
-            del self.robots[name]
+        self._work.object_removed(name)
+        self.robots.pop(name, None)
         self.stationary.pop(name, None)
         self._to_shut.pop(name, None)
         if solid is not None:
@@ -363,9 +218,7 @@ class Simulation:
             return
         x, y, z, yaw = self.scene.pose(name)
         holder = self.scene.hands.holder(name)
-        for robot, work in [*self._work.items()]:
-            if name in work.touched:
-                self._abort(self.robots[robot], work, GivenUp("not-possible", f"{name} was renamed to {object.name}"))
+        self._work.object_renamed(name, object.name)
         self.remove(name)
         self.add(object)
         if object.name in self.scene.things():
@@ -456,10 +309,3 @@ class Simulation:
         if name not in self.linked:
             raise UsageError(f"{name} is not a robot in the simulated world; there are {', '.join(self.linked) or 'none'}")
         return self.linked[name]
-
-
-def _chain_routines(first: Generator[None, None, object], second: Generator[None, None, object]) -> Routine:
-    """Run two routines in sequence; the second runs even if the first is given up."""
-    with suppress(GivenUp):
-        yield from first
-    yield from second
