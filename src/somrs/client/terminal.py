@@ -8,14 +8,13 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from datetime import datetime
 
 import msgspec
-from rich.box import SIMPLE_HEAD
-from rich.cells import cell_len
 from rich.console import Console, Group
 from rich.padding import Padding
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from somrs.client.fitted_table import FittedTable
 from somrs.client.message_chart import SETBACKS, describe_message
 from somrs.client.state_labels import OUTCOMES, task_state
 from somrs.client.task_forecast import cost_text, remaining_text
@@ -64,13 +63,15 @@ def print_json(value: object) -> None:
 def table(
     title: str, columns: Sequence[str], rows: Iterable[Sequence[object]], whole: Collection[str] = (), least: Mapping[str, int] = {}
 ) -> Table:
-    """A table that fits the terminal. `whole`: columns whose lines are not wrapped; `least`: minimum widths of columns."""
-    grid = Table(title=title, title_justify="left", title_style="bold", header_style="bold", box=SIMPLE_HEAD, show_edge=False)
-    grid.min_width = cell_len(title)  # rich wraps a title at the width of its table, although the terminal has room
+    """A table that fits the terminal. `whole`: columns whose lines are not wrapped; `least`: minimum widths of columns.
+
+    If the terminal is too narrow for these, each row is a block of lines.
+    """
+    grid = FittedTable(title)
     for column in columns:
         grid.add_column(column, overflow="fold", no_wrap=column in whole, min_width=least.get(column))
     for row in rows:
-        grid.add_row(*(cell if isinstance(cell, Text | ProgressBar | Group) else str(cell) for cell in row))
+        grid.add_row(*(cell if isinstance(cell, Text | ProgressBar | Group) else Text(str(cell)) for cell in row))
     return grid
 
 
@@ -127,11 +128,12 @@ def steps(title: str, step_views: Sequence[StepView], other_work: Sequence[WorkV
         )
         for step in step_views
     ]
-    grid = table(title, columns, rows, whole=("state",), least={"service": column_width(step.service or "-" for step in step_views)})
-    for work in other_work:
-        description = lines(work.service_type, inputs(work))
-        grid.add_row(work.step, description, *(("-",) if is_ordered else ()), work.service, state_text(work.state))
-    return grid
+    other_rows = (
+        (work.step, lines(work.service_type, inputs(work)), *(("-",) if is_ordered else ()), work.service, state_text(work.state))
+        for work in other_work
+    )
+    least = {"service": column_width(step.service or "-" for step in step_views)}
+    return table(title, columns, [*rows, *other_rows], whole=("state",), least=least)
 
 
 def terms(price: float | None, currency: str, duration: float | None) -> str:

@@ -16,6 +16,9 @@ _ENDS = frozenset(("Completed", "Failed", "Stopped", "Compensated", "Stranded"))
 SIGNS = {"Completed": "✔", "Failed": "✘", "Stopped": "■", "Compensated": "↶", "Stranded": "!", "lost": "?"}
 """A sign for each ending of a bar; colour is never the only sign."""
 
+_WIDEST_TEXT, _WIDEST_CHART, _LEAST_CHART = 34, 64, 24
+"""Widths of columns in the terminal, in characters. A text that is longer ends in an ellipsis."""
+
 _COLOURS = {"does": "#2c5d8f", "undoes": "#8a5a00", "lost": "#b3261e"}
 
 
@@ -75,28 +78,35 @@ def _label(line: Line, *, named: bool) -> str:
     return f"{_service_type(line)} {subject}".strip() if named or not subject else subject
 
 
-def timeline_table(bars: Sequence[Bar], marks: Sequence[Mark], width: int = 64) -> Table:
-    """The timeline for the terminal: a row for each bar and each mark, in order of time. `width`: characters."""
+def timeline_table(bars: Sequence[Bar], marks: Sequence[Mark], room: int) -> Table:
+    """The timeline for a terminal with `room` characters in a line: a row for each bar and each mark, in order of time."""
     start, end = _limits(bars, marks)
+    entries: list[tuple[float, str, str, Bar | Mark]] = [(bar.start, bar.device, f"{bar.kind}: {bar.label}", bar) for bar in bars]
+    entries += [(mark.at, mark.subject, mark.text, mark) for mark in marks]
+    entries.sort(key=lambda entry: entry[0])
+    who = max((len(subject) for _, subject, _, _ in entries), default=0)
+    room -= who + 3 * 2 + 2  # the paddings, and the sign beside the last bar
+    what = min(max((len(text) for _, _, text, _ in entries), default=0), _WIDEST_TEXT, max(room - _LEAST_CHART, 0))
+    width = min(max(room - what, _LEAST_CHART), _WIDEST_CHART)
     scale = width / max(end - start, 1e-9)
     table = Table(title="Timeline", title_justify="left", title_style="bold", box=None, padding=(0, 1))
     table.add_column("who", style="bold", no_wrap=True)
-    table.add_column("what", overflow="ellipsis", no_wrap=True, max_width=34)
+    table.add_column("what", overflow="ellipsis", no_wrap=True, max_width=max(what, 4))
     table.add_column(f"0 s{'':>{max(width - 12, 1)}}{end - start:6.1f} s", no_wrap=True)
-    rows: list[tuple[float, str, str, Text]] = []
-    for bar in bars:
-        begin = int((bar.start - start) * scale)
-        length = max(1, round((bar.end - bar.start) * scale))
-        fill = {"does": "█", "undoes": "▒"}[bar.kind] if bar.ending != "lost" else "░"
-        colour = _COLOURS["lost" if bar.ending in ("lost", "Failed", "Stranded") else bar.kind]
-        line = Text(" " * begin) + Text(fill * min(length, width - begin), style=colour) + Text(f" {SIGNS[bar.ending]}")
-        rows.append((bar.start, bar.device, f"{bar.kind}: {bar.label}", line))
-    for mark in marks:
-        rows.append((mark.at, mark.subject, mark.text, Text(" " * int((mark.at - start) * scale)) + Text("◆", style="bold red")))
-    for _, subject, description, line in sorted(rows, key=lambda row: row[0]):
-        table.add_row(subject, description, line)
+    for _, subject, text, entry in entries:
+        table.add_row(subject, text, _chart_line(entry, start, scale, width))
     table.caption = "  ".join(f"{sign} {ending}" for ending, sign in SIGNS.items())
     return table
+
+
+def _chart_line(entry: Bar | Mark, start: float, scale: float, width: int) -> Text:
+    if isinstance(entry, Mark):
+        return Text(" " * int((entry.at - start) * scale)) + Text("◆", style="bold red")
+    begin = int((entry.start - start) * scale)
+    length = max(1, round((entry.end - entry.start) * scale))
+    fill = {"does": "█", "undoes": "▒"}[entry.kind] if entry.ending != "lost" else "░"
+    colour = _COLOURS["lost" if entry.ending in ("lost", "Failed", "Stranded") else entry.kind]
+    return Text(" " * begin) + Text(fill * min(length, width - begin), style=colour) + Text(f" {SIGNS[entry.ending]}")
 
 
 _LEFT_MARGIN, _TOP_MARGIN, _LANE, _CHART_WIDTH, _RIGHT_MARGIN = 130, 70, 44, 1100, 140

@@ -170,7 +170,7 @@ async def perform(system: System, folder: Path, console: Console) -> int:
         terminal.table("Completed steps", ("service", "situation"), ((line.sender, line.body["situation"]) for line in completed))
     )
     console.print(terminal.steps("Steps", record.view.steps))
-    console.print(timeline_table(timeline_bars, []))
+    console.print(timeline_table(timeline_bars, [], console.width))
     console.print(terminal.outcome(record.view))
     console.print(terminal.table("Checks", ("", ""), ((check, "yes" if passed else "NO") for check, passed in checks.items())))
     console.print(f"It took {time.monotonic() - started:.0f} s. All files are in {folder}/")

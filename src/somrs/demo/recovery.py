@@ -160,7 +160,7 @@ async def perform(system: System, folder: Path, console: Console) -> int:
     timeline_bars = bars(record.lines)
     (folder / "timeline.svg").write_text(svg(timeline_bars, record.marks, "Scenario 2: what a transaction survives"), encoding="utf-8")
     console.print()
-    console.print(timeline_table(timeline_bars, record.marks))
+    console.print(timeline_table(timeline_bars, record.marks, console.width))
     console.print(_execution_table(record.view))
     console.print(terminal.outcome(record.view))
     checks = _verdict(record, map_before, map, actual_places)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import io
+
 import pytest
 from lxml import etree
+from rich.console import Console
 
-from somrs.client.timeline import LETTER, Bar, Mark, bars, svg
+from somrs.client.timeline import LETTER, Bar, Mark, bars, svg, timeline_table
 from somrs.client.trace import Line
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -58,3 +61,16 @@ def test_bars_are_labelled_by_what_the_work_is_about() -> None:
     assert [bar.label for bar in bars(opening)] == ["Door001"]
     assert [bar.label for bar in bars(charging)] == ["ChargeBattery"]
     assert [bar.label for bar in bars([*opening, *sealing, *charging])] == ["OpenDoor Door001", "SealJar Jar004", "ChargeBattery"]
+
+
+@pytest.mark.parametrize("width", [60, 80, 100, 160])
+def test_the_whole_timeline_fits_the_terminal(width: int) -> None:
+    console = Console(width=width, file=io.StringIO(), record=True)
+    shown_bars = [bar(0.0, 50.0), bar(99.0, 100.0, "a carton that has a long name, by which nobody calls it")]
+    console.print(timeline_table(shown_bars, [Mark(at=100.0, subject="client", text="changes its mind")], console.width))
+    text = console.export_text()
+    assert text.count("█ ✔") == 2
+    assert text.count("◆") == 1
+    assert "100.0 s" in text
+    assert "does: Carton001" in text
+    assert text.count("…") == 1
