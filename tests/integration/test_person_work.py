@@ -53,12 +53,24 @@ class Worker:
         self.person.map, self.person.data, self.person.glance = MapReader(self.ask), folder, 0.01
         self.person.observer = lambda situation, observation: self.reported.append(situation or "")
         self.notes: list[object] = []
+        self.begun: list[asyncio.Task[object]] = []
 
     async def change(self, situation: str) -> None:
         assert isinstance(await self.ask(UpdateMap(situation=situation)), Updated)
 
     async def carry_out(self, work: Quote | Perform | Undo | Halt) -> object:
         return await carry_out(self.person, work, self.ask, self.notes.append)
+
+    def begin(self, work: Perform | Undo | Halt) -> asyncio.Task[object]:
+        self.begun.append(asyncio.create_task(self.carry_out(work)))
+        return self.begun[-1]
+
+    async def close(self) -> None:
+        """End as a program does: the work first, and then the person's device."""
+        for work in self.begun:
+            work.cancel()
+        await asyncio.gather(*self.begun, return_exceptions=True)
+        await self.person.close()
 
     async def next_assignment(self) -> Assignment:
         while not (open_assignments := self.person.assignments.open("Anna")):
@@ -80,7 +92,7 @@ async def worker(folder: Path, offers: str = "TransferObject, Weigh") -> AsyncIt
     try:
         yield harness
     finally:
-        await harness.person.close()
+        await harness.close()
 
 
 def test_a_person_offers_what_the_map_says(tmp_path: Path) -> None:
@@ -120,7 +132,7 @@ def test_a_person_offers_at_once_what_the_map_says_while_the_program_runs(tmp_pa
             await harness.change('Anna.Offers = "Weigh"')
             await changed.wait()
             assert [capability.type_name for capability in harness.person.profile().capabilities] == ["RecognizeSituation", "Weigh"]
-            working = asyncio.create_task(harness.carry_out(Perform(CARRY)))
+            working = harness.begin(Perform(CARRY))
             await harness.reply(Reply(kind=ReplyKind.DONE))
             assert await working == WorkDone(situation="Jar1 isOn Table2"), "contracts stay"
 
@@ -159,7 +171,7 @@ def test_who_does_not_answer_in_time_counts_as_not_available(tmp_path: Path) -> 
             await harness.change("Anna.AnswerTime = 60 AND Anna.Working = TRUE")
             await harness.person.refresh_offers()
             assert isinstance(await harness.carry_out(Quote(CARRY)), Quoted), "it was no refusal for good"
-            working = asyncio.create_task(harness.carry_out(Perform(CARRY)))
+            working = harness.begin(Perform(CARRY))
             await harness.reply(Reply(kind=ReplyKind.DONE))
             await working
             assert harness.person.assignments.missed("Anna") is None
@@ -170,7 +182,7 @@ def test_who_does_not_answer_in_time_counts_as_not_available(tmp_path: Path) -> 
 def test_the_work_is_described_in_words(tmp_path: Path) -> None:
     async def test() -> None:
         async with worker(tmp_path) as harness:
-            working = asyncio.create_task(harness.carry_out(Perform(CARRY)))
+            harness.begin(Perform(CARRY))
             work = (await harness.next_assignment()).work
             assert work.aim == "Jar1 (jar) is on Table2 (red table)"
             assert work.present == "Jar1 (jar) is on Table1 (table)"
@@ -179,7 +191,6 @@ def test_the_work_is_described_in_words(tmp_path: Path) -> None:
                 ("It is done: Jar1 (jar) is on Table2 (red table)", "Jar1 isOn Table2"),
                 ("I have it with me: Jar1 (jar) is held by Anna (person)", "Jar1 isHeldBy Anna"),
             ]
-            working.cancel()
 
     run(test())
 
@@ -205,11 +216,11 @@ def test_formulas_in_words(formula: str, text: str) -> None:
 
 def test_who_is_stopped_at_work_says_what_is_so_then(tmp_path: Path) -> None:
     async def stop(harness: Worker, reply: Reply) -> object:
-        working = asyncio.create_task(harness.carry_out(Perform(CARRY)))
+        working = harness.begin(Perform(CARRY))
         await harness.reply(Reply(kind=ReplyKind.ACCEPT))
         working.cancel()
         await asyncio.wait({working})
-        halting = asyncio.create_task(harness.carry_out(Halt(CARRY)))
+        halting = harness.begin(Halt(CARRY))
         assert (await harness.next_assignment()).work.stops
         with pytest.raises(UsageError, match="asks what is so now"):
             await harness.reply(Reply(kind=ReplyKind.DECLINE))
@@ -232,7 +243,7 @@ def test_who_is_stopped_at_work_says_what_is_so_then(tmp_path: Path) -> None:
 def test_who_is_stopped_before_accepting_has_changed_nothing_and_is_not_asked(tmp_path: Path) -> None:
     async def test() -> None:
         async with worker(tmp_path) as harness:
-            working = asyncio.create_task(harness.carry_out(Perform(CARRY)))
+            working = harness.begin(Perform(CARRY))
             await harness.next_assignment()
             working.cancel()
             await asyncio.wait({working})
@@ -247,7 +258,7 @@ def test_a_step_is_accepted_and_done(tmp_path: Path) -> None:
             quoted = await harness.carry_out(Quote(CARRY))
             assert isinstance(quoted, Quoted)
             assert (quoted.price, quoted.duration) == (20, 600)
-            working = asyncio.create_task(harness.carry_out(Perform(CARRY)))
+            working = harness.begin(Perform(CARRY))
             assignment = await harness.next_assignment()
             assert assignment.work.effect == "Jar1 isOn Table2"
             assert assignment.work.objects == ("Jar1", "Table2")
@@ -265,7 +276,7 @@ def test_a_step_is_accepted_and_done(tmp_path: Path) -> None:
 def test_a_person_who_declines_has_begun_nothing_and_is_not_asked_for_the_same_again(tmp_path: Path) -> None:
     async def test() -> None:
         async with worker(tmp_path) as harness:
-            working = asyncio.create_task(harness.carry_out(Perform(CARRY)))
+            working = harness.begin(Perform(CARRY))
             await harness.reply(Reply(kind=ReplyKind.DECLINE, reason="too heavy for me"))
             with pytest.raises(ServiceFailed, match="Anna declined: too heavy for me") as declined:
                 await working
@@ -283,7 +294,7 @@ def test_a_person_who_declines_has_begun_nothing_and_is_not_asked_for_the_same_a
 def test_not_now_makes_the_person_unavailable_until_they_say_otherwise(tmp_path: Path) -> None:
     async def test() -> None:
         async with worker(tmp_path) as harness:
-            working = asyncio.create_task(harness.carry_out(Perform(CARRY)))
+            working = harness.begin(Perform(CARRY))
             await harness.reply(Reply(kind=ReplyKind.NOT_NOW))
             with pytest.raises(ServiceFailed, match="has no time now") as postponed:
                 await working
@@ -302,7 +313,7 @@ def test_not_now_makes_the_person_unavailable_until_they_say_otherwise(tmp_path:
 def test_work_that_could_not_be_done_says_what_is_left(tmp_path: Path) -> None:
     async def test() -> None:
         async with worker(tmp_path) as harness:
-            working = asyncio.create_task(harness.carry_out(Perform(CARRY)))
+            working = harness.begin(Perform(CARRY))
             await harness.reply(Reply(kind=ReplyKind.ACCEPT))
             with pytest.raises(UsageError, match="Tabel1") as mistake:
                 await harness.reply(Reply(kind=ReplyKind.COULD_NOT, reason="the jar broke", situation="Jar1 isOn Tabel1"))
@@ -319,7 +330,7 @@ def test_work_that_could_not_be_done_says_what_is_left(tmp_path: Path) -> None:
 def test_values_that_the_work_finds_out_are_asked_for(tmp_path: Path) -> None:
     async def test() -> None:
         async with worker(tmp_path) as harness:
-            working = asyncio.create_task(harness.carry_out(Perform(WEIGH)))
+            working = harness.begin(Perform(WEIGH))
             assert (await harness.next_assignment()).work.open_variables == ("Weight",)
             for values, problem in (({}, "the value of .Weight is missing"), ({"Weight": "?Much"}, "is not a value")):
                 with pytest.raises(UsageError, match=problem):
@@ -357,7 +368,7 @@ FIND = Order(participant="p", method="do_FindJar", inputs={"Object": "Jar1"}, ef
 def test_a_person_who_looks_reports_things_like_a_camera(tmp_path: Path, reply: Reply, done: WorkDone) -> None:
     async def test() -> None:
         async with worker(tmp_path, "LookAt") as harness:
-            working = asyncio.create_task(harness.carry_out(Perform(LOOK)))
+            working = harness.begin(Perform(LOOK))
             for problem, unsuitable in (
                 ("has no type", Reply(kind=ReplyKind.DONE, situation="?It isOn Table2")),
                 ("there is no object Tabel2", Reply(kind=ReplyKind.DONE, searched=("Tabel2",))),
@@ -374,7 +385,7 @@ def test_a_person_who_looks_reports_things_like_a_camera(tmp_path: Path, reply: 
 def test_who_is_to_find_a_thing_has_to_say_where_it_is(tmp_path: Path) -> None:
     async def test() -> None:
         async with worker(tmp_path, "FindJar") as harness:
-            working = asyncio.create_task(harness.carry_out(Perform(FIND)))
+            working = harness.begin(Perform(FIND))
             with pytest.raises(UsageError, match="where Jar1 is, and how it is, is missing"):
                 await harness.reply(Reply(kind=ReplyKind.DONE))
             await harness.reply(Reply(kind=ReplyKind.DONE, situation="Jar1 isOn Table2"))
@@ -386,7 +397,7 @@ def test_who_is_to_find_a_thing_has_to_say_where_it_is(tmp_path: Path) -> None:
 def test_undoing_is_an_assignment_too(tmp_path: Path) -> None:
     async def test() -> None:
         async with worker(tmp_path) as harness:
-            undoing = asyncio.create_task(harness.carry_out(Undo(CARRY, "Jar1 isOn Table1")))
+            undoing = harness.begin(Undo(CARRY, "Jar1 isOn Table1"))
             assignment = await harness.next_assignment()
             assert assignment.work.undoes
             assert assignment.work.effect == "Jar1 isOn Table1"
@@ -399,7 +410,7 @@ def test_undoing_is_an_assignment_too(tmp_path: Path) -> None:
 def test_an_assignment_that_nobody_needs_any_more_is_closed(tmp_path: Path) -> None:
     async def test() -> None:
         async with worker(tmp_path) as harness:
-            working = asyncio.create_task(harness.carry_out(Perform(CARRY)))
+            working = harness.begin(Perform(CARRY))
             number = (await harness.next_assignment()).number
             working.cancel()
             await asyncio.wait({working})
@@ -412,7 +423,7 @@ def test_an_assignment_that_nobody_needs_any_more_is_closed(tmp_path: Path) -> N
 def test_the_command_line_lists_and_replies(tmp_path: Path) -> None:
     async def test() -> None:
         async with worker(tmp_path) as harness:
-            working = asyncio.create_task(harness.carry_out(Perform(CARRY)))
+            working = harness.begin(Perform(CARRY))
             number = str((await harness.next_assignment()).number)
             code, output = await harness.command("people", "--json")
             assert code == 0
