@@ -1,7 +1,8 @@
 """The properties of the Failure Recovery Protocol, checked in one run: after each input, and at the end.
 
 The check observes the system from outside: the true actions of devices, the messages, the Repository's map, and what clients receive. Only
-the course of a transaction is read from the Task Manager itself.
+the course of a transaction is read from the Task Manager itself. Three files have parts of the check: `recorded_reports.py` (the way of
+reports to the map), `promises.py` (what tasks and services promise) and `sightings.py` (what cameras see).
 """
 
 from __future__ import annotations
@@ -16,11 +17,10 @@ from somrs.ontology.truth import formula_holds
 from somrs.planner.model.problem import Problem
 from somrs.protocol.frp.session import service_of
 from somrs.protocol.messages import frp
-from somrs.protocol.messages.envelope import Message, message_id, normalised_id
+from somrs.protocol.messages.envelope import message_id
 from somrs.protocol.messages.event_text import sentence
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.goal_kinds import GoalKind
-from somrs.protocol.messages.knowledge import Rejected, Updated, UpdateMap
 from somrs.protocol.messages.records import TaskRecord
 from somrs.protocol.messages.task_views import TaskView, WorkView
 from somrs.service_manager.participant.participant import ServiceManager
@@ -30,6 +30,7 @@ from somrs.task_manager.transaction.views import view
 from verification.fault_runs.client import preview_id
 from verification.fault_runs.ground_truth import Action
 from verification.fault_runs.promises import Promises
+from verification.fault_runs.recorded_reports import RecordedReports
 from verification.fault_runs.sightings import Sightings
 from verification.fault_runs.site import TELLING
 from verification.fault_runs.violation import Property, Violation
@@ -59,21 +60,11 @@ class Witness:
         """The effects of preview requests, by transaction."""
         self._managers: dict[str, str] = {}
         """The address of each task's Task Manager."""
-        self._unrecorded: dict[str, dict[str, Pair]] = {}
-        """Reports of each transaction that the Repository has not recorded yet, by message id: service and situation."""
-        self._updates: dict[str, Pair] = {}
-        """The service and situation of each request to change the map."""
-        self._answered: set[str] = set()
-        """The requests to change the map that the Repository has answered."""
-        self._known_reports: set[str] = set()
-        self._reports: dict[str, float] = {}
-        """The time at which each report was first sent, by message id."""
-        self._recorded_at: dict[Pair, float] = {}
-        """The time at which the Repository last recorded each situation of a service."""
         self.outcomes: dict[str, TaskView] = {}
         self._endings: dict[str, Outcome] = {}
         """The decided outcome of each task that is being stopped."""
         self.sightings, self._promises = Sightings(scenario_run), Promises(scenario_run)
+        self._recorded_reports = RecordedReports(scenario_run.world)
         self._worked: dict[str, set[str | None]] = {}
         """The tasks for which devices worked on each object, whether or not the work changed it."""
 
@@ -129,10 +120,10 @@ class Witness:
     def watch(self, address: str, event: Input) -> None:
         """Check an input after it was handled and its effects were carried out."""
         self._read_messages()
-        if isinstance(event, Received):
-            self._received(address, event.message)
         manager = self._scenario_run.task_manager(address)
         if manager is not None:
+            if isinstance(event, Received):
+                self._recorded_reports.received(manager, event.message)
             self._follow(manager)
             self._promises.follow(manager, address)
 
@@ -144,11 +135,8 @@ class Witness:
             pair = message.header.transaction or "", message.header.participant or ""
             self.sightings.read(message)
             self._promises.read(message)
+            self._recorded_reports.read(message)
             match message.body:
-                case UpdateMap(author=author, situation=str(situation)):
-                    self._updates[normalised_id(message.header.message_id)] = author, situation
-                case Updated() | Rejected():
-                    self._note_update(normalised_id(message.header.relates_to or ""))
                 case frp.Terms() as terms:
                     self._terms[pair] = terms
                 case frp.Accept() | frp.Execute():
@@ -160,11 +148,8 @@ class Witness:
                     self._accepted[pair] = None
                 case frp.End() | frp.Cancel() | frp.Refuse():
                     self._released.add(pair)
-                case frp.Completed() | frp.Failed() | frp.Stopped() | frp.Compensated() | frp.Stranded():
-                    self._reports.setdefault(message.header.message_id, self._scenario_run.world.now)
                 case frp.Arrange():
                     self._managers[pair[0]] = message.header.sender
-                    self._check_recorded(pair[0], f"{pair[1]} was asked for terms")
 
     def _check_condition(self, pair: Pair, sender: str) -> None:
         """Check property 2 for conditional terms: what they demand holds on the coordinator's map when it sends the first Execute."""
@@ -175,56 +160,12 @@ class Witness:
         if not formula_holds(parse(terms.condition), replica.map, replica.ontology):
             raise Violation(Property.CONTRACT, f"{pair[1]} is told to start, although its terms demand {terms.condition}")
 
-    def _note_update(self, request: str) -> None:
-        """Note the Repository's answer to a request to change the map: only then is the change known to be on its disk."""
-        update = self._updates.get(request)
-        if update is None or request in self._answered:
-            return
-        self._answered.add(request)
-        self._recorded_at[update] = self._scenario_run.world.now
-        for reports in self._unrecorded.values():
-            for id in [id for id, report in reports.items() if report == update]:
-                del reports[id]
-
-    def _check_recorded(self, task: str, trigger: str) -> None:
-        if unrecorded := self._unrecorded.get(task):
-            service, situation = next(iter(unrecorded.values()))
-            raise Violation(Property.MAP, f"{trigger} before the Repository had recorded the report of {service}: {situation}")
-
-    def _received(self, address: str, message: Message) -> None:
-        body = message.body
-        if isinstance(body, frp.Completed | frp.Failed | frp.Stopped | frp.Compensated | frp.Stranded) and body.situation is not None:
-            manager = self._scenario_run.task_manager(address)
-            if manager is not None:
-                self._reported(manager, message, body.situation)
-
-    def _reported(self, manager: TaskManager, message: Message, situation: str) -> None:
-        """Note a new report to a transaction that has not ended. The Repository has to record it before the transaction continues."""
-        header, kind = message.header, type(message.body).__name__
-        transaction = manager.state.tasks.get(header.transaction or "")
-        if transaction is None or transaction.outcome is not None or header.message_id in self._known_reports:
-            return
-        self._known_reports.add(header.message_id)
-        member = next((member for member in transaction.members if member.id == header.participant), None)
-        if (
-            member is not None
-            and kind in member.session.received_messages
-            and member.session.received_messages[kind].id == header.message_id
-        ):
-            reports = self._unrecorded.setdefault(transaction.id, {})
-            report = member.offer.service, situation
-            # The report may be recorded already: it arrived before, the Task Manager was killed, and the report was repeated.
-            if self._recorded_at.get(report, -1.0) < self._reports[header.message_id]:
-                reports[header.message_id] = report
-
     def planning(self, address: str, problem: Problem) -> None:
         """Check a request to the planner. It may come from any transaction with this goal, or from a preview."""
         manager = self._scenario_run.task_manager(address)
         if manager is None or any(str(parse(effect)) == str(problem.goal) for effect in self._previews.values()):
             return
-        wanting = [t for t in manager.state.tasks.values() if t.outcome is None and any(p.goal == str(problem.goal) for p in t.executions)]
-        if wanting and all(self._unrecorded.get(task.id) for task in wanting):
-            self._check_recorded(wanting[0].id, "it was planned")
+        self._recorded_reports.planned(manager, problem)
 
     # Outcomes
 

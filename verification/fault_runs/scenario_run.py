@@ -15,9 +15,7 @@ from somrs.kernel.replica import Replica
 from somrs.ontology.objects import Map
 from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
-from somrs.protocol.messages.envelope import Header, Message, message_id
-from somrs.protocol.messages.knowledge import UpdateMap
-from somrs.protocol.messages.observations import Observation
+from somrs.protocol.messages.envelope import Message
 from somrs.registry.component import SCHEMA as REGISTRY
 from somrs.registry.component import Registry
 from somrs.repository.component import SCHEMA as REPOSITORY
@@ -31,6 +29,7 @@ from somrs.service_manager.participant.state import ServiceManagerState
 from somrs.service_manager.participant.timers import DepartureRequested as LeaveNow
 from somrs.service_manager.sdk.orders import Capability, Profile
 from somrs.task_manager.manager import SCHEMA, TaskManager
+from verification.fault_runs.bystanders import Bystanders
 from verification.fault_runs.client import Client
 from verification.fault_runs.ground_truth import Reality
 from verification.fault_runs.properties import Witness
@@ -51,7 +50,6 @@ from verification.fault_runs.scenario import (
     WorkFault,
     WorkFaultKind,
 )
-from verification.fault_runs.sightings import survey_report
 from verification.fault_runs.simulated_device import DeviceManager, DeviceWork, InputObserver, SimulatedDevice
 from verification.fault_runs.site import map_of, ontology, service_type
 from verification.fault_runs.state_diff import difference
@@ -113,6 +111,7 @@ class ScenarioRun:
         self._listeners: list[Callable[[float, Input], None]] = []
         self.client = Client(scenario.requests)
         self.witness = Witness(self)
+        self._bystanders = Bystanders(self)
         self.managers = [f"tm{number}" for number in range(1, scenario.managers + 1)]
         self.world.add("repository", self._repository(), journaled=REPOSITORY)
         self.world.add("registry", self._registry(), journaled=REGISTRY)
@@ -223,15 +222,15 @@ class ScenarioRun:
                 self._schedule(offset, partial(self._disturbances.append, fault))
                 self._schedule(offset + seconds, partial(self._disturbances.remove, fault))
             case Move(at=offset):
-                self._schedule(offset, partial(self._move, fault))
+                self._schedule(offset, partial(self._bystanders.move, fault))
             case Slam(at=offset):
-                self._schedule(offset, partial(self._slam, fault))
+                self._schedule(offset, partial(self._bystanders.slam, fault))
             case Loss(at=offset, object=object):
-                self._schedule(offset, partial(self._report_loss, object))
+                self._schedule(offset, partial(self._bystanders.report_loss, object))
             case Sight(at=offset, object=object):
-                self._schedule(offset, partial(self._report_sighting, object))
+                self._schedule(offset, partial(self._bystanders.report_sighting, object))
             case Survey(at=offset, place=place):
-                self._schedule(offset, partial(self._report_survey, place))
+                self._schedule(offset, partial(self._bystanders.report_survey, place))
             case Departure(at=offset, device=device):
                 self._schedule(offset, partial(self._withdraw_device, f"devices/{device}"))
 
@@ -242,7 +241,7 @@ class ScenarioRun:
         faults = [f for f in self.scenario.faults if isinstance(f, WorkFault) and counts.get(f.device) == f.nth]
         if not faults:
             return None
-        self._note(f"{device} {faults[0].kind}")
+        self.note(f"{device} {faults[0].kind}")
         return faults[0].kind
 
     def _target(self, target: str) -> str:
@@ -250,7 +249,7 @@ class ScenarioRun:
             return target
         return next((simulated_device.traits.address for simulated_device, _ in self.working), "")
 
-    def _note(self, text: str) -> None:
+    def note(self, text: str) -> None:
         self.log.append((self.world.now, text))
 
     def _kill(self, kill: Kill) -> None:
@@ -259,7 +258,7 @@ class ScenarioRun:
             return
         if kill.snapshot:
             self.world.snapshot(address)
-        self._note(f"{address} is killed {kill.moment}{f' ({kill.effects})' if kill.moment is KillPoint.AMID else ''}")
+        self.note(f"{address} is killed {kill.moment}{f' ({kill.effects})' if kill.moment is KillPoint.AMID else ''}")
         self._doomed[address] = self.world.components[address]
         self.world.kill(address, kill.moment, kill.effects)
         if kill.seconds is None:
@@ -267,7 +266,7 @@ class ScenarioRun:
         self.reap()
 
     def _break(self, traits: DeviceTraits) -> None:
-        self._note(f"{traits.name} breaks without a message")
+        self.note(f"{traits.name} breaks without a message")
         self._doomed[traits.address] = self.world.components[traits.address]
         self.world.kill(traits.address)
         self.lost_devices.add(traits.address)
@@ -276,7 +275,7 @@ class ScenarioRun:
     def reap(self) -> None:
         """Note the components that have died since the last call, and stop their devices."""
         for address in [address for address in self._doomed if not self.world.alive(address)]:
-            self._note(f"{address} is dead")
+            self.note(f"{address} is dead")
             self._fallen[address] = self._doomed.pop(address)
             if address in self.simulated_devices:
                 self.simulated_devices[address].died()
@@ -289,7 +288,7 @@ class ScenarioRun:
             self.reap()
         if self.world.alive(address) or address not in self._fallen or address in self.lost_devices:
             return
-        self._note(f"{address} restarts")
+        self.note(f"{address} restarts")
         self.restart_times[address] = self.world.now
         self.factory.revive(self.world, address)
         self.reap()
@@ -318,7 +317,7 @@ class ScenarioRun:
         target = self._targets[cut] = self._target(cut.target)
         if not target:
             return
-        self._note(f"{target} cannot be reached")
+        self.note(f"{target} cannot be reached")
         self._cuts[target] += 1
         self.world.cut_off(target)
 
@@ -326,46 +325,12 @@ class ScenarioRun:
         target = self._targets[cut]
         self._cuts[target] -= 1
         if target and not self._cuts[target]:
-            self._note(f"{target} can be reached again")
+            self.note(f"{target} can be reached again")
             self.world.reconnect(target)
-
-    def _move(self, move: Move) -> None:
-        self._note(f"a person puts {move.thing} on {move.place}{', and reports it' if move.is_reported else ''}")
-        self.reality.move_object(move.thing, ("isOn", move.place), self.world.now, None, "a person")
-        self.reality.doubtful.add(move.thing)
-        if move.is_reported:
-            self._send_update("a person", f"{move.thing} isOn {move.place}")
-
-    def _slam(self, slam: Slam) -> None:
-        self._note(f"a person {'opens' if slam.is_open else 'shuts'} {slam.door}")
-        self.reality.move_object(slam.door, slam.is_open, self.world.now, None, "a person")
-        self._report_sighting(slam.door)
-
-    def _report_sighting(self, object: str) -> None:
-        self._send_update("a camera", self.reality.situation_of(object), Observation(as_of=self.world.now))
-
-    def _report_survey(self, place: str) -> None:
-        things = self.reality.things_on(place)
-        looks = [self.witness.sightings.looks(thing) for thing in things]
-        report = survey_report(looks, place, self.scenario.thing_type)
-        id = self._send_update("a camera", report, Observation(as_of=self.world.now, searched=(place,)))
-        self.witness.sightings.surveyed(id, looks, self.world.now)
-
-    def _report_loss(self, object: str) -> None:
-        self.reality.doubtful.add(object)  # its mark may hide what devices have reported
-        self._send_update("a person", f"{object}.Unknown = TRUE")
-
-    def _send_update(self, author: str, situation: str | None, observation: Observation | None = None) -> str:
-        """Send a report to the Repository, and return the id of the message."""
-        self._note(f"{author} reports: {situation or 'nothing is there'}")
-        id = message_id(author, self.world.now, situation, *(observation.searched if observation is not None else ()))
-        header = Header(sender="client", recipient="repository", message_id=id, reply_to="client")
-        self.world.send(Message(header=header, body=UpdateMap(situation=situation, author=author, observation=observation)))
-        return id
 
     def _withdraw_device(self, address: str) -> None:
         if self.world.alive(address):
-            self._note(f"{address} leaves")
+            self.note(f"{address} leaves")
             self.world.notify(address, LeaveNow())
 
     # Callbacks of the simulated world
