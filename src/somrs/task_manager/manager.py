@@ -32,7 +32,8 @@ from somrs.task_manager.context import Commitments, Interval, TaskManagerContext
 from somrs.task_manager.device_queue import AtWork
 from somrs.task_manager.execution.participants import answer_stranger
 from somrs.task_manager.migrations import MIGRATIONS
-from somrs.task_manager.preview import PreviewExecutor, new_preview, preview_of_plan
+from somrs.task_manager.preview import PreviewExecutor
+from somrs.task_manager.preview_state import new_preview, preview_of_plan
 from somrs.task_manager.requests import ForPlan, ReportAnswered, RequestResult, ServicesKnown
 from somrs.task_manager.state import TaskManagerState, UnsettledReport
 from somrs.task_manager.subscriptions import Replies, TaskSubscriptions

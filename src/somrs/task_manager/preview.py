@@ -3,7 +3,8 @@
 A preview plans the task. If the client wants quotes, it then asks services for terms as a task does: step by step in causal order, each
 step after the promised finish of the steps before it. It accepts no terms, and dismisses all services.
 
-A preview takes a few seconds at most. For a service that has not answered by then, its last terms are the estimate.
+A preview takes a few seconds at most. For a service that has not answered by then, its last terms are the estimate. Its state is in
+`preview_state.py`.
 """
 
 from __future__ import annotations
@@ -11,31 +12,30 @@ from __future__ import annotations
 from functools import cached_property
 from itertools import chain
 
-from msgspec import Struct, field, structs
+from msgspec import structs
 
 from somrs.kernel.component import Effects, EffectsReturning, SetTimer
 from somrs.planner.model.plan import Plan, Step
 from somrs.protocol.messages import frp
 from somrs.protocol.messages.directory import Offer
 from somrs.protocol.messages.envelope import Message
-from somrs.protocol.messages.event_text import waiting_text
 from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.frp import State
-from somrs.protocol.messages.previews import OtherPlan, Preview, Previewed, Quotation
-from somrs.protocol.messages.submission import Submit
+from somrs.protocol.messages.previews import OtherPlan, Previewed, Quotation
 from somrs.protocol.messages.waits import WaitsForTasks
-from somrs.task_manager.arrangement.available_services import AvailableServices, KnownServices
-from somrs.task_manager.arrangement.call_for_proposals import MAX_OPEN_CALLS, Arrangement, CallForProposals, OpenCalls, make_call
-from somrs.task_manager.arrangement.conditions import Conditions, StatedConditions, condition_error
-from somrs.task_manager.arrangement.plan_request import MOST_PLANS, PlanRequest, PlanRequester, PlanResult
+from somrs.task_manager.arrangement.available_services import AvailableServices
+from somrs.task_manager.arrangement.call_for_proposals import MAX_OPEN_CALLS, Arrangement, CallForProposals, make_call
+from somrs.task_manager.arrangement.conditions import Conditions, condition_error
+from somrs.task_manager.arrangement.plan_request import PlanRequester, PlanResult
 from somrs.task_manager.context import Commitments, Interval, PlanToQuote, TaskManagerContext
 from somrs.task_manager.execution.bids import Bid, choose_bid, fit_bid, make_bid, plan_preference
 from somrs.task_manager.execution.member import Member
-from somrs.task_manager.execution.participants import Members, Participants
+from somrs.task_manager.execution.participants import Participants
 from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow
 from somrs.task_manager.outlook import foresee
+from somrs.task_manager.preview_state import PreviewState
 from somrs.task_manager.reservations import BlockedPlan
-from somrs.task_manager.timers import Answer, BidsDue, PlanWanted, PreviewDue
+from somrs.task_manager.timers import Answer, PlanWanted, PreviewDue
 from somrs.task_manager.transaction.views import foreseen_views, preview_reply, step_view
 
 REPLY_TIME = 2.0
@@ -48,73 +48,6 @@ SILENT = {State.ARRANGING: "has not answered yet", State.NEW: "was not asked: th
 """Why a service that has not refused gave no terms, by its state."""
 
 PREVIEW_ONLY = "only a preview was requested"
-
-
-class PreviewState(Struct, kw_only=True):
-    """The state of one preview. Its result answers `request`, once; or it goes to the `owner`, a task or preview that compares plans."""
-
-    id: str
-    query: Preview = field(name="wanted")
-    request: Message | None
-    task: Submit
-    planning: PlanRequest
-    calls: OpenCalls
-    services: KnownServices = field(default_factory=KnownServices)
-    members: Members = field(default_factory=Members)
-    workflow: Workflow = field(default_factory=lambda: Workflow.from_plan(Plan()))
-    outlook: Plan | None = None
-    """The whole plan, with steps that depend on what others find out; services are asked only for the others."""
-    bidding_start: float = field(default=0.0, name="asked_at")
-    waiting_for: WaitsForTasks | None = None
-    quotations: dict[str, list[Quotation]] = {}
-    """By step."""
-    unserved: dict[str, str] = {}
-    conditions: StatedConditions = field(default_factory=StatedConditions)
-    ended: bool = field(default=False, name="over")
-    owner: str | None = None
-    rivals: dict[str, Previewed | None] = {}
-    """The previews of the other plans for the task, by id; None until they have ended."""
-    result: Previewed | None = None
-    """The result, while it waits for the rivals."""
-
-    @property
-    def waits(self) -> str:
-        return waiting_text(self.waiting_for) if self.waiting_for is not None else ""
-
-
-def new_preview(id: str, query: Preview, request: Message) -> PreviewState:
-    """A preview that a client has just requested; `begin` it next."""
-    task = Submit(
-        effect=query.effect,
-        precondition=query.precondition,
-        policy=query.policy,
-        time_value=query.time_value,
-        deadline=query.deadline,
-        priority=query.priority,
-        recognise=query.recognise,
-    )
-    planning = PlanRequest(owner=id, goal=0, serial=0, task=task, most_plans=MOST_PLANS if query.quotes else 1)
-    return PreviewState(id=id, query=query, request=request, task=task, planning=planning, calls=OpenCalls(timer=BidsDue(id, 0)))
-
-
-def preview_of_plan(quoted: PlanToQuote) -> PreviewState:
-    """A preview of a given plan, for the task or preview that compares it with others; `begin_with_plan` next."""
-    task = quoted.task
-    query = Preview(effect=task.effect, quotes=True, policy=task.policy, time_value=task.time_value, deadline=task.deadline)
-    return PreviewState(
-        id=quoted.id,
-        query=query,
-        request=None,
-        task=task,
-        planning=PlanRequest(owner=quoted.id, goal=0, serial=0, task=task),
-        calls=OpenCalls(timer=BidsDue(quoted.id, 0)),
-        services=KnownServices(offers=quoted.offers),
-        owner=quoted.owner,
-    )
-
-
-def _other_plan(result: Previewed) -> OtherPlan:
-    return OtherPlan(steps=result.steps, price=result.price, currency=result.currency, seconds=result.seconds, outlook=result.outlook)
 
 
 class PreviewExecutor:
@@ -442,3 +375,7 @@ def _why_not(quotation: Quotation) -> str:
     """Why the service would not get the step."""
     needs = f"needs {quotation.condition}" if quotation.condition is not None else ""
     return "; ".join(text for text in (quotation.reason, needs) if text)
+
+
+def _other_plan(result: Previewed) -> OtherPlan:
+    return OtherPlan(steps=result.steps, price=result.price, currency=result.currency, seconds=result.seconds, outlook=result.outlook)

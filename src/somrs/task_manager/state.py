@@ -11,7 +11,7 @@ from somrs.task_manager.context import Quotes
 from somrs.task_manager.device_queue import DeviceQueues
 from somrs.task_manager.execution.reports import ReportResult
 from somrs.task_manager.pace import Pace
-from somrs.task_manager.preview import PreviewState
+from somrs.task_manager.preview_state import PreviewState
 from somrs.task_manager.requests import Requests
 from somrs.task_manager.reservations import Reservations
 from somrs.task_manager.subscriptions import Subscriptions

@@ -17,7 +17,8 @@ from somrs.protocol.messages.submission import Policy, Submit
 from somrs.protocol.messages.task_views import StepView
 from somrs.protocol.messages.waits import Holder, WaitsForTasks
 from somrs.task_manager.execution.member import Member
-from somrs.task_manager.preview import MOST_ROUNDS, PREVIEW_ONLY, REPLY_TIME, PreviewState
+from somrs.task_manager.preview import MOST_ROUNDS, PREVIEW_ONLY, REPLY_TIME
+from somrs.task_manager.preview_state import PreviewState
 from somrs.task_manager.timers import BidsDue, PlanWanted, PreviewDue, Timer
 from tests.unit.task_manager.test_manager import answers
 from tests.unit.task_manager.transaction.test_participant_events import FIRST_SERVICE, GOAL, SECOND_SERVICE, TaskManagerHarness, bodies
