@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from itertools import islice
 
 from somrs.kernel.codec import Schema
 from somrs.kernel.component import (
     Answered,
-    Ask,
     DeliveryFailed,
     Effect,
     Effects,
@@ -27,7 +25,6 @@ from somrs.ontology.objects import objects_of
 from somrs.protocol.messages import directory, frp, previews, records, submission, task_news
 from somrs.protocol.messages.bodies import REQUESTS, Body, FrpBody
 from somrs.protocol.messages.envelope import Message, message_id, reply
-from somrs.protocol.messages.paging import fit_page
 from somrs.task_manager.context import Commitments, Interval, TaskManagerContext, find_task_error, rejection
 from somrs.task_manager.device_queue import AtWork
 from somrs.task_manager.execution.participants import answer_stranger
@@ -37,6 +34,7 @@ from somrs.task_manager.preview_state import new_preview, preview_of_plan
 from somrs.task_manager.requests import ForPlan, ReportAnswered, RequestResult, ServicesKnown
 from somrs.task_manager.state import TaskManagerState, UnsettledReport
 from somrs.task_manager.subscriptions import Replies, TaskSubscriptions
+from somrs.task_manager.task_queries import TaskQueries
 from somrs.task_manager.timers import (
     Answer,
     AnswerDue,
@@ -57,7 +55,7 @@ from somrs.task_manager.timers import (
 )
 from somrs.task_manager.transaction.state import TaskState
 from somrs.task_manager.transaction.transaction import Transaction, new_task
-from somrs.task_manager.transaction.views import message_view, preview_reply, view_in_parts
+from somrs.task_manager.transaction.views import preview_reply
 
 READY_TIME = 30.0
 """Seconds that a task waits for the map after the start. Then its client receives a Fault: the Repository does not answer."""
@@ -97,6 +95,7 @@ class TaskManager:
             still_at_work=self._still_at_work,
         )
         self._subscriptions = TaskSubscriptions(state.subscriptions, state.tasks)
+        self._queries = TaskQueries(state)
 
     @property
     def open(self) -> list[str]:
@@ -183,15 +182,15 @@ class TaskManager:
                 yield from self._transaction(task).cancel(now, reason)
                 yield self._reply(message, submission.Cancelling(task=task))
             case task_news.ReadTasks():
-                yield self._reply(message, self._list_tasks(message.body))
+                yield self._queries.read_tasks(message, message.body)
             case task_news.WatchTask() | task_news.WatchTasks():
                 yield from self._replies(self._subscriptions.wait(message, message.body, now))
             case task_news.ReadMessages():
-                yield self._read_messages(message, message.body)
+                yield self._queries.read_messages(message, message.body)
             case previews.Preview():
                 yield from self._preview(message, message.body, now)
             case records.ReadRecords():
-                yield self._read_records(message, message.body)
+                yield self._queries.read_records(message, message.body)
             case directory.ServicesJoined(offers=offers):
                 for task in state.running:
                     yield from self._transaction(task).services_joined([offer.service for offer in offers], now)
@@ -244,33 +243,6 @@ class TaskManager:
             self.state.previews[quoted.id] = preview_of_plan(quoted)
             yield from self._advance_preview(quoted.id, now, partial(PreviewExecutor.begin_with_plan, plan=quoted.plan, now=now))
 
-    def _list_tasks(self, query: task_news.ReadTasks) -> task_news.Tasks:
-        tasks = self.state.tasks
-        matching_tasks = [task for task in tasks.values() if task.outcome is None or not query.running]
-        newest = sorted(matching_tasks, key=lambda task: (task.submitted_at, task.id), reverse=True)
-        if query.behind is not None:
-            last_task = tasks.get(query.behind)
-            newest = [
-                task for task in newest if last_task is not None and (task.submitted_at, task.id) < (last_task.submitted_at, last_task.id)
-            ]
-        page = tuple(fit_page((view_in_parts(task, 0)[0] for task in newest), max(query.limit, 0)))
-        return task_news.Tasks(tasks=page, more=len(page) < len(newest))
-
-    def _read_messages(self, request: Message, query: task_news.ReadMessages) -> Effect:
-        """The messages of a running task are in its state; those of an ended task are in its record."""
-        offset = max(query.after, 0)
-        if query.task in self.state.running:
-            passed = self.state.tasks[query.task].messages
-            page = tuple(fit_page(message_view(entry.at, entry.message) for entry in islice(passed, offset, None)))
-            return self._reply(request, task_news.Messages(messages=page, more=offset + len(page) < len(passed)))
-        parts = tuple(name for name in records.PARTS if name != "messages")
-        return self._read_records(request, records.ReadRecords(task=query.task, limit=1, after=offset, without=parts))
-
-    def _read_records(self, request: Message, query: records.ReadRecords) -> Effect:
-        id = request.header.message_id
-        self.state.awaiting_records[id] = request
-        return Ask(RecordsWanted(id), query)
-
     # Timers and answers
 
     def _timer_fired(self, timer: Timer, now: float) -> Effects:
@@ -298,8 +270,8 @@ class TaskManager:
                 yield from self._transaction(owner).planned(question, answer, now)
             case PlanWanted(owner=owner) if owner in state.previews:
                 yield from self._advance_preview(owner, now, lambda preview: preview.planned(question, answer, now))
-            case RecordsWanted(request) if (reader := state.awaiting_records.pop(request, None)) is not None:
-                yield self._reply(reader, _records_reply(reader, answer))
+            case RecordsWanted(request):
+                yield from self._queries.records_read(request, answer)
 
     def _delivery_failed(self, message: Message, reason: str, now: float) -> Effects:
         transaction = message.header.transaction or ""
@@ -388,19 +360,6 @@ class TaskManager:
             oldest = next(id for id in state.tasks if id not in state.running)
             del state.tasks[oldest]
             state.subscriptions.forget(oldest)
-
-
-def _records_reply(request: Message, answer: Answer) -> Body:
-    """The reply to a client that requested records or messages."""
-    match answer, request.body:
-        case records.Records(), records.ReadRecords():
-            return answer
-        case records.Records(records=(record,)), task_news.ReadMessages():
-            return task_news.Messages(messages=record.messages, more=answer.rest is not None)
-        case records.Records(), task_news.ReadMessages(task=task):
-            return frp.Fault(code="env:Sender", text=f"there is no task {task} here")
-        case _:
-            return frp.Fault(code="env:Receiver", text=f"the records cannot be read: {answer}")
 
 
 SCHEMA = Schema(
