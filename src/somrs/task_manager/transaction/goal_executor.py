@@ -1,5 +1,5 @@
-"""The execution of one goal: planning, arrangement (`step_arranger.py`), execution of the steps (`step_executor.py`), and recovery of a
-failed step by replacement or replanning (`recovery/ladder.py`).
+"""The execution of one goal: planning (`goal_planner.py`), arrangement (`step_arranger.py`), execution of the steps (`step_executor.py`),
+and recovery of a failed step by replacement or replanning (`recovery/ladder.py`).
 
 The goals are that of the task, and further goals on the way: what a handler demands, what a cognitive service observes, what a
 compensation restores. Decisions that concern the whole task are returned to the transaction as a `NextAction`.
@@ -9,8 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
-
-from msgspec import structs
 
 from somrs.entish.parse import parse
 from somrs.kernel.component import Effects, EffectsReturning
@@ -25,7 +23,7 @@ from somrs.protocol.messages.previews import Previewed
 from somrs.protocol.messages.task_views import Phase
 from somrs.task_manager.arrangement.available_services import service_names
 from somrs.task_manager.arrangement.call_for_proposals import MAX_OPEN_CALLS
-from somrs.task_manager.arrangement.plan_request import MOST_PLANS, PlanRequest, PlanRequester, PlanResult, ServicesUnknown
+from somrs.task_manager.arrangement.plan_request import PlanResult, ServicesUnknown
 from somrs.task_manager.context import known_to_hold
 from somrs.task_manager.execution.knowledge import told
 from somrs.task_manager.execution.member import Member
@@ -33,8 +31,8 @@ from somrs.task_manager.execution.workflow import Progress, StepRun, Workflow
 from somrs.task_manager.recovery.ladder import RecoveryStep, next_recovery_step
 from somrs.task_manager.reservations import BlockedPlan
 from somrs.task_manager.timers import Answer, PlanWanted
+from somrs.task_manager.transaction.goal_planner import GoalPlanner
 from somrs.task_manager.transaction.next_action import GoalReached, GoalUnreachable, NextAction, NoPlanFound, Proceed, StepLost, UndoFirst
-from somrs.task_manager.transaction.plan_comparison import PlanComparison
 from somrs.task_manager.transaction.retry_wait import RetryWait
 from somrs.task_manager.transaction.scope import TaskScope
 from somrs.task_manager.transaction.state import GoalExecution
@@ -50,14 +48,14 @@ class GoalExecutor:
         self._execution, self._scope = execution, scope
         self._context, self._participants, self._services = scope.context, scope.participants, scope.services
         self._log_event = scope.log_event
-        self._retry_wait = RetryWait(execution, scope)
+        self._planner, self._retry_wait = GoalPlanner(execution, scope), RetryWait(execution, scope)
 
     # Planning
 
     def begin(self, now: float, plan: Plan | None = None) -> EffectsReturning[NextAction | None]:
         """Request a plan, or adopt the given plan as the only one."""
         if plan is None:
-            yield from self._plan(now)
+            yield from self._planner.request(now)
             return None
         self._execution.fixed = True
         return (yield from self._adopt_plan(plan, now))
@@ -65,55 +63,20 @@ class GoalExecutor:
     def plan_anew(self, now: float) -> Effects:
         """Request another plan after a change of the map."""
         self._execution.replans.count()
-        yield from self._plan(now)
-
-    def _plan(self, now: float) -> Effects:
-        execution, state = self._execution, self._scope.state
-        execution.phase = Phase.PLANNING
-        # The client's precondition concerns only the initial situation.
-        precondition = state.task.precondition if execution.kind is GoalKind.TASK and execution.plans == 0 else None
-        task = structs.replace(state.task, effect=execution.goal, precondition=precondition)
-        conditions = execution.conditions
-        if stated := conditions.begin_plan():
-            self._log_event(events.ConditionsAdopted(conditions=stated), now)
-        execution.request = PlanRequest(
-            owner=state.id,
-            goal=execution.number,
-            serial=execution.plans,
-            task=task,
-            bids=tuple(conditions.bids),
-            # Later, devices wait for the new plan.
-            most_plans=MOST_PLANS if execution.kind is GoalKind.TASK and execution.plans == 0 else 1,
-        )
-        execution.plans += 1
-        execution.deferred_plan = None
-        yield from self._requester(execution.request).begin(now)
-
-    def _requester(self, request: PlanRequest) -> PlanRequester:
-        return PlanRequester(request, self._services, self._context, self._execution.workflow)
+        yield from self._planner.request(now)
 
     def discovered(self, serial: int, offers: tuple[Offer, ...] | str, now: float) -> EffectsReturning[NextAction | None]:
-        """Handle the services on offer; they are ignored if the request is out of date."""
-        request = self._execution.request
-        if request is None or request.serial != serial:
-            return None
-        result = yield from self._requester(request).discovered(offers)
+        """Handle the services on offer; they are ignored if the request for the plan is out of date."""
+        result = yield from self._planner.discovered(serial, offers)
         return (yield from self._planned(result, now)) if result is not None else None
 
     def planned(self, question: PlanWanted, answer: Answer, now: float) -> EffectsReturning[NextAction | None]:
         """Handle the planner's answer; it is ignored if the question is out of date."""
-        request = self._execution.request
-        if request is None or request.question != question:
-            return None
-        result = yield from self._requester(request).answered(answer)
+        result = yield from self._planner.answered(question, answer)
         return (yield from self._planned(result, now)) if result is not None else None
 
     def _planned(self, result: PlanResult, now: float) -> EffectsReturning[NextAction | None]:
-        self._execution.request = None
         match result:
-            case Plan(alternatives=alternatives) if alternatives:
-                self._comparison.begin((result, *alternatives))
-                return None
             case Plan() if (estimate := undoing_is_cheaper(self._execution, self._scope, result)) is not None:
                 self._execution.deferred_plan = result
                 return UndoFirst(estimate)
@@ -138,12 +101,8 @@ class GoalExecutor:
 
     def plan_quoted(self, id: str, previewed: Previewed, now: float) -> EffectsReturning[NextAction | None]:
         """Handle the quotes for one of several plans. With the last ones, adopt the plan that the policy prefers."""
-        plan = self._comparison.plan_quoted(id, previewed, now)
+        plan = self._planner.plan_quoted(id, previewed, now)
         return (yield from self._adopt_plan(plan, now)) if plan is not None else None
-
-    @property
-    def _comparison(self) -> PlanComparison:
-        return PlanComparison(self._execution, self._scope)
 
     def go_on(self, now: float) -> EffectsReturning[NextAction | None]:
         """Adopt the plan from the present situation after all: nothing can be undone."""
@@ -154,7 +113,7 @@ class GoalExecutor:
         """There is no plan, and nothing can be compensated to make one possible: try failed services again, or fail."""
         if readmitted := self._services.readmit_failed():
             self._log_event(events.TriedOnceMore(services=service_names(readmitted)), now)
-            yield from self._plan(now)
+            yield from self._planner.request(now)
             return None
         return (yield from self._wait_or_fail(reasons, now))
 
@@ -196,7 +155,7 @@ class GoalExecutor:
     def retry(self, now: float) -> Effects:
         """Try again, if the goal waits for that."""
         if self._retry_wait.begin_attempt():
-            yield from self._plan(now)
+            yield from self._planner.request(now)
 
     def _adopt_plan(self, plan: Plan, now: float) -> EffectsReturning[NextAction | None]:
         execution = self._execution
@@ -215,8 +174,8 @@ class GoalExecutor:
     def invalidate_plan(self, reason: str) -> Effects:
         """Withdraw a plan request, because the map is about to change. The plan is requested again later."""
         execution = self._execution
-        if execution.request is not None or execution.comparison is not None:
-            yield from self._withdraw_request()
+        if self._planner.is_active:
+            yield from self._planner.withdraw()
             execution.replan_because, execution.phase = (reason,), Phase.RECOVERING
 
     def plan_for_new_names(self, reason: str) -> Effects:
@@ -226,17 +185,10 @@ class GoalExecutor:
         if execution.workflow is not None and not execution.fixed and not execution.is_pending:
             execution.replan_because = execution.replan_because or (reason,)
 
-    def _withdraw_request(self) -> Effects:
-        """Withdraw the question to the planner, or the comparison of its plans."""
-        execution = self._execution
-        if execution.request is not None:
-            yield from self._requester(execution.request).withdraw()
-        execution.request = execution.comparison = None
-
     def abandon(self) -> Effects:
         """Stop working on the goal. The transaction informs the participants."""
         execution = self._execution
-        yield from self._withdraw_request()
+        yield from self._planner.withdraw()
         execution.waiting_for, execution.resumed = None, False
         yield from self._retry_wait.abandon()
         if execution.kind is GoalKind.TASK:
@@ -253,7 +205,7 @@ class GoalExecutor:
             return None
         if execution.resumed:
             execution.resumed = False
-            yield from self._plan(now)
+            yield from self._planner.request(now)
         elif execution.replan_because is not None:
             return (yield from self._replan(now, execution.replan_because))
         elif workflow is None:
@@ -266,7 +218,7 @@ class GoalExecutor:
         elif not execution.fixed and (redefined := self._redefined_types(workflow)):
             return (yield from self._replan(now, tuple(f"{name} is defined anew" for name in redefined)))
         elif execution.conditions.pending and not execution.calls and not workflow.busy:
-            yield from self._plan(now)
+            yield from self._planner.request(now)
         elif execution.conditions.pending:
             execution.phase = Phase.ARRANGING
         elif (runs := workflow.open) or execution.calls:
@@ -375,7 +327,7 @@ class GoalExecutor:
         execution.replan_because = None
         execution.replans.count()
         self._log_event(events.Replanned(reasons=reasons), now)
-        yield from self._plan(now)
+        yield from self._planner.request(now)
         return None
 
     # Ending
@@ -396,7 +348,7 @@ class GoalExecutor:
             if replans.is_exhausted:
                 return (yield from self._fail((str(replans),), now))
             replans.count()
-        yield from self._plan(now)
+        yield from self._planner.request(now)
         return None
 
     def _fail(self, reasons: tuple[str, ...], now: float) -> EffectsReturning[NextAction | None]:
