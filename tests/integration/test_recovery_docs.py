@@ -17,7 +17,7 @@ from somrs.service_manager.participant import messaging
 from somrs.task_manager.arrangement import call_for_proposals
 from somrs.task_manager.execution import participants
 from somrs.task_manager.recovery import ladder
-from somrs.task_manager.transaction import transaction
+from somrs.task_manager.transaction import ending
 from tests.support.paths import ROOT
 from tests.support.virtual_system import Robot, VirtualSystem
 
@@ -55,7 +55,7 @@ def test_the_words_and_the_limits_are_those_of_the_program() -> None:
         "CUT_OFF": messaging.CUT_OFF,
         "LATENESS": participants.LATENESS,
         "LEAST_TIME": participants.LEAST_TIME,
-        "STOP_TIME": transaction.STOP_TIME,
+        "STOP_TIME": ending.STOP_TIME,
         "MOST_REPLANS": ladder.MOST_REPLANS,
     }.items():
         (row,) = [line for line in TEXT.splitlines() if f"`{name}`" in line and line.startswith("|")]

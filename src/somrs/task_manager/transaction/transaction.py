@@ -3,7 +3,7 @@ transaction).
 
 A transaction executes the task's goal and further goals, one at a time (`goal_executor.py`). It handles the participants' messages and
 sends their reports to the map (`participant_events.py`). It has objects observed whose state is unknown (`recovery/observation.py`), and
-compensates the work of a task that is not accomplished (`recovery/compensation.py`).
+compensates the work of a task that is not accomplished (`recovery/compensation.py`). `ending.py` stops it and gives it its outcome.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping
 from collections.abc import Set as AbstractSet
 
 from somrs.entish.parse import parse
-from somrs.kernel.component import Effects, EffectsReturning, Record, SetTimer
+from somrs.kernel.component import Effects, EffectsReturning, SetTimer
 from somrs.ontology.services import Occasion
 from somrs.planner.model.plan import Plan
 from somrs.protocol.messages import events
@@ -29,21 +29,16 @@ from somrs.task_manager.recovery.compensation import Compensation, RestorationGo
 from somrs.task_manager.recovery.handlers import fitting_handlers
 from somrs.task_manager.recovery.observation import Look, LookPlan, Observation
 from somrs.task_manager.requests import ForLook, ForPlan
-from somrs.task_manager.reservations import Reservation
 from somrs.task_manager.timers import Answer, BidsDue, DeadlineDue, OverdueDue, PlanWanted, RetryDue, SilenceDue, StopDue
-from somrs.task_manager.transaction.findings import findings
+from somrs.task_manager.transaction.ending import Ending
 from somrs.task_manager.transaction.goal_executor import GoalExecutor
 from somrs.task_manager.transaction.next_action import GoalReached, GoalUnreachable, NextAction, NoPlanFound, Proceed, StepLost, UndoFirst
 from somrs.task_manager.transaction.participant_events import GoalAction, ParticipantEvents
-from somrs.task_manager.transaction.record import record
 from somrs.task_manager.transaction.renamed_objects import TaskRenamer
 from somrs.task_manager.transaction.retry_wait import RetryWait
 from somrs.task_manager.transaction.scope import TaskScope
-from somrs.task_manager.transaction.state import GoalExecution, TaskState, waiting_texts
+from somrs.task_manager.transaction.state import GoalExecution, TaskState
 from somrs.task_manager.transaction.step_executor import StepExecutor
-
-STOP_TIME = 60.0
-"""Seconds that participants have to stop safely. Those that have not stopped by then are given up."""
 
 
 def new_task(id: str, task: Submit, now: float, client: str = "") -> TaskState:
@@ -58,7 +53,7 @@ class Transaction:
     def __init__(self, state: TaskState, context: TaskManagerContext) -> None:
         self.state, self._context = state, context
         self._scope = TaskScope(state, context)
-        self._participants = ParticipantEvents(self._scope)
+        self._participants, self._ending = ParticipantEvents(self._scope), Ending(self._scope)
 
     # Inputs
 
@@ -207,11 +202,8 @@ class Transaction:
         elif state.undoing is not None:
             yield from self._undo(state.undoing, now)
         elif state.ending is not None:
-            yield SetTimer(StopDue(state.id), None)
-            works = state.log.to_undo()
-            self._reserve_objects(works)
-            state.undoing = Undoing.from_works(works, by_other_services=True)
-            yield from self._undo(state.undoing, now)
+            yield from self._ending.begin_undoing()
+            yield from self.proceed(now)
         else:
             yield from self._apply_action(state.goal, (yield from self._executor(state.goal).proceed(now)), now)
 
@@ -244,7 +236,7 @@ class Transaction:
         """A goal holds."""
         state = self.state
         if execution is state.goal:
-            yield from self._end(now, Outcome.ACCOMPLISHED)
+            yield from self._ending.conclude(Outcome.ACCOMPLISHED, now)
             return
         state.side_goals.remove(execution)
         if execution.kind is GoalKind.LOOK:
@@ -315,21 +307,13 @@ class Transaction:
 
     # Compensation
 
-    def _reserve_objects(self, works: Iterable[Work]) -> None:
-        """Reserve the objects of the work to undo, unless other tasks have reserved them."""
-        reservations = self._context.reservations
-        for work in works:
-            reservation = Reservation(changes=frozenset(work.concerned))
-            if not reservations.holders(self.state.id, reservation):
-                reservations.hold(self.state.id, reservation)
-
     def _undo(self, undoing: Undoing, now: float) -> Effects:
         state = self.state
         match (yield from self._compensation(undoing).proceed(now)):
             case RestorationGoal(goal, work):
                 yield from self._pursue(goal, GoalKind.UNDO, work, now)
             case True if state.ending is not None:
-                yield from self._end(now, state.ending)
+                yield from self._ending.conclude(state.ending, now)
             case True:
                 state.undoing = None
                 executor = self._executor(state.goal)
@@ -365,24 +349,9 @@ class Transaction:
     # Ending
 
     def _stop(self, now: float, outcome: Outcome, reasons: tuple[str, ...]) -> Effects:
-        state = self.state
-        if state.outcome is not None or state.ending is not None:
-            return
-        state.ending = outcome
-        state.reasons = (*reasons, *(f"it was {text}" for text in waiting_texts(state.goal)))
-        if outcome is Outcome.CANCELLED:
-            self._scope.log_event(events.Stopping(reason=reasons[0]), now)
-        for execution in state.executions:
-            yield from self._executor(execution).abandon()
-            if execution.look is not None:
-                state.look_queue.requeue(execution.look)
-        state.side_goals.clear()
-        state.undoing = None
-        state.look_queue.drop()
-        yield SetTimer(DeadlineDue(state.id), None)
-        yield from self._scope.participants.stop(reasons[0], now)
-        yield SetTimer(StopDue(state.id), now + STOP_TIME)
-        yield from self.proceed(now)
+        if self.state.outcome is None and self.state.ending is None:
+            yield from self._ending.stop(outcome, reasons, now)
+            yield from self.proceed(now)
 
     def _stop_overdue(self, now: float) -> Effects:
         """Give up the participants that have not stopped in time."""
@@ -397,22 +366,6 @@ class Transaction:
                 event = events.ServiceLost(service=member.offer.service, stopping=True)
                 yield from self._apply_goal_action(self._participants.lost(member, event, now), now)
         yield from self.proceed(now)
-
-    def _end(self, now: float, outcome: Outcome) -> Effects:
-        state = self.state
-        yield from self._scope.participants.end(outcome, now)
-        state.outcome, state.ended_at = outcome, now
-        if state.task.recognise:
-            state.findings = findings(state.task.effect, state.log, self._context.replica)
-        self._context.reservations.remove_task(state.id)
-        if outcome is not Outcome.ACCOMPLISHED:
-            state.reasons += tuple(work.in_words() for work in state.log if work.matters)
-        for timer in (DeadlineDue(state.id), StopDue(state.id)):
-            yield SetTimer(timer, None)
-        self._scope.log_event(events.TaskEnded(outcome=outcome, reasons=state.reasons), now)
-        yield Record(record(state))
-        state.messages.clear()
-        self._scope.participants.forget(run.participant for run in state.goal)
 
     # Parts
 
