@@ -54,7 +54,7 @@ from somrs.task_manager.timers import (
     Timer,
 )
 from somrs.task_manager.transaction.state import TaskState
-from somrs.task_manager.transaction.transaction import Transaction, new_task
+from somrs.task_manager.transaction.transaction import Transaction
 from somrs.task_manager.transaction.views import preview_reply
 
 READY_TIME = 30.0
@@ -208,7 +208,7 @@ class TaskManager:
             if (task_error := find_task_error(task, state.replica)) is not None:
                 yield self._reply(message, rejection(task_error))
                 return
-            state.tasks[id] = new_task(id, task, now, client=message.header.sender)
+            state.tasks[id] = TaskState.new(id, task, now, client=message.header.sender)
             state.running.append(id)
             yield from self._transaction(id).start(now)
         yield self._reply(message, submission.Submitted(task=id))

@@ -175,6 +175,12 @@ class TaskState(Struct, kw_only=True, eq=False):
     blocked: tuple[str, ...] = ()
     """Why there is no plan, while interrupted work is being compensated."""
 
+    @classmethod
+    def new(cls, id: str, task: Submit, now: float, client: str = "") -> TaskState:
+        """The state of a task that was just submitted; `start` its transaction next."""
+        goal = GoalExecution.create(id, 1, task.effect, GoalKind.TASK)
+        return cls(id=id, task=task, submitted_at=now, client=client, goal=goal)
+
     @property
     def executions(self) -> Iterator[GoalExecution]:
         yield self.goal

@@ -21,7 +21,6 @@ from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.goal_kinds import GoalKind
 from somrs.protocol.messages.previews import Previewed
-from somrs.protocol.messages.submission import Submit
 from somrs.task_manager.context import TaskManagerContext
 from somrs.task_manager.execution.execution_log import INTERRUPTED, Work
 from somrs.task_manager.execution.reports import ReportResult, UnobservedSubject, settlement
@@ -39,12 +38,6 @@ from somrs.task_manager.transaction.retry_wait import RetryWait
 from somrs.task_manager.transaction.scope import TaskScope
 from somrs.task_manager.transaction.state import GoalExecution, TaskState
 from somrs.task_manager.transaction.step_executor import StepExecutor
-
-
-def new_task(id: str, task: Submit, now: float, client: str = "") -> TaskState:
-    """A task that was just submitted; `start` its transaction next."""
-    goal = GoalExecution.create(id, 1, task.effect, GoalKind.TASK)
-    return TaskState(id=id, task=task, submitted_at=now, client=client, goal=goal)
 
 
 class Transaction:

@@ -21,7 +21,6 @@ from somrs.protocol.messages.waits import Holder, WaitsForTasks
 from somrs.task_manager.reservations import Reservation
 from somrs.task_manager.timers import BidsDue, DeadlineDue, OverdueDue, PlanWanted, StopDue
 from somrs.task_manager.transaction.state import TaskState
-from somrs.task_manager.transaction.transaction import new_task
 from somrs.task_manager.transaction.views import row, view
 from tests.unit.task_manager.transaction.test_participant_events import (
     FIRST_SERVICE,
@@ -76,7 +75,7 @@ def start_look() -> tuple[TaskManagerHarness, int]:
 
 
 def test_a_task_that_was_just_stated_is_nobodys_and_has_one_goal() -> None:
-    task = new_task("t", Submit(effect=GOAL), 3.0)
+    task = TaskState.new("t", Submit(effect=GOAL), 3.0)
     assert (task.id, task.client, task.submitted_at, task.goal_count, [*task.executions]) == ("t", "", 3.0, 1, [task.goal])
     assert (task.goal.number, task.goal.goal, task.goal.kind, task.goal.calls.timer) == (1, GOAL, GoalKind.TASK, BidsDue("t", 1))
 
