@@ -239,6 +239,14 @@ def test_a_task_manager_that_does_not_wait_for_the_map_is_noticed(monkeypatch: p
     assert violated_property(slips) is Property.MAP
 
 
+def test_a_waiting_task_does_not_plan_while_a_late_report_is_on_its_way_to_the_map() -> None:
+    picker = DeviceTraits(name="Robot5", services=("PickUp", "PutDown"), price=9, duration=12.0, drops=True)
+    cuts = Cut(at=9.0, target=AT_WORK, seconds=70.0), Cut(at=78.0, target="repository", seconds=18.0)
+    kill = Kill(at=31.0, target="tm1", moment=KillPoint.JOURNALED, seconds=25.0)
+    scenario = make_scenario(*cuts, kill, devices=(picker,), waits=True)
+    assert violated_property(replace(scenario, setting=Setting.GRIP)) is None
+
+
 def test_a_task_manager_that_does_not_say_that_it_is_over_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
     assert violated_property(make_scenario()) is None
     monkeypatch.setattr(Participants, "end", lambda *_: iter(()))

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from msgspec import structs
+
 from somrs.kernel.component import Effects, SetTimer
 from somrs.protocol.messages import waits
 from somrs.protocol.messages.goal_kinds import GoalKind
 from somrs.protocol.messages.task_views import Phase
+from somrs.protocol.messages.waits import WaitsToRetry
 from somrs.task_manager.timers import RetryDue
-from somrs.task_manager.transaction.retry import hastened, is_repeated, next_wait
+from somrs.task_manager.transaction.retry import FIRST_PAUSE, hastened, is_repeated, next_wait
 from somrs.task_manager.transaction.scope import TaskScope
 from somrs.task_manager.transaction.state import GoalExecution
 
@@ -48,10 +51,18 @@ class RetryWait:
 
     def hasten(self, now: float) -> Effects:
         """Try again soon: there is news that may concern the hindrances."""
+        if self._execution.waiting_to_retry is not None:
+            yield from self._reschedule(hastened(self._execution.waiting_to_retry, now))
+
+    def postpone(self, now: float) -> Effects:
+        """Put off the attempt that is due, because a report is on its way to the map (FRP, property 5)."""
+        if self._execution.waiting_to_retry is not None:
+            yield from self._reschedule(structs.replace(self._execution.waiting_to_retry, next_attempt=now + FIRST_PAUSE))
+
+    def _reschedule(self, wait: WaitsToRetry) -> Effects:
         execution = self._execution
-        if execution.retry_at is not None and execution.waiting_to_retry is not None:
-            execution.waiting_to_retry = hastened(execution.waiting_to_retry, now)
-            execution.retry_at = execution.waiting_to_retry.next_attempt
+        if execution.retry_at is not None:
+            execution.waiting_to_retry, execution.retry_at = wait, wait.next_attempt
             yield SetTimer(RetryDue(self._scope.state.id), execution.retry_at)
 
     def begin_attempt(self) -> bool:

@@ -124,6 +124,8 @@ class Transaction:
                 yield from self._apply_goal_action((yield from self._participants.overdue(participant, now)), now)
             case DeadlineDue():
                 yield from self._stop(now, Outcome.FAILED, (f"the deadline of {self.state.task.deadline:g} s is over",))
+            case RetryDue() if self.state.reports.pending:
+                yield from RetryWait(self.state.goal, self._scope).postpone(now)
             case RetryDue():
                 yield from self._executor(self.state.goal).retry(now)
             case StopDue():
