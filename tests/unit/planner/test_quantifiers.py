@@ -7,8 +7,12 @@ import pytest
 from somrs.entish.parse import parse
 from somrs.ontology.objects import Fact, Map, Object, ValueSet
 from somrs.ontology.services import Parameter, ServiceType
+from somrs.planner.grounding.grounding import Grounding
+from somrs.planner.grounding.relevance import demands
 from somrs.planner.model.expansion import expand_quantifiers
+from somrs.planner.model.operators import goal_operators
 from somrs.planner.model.plan import NoPlan, Plan
+from somrs.planner.model.world import World
 from somrs.planner.planning import plan
 from tests.support.laboratory import MAP, TRANSFER, WASH, make_problem, names
 from tests.support.sound_plans import make_sound_plan
@@ -87,6 +91,22 @@ def test_only_the_objects_that_the_map_relates_to_the_input_matter() -> None:
         "ShutDoor(Door: DoorAB)",
         "LockRoom(Room: RoomA)",
     ]
+
+
+def test_what_the_map_says_of_an_input_is_no_choice() -> None:
+    """Each room has two of the doors. The conditions of the other doors hold whatever services do."""
+    count = 20
+    rooms, doors = [f"Room{n}" for n in range(count)], [f"Door{n}" for n in range(count)]
+    objects = [*(Object(name=room, type="Room") for room in rooms), *(Object(name=door, type="Door") for door in doors)]
+    ring = Map(objects, [Fact("connects", (doors[n], rooms[n], rooms[(n + 1) % count])) for n in range(count)])
+    opened = ring.changed([ValueSet(door, "Open", True) for door in doors])
+    problem = expand_quantifiers(make_problem('Room3.Label = "locked"', LOCK, SHUT, map=opened))
+    result = make_sound_plan(problem)
+    assert sorted(names(result)) == ["LockRoom(Room: Room3)", "ShutDoor(Door: Door3)"]
+    world = World(problem)
+    grounding = Grounding(world, demands(list(goal_operators(problem.goal, world.vocabulary)), world))
+    choices = [action.binding["Room"] for action in grounding.actions if action.operator.is_choice]
+    assert choices == ["Room3"]
 
 
 def test_a_service_may_need_a_choice_for_each_object() -> None:

@@ -194,6 +194,12 @@ def test_names_that_entish_cannot_say_are_changed_and_known_again(tmp_path: Path
     assert formula_holds(imported.goal, world.map, imported.ontology)
 
 
+def test_a_variable_needs_no_space_before_it(harbour: ImportedProblem, tmp_path: Path) -> None:
+    domain, problem = written(tmp_path)
+    domain.write_text(DOMAIN.replace(" ?", "?"))
+    assert dump_ontology(read(domain, problem).ontology) == dump_ontology(harbour.ontology)
+
+
 def test_without_agents_one_device_offers_everything(tmp_path: Path) -> None:
     domain = """(define (domain blocks) (:requirements :strips) (:predicates (on ?a ?b) (clear ?a) (table ?a) (free))
       (:action take :parameters (?a) :precondition (and (clear ?a) (table ?a) (free)) :effect (and (not (table ?a)) (not (free)))))"""

@@ -43,8 +43,8 @@ def added_facts(action: Action, world: World) -> Iterator[Fact]:
 
 
 def make_action(operator: Operator, binding: Binding, world: World) -> Action | None:
-    """The action with the binding; None if an effect is no valid fact (an object in a place relation to itself, an undefined value), or if
-    a service that tells something tells nothing new."""
+    """The action with the binding; None if an effect is no valid fact (an object in a place relation to itself, an undefined value), if
+    the map settles the choice that it makes, or if a service that tells something tells nothing new."""
     add_effects = [_effect(pattern, binding, world) for pattern in operator.add_effects]
     if any(fact is None for fact in add_effects):
         return None
@@ -59,6 +59,10 @@ def make_action(operator: Operator, binding: Binding, world: World) -> Action | 
         return world.canonical((pattern[0], arguments))
 
     preconditions = tuple(dict.fromkeys(map(ground, operator.preconditions)))
+    if operator.static_ways:
+        if any(fact is not None and world.is_settled(fact, operator) for fact in add_effects):
+            return None
+        preconditions = tuple(fact for fact in preconditions if not world.is_settled(fact, operator))
     substitution = (
         {name: as_term(value) for name, value in binding.items()} if operator.numeric_conditions or operator.numeric_effects else {}
     )

@@ -60,7 +60,7 @@ class Joins:
         best: tuple[int, Pattern | Literal] | None = None
         for condition in open_conditions:
             if not isinstance(condition, Test):
-                count = self.count(condition, binding)
+                count = self.count(demand.operator, condition, binding)
                 if count is not None and (best is None or count < best[0]):
                     best = count, condition
         if best is not None:
@@ -99,7 +99,8 @@ class Joins:
                 known_arguments = [argument_of(argument, binding) for argument in arguments]
                 if any(argument is None for argument in known_arguments):
                     return None
-                return self.world.canonical((predicate, tuple(value for value in known_arguments if value is not None))) in self.facts
+                fact = self.world.canonical((predicate, tuple(value for value in known_arguments if value is not None)))
+                return fact in self.facts or self.world.is_settled(fact, operator)
 
     def _partial_fact(self, condition: Pattern | Literal, binding: Binding) -> tuple[str, list[Argument | None]] | None:
         """The predicate or relation, and its arguments as far as they are known; None for a comparison."""
@@ -110,13 +111,14 @@ class Joins:
                 return predicate, [argument_of(argument, binding) for argument in arguments]
         return None
 
-    def count(self, condition: Pattern | Literal, binding: Binding) -> int | None:
-        """An estimate of the number of matching facts; None for what is only tested: a comparison, or that an object is known."""
+    def count(self, operator: Operator, condition: Pattern | Literal, binding: Binding) -> int | None:
+        """An estimate of the number of matching facts; None for what is only tested: a comparison, that an object is known, or a choice
+        that the map may settle."""
         partial_fact = self._partial_fact(condition, binding)
         if partial_fact is None:
             return None
         predicate, known_arguments = partial_fact
-        if predicate == KNOWN:
+        if predicate == KNOWN or predicate in operator.static_ways:
             return None
         count = self.world.count if isinstance(condition, Relation) else self.facts.count
         backwards = count(predicate, known_arguments[::-1]) if self.world.vocabulary.is_symmetric(predicate) else 0

@@ -61,6 +61,14 @@ class NegativePrecondition:
     test: Test | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class StaticWays:
+    """The alternatives of a choice about which the map alone decides, each as literals; `names` are the variables of its arguments."""
+
+    names: tuple[str, ...]
+    ways: tuple[tuple[Literal, ...], ...]
+
+
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Operator:
     """A service type with one alternative of its precondition; or, without a service, one alternative of the goal or of a choice."""
@@ -83,6 +91,8 @@ class Operator:
     """For each variable, the types that its value must all have."""
     variables: tuple[str, ...]
     """The variables to bind, with `Provider` if the formulas use it."""
+    static_ways: Mapping[str, StaticWays]
+    """For each choice that it needs or makes and that may hold on the map whatever services do, by predicate."""
     tells: bool = False
     """Whether the result of the service is known only when it is done; the add effects are then what the plan assumes."""
     found_values: Mapping[str, str]
@@ -165,6 +175,16 @@ class Vocabulary:
         """The attribute that the term reads, if it is a counter; else None. Raises Inexpressible."""
         return self._read(term, self.counters)
 
+    def is_static(self, literal: Literal) -> bool:
+        """Whether no service on offer can change what the literal says."""
+        atom = literal.atom if isinstance(literal, Not) else literal
+        if isinstance(atom, Relation):
+            return atom.relation not in self.relations
+        try:
+            return all(self.changing(term) is None and self.counter(term) is None for term in terms(atom))
+        except Inexpressible:
+            return False
+
     def _read(self, term: Term, paths: set[str]) -> Attribute | None:
         match term:
             case Attribute(_, path) if path in paths:
@@ -226,15 +246,20 @@ class _Compiling:
     def __init__(self, vocabulary: Vocabulary, subject: str) -> None:
         self.vocabulary, self.subject = vocabulary, subject
         self._choices: dict[Formula, Pattern] = {}
+        self._static_ways: dict[str, StaticWays] = {}
 
     def operators(self, condition: Formula | None, result: _Result, inputs: Mapping[str, str]) -> Iterator[Operator]:
         """The operators of the condition's alternatives, and those of their choices."""
         given = {*inputs, *(name for part in result.parts for name in variables(part))}
+        made = next((predicate for predicate, _ in result.added), "")
         for alternative in self._split(condition, given):
+            if made in self._static_ways and alternative.literals in self._static_ways[made].ways:
+                continue
             shared = {*given, *(name for literal in alternative.literals for name in variables(literal))}
             new = [choice for choice in alternative.choices if choice not in self._choices]
             choices = [self._choice(choice, shared) for choice in alternative.choices]
-            yield _Compiler(self.vocabulary, inputs, result).operator(alternative, choices)
+            static_ways = {name: self._static_ways[name] for name in (made, *(c[0] for c in choices)) if name in self._static_ways}
+            yield _Compiler(self.vocabulary, inputs, result).operator(alternative, choices, static_ways)
             for choice in new:
                 arguments = [variable for name, variable in variables(choice).items() if name in shared]
                 types = {variable.name: inputs.get(variable.name) or variable.type or ROOT for variable in arguments}
@@ -252,9 +277,22 @@ class _Compiling:
 
     def _choice(self, choice: Formula, shared: Collection[str]) -> Pattern:
         """The fact that stands for the choice. Its arguments are the variables that occur elsewhere, too."""
-        arguments = (variable for name, variable in variables(choice).items() if name in shared)
-        name = f"choice {len(self._choices) + 1} of {self.subject}"
-        return self._choices.setdefault(choice, (name, tuple(map(strip_type, arguments))))
+        if choice in self._choices:
+            return self._choices[choice]
+        names = tuple(name for name in variables(choice) if name in shared)
+        pattern = f"choice {len(self._choices) + 1} of {self.subject}", tuple(map(Variable, names))
+        self._choices[choice] = pattern
+        if ways := tuple(alternative.literals for alternative in self._split(choice, names) if self._is_static(alternative, names)):
+            self._static_ways[pattern[0]] = StaticWays(names, ways)
+        return pattern
+
+    def _is_static(self, alternative: Alternative, names: Collection[str]) -> bool:
+        """Whether the map alone says whether the alternative holds for the objects with these names."""
+        reading = self.vocabulary.reading
+        if alternative.choices or (reading is not None and reading.unknown):
+            return False
+        bound = {name for literal in alternative.literals if not isinstance(literal, Not) for name in variables(literal)}
+        return bound <= set(names) and all(map(self.vocabulary.is_static, alternative.literals))
 
 
 class _Compiler:
@@ -275,7 +313,7 @@ class _Compiler:
         self.types: dict[str, frozenset[str]] = {}
         self.found_values: dict[str, str] = {}
 
-    def operator(self, alternative: Alternative, choices: Iterable[Pattern]) -> Operator:
+    def operator(self, alternative: Alternative, choices: Iterable[Pattern], static_ways: Mapping[str, StaticWays]) -> Operator:
         """The operator with one alternative of its condition. It needs the `choices`."""
         for part in (*alternative.literals, *self.result.parts):
             self._occurrences.update(term.name for term in terms(part) if isinstance(term, Variable))
@@ -305,6 +343,7 @@ class _Compiler:
             numeric_effects=tuple(self.numeric_effects),
             types=self.types,
             variables=tuple(dict.fromkeys([*self.inputs, *self._to_bind()])),
+            static_ways=static_ways,
             tells=self.tells,
             found_values=self.found_values,
         )

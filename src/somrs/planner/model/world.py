@@ -14,7 +14,7 @@ from somrs.ontology.truth import bindings
 from somrs.ontology.types import ROOT, UNKNOWN, Ontology
 from somrs.ontology.values import MeasuredValue, attribute_at, compare, constant, measure, value_of
 from somrs.planner.model.favourable_values import favourable_values
-from somrs.planner.model.operators import EXISTS_SUFFIX, KNOWN, Argument, Fact, Test, providers_of
+from somrs.planner.model.operators import EXISTS_SUFFIX, KNOWN, Argument, Fact, Operator, Test, providers_of
 from somrs.planner.model.plan import describe_use
 from somrs.planner.model.problem import Problem
 from somrs.planner.model.repertoire import repertoire
@@ -297,6 +297,14 @@ class World:
         if key not in self._settled:
             self._settled[key] = next(self.find_bindings(literal, dict(key[1])), None) is not None
         return self._settled[key]
+
+    def is_settled(self, fact: Fact, operator: Operator) -> bool:
+        """Whether the fact is a choice of the operator that holds on the map, whatever services do."""
+        static_ways = operator.static_ways.get(fact[0])
+        if static_ways is None:
+            return False
+        binding = dict(zip(static_ways.names, fact[1], strict=True))
+        return any(all(self.holds_statically(literal, binding) for literal in way) for way in static_ways.ways)
 
     def find_bindings(self, literal: Literal, binding: Binding) -> Iterator[Binding]:
         """The extensions of the binding with which a static literal holds."""

@@ -11,7 +11,7 @@ from somrs.errors import ModelError, Problem
 DEEPEST = 100
 """The maximum nesting of parentheses; more are taken for a mistake."""
 
-_TOKEN = re.compile(r"[()]|[^\s();]+|;[^\n]*|\n")
+_TOKEN = re.compile(r"[()]|\?[^\s();?]*|[^\s();?]+|;[^\n]*|\n")
 
 
 @dataclass(frozen=True, slots=True)
