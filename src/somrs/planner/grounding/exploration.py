@@ -140,7 +140,8 @@ class Exploration:
         counts = {
             index: count
             for index in remaining
-            if not isinstance(condition := rule.conditions[index], Test) and (count := self.joins.count(rule.demand.operator, condition, binding)) is not None
+            if not isinstance(condition := rule.conditions[index], Test)
+            and (count := self.joins.count(rule.demand.operator, condition, binding)) is not None
         }
         return min(counts, key=lambda index: counts[index], default=None)
 
