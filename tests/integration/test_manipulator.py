@@ -22,7 +22,7 @@ from somrs.ontology.values import value_of
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.repository.component import Repository
-from somrs.service_manager.sdk.device import Ask, MapReader
+from somrs.service_manager.sdk.map_reader import Ask, MapReader
 from somrs.service_manager.sdk.orders import Advance, Halt, Order, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo, WorkDone
 from tests.support.hang import HANG_TIME
 from tests.support.robot_lab import SITE, map_after, repository, run, run_work, simulator, site

@@ -17,7 +17,7 @@ from somrs.ontology.objects import Object, ObjectAdded
 from somrs.protocol.messages.knowledge import Updated, UpdateMap
 from somrs.repository.component import Repository
 from somrs.repository.state import Contents
-from somrs.service_manager.sdk.device import MapReader
+from somrs.service_manager.sdk.map_reader import MapReader
 from somrs.service_manager.sdk.orders import Order, Perform, Quote, Quoted, ServiceFailed, WorkDone
 from somrs.service_manager.sdk.service_runner import carry_out
 from tests.support.command import somrs

@@ -22,7 +22,7 @@ from somrs.protocol.messages.knowledge import Updated, UpdateMap
 from somrs.protocol.messages.observations import Observation
 from somrs.repository.component import Repository
 from somrs.repository.state import Contents
-from somrs.service_manager.sdk.device import MapReader
+from somrs.service_manager.sdk.map_reader import MapReader
 from somrs.service_manager.sdk.orders import Halt, Order, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo, WorkDone
 from somrs.service_manager.sdk.service_runner import carry_out
 from tests.support.command import somrs

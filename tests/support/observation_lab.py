@@ -14,7 +14,8 @@ from somrs.devices.simulator.link.link import OperatorLink
 from somrs.devices.simulator.server.server import Server
 from somrs.ontology.objects import Map
 from somrs.repository.component import Repository
-from somrs.service_manager.sdk.device import Device, MapReader
+from somrs.service_manager.sdk.device import Device
+from somrs.service_manager.sdk.map_reader import MapReader
 from somrs.service_manager.sdk.orders import Advance, Halt, Order, Perform, Quote, Undo, WorkDone
 from tests.support import robot_lab
 from tests.support.building import building

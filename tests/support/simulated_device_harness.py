@@ -11,7 +11,7 @@ from somrs.devices.simulator.link.link import OperatorLink
 from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Map
 from somrs.repository.component import Repository
-from somrs.service_manager.sdk.device import MapReader
+from somrs.service_manager.sdk.map_reader import MapReader
 from somrs.service_manager.sdk.orders import Advance, Order, Perform, Quote, Quoted, Undo, WorkDone
 from tests.support.robot_lab import map_after, repository, run_work, simulator
 from tests.support.virtual_devices import make_ask

@@ -11,7 +11,8 @@ from somrs.kernel.component import Component, Received, Send
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.runtime.virtual_time import CarryOut, Work
-from somrs.service_manager.sdk.device import Ask, Device
+from somrs.service_manager.sdk.device import Device
+from somrs.service_manager.sdk.map_reader import Ask
 from somrs.service_manager.sdk.orders import Halt, Perform, Quote, Report, Undo
 from somrs.service_manager.sdk.service_runner import carry_out
 

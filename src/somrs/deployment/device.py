@@ -32,7 +32,8 @@ from somrs.runtime.wire import retry_unanswered
 from somrs.service_manager.participant.participant import SCHEMA, ServiceManager
 from somrs.service_manager.participant.timers import DepartureRequested, Equipped, Observed, ServicesChanged
 from somrs.service_manager.sdk import orders
-from somrs.service_manager.sdk.device import Device, MapReader
+from somrs.service_manager.sdk.device import Device
+from somrs.service_manager.sdk.map_reader import MapReader
 from somrs.service_manager.sdk.orders import Halt, Perform, Quote, Undo
 from somrs.service_manager.sdk.service_runner import carry_out
 from somrs.storage.journal import Journal

@@ -31,7 +31,7 @@ from somrs.protocol.messages.knowledge import (
 from somrs.repository.component import Repository
 from somrs.service_manager.participant.joining import Joining
 from somrs.service_manager.participant.timers import JoiningDue, ReportWanted
-from somrs.service_manager.sdk.device import predecessor_name
+from somrs.service_manager.sdk.map_reader import predecessor_name
 from somrs.service_manager.sdk.orders import Capability, Profile, Report
 from tests.support.lab import REPOSITORY, contents, deliver_request
 

@@ -29,7 +29,8 @@ from somrs.service_manager.participant.calendar import Commitment, first_free_ti
 from somrs.service_manager.participant.messaging import CUT_OFF
 from somrs.service_manager.participant.participant import SCHEMA, ServiceManager
 from somrs.service_manager.participant.timers import DepartureRequested, HeartbeatDue, Observed, ServicesChanged
-from somrs.service_manager.sdk.device import Device, Result, Situation, Task, predecessor_name, service
+from somrs.service_manager.sdk.device import Device, Result, Situation, Task, service
+from somrs.service_manager.sdk.map_reader import predecessor_name
 from somrs.service_manager.sdk.orders import Order, Refusal, Report, ServiceFailed
 from somrs.service_manager.sdk.values import as_term, money, python_value, seconds
 from tests.support.effects import timeless

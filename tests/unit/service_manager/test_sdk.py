@@ -20,7 +20,8 @@ from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.knowledge import Definitions, MapPage, QueryMap, ReadMap, Row, Rows
 from somrs.protocol.messages.observations import Observation
-from somrs.service_manager.sdk.device import Device, MapReader, Result, Service, Situation, Task, predecessor_name, service
+from somrs.service_manager.sdk.device import Device, Result, Service, Situation, Task, service
+from somrs.service_manager.sdk.map_reader import MapReader, predecessor_name
 from somrs.service_manager.sdk.orders import (
     Advance,
     Capability,

@@ -19,7 +19,7 @@ from somrs.entish.formula import (
     variables,
 )
 from somrs.ontology.types import Value
-from somrs.service_manager.sdk.device import MapReader
+from somrs.service_manager.sdk.map_reader import MapReader
 from somrs.service_manager.sdk.values import as_term, term
 
 PLACING = ("isOn", "isIn", "isHeldBy")

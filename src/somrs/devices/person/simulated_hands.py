@@ -12,7 +12,7 @@ from somrs.devices.simulator.link.link import OperatorLink
 from somrs.entish.formula import Formula, Name, Relation, conjuncts
 from somrs.entish.parse import parse
 from somrs.errors import SomrsError
-from somrs.service_manager.sdk.device import MapReader
+from somrs.service_manager.sdk.map_reader import MapReader
 
 log = logging.getLogger(__name__)
 

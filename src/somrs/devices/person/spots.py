@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from itertools import product
 
 from somrs.entish.formula import Number
-from somrs.service_manager.sdk.device import MapReader
+from somrs.service_manager.sdk.map_reader import MapReader
 from somrs.service_manager.sdk.values import term
 
 _SPACING = 0.1

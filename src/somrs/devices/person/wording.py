@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from somrs.entish.formula import Attribute, Comparison, Formula, Name, Not, Number, Relation, Term, Text, Truth, Variable, conjuncts, names
 from somrs.ontology.objects import Object
 from somrs.ontology.types import UNKNOWN
-from somrs.service_manager.sdk.device import MapReader
+from somrs.service_manager.sdk.map_reader import MapReader
 
 _BOUNDARY = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 _OPERATORS = {"=": "is", "!=": "is not", "<": "is less than", "<=": "is at most", ">": "is more than", ">=": "is at least"}

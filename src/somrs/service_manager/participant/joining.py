@@ -48,7 +48,7 @@ from somrs.protocol.messages.knowledge import (
     UpdateMap,
 )
 from somrs.service_manager.participant.timers import JoiningDue, ReportWanted
-from somrs.service_manager.sdk.device import predecessor_name
+from somrs.service_manager.sdk.map_reader import predecessor_name
 from somrs.service_manager.sdk.orders import Capability, Profile, Report
 
 PATIENCE = 5.0

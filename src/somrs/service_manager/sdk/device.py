@@ -29,26 +29,13 @@ from msgspec import Struct
 
 from somrs.entish.formula import Formula
 from somrs.entish.parse import parse
-from somrs.errors import DeviceError, RemoteError
-from somrs.ontology.objects import Object
+from somrs.errors import DeviceError
 from somrs.ontology.service_kinds import kind_problems
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Definition, ObjectType, Value
-from somrs.protocol.messages.bodies import Body
-from somrs.protocol.messages.frp import Fault
-from somrs.protocol.messages.knowledge import (
-    MapPage,
-    OntologyPage,
-    QueryMap,
-    ReadMap,
-    ReadOntology,
-    Rejected,
-    Rows,
-    Updated,
-    UpdateMap,
-    by_kind,
-)
+from somrs.protocol.messages.knowledge import UpdateMap, by_kind
 from somrs.protocol.messages.observations import Observation, Reception
+from somrs.service_manager.sdk.map_reader import Ask, MapReader
 from somrs.service_manager.sdk.orders import Advance, Capability, Order, Profile
 from somrs.service_manager.sdk.values import fill_in, money, python_value, seconds
 
@@ -64,9 +51,6 @@ class Result(Struct, frozen=True, kw_only=True):
     observation: Observation | None = None
 
 
-Ask = Callable[[Body], Awaitable[Body]]
-"""Sends a request to the Repository and returns the answer."""
-
 # The types of the decorated functions. Their first argument is the device, whose class differs from author to author.
 PerformFunction = Callable[[Any, "Task"], Awaitable["Situation | Result"]]
 StopFunction = Callable[[Any, "Task"], Awaitable[Situation]]
@@ -74,67 +58,6 @@ UndoFunction = Callable[[Any, "Task", Formula], Awaitable[Situation]]
 Amount = float | str
 Amounts = Amount | Callable[[Any, "Task"], Amount | Awaitable[Amount]]
 AbilityCheck = Callable[[Any, "Task"], Awaitable[None] | None]
-
-
-class MapReader:
-    """Reads the map in the Repository, and reports to it.
-
-    With a `situation`, in Entish: reads the map as it would be if this formula held, too.
-    """
-
-    def __init__(self, ask: Ask, situation: str | None = None) -> None:
-        self._ask, self._situation = ask, situation
-
-    async def object(self, name: str) -> Object | None:
-        """Return the object with its explicit values; None when the map has no such object."""
-        page = await self._answer(ReadMap(after=predecessor_name(name), situation=self._situation))
-        if not isinstance(page, MapPage):
-            raise RemoteError(f"the Repository answered ReadMap with {type(page).__name__}")
-        return page.objects[0] if page.objects and page.objects[0].name == name else None
-
-    async def query(self, formula: str | Formula, limit: int = 100) -> list[dict[str, Value]]:
-        """Return all solutions of the formula, up to `limit`: a value, or the name of an object, for each variable."""
-        rows = await self._answer(QueryMap(formula=str(formula), limit=limit, situation=self._situation))
-        if not isinstance(rows, Rows):
-            raise RemoteError(f"the Repository answered QueryMap with {type(rows).__name__}")
-        return [{name: python_value(text) for name, text in row.bindings.items()} for row in rows.rows]
-
-    async def holds(self, formula: str | Formula) -> bool:
-        return bool(await self.query(formula, limit=1))
-
-    async def service_type(self, name: str) -> ServiceType | None:
-        """Return the service type of the common ontology; None when it has none of this name."""
-        after, more = 0, True
-        while more:
-            page = await self._answer(ReadOntology(after=after))
-            if not isinstance(page, OntologyPage):
-                raise RemoteError(f"the Repository answered ReadOntology with {type(page).__name__}")
-            for service_type in page.definitions.services:
-                if service_type.name == name:
-                    return service_type
-            after, more = page.next, page.more
-        return None
-
-    async def report(self, update: UpdateMap) -> Reception:
-        """Change the map, and return what became of the report. Raises RemoteError when the Repository rejects it."""
-        answer = await self._answer(update)
-        match answer:
-            case Updated(reception=reception):
-                return reception if reception is not None else Reception()
-            case Rejected(problems=problems):
-                raise RemoteError("; ".join(problems))
-        raise RemoteError(f"the Repository answered UpdateMap with {type(answer).__name__}")
-
-    async def _answer(self, body: Body) -> Body:
-        answer = await self._ask(body)
-        if isinstance(answer, Fault):
-            raise RemoteError(answer.text)
-        return answer
-
-
-def predecessor_name(name: str) -> str:
-    """Return a text just before the name in the order of names: the page after it begins with the name."""
-    return f"{name[:-1]}{chr(ord(name[-1]) - 1)}\ufffd"
 
 
 class Task:

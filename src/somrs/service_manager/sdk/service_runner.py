@@ -9,7 +9,8 @@ from collections.abc import Callable, Sequence
 from somrs.entish.formula import Formula, conjunction, variables
 from somrs.entish.parse import parse
 from somrs.errors import DeviceError, RemoteError
-from somrs.service_manager.sdk.device import AbilityCheck, Amount, Amounts, Ask, Device, Result, Service, Situation, Task
+from somrs.service_manager.sdk.device import AbilityCheck, Amount, Amounts, Device, Result, Service, Situation, Task
+from somrs.service_manager.sdk.map_reader import Ask
 from somrs.service_manager.sdk.orders import Halt, Order, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo, Work, WorkDone
 from somrs.service_manager.sdk.values import fill_in, money, seconds
 

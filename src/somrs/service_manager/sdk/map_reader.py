@@ -1,0 +1,80 @@
+"""How a device reads the map in the Repository, and reports to it."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+
+from somrs.entish.formula import Formula
+from somrs.errors import RemoteError
+from somrs.ontology.objects import Object
+from somrs.ontology.services import ServiceType
+from somrs.ontology.types import Value
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.frp import Fault
+from somrs.protocol.messages.knowledge import MapPage, OntologyPage, QueryMap, ReadMap, ReadOntology, Rejected, Rows, Updated, UpdateMap
+from somrs.protocol.messages.observations import Reception
+from somrs.service_manager.sdk.values import python_value
+
+Ask = Callable[[Body], Awaitable[Body]]
+"""Sends a request to the Repository and returns the answer."""
+
+
+class MapReader:
+    """Reads the map in the Repository, and reports to it.
+
+    With a `situation`, in Entish: reads the map as it would be if this formula held, too.
+    """
+
+    def __init__(self, ask: Ask, situation: str | None = None) -> None:
+        self._ask, self._situation = ask, situation
+
+    async def object(self, name: str) -> Object | None:
+        """Return the object with its explicit values; None when the map has no such object."""
+        page = await self._answer(ReadMap(after=predecessor_name(name), situation=self._situation))
+        if not isinstance(page, MapPage):
+            raise RemoteError(f"the Repository answered ReadMap with {type(page).__name__}")
+        return page.objects[0] if page.objects and page.objects[0].name == name else None
+
+    async def query(self, formula: str | Formula, limit: int = 100) -> list[dict[str, Value]]:
+        """Return all solutions of the formula, up to `limit`: a value, or the name of an object, for each variable."""
+        rows = await self._answer(QueryMap(formula=str(formula), limit=limit, situation=self._situation))
+        if not isinstance(rows, Rows):
+            raise RemoteError(f"the Repository answered QueryMap with {type(rows).__name__}")
+        return [{name: python_value(text) for name, text in row.bindings.items()} for row in rows.rows]
+
+    async def holds(self, formula: str | Formula) -> bool:
+        return bool(await self.query(formula, limit=1))
+
+    async def service_type(self, name: str) -> ServiceType | None:
+        """Return the service type of the common ontology; None when it has none of this name."""
+        after, more = 0, True
+        while more:
+            page = await self._answer(ReadOntology(after=after))
+            if not isinstance(page, OntologyPage):
+                raise RemoteError(f"the Repository answered ReadOntology with {type(page).__name__}")
+            for service_type in page.definitions.services:
+                if service_type.name == name:
+                    return service_type
+            after, more = page.next, page.more
+        return None
+
+    async def report(self, update: UpdateMap) -> Reception:
+        """Change the map, and return what became of the report. Raises RemoteError when the Repository rejects it."""
+        answer = await self._answer(update)
+        match answer:
+            case Updated(reception=reception):
+                return reception if reception is not None else Reception()
+            case Rejected(problems=problems):
+                raise RemoteError("; ".join(problems))
+        raise RemoteError(f"the Repository answered UpdateMap with {type(answer).__name__}")
+
+    async def _answer(self, body: Body) -> Body:
+        answer = await self._ask(body)
+        if isinstance(answer, Fault):
+            raise RemoteError(answer.text)
+        return answer
+
+
+def predecessor_name(name: str) -> str:
+    """Return a text just before the name in the order of names: the page after it begins with the name."""
+    return f"{name[:-1]}{chr(ord(name[-1]) - 1)}\ufffd"
