@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from somrs.protocol.frp.coordinator_session import CoordinatorSession
 from somrs.protocol.frp.participant_session import ParticipantSession
-from somrs.protocol.frp.session import FrpBody
+from somrs.protocol.messages.bodies import FrpBody
 from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.frp import Arrange, Compensate, End, Execute, Outcome, State, Stop, Terms
 

@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 
 from somrs.cli.main import FaultOption
-from somrs.cli.tasks import FormatOption, OutcomeOption, PolicyOption, TableOption
+from somrs.cli.task_options import PolicyOption
+from somrs.cli.tasks import FormatOption, OutcomeOption, TableOption
 from somrs.client.export import Format, Table
 from somrs.devices.simulator.link.commands import Fault
 from somrs.protocol.messages.frp import Outcome

@@ -16,7 +16,8 @@ from somrs.cli.ontology import DEFAULT_AUTHOR, Author, BeforeOption, Dry, Limit,
 from somrs.cli.options import DEFAULT_FOLDER, LOOPBACK, Data, Formula, HostOption, Json, awaited, fail, guarded
 from somrs.cli.orders import orders_app, templates_app
 from somrs.cli.run import run_app
-from somrs.cli.tasks import PolicyOption, tasks_app
+from somrs.cli.task_options import PolicyOption
+from somrs.cli.tasks import tasks_app
 from somrs.version import __version__
 
 app = typer.Typer(

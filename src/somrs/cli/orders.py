@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import sys
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from somrs.cli.options import DEFAULT_FOLDER, Data, Json, Priority, Unavailable, UnavailableOption, awaited, guarded
-from somrs.cli.tasks import PolicyOption
+from somrs.cli.task_options import Deadline, PolicyOption, PolicyWanted, Precondition, TimeValue, stated_task
 from somrs.protocol.messages.orders import OrderSaved, TemplateSaved
-
-if TYPE_CHECKING:
-    from somrs.protocol.messages.submission import Submit
 
 templates_app = typer.Typer(
     help="Templates: tasks for repeated use, with blanks to fill in. Without a command: list them.",
@@ -28,10 +25,6 @@ orders_app = typer.Typer(
 TemplateName = Annotated[str, typer.Argument(help="The template's name.")]
 OrderName = Annotated[str, typer.Argument(help="The order's id, or its name.")]
 Filling = Annotated[list[str], typer.Argument(help="Values of blanks: NAME=VALUE ...")]
-Precondition = Annotated[str | None, typer.Option(help="A formula that has to hold initially.")]
-PolicyWanted = Annotated[PolicyOption, typer.Option(help="How services are chosen.")]
-TimeValue = Annotated[float, typer.Option(help="With --policy weighted: what a second is worth, in EUR.")]
-Deadline = Annotated[float | None, typer.Option(help="Seconds within which the task has to be accomplished.")]
 
 
 @templates_app.callback()
@@ -64,7 +57,7 @@ def save_template(
     from somrs.cli.order_commands import parse_blank as declared
     from somrs.cli.order_commands import save_template as run
 
-    task = _task(formula, precondition, policy, time_value, deadline, priority, unavailable)
+    task = stated_task(formula, precondition, policy, time_value, deadline, priority, unavailable)
     awaited(run(name, TemplateSaved(task=task, blanks=tuple(map(declared, blank)), note=note, by=author_name()), data))
 
 
@@ -134,7 +127,7 @@ def add_order(
         lambda: OrderSaved(
             name=name,
             when=parse_recurrence(every, daily, days, at),
-            task=_task(formula, precondition, policy, time_value, deadline, priority, unavailable) if formula is not None else None,
+            task=stated_task(formula, precondition, policy, time_value, deadline, priority, unavailable) if formula is not None else None,
             template=template,
             values=parse_values(fill),
             skip=skip,
@@ -179,25 +172,3 @@ def remove_order(name: OrderName, data: Data = DEFAULT_FOLDER) -> None:
     from somrs.cli.order_commands import remove_order as run
 
     awaited(run(name, data))
-
-
-def _task(
-    formula: str,
-    precondition: str | None,
-    policy: PolicyOption,
-    time_value: float,
-    deadline: float | None,
-    priority: int,
-    unavailable: UnavailableOption,
-) -> Submit:
-    from somrs.protocol.messages.submission import Policy, Submit
-
-    return Submit(
-        effect=formula,
-        precondition=precondition,
-        policy=Policy(policy.value),
-        time_value=time_value,
-        deadline=deadline,
-        priority=priority,
-        waits=unavailable is UnavailableOption.wait,
-    )

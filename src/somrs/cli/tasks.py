@@ -9,8 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from msgspec import structs
 
 from somrs.cli.options import DEFAULT_FOLDER, Data, Formula, Json, Priority, Unavailable, UnavailableOption, awaited, fail, guarded
+from somrs.cli.task_options import Deadline, PolicyOption, PolicyWanted, Precondition, TimeValue, stated_task
 
 if TYPE_CHECKING:
     from somrs.protocol.messages.records import ReadRecords
@@ -23,14 +25,6 @@ _PROCEDURE = "[SERVICE TYPE:] FORMULA [WHEN FORMULA]; the step's inputs are vari
 SinceOption = Annotated[str | None, typer.Option(help="Only tasks that ended since 2026-03-01, since 2026-03-01T14:30, or within 2h, 7d.")]
 TextOption = Annotated[str | None, typer.Option("--text", help="Only tasks with this text in the goal.")]
 ByOption = Annotated[str | None, typer.Option("--by", help="Only tasks in which this service, or a service of this device, took part.")]
-
-
-class PolicyOption(StrEnum):
-    """How services are chosen."""
-
-    price = "price"
-    time = "time"
-    weighted = "weighted"
 
 
 class OutcomeOption(StrEnum):
@@ -64,10 +58,10 @@ class TableOption(StrEnum):
 @tasks_app.command()
 def do(
     formula: Formula,
-    precondition: Annotated[str | None, typer.Option(help="A formula that has to hold initially.")] = None,
-    policy: Annotated[PolicyOption, typer.Option(help="How services are chosen.")] = PolicyOption.price,
-    time_value: Annotated[float, typer.Option(help="With --policy weighted: what a second is worth, in EUR.")] = 0.01,
-    deadline: Annotated[float | None, typer.Option(help="Seconds within which the task has to be accomplished.")] = None,
+    precondition: Precondition = None,
+    policy: PolicyWanted = PolicyOption.price,
+    time_value: TimeValue = 0.01,
+    deadline: Deadline = None,
     priority: Priority = 0,
     on_failure: Annotated[
         list[str], typer.Option(help=f"A goal to achieve when a step fails, before the recovery of the step: {_PROCEDURE}")
@@ -83,25 +77,16 @@ def do(
     """Submit a task, with a formula as its goal. Shows the plan, the services, the recovery from failures, and the outcome."""
     from somrs.cli.task_commands import handlers
     from somrs.cli.task_commands import run_task as run
-    from somrs.protocol.messages.submission import Policy, Submit
 
-    submission = Submit(
-        effect=formula,
-        precondition=precondition,
-        policy=Policy(policy.value),
-        time_value=time_value,
-        deadline=deadline,
-        priority=priority,
-        waits=unavailable is UnavailableOption.wait,
-        handlers=guarded(lambda: handlers(on_failure, on_compensation)),
-    )
+    task = stated_task(formula, precondition, policy, time_value, deadline, priority, unavailable)
+    submission = structs.replace(task, handlers=guarded(lambda: handlers(on_failure, on_compensation)))
     sys.exit(awaited(run(submission, data, wait=wait, json=json)))
 
 
 @tasks_app.command()
 def look(
     formula: Annotated[str, typer.Argument(help="What to find out, such as '?Jar: Jar isOn Table001' or 'Jar001.Weight = ?Weight'.")],
-    policy: Annotated[PolicyOption, typer.Option(help="How services are chosen.")] = PolicyOption.price,
+    policy: PolicyWanted = PolicyOption.price,
     deadline: Annotated[float | None, typer.Option(help="Seconds within which it has to be found out.")] = None,
     unavailable: Unavailable = UnavailableOption.fail,
     wait: Annotated[bool, typer.Option(help="Wait until the observations have ended.")] = True,

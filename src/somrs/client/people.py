@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 from somrs.client.client import Addresses
+from somrs.client.reply_wait import wait_until_accepted
 from somrs.devices.person.assignments import FILE, Assignment, Assignments, Reply, ReplyKind
-from somrs.errors import RemoteError, UsageError
-
-REPLY_PATIENCE = 10.0
-"""Seconds within which a person's program processes a reply, if it runs."""
+from somrs.errors import UsageError
 
 
 def open_assignments(data: Path, person: str | None = None) -> list[Assignment]:
@@ -51,14 +48,19 @@ def put_reply(number: int, reply: Reply, data: Path) -> None:
 
     Raises:
         UsageError: the reply is unsuitable or too late.
-        RemoteError: the person's program did not process it within `REPLY_PATIENCE`.
+        RemoteError: the person's program did not process it within `PATIENCE`.
     """
     store = _store(data)
     if store is None:
         raise UsageError(f"there is no assignment {number}; nobody has been asked to do anything")
     try:
         store.reply(number, reply)
-        _wait(store, number, reply.kind)
+        wait_until_accepted(
+            lambda: store.read(number),
+            lambda assignment: assignment.ended == reply.kind.value or (reply.kind is ReplyKind.ACCEPT and assignment.accepted is not None),
+            reply="reply",
+            still_open="the assignment is still open; reply again",
+        )
     finally:
         store.close()
 
@@ -69,19 +71,3 @@ def _store(data: Path) -> Assignments | None:
         Addresses.read(data)
         return None
     return Assignments(data)
-
-
-def _wait(store: Assignments, number: int, kind: ReplyKind) -> None:
-    end, person = time.monotonic() + REPLY_PATIENCE, ""
-    while time.monotonic() < end:
-        assignment = store.read(number)
-        assert assignment is not None, "assignments are not deleted"
-        person = assignment.person
-        if assignment.ended == kind.value or (kind is ReplyKind.ACCEPT and assignment.accepted is not None):
-            return
-        if assignment.ended is not None:
-            raise UsageError(f"the reply came too late: {assignment.ended}")
-        if assignment.problem:
-            raise UsageError(f"{assignment.problem}\nthe assignment is still open; reply again")
-        time.sleep(0.1)
-    raise RemoteError(f"the reply was not accepted within {REPLY_PATIENCE:.0f} s; is the program of {person} running?")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from nicegui import ui
 
+from somrs.gui.components.table_head import table_head
 from somrs.gui.icons import format_time
 from somrs.gui.panel import Panel
 from somrs.protocol.messages.findings import Finding, Findings, Unseen
@@ -43,10 +44,7 @@ def _table(findings: Findings) -> None:
     names = [*findings.answers[0].bindings]
     view = ui.element("div").classes("somrs-terms-view").props('tabindex="0" role="group" aria-label="Answers"')
     with view, ui.element("table").classes("somrs-terms"):
-        with ui.element("thead"), ui.element("tr"):
-            for name in (*(f"?{name}" for name in names), "What is so", "Seen by", "At"):
-                with ui.element("th").props('scope="col"'):
-                    ui.label(name)
+        table_head((*(f"?{name}" for name in names), "What is so", "Seen by", "At"))
         with ui.element("tbody"):
             for finding in findings.answers:
                 _answer(finding, names)

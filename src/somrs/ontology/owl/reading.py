@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import TypeVar
 
 import msgspec
@@ -18,7 +18,14 @@ from somrs.ontology.owl.ranges import Range, Unclear, read_range
 from somrs.ontology.owl.reading_map import read_map
 from somrs.ontology.owl.reading_shapes import read_shapes
 from somrs.ontology.owl.reading_types import ConstraintReader, read_type
-from somrs.ontology.owl.restrictions import ArgumentType, AttributeLimits, OptionalAttribute, RequiredAttribute, read_restriction
+from somrs.ontology.owl.restrictions import (
+    ArgumentType,
+    AttributeLimits,
+    OptionalAttribute,
+    RequiredAttribute,
+    Restriction,
+    read_restriction,
+)
 from somrs.ontology.owl.source import Source, sorted_iris
 from somrs.ontology.owl.words import HAS_PART, NOTES, V, local_name
 from somrs.ontology.services import Handler, Parameter, ServiceKind, ServiceType
@@ -149,24 +156,31 @@ class _Reading:
         source.take_objects(value, RDFS.comment)
         attributes: list[str] = []
         limits: list[AttributeLimits] = []
-        for superclass in source.graph.objects(value, RDFS.subClassOf):
-            if superclass == V.Value:
-                source.mark_used(value, RDFS.subClassOf, superclass)
+        for superclass, restriction in self._restrictions(value, V.Value):
+            if isinstance(restriction, OptionalAttribute | RequiredAttribute):
+                attributes.append(restriction.attribute)
+            elif isinstance(restriction, AttributeLimits):
+                limits.append(restriction)
+            else:
+                continue
+            self._mark_restriction_used(value, superclass)
+        return in_order(attributes, source.text_of(value, V.order)), ConstraintReader(value, source, self.kinds).read(limits)
+
+    def _restrictions(self, node: URIRef, kind: URIRef) -> Iterator[tuple[Node, Restriction]]:
+        """The restrictions of a node, each with the superclass that states it. The superclass `kind` states none."""
+        source = self._source
+        for superclass in source.graph.objects(node, RDFS.subClassOf):
+            if superclass == kind:
+                source.mark_used(node, RDFS.subClassOf, superclass)
                 continue
             try:
-                restriction = read_restriction(superclass, source, self.kinds.attributes)
+                yield superclass, read_restriction(superclass, source, self.kinds.attributes)
             except Unclear as unclear:
-                source.note(value, f"says {unclear}")
-            else:
-                if isinstance(restriction, OptionalAttribute | RequiredAttribute):
-                    attributes.append(restriction.attribute)
-                elif isinstance(restriction, AttributeLimits):
-                    limits.append(restriction)
-                else:
-                    continue
-                source.mark_used(value, RDFS.subClassOf, superclass)
-                source.mark_subtree_used(superclass)
-        return in_order(attributes, source.text_of(value, V.order)), ConstraintReader(value, source, self.kinds).read(limits)
+                source.note(node, f"says {unclear}")
+
+    def _mark_restriction_used(self, node: URIRef, superclass: Node) -> None:
+        self._source.mark_used(node, RDFS.subClassOf, superclass)
+        self._source.mark_subtree_used(superclass)
 
     # Relations
 
@@ -201,19 +215,10 @@ class _Reading:
     def _arguments(self, node: URIRef) -> tuple[str, ...]:
         source = self._source
         types_by_number: dict[int, str] = {}
-        for superclass in source.graph.objects(node, RDFS.subClassOf):
-            if superclass == V.Fact:
-                source.mark_used(node, RDFS.subClassOf, superclass)
-                continue
-            try:
-                restriction = read_restriction(superclass, source, self.kinds.attributes)
-            except Unclear as unclear:
-                source.note(node, f"says {unclear}")
-                continue
+        for superclass, restriction in self._restrictions(node, V.Fact):
             if isinstance(restriction, ArgumentType):
                 types_by_number[restriction.number] = restriction.type
-                source.mark_used(node, RDFS.subClassOf, superclass)
-                source.mark_subtree_used(superclass)
+                self._mark_restriction_used(node, superclass)
         if not types_by_number or sorted(types_by_number) != list(range(1, len(types_by_number) + 1)):
             source.problem(node, "relation", "has no arguments, or misses one; state `argument1 only TYPE`, and so on")
         return tuple(types_by_number[number] for number in sorted(types_by_number))

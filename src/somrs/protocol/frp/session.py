@@ -16,6 +16,7 @@ from somrs.entish.formula import conjuncts
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError, UsageError
 from somrs.protocol.frp.states import Entry, Kind
+from somrs.protocol.messages.bodies import FrpBody
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import (
     Accept,
@@ -39,10 +40,6 @@ from somrs.protocol.messages.frp import (
     Terms,
 )
 
-FrpBody = (
-    Arrange | Terms | Refuse | Accept | Cancel | Execute | Progress | Completed | Failed | Stop | Stopped | Compensate | Compensated
-    | Stranded | Query | Status | End | Fault
-)  # fmt: skip
 CoordinatorBody = Arrange | Accept | Cancel | Execute | Stop | Compensate | Query | End | Fault
 ParticipantBody = Terms | Refuse | Progress | Completed | Failed | Stopped | Compensated | Stranded | Status | Fault
 

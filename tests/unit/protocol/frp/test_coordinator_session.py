@@ -5,8 +5,9 @@ from __future__ import annotations
 import pytest
 
 from somrs.errors import UsageError
-from somrs.protocol.frp.session import FrpBody, MessageRecord
+from somrs.protocol.frp.session import MessageRecord
 from somrs.protocol.frp.states import Kind
+from somrs.protocol.messages.bodies import FrpBody
 from somrs.protocol.messages.frp import Accept, Cancel, Completed, End, Fault, Outcome, Progress, Query, Refuse, State, Status, Stop
 from tests.support.sessions import ARRANGE, COMPENSATE, END, EXECUTE, IDENTITY, STOP, TERMS, coordinator, executing, message
 

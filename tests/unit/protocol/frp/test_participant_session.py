@@ -9,8 +9,9 @@ from msgspec import structs
 
 from somrs.errors import UsageError, WireError
 from somrs.protocol.frp.participant_session import ParticipantSession
-from somrs.protocol.frp.session import NOT_ALLOWED, FrpBody, MessageRecord
+from somrs.protocol.frp.session import NOT_ALLOWED, MessageRecord
 from somrs.protocol.frp.states import Kind
+from somrs.protocol.messages.bodies import FrpBody
 from somrs.protocol.messages.envelope import ANONYMOUS, Message, message_id
 from somrs.protocol.messages.frp import (
     Accept,

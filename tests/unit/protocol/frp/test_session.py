@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from somrs.errors import UsageError
 from somrs.protocol.frp.coordinator_session import CoordinatorSession
 from somrs.protocol.frp.participant_session import ParticipantSession
-from somrs.protocol.frp.session import CoordinatorBody, FrpBody, ParticipantBody, participant_id, service_of
+from somrs.protocol.frp.session import CoordinatorBody, ParticipantBody, participant_id, service_of
 from somrs.protocol.frp.states import Kind
+from somrs.protocol.messages.bodies import FrpBody
 from somrs.protocol.messages.envelope import Header, Message
 from somrs.protocol.messages.frp import (
     Accept,

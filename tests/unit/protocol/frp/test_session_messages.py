@@ -7,7 +7,8 @@ import pytest
 from somrs.errors import UsageError
 from somrs.protocol.frp.coordinator_session import CoordinatorSession
 from somrs.protocol.frp.participant_session import ParticipantSession
-from somrs.protocol.frp.session import FrpBody, participant_id, service_of
+from somrs.protocol.frp.session import participant_id, service_of
+from somrs.protocol.messages.bodies import FrpBody
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Accept, Completed, Fault, Progress, Query, Refuse, State, Status
 from tests.support.sessions import ARRANGE, END, EXECUTE, IDENTITY, SM, TERMS, TM, coordinator, executing, message, offered, participant

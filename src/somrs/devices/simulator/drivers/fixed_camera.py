@@ -29,10 +29,6 @@ async def _able_to_look(device: FixedCamera, task: Task) -> None:
         raise Refusal(f"{device.name} does not see {place}")
 
 
-async def _price(device: FixedCamera, task: Task) -> float | str:
-    return await device.price(task, 0.0)
-
-
 class FixedCamera(WatchingDevice):
     """A stationary camera in the simulator. It also reports by itself what it notices."""
 
@@ -47,7 +43,7 @@ class FixedCamera(WatchingDevice):
         except RemoteError as error:
             raise Refusal(f"{self.name} does not answer: {error}", not_now=True) from None
 
-    @service("RecognizeSituation", price=_price, duration="1 s", able=_able, inputs=("Object",))
+    @service("RecognizeSituation", price=WatchingDevice.price, duration="1 s", able=_able, inputs=("Object",))
     async def recognize(self, task: Task) -> Situation:
         search = await Search.begin(self, task)
         try:
@@ -59,7 +55,7 @@ class FixedCamera(WatchingDevice):
             raise ServiceFailed(f"{self.name} {sees}")
         return search.situation
 
-    @service("LookAt", price=_price, duration="1 s", able=_able_to_look, inputs=("Place",), outputs=("Thing",))
+    @service("LookAt", price=WatchingDevice.price, duration="1 s", able=_able_to_look, inputs=("Place",), outputs=("Thing",))
     async def look_at_place(self, task: Task) -> Situation:
         try:
             view = await self.view(None)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from somrs.devices.simulator.drivers.mobile_robot import MobileRobot
-from somrs.devices.simulator.drivers.simulated import is_of_type
-from somrs.entish.formula import Comparison, Formula, Truth, conjuncts
+from somrs.devices.simulator.drivers.simulated import is_of_type, was_open
+from somrs.entish.formula import Formula
 from somrs.service_manager.sdk.device import Situation, Task, service
-from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
+from somrs.service_manager.sdk.orders import Refusal
 
 OPENING_TIME = 25.0
 """Time to grip the handle of a leaf, to move it and to release it, s."""
@@ -70,10 +70,7 @@ class OpeningRobot(MobileRobot):
     @close_cupboard.compensation
     async def restore_door(self, task: Task, situation: Formula) -> Situation:
         """Open or close it as it was."""
-        values = [part.right.value for part in conjuncts(situation) if isinstance(part, Comparison) and isinstance(part.right, Truth)]
-        if not values:
-            raise ServiceFailed(f"{situation} does not say whether {_object_of(task)} was open")
-        return await self._move_doors(task, opening=values[0])
+        return await self._move_doors(task, opening=was_open(_object_of(task), situation))
 
     async def _move_doors(self, task: Task, *, opening: bool) -> str:
         name, command = _object_of(task), self._link.open_doors if opening else self._link.close_doors

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from somrs.devices.simulator.drivers.mobile_robot import describe_doors
-from somrs.devices.simulator.drivers.simulated import SimulatedDevice
+from somrs.devices.simulator.drivers.simulated import SimulatedDevice, was_open
 from somrs.devices.simulator.link.commands import CommandDone
 from somrs.devices.simulator.link.connection import RobotGaveUp
-from somrs.entish.formula import Comparison, Formula, Truth, conjuncts
+from somrs.entish.formula import Formula
 from somrs.service_manager.sdk.device import Situation, Task, service
 from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
 
@@ -18,10 +18,6 @@ async def _able(device: PoweredDoor, task: Task) -> None:
     await device.check_working()
 
 
-async def _price(device: PoweredDoor, task: Task) -> float | str:
-    return await device.price(task, 0.0)
-
-
 class PoweredDoor(SimulatedDevice):
     """A door with a drive in the simulator."""
 
@@ -29,11 +25,11 @@ class PoweredDoor(SimulatedDevice):
     features = ("Price",)
     mobile = False
 
-    @service("OpenDoor", price=_price, duration="6 s", able=_able, inputs=("Door",))
+    @service("OpenDoor", price=SimulatedDevice.price, duration="6 s", able=_able, inputs=("Door",))
     async def open_door(self, task: Task) -> Situation:
         return await self._move(opening=True)
 
-    @service("CloseDoor", price=_price, duration="6 s", able=_able, inputs=("Door",))
+    @service("CloseDoor", price=SimulatedDevice.price, duration="6 s", able=_able, inputs=("Door",))
     async def close_door(self, task: Task) -> Situation:
         return await self._move(opening=False)
 
@@ -46,10 +42,7 @@ class PoweredDoor(SimulatedDevice):
     @close_door.compensation
     async def restore(self, task: Task, situation: Formula) -> Situation:
         """Open or close the door as it was."""
-        values = [part.right.value for part in conjuncts(situation) if isinstance(part, Comparison) and isinstance(part.right, Truth)]
-        if not values:
-            raise ServiceFailed(f"{situation} does not say whether {self.name} was open")
-        return await self._move(opening=values[0])
+        return await self._move(opening=was_open(self.name, situation))
 
     async def _move(self, *, opening: bool) -> str:
         command = self._link.open_doors if opening else self._link.close_doors

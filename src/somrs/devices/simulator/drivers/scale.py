@@ -21,10 +21,6 @@ async def _able(device: Scale, task: Task) -> None:
         raise Refusal(f"{device.name} can weigh {object} only alone, and {', '.join(others)} is on it, too", condition=condition)
 
 
-async def _price(device: Scale, task: Task) -> float | str:
-    return await device.price(task, 0.0)
-
-
 class Scale(SimulatedDevice):
     """A scale in the simulator."""
 
@@ -32,7 +28,7 @@ class Scale(SimulatedDevice):
     features = ("Price",)
     mobile = False
 
-    @service("WeighObject", price=_price, duration="2 s", able=_able, inputs=("Object",), outputs=("Weight",))
+    @service("WeighObject", price=SimulatedDevice.price, duration="2 s", able=_able, inputs=("Object",), outputs=("Weight",))
     async def weigh(self, task: Task) -> Result:
         object = str(task.inputs["Object"])
         try:

@@ -15,11 +15,11 @@ from somrs.devices.simulator.link.commands import CommandDone, Fault, ObjectStat
 from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.devices.simulator.link.lines import Legs
 from somrs.devices.simulator.link.link import RobotLink
-from somrs.entish.formula import Number
+from somrs.entish.formula import Comparison, Formula, Number, Truth, conjuncts
 from somrs.errors import DeviceError, RemoteError
 from somrs.ontology.types import Value
 from somrs.service_manager.sdk.device import Device, Task
-from somrs.service_manager.sdk.orders import Refusal
+from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
 from somrs.service_manager.sdk.values import term
 
 _DEFAULT_PRICE = "5 EUR"
@@ -164,7 +164,7 @@ class SimulatedDevice(Device):
             task.demand(f"{door}.Open = TRUE", throughout=True)
         return legs
 
-    async def price(self, task: Task, way: float) -> float | str:
+    async def price(self, task: Task, way: float = 0.0) -> float | str:
         """The device's Price on the map, plus the price of driving `way` metres."""
         rows = await task.map.query(f"{self.name}.Price = ?Price")
         price = rows[0]["Price"] if rows else _DEFAULT_PRICE
@@ -238,3 +238,11 @@ def format_number(value: float) -> str:
     """Format a number in Entish, rounded to three digits: a millimetre, or a thousandth of a radian."""
     assert math.isfinite(value), "the simulation ends when its physics diverges"
     return str(Number(round(value, 3) + 0.0))
+
+
+def was_open(name: str, situation: Formula) -> bool:
+    """Whether a door or container was open in a situation that is to be restored. Raises ServiceFailed if the situation does not say so."""
+    values = [part.right.value for part in conjuncts(situation) if isinstance(part, Comparison) and isinstance(part.right, Truth)]
+    if not values:
+        raise ServiceFailed(f"{situation} does not say whether {name} was open")
+    return values[0]

@@ -12,6 +12,7 @@ from somrs.api.formulas import CheckFormula
 from somrs.client.durations import format_duration
 from somrs.client.outlook_text import outlook_note, outlook_price
 from somrs.errors import SomrsError
+from somrs.gui.components.table_head import table_head
 from somrs.gui.components.task.graph import PlanGraph
 from somrs.gui.pages.define.draft import Draft
 from somrs.gui.pages.define.form import Form
@@ -196,10 +197,7 @@ def _plans(preview: Previewed) -> None:
     ui.label("Plans that were compared").classes("somrs-soft").props('role="heading" aria-level="3"')
     view = ui.element("div").classes("somrs-terms-view").props('tabindex="0" role="group" aria-label="Plans that were compared"')
     with view, ui.element("table").classes("somrs-terms"):
-        with ui.element("thead"), ui.element("tr"):
-            for name in ("Steps", "Price", "Done in", "Result"):
-                with ui.element("th").props('scope="col"'):
-                    ui.label(name)
+        table_head(("Steps", "Price", "Done in", "Result"))
         with ui.element("tbody"):
             _plan(preview, chosen=True)
             for plan in preview.alternatives:
@@ -233,10 +231,7 @@ def _quotes(preview: Previewed) -> None:
         by_step.setdefault(quotation.step, []).append(quotation)
     view = ui.element("div").classes("somrs-terms-view").props('tabindex="0" role="group" aria-label="Terms by step"')
     with view, ui.element("table").classes("somrs-terms"):
-        with ui.element("thead"), ui.element("tr"):
-            for name in ("Service", "Price", "From – until", "Result"):
-                with ui.element("th").props('scope="col"'):
-                    ui.label(name)
+        table_head(("Service", "Price", "From – until", "Result"))
         for step in (step for step in preview.steps if not step.foreseen):
             quotes = sorted(by_step.get(step.step, []), key=lambda quote: (not quote.chosen, quote.price is None, quote.price or 0.0))
             _step(step, quotes, preview.unserved.get(step.step, ""))

@@ -10,6 +10,7 @@ from somrs.api.remote import LiveApi
 from somrs.errors import FormulaError, SomrsError
 from somrs.gui.components.formula import FormulaField
 from somrs.gui.components.rebuilt import RebuiltElement
+from somrs.gui.components.table_head import table_head
 from somrs.gui.examples import examples
 from somrs.gui.pages.map.entries import list_note
 from somrs.gui.pages.map.map_view import MapView
@@ -109,10 +110,7 @@ class SearchPanel:
 
     def _build_table(self, names: list[str], rows: Sequence[Row]) -> None:
         with ui.element("table").classes("somrs-map-table"):
-            with ui.element("thead"), ui.element("tr"):
-                for name in names:
-                    with ui.element("th").props("scope=col"):
-                        ui.label(f"?{name}")
+            table_head(f"?{name}" for name in names)
             with ui.element("tbody"):
                 for row in rows:
                     with ui.element("tr"):
