@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection
 
 import numpy as np
 
-from somrs.devices.simulator.link.commands import Fault
+from somrs.devices.simulator.motion.arm import draw_in, lift_over, open_clear, overhang, withdraw
 from somrs.devices.simulator.motion.driving import PATIENCE, ask_aside, drive_to
 from somrs.devices.simulator.motion.placement import (
     ARM,
@@ -22,10 +22,9 @@ from somrs.devices.simulator.motion.placement import (
 )
 from somrs.devices.simulator.motion.robot import PERIOD, GivenUp, Robot, Routine, nearest_half_turn, wait
 from somrs.devices.simulator.motion.traffic import Capsule
-from somrs.devices.simulator.world.chassis import LIFT_TOP
 from somrs.devices.simulator.world.dimensions import FINGER, OPENING
 from somrs.devices.simulator.world.distances import Array, distances_from
-from somrs.devices.simulator.world.leaves import HANDLE_LENGTH, inside
+from somrs.devices.simulator.world.leaves import inside
 from somrs.devices.simulator.world.solids import Point, Role, Solid
 
 SLOWLY = 0.08
@@ -34,87 +33,9 @@ HEAVE = 0.02
 """Height to which a thing is lifted to find out its weight, m."""
 LOAD_RESOLUTION = 0.05
 """Resolution of the weights that an arm measures, kg."""
-CLEAR = 0.03
-"""Vertical clearance when the hand or a held thing passes above an obstacle, m."""
 
 Spots = Callable[[], tuple[Array, Array]]
 """Returns the suitable spots (n, 2) and their penalties (n). Called again whenever the robot needs another spot."""
-
-
-def withdraw(robot: Robot) -> Routine:
-    """Bring the arm, with what it holds, to the transport position: up, in, and to the front."""
-    if not robot.size.gripper:
-        return
-    yield from let_go(robot)
-    if robot.arm_out:
-        yield from _open_loose_grip(robot)
-        container = _container_around(robot)
-        yield from robot.arm(lift=min(max(robot.joints["lift"] + 0.02, _lift_over(robot, robot.hand(), container=container)), 1.74))
-        yield from robot.arm(reach=robot.size.drawn_in)
-    robot.arm_claim = None
-    yield from robot.arm(turret=0.0, lift=_transport(robot))
-
-
-def _container_around(robot: Robot) -> Solid | None:
-    """The container into which the hand reaches."""
-    tip = robot.joints["lift"] + robot.solid.z - robot.size.hang
-    return robot.scene.container_at(*robot.hand(), tip)
-
-
-def let_go(robot: Robot) -> Routine:
-    """Release the handle of a door, if the hand holds one, and lift the hand above it."""
-    if robot.name in robot.scene.hands.pulled:
-        robot.scene.hands.let_go(robot.name)
-        if Fault.GRIPPER not in robot.faults:
-            yield from _open_clear(robot)
-        yield from robot.arm(lift=min(robot.joints["lift"] + HANDLE_LENGTH, LIFT_TOP - 0.01))
-
-
-def _open_loose_grip(robot: Robot) -> Routine:
-    """Open the fingers if they touch a thing that is not held: the robot was stopped while it gripped or released it."""
-    able = robot.holding is None and Fault.GRIPPER not in robot.faults
-    if able and any(robot.scene.touching_fingers(robot.name, thing) for thing in robot.scene.things()):
-        yield from _open_clear(robot)
-
-
-def _open_clear(robot: Robot) -> Routine:
-    opened = min(OPENING, robot.joints["left"] + 0.02), min(OPENING, robot.joints["right"] + 0.02)
-    yield from robot.arm(left=opened[0], right=opened[1])
-
-
-def _transport(robot: Robot) -> float:
-    """The lift's height for driving, m: what is held passes just above the base."""
-    return robot.size.clear + robot.size.hang + _drop(robot)
-
-
-def _drop(robot: Robot) -> float:
-    """How far what is held extends below the finger tips, m."""
-    if robot.holding is None:
-        return 0.0
-    z = robot.scene.pose(robot.holding)[2]
-    return max(0.0, robot.joints["lift"] + robot.solid.z - robot.size.hang - z)
-
-
-def _lift_over(robot: Robot, spot: Point, at_least: float = 0.0, container: Solid | None = None) -> float:
-    """The lift's height, m, at which the hand and what it holds pass above everything up to a spot, in a container or not."""
-    x, y, _ = robot.pose()
-    line = np.array([(x + s * (spot[0] - x), y + s * (spot[1] - y)) for s in np.linspace(0, 1.1, 12)])
-    top = max(robot.solid.z, at_least)
-    for thing in robot.scene.things():
-        px, py, z, _ = robot.scene.pose(thing)
-        solid = robot.scene.world.solids[thing]
-        if (container is not None) != (robot.scene.container_at(px, py, z) is not None):
-            continue  # a board or a leaf is between the thing and the arm
-        if robot.scene.hands.holder(thing) is None and np.hypot(line[:, 0] - px, line[:, 1] - py).min() < solid.extent + 0.13:
-            top = max(top, z + solid.height)
-    for block in robot.scene.world.blocks():
-        if container is not None and block.name.split("/")[0] == container.name:
-            continue
-        if block.top < robot.solid.z + 1.4 and distances_from(block, line).min() < 0.12:
-            top = max(top, block.top)
-    if container is not None:
-        top = max(top, inside(container).z)
-    return max(top - robot.solid.z + CLEAR, robot.size.clear) + robot.size.hang + _drop(robot)
 
 
 def get_within_reach(  # type: ignore[no-untyped-def]
@@ -182,7 +103,7 @@ def pick(robot: Robot, thing: str) -> Routine:
         yield from _let_down(robot, thing)
         weight, payload = robot.weighed[thing], robot.solid.payload
         raise GivenUp("too-heavy", f"{thing} weighs {weight:g} kg, which is too heavy for {robot.name}; its payload is {payload:g} kg")
-    yield from robot.arm(lift=_lift_over(robot, (x, y), z, container))
+    yield from robot.arm(lift=lift_over(robot, (x, y), z, container))
     yield from withdraw(robot)
     if robot.holding != thing:
         raise GivenUp("slipped", f"{thing} is no longer in the gripper of {robot.name}")
@@ -221,7 +142,7 @@ def _take(robot: Robot, thing: str) -> Routine:
     angle, half = _grasp_angle(robot, thing, container)
     opening = min(OPENING, half + 0.018)
     tip = z - robot.solid.z + max(0.012, solid.height - FINGER + 0.025)
-    travel_lift = _lift_over(robot, (x, y), z + solid.height, container)
+    travel_lift = lift_over(robot, (x, y), z + solid.height, container)
     _check_ceiling(robot, travel_lift, container)
     turret, reach = robot.aim((x, y))
     yield from robot.arm(lift=travel_lift, left=opening, right=opening)
@@ -310,7 +231,7 @@ def put_into(robot: Robot, container: Solid) -> Routine:
     radius, bottom = robot.scene.world.solids[thing].extent, inside(container).z
     spot = yield from get_within_reach(robot, container.name, lambda: spots_inside(robot, container, radius), bottom, container=container)
     yield from _claim_arm(robot, spot)
-    _check_ceiling(robot, _lift_over(robot, spot, bottom, container), container)
+    _check_ceiling(robot, lift_over(robot, spot, bottom, container), container)
     yield from _put_on_spot(robot, spot, bottom, container)
 
 
@@ -325,13 +246,13 @@ def _put_on_spot(robot: Robot, spot: Point, top: float, container: Solid | None 
     thing = robot.holding
     assert thing is not None
     robot.need_gripper()
-    yield from robot.arm(lift=_lift_over(robot, spot, top, container))
+    yield from robot.arm(lift=lift_over(robot, spot, top, container))
     turret, reach = robot.aim(spot)
     yield from robot.arm(turret=turret)
     yield from robot.arm(reach=reach)
     turret, reach = robot.aim(spot)
     yield from robot.arm(turret=turret, reach=reach)
-    underside = top - robot.solid.z + robot.size.hang + _drop(robot)
+    underside = top - robot.solid.z + robot.size.hang + overhang(robot)
     yield from robot.arm(lift=underside + 0.02)
     yield from _lower(robot, thing, underside - 0.02)
     yield from _release(robot, thing)
@@ -341,7 +262,7 @@ def _release(robot: Robot, thing: str) -> Routine:
     """Release a thing that stands, wait until it is at rest, and withdraw the arm."""
     robot.need_gripper()
     robot.scene.hands.release(robot.name)
-    yield from _open_clear(robot)
+    yield from open_clear(robot)
     for _ in range(50):
         if robot.scene.are_at_rest(thing):
             break
@@ -378,16 +299,9 @@ def set_down(robot: Robot) -> Routine:
         yield from wait(0.5)
     else:
         raise GivenUp("no-space", f"there is no free spot around {robot.name} to put {thing} on")
-    yield from _draw_in(robot)
+    yield from draw_in(robot)
     yield from _claim_arm(robot, ranked[0][0])
     yield from _put_on_spot(robot, *ranked[0])
-
-
-def _draw_in(robot: Robot) -> Routine:
-    """If the arm is extended, bring the hand above the base without turning the turret."""
-    if robot.arm_out:
-        yield from robot.arm(lift=_lift_over(robot, robot.hand()))
-        yield from robot.arm(reach=robot.size.drawn_in)
 
 
 def spots_on(robot: Robot, support: Solid, position: Point | None) -> Spots:

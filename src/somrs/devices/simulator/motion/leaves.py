@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from somrs.devices.simulator.motion.arm import let_go, withdraw
 from somrs.devices.simulator.motion.driving import MARGIN, PATIENCE, drive_to, floor_things
-from somrs.devices.simulator.motion.handling import let_go, withdraw
 from somrs.devices.simulator.motion.robot import PERIOD, GivenUp, Robot, Routine, nearest_half_turn
 from somrs.devices.simulator.motion.traffic import GAP, Capsule
 from somrs.devices.simulator.world.dimensions import OPENING

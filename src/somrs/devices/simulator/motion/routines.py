@@ -21,19 +21,9 @@ from somrs.devices.simulator.link.commands import (
     Stop,
     Weigh,
 )
+from somrs.devices.simulator.motion.arm import let_go, withdraw
 from somrs.devices.simulator.motion.driving import drive_to
-from somrs.devices.simulator.motion.handling import (
-    get_within_reach,
-    let_go,
-    pick,
-    place,
-    put_into,
-    set_down,
-    spots_on,
-    top_of,
-    weigh,
-    withdraw,
-)
+from somrs.devices.simulator.motion.handling import get_within_reach, pick, place, put_into, set_down, spots_on, top_of, weigh
 from somrs.devices.simulator.motion.leaves import move_leaves
 from somrs.devices.simulator.motion.placement import outline_spots
 from somrs.devices.simulator.motion.robot import CHARGING, PERIOD, GivenUp, Robot, Routine, stand

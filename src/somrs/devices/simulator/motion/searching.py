@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from somrs.devices.simulator.link.commands import Likeness, ObjectState
+from somrs.devices.simulator.motion.arm import withdraw
 from somrs.devices.simulator.motion.driving import MARGIN, drive_to, floor_things, robot_discs, turn_to
-from somrs.devices.simulator.motion.handling import withdraw
 from somrs.devices.simulator.motion.robot import GivenUp, Robot, Routine
 from somrs.devices.simulator.world.distances import Array
 from somrs.devices.simulator.world.recognition import look_alikes

@@ -12,8 +12,9 @@ from dataclasses import dataclass, field
 from msgspec import structs
 
 from somrs.devices.simulator.link.commands import Command, CommandDone, CommandGivenUp, Fault, LookAround, LookAt, ObjectState, Stop
+from somrs.devices.simulator.motion.arm import withdraw
 from somrs.devices.simulator.motion.driving import make_way
-from somrs.devices.simulator.motion.handling import set_down, withdraw
+from somrs.devices.simulator.motion.handling import set_down
 from somrs.devices.simulator.motion.robot import GivenUp, Robot, Routine
 from somrs.devices.simulator.motion.routines import concerned_objects, make_routine
 from somrs.devices.simulator.world.recognition import landmarks, sightings
