@@ -32,10 +32,11 @@ from somrs.planner.grounding.grounding import Grounding
 from somrs.planner.grounding.joins import TooLarge
 from somrs.planner.grounding.relevance import demands
 from somrs.planner.model.choices import ALTERNATIVES
-from somrs.planner.model.operators import Inexpressible, goal_operators
+from somrs.planner.model.operators import goal_operators
 from somrs.planner.model.plan import NoPlan, Obstacle
 from somrs.planner.model.problem import AvailableService, LostService, Problem
 from somrs.planner.model.reading import outputs_in_effect, tells
+from somrs.planner.model.vocabulary import Inexpressible
 from somrs.planner.model.world import World
 from somrs.planner.search.conflict import find_minimal_conflict, find_torn_object, is_impossible
 

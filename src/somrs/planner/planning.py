@@ -21,11 +21,12 @@ from somrs.planner.grounding.relevance import demands
 from somrs.planner.grounding.task import Move, Task
 from somrs.planner.model.choices import ALTERNATIVES
 from somrs.planner.model.expansion import expand_quantifiers
-from somrs.planner.model.operators import Inexpressible, Operator, goal_operators
+from somrs.planner.model.operators import Operator, goal_operators
 from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import Problem
 from somrs.planner.model.provider_choice import generalize_providers
 from somrs.planner.model.quality import best
+from somrs.planner.model.vocabulary import Inexpressible
 from somrs.planner.model.world import World
 from somrs.planner.optimism import optimistic
 from somrs.planner.recognition import plan_recognition

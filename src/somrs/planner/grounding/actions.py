@@ -11,7 +11,8 @@ from somrs.ontology.services import PROVIDER, ServiceKind
 from somrs.ontology.types import AttributeType, Kind
 from somrs.ontology.units import convert_unit
 from somrs.ontology.values import attribute_at, constant, measure
-from somrs.planner.model.operators import EXISTS_SUFFIX, Argument, Fact, Operator, Pattern
+from somrs.planner.model.operators import Operator
+from somrs.planner.model.vocabulary import EXISTS_SUFFIX, Argument, Fact, Pattern
 from somrs.planner.model.world import Binding, World, as_term
 
 

@@ -11,8 +11,8 @@ from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
 from somrs.ontology.values import value_of
 from somrs.planner.grounding.relevance import Demand
-from somrs.planner.model.operators import EXISTS_SUFFIX, Fact
 from somrs.planner.model.problem import Problem
+from somrs.planner.model.vocabulary import EXISTS_SUFFIX, Fact
 from somrs.planner.model.world import World
 
 VALUES = 8

@@ -20,7 +20,8 @@ from somrs.planner.grounding.actions import Action, added_facts, argument_of, ma
 from somrs.planner.grounding.joins import Condition, Joins
 from somrs.planner.grounding.relevance import Demand
 from somrs.planner.model.facts import Facts
-from somrs.planner.model.operators import GOAL, Argument, Fact, Pattern, Test
+from somrs.planner.model.operators import Test
+from somrs.planner.model.vocabulary import GOAL, Argument, Fact, Pattern
 from somrs.planner.model.world import Binding, World
 
 EFFORT = 300_000

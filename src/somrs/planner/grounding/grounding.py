@@ -12,7 +12,8 @@ from somrs.planner.grounding.actions import Action, added_facts, argument_of, ma
 from somrs.planner.grounding.joins import Condition, Joins, TooLarge, operator_name
 from somrs.planner.grounding.relevance import Demand
 from somrs.planner.model.facts import Facts
-from somrs.planner.model.operators import GOAL, Argument, Fact, NegativePrecondition, Operator, Pattern
+from somrs.planner.model.operators import NegativePrecondition, Operator
+from somrs.planner.model.vocabulary import GOAL, Argument, Fact, Pattern
 from somrs.planner.model.world import Binding, World
 
 EFFORT = 10_000_000

@@ -16,7 +16,8 @@ from itertools import combinations, permutations
 
 from somrs.planner.grounding.actions import Action
 from somrs.planner.grounding.task import Task
-from somrs.planner.model.operators import EXISTS_SUFFIX, Argument, Fact, Operator
+from somrs.planner.model.operators import Operator
+from somrs.planner.model.vocabulary import EXISTS_SUFFIX, Argument, Fact
 
 CANDIDATES = 500
 """The maximum number of candidates."""

@@ -11,7 +11,8 @@ from somrs.ontology.services import PROVIDER
 from somrs.planner.grounding.actions import argument_of
 from somrs.planner.grounding.relevance import Demand
 from somrs.planner.model.facts import Facts
-from somrs.planner.model.operators import KNOWN, Argument, Operator, Pattern, Test
+from somrs.planner.model.operators import Operator, Test
+from somrs.planner.model.vocabulary import KNOWN, Argument, Pattern
 from somrs.planner.model.world import Binding, World
 
 PLACES = 16

@@ -13,7 +13,7 @@ from heapq import heapify, heappop, heappush
 from somrs.planner.grounding.finite_task import Assignment, FiniteTask, Operation, prune_irrelevant
 from somrs.planner.grounding.invariants import find_mutex_groups
 from somrs.planner.grounding.task import Task
-from somrs.planner.model.operators import Fact
+from somrs.planner.model.vocabulary import Fact
 
 DEAREST = 10_000
 """The cost of the most expensive move after scaling to integers."""

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from somrs.entish import Attribute, Comparison, Name, Number, Relation, Text, Truth, Variable
 from somrs.entish.formula import terms, variables
 from somrs.ontology.services import PROVIDER
-from somrs.planner.model.operators import EXISTS_SUFFIX, KNOWN, Argument, Operator, Pattern, strip_type
+from somrs.planner.model.operators import Operator
+from somrs.planner.model.vocabulary import EXISTS_SUFFIX, KNOWN, Argument, Pattern, strip_type
 from somrs.planner.model.world import World
 
 Kinds = frozenset[str]

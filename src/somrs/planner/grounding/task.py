@@ -12,7 +12,7 @@ from somrs.planner.grounding.actions import Action
 from somrs.planner.grounding.finite_task import Assignment as Assignment
 from somrs.planner.grounding.finite_task import State as State
 from somrs.planner.grounding.grounding import Grounding
-from somrs.planner.model.operators import EXISTS_SUFFIX, GOAL, Argument, Fact
+from somrs.planner.model.vocabulary import EXISTS_SUFFIX, GOAL, Argument, Fact
 
 Key = tuple[str, object]
 

@@ -28,8 +28,8 @@ from somrs.entish.normal_form import affirmed_variables, distribute_for_all, has
 from somrs.entish.parse import parse
 from somrs.ontology.services import PROVIDER, ServiceType
 from somrs.ontology.truth import bindings, formula_holds, object_variables
-from somrs.planner.model.operators import Inexpressible, Vocabulary
 from somrs.planner.model.problem import Problem
+from somrs.planner.model.vocabulary import Inexpressible, Vocabulary
 
 
 def expand_quantifiers(problem: Problem) -> Problem:

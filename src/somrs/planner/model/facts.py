@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from somrs.planner.model.operators import Argument, Fact
+from somrs.planner.model.vocabulary import Argument, Fact
 from somrs.planner.model.world import World
 
 

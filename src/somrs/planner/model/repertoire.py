@@ -10,8 +10,9 @@ from somrs.entish import Formula, Term, Variable
 from somrs.entish.parse import parse
 from somrs.ontology.services import ServiceType
 from somrs.ontology.types import Ontology
-from somrs.planner.model.operators import EXISTS_SUFFIX, Argument, Inexpressible, Operator, Pattern, Vocabulary, operators, strip_type
+from somrs.planner.model.operators import Operator, operators
 from somrs.planner.model.reading import Reading, tells
+from somrs.planner.model.vocabulary import EXISTS_SUFFIX, Argument, Inexpressible, Pattern, Vocabulary, strip_type
 
 Outcome = tuple[bool, str]
 """Facts of a predicate become true (True) or false (False)."""

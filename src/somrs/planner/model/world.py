@@ -14,10 +14,11 @@ from somrs.ontology.truth import bindings
 from somrs.ontology.types import ROOT, UNKNOWN, Ontology
 from somrs.ontology.values import MeasuredValue, attribute_at, compare, constant, measure, value_of
 from somrs.planner.model.favourable_values import favourable_values
-from somrs.planner.model.operators import EXISTS_SUFFIX, KNOWN, Argument, Fact, Operator, Test, providers_of
+from somrs.planner.model.operators import Operator, Test
 from somrs.planner.model.plan import describe_use
 from somrs.planner.model.problem import Problem
 from somrs.planner.model.repertoire import repertoire
+from somrs.planner.model.vocabulary import EXISTS_SUFFIX, KNOWN, Argument, Fact, providers_of
 
 Binding = dict[str, Argument]
 """The values of variables, by name."""

@@ -10,7 +10,8 @@ from somrs.planner.grounding.grounding import Grounding
 from somrs.planner.grounding.joins import TooLarge
 from somrs.planner.grounding.relevance import demands
 from somrs.planner.grounding.task import Task
-from somrs.planner.model.operators import Inexpressible, goal_operators
+from somrs.planner.model.operators import goal_operators
+from somrs.planner.model.vocabulary import Inexpressible
 from somrs.planner.model.world import World
 from somrs.planner.search.search import TooHard, search
 

@@ -29,8 +29,9 @@ from somrs.planner.grounding.joins import Joins, TooLarge
 from somrs.planner.grounding.relevance import Demand, demands
 from somrs.planner.grounding.task import Move, Task
 from somrs.planner.model.facts import Facts
-from somrs.planner.model.operators import GOAL, Argument, Fact, Operator
+from somrs.planner.model.operators import Operator
 from somrs.planner.model.problem import Problem
+from somrs.planner.model.vocabulary import GOAL, Argument, Fact
 from somrs.planner.model.world import Binding, World, as_term
 from somrs.planner.search.search import remove_redundant_moves
 

@@ -9,7 +9,7 @@ from somrs.entish import Arithmetic, Comparison, Name, Not, Number, Term, Variab
 from somrs.ontology.units import convert_unit
 from somrs.ontology.values import ROUNDING
 from somrs.planner.grounding.task import Assignment, Move, Task
-from somrs.planner.model.operators import Inexpressible
+from somrs.planner.model.vocabulary import Inexpressible
 from somrs.planner.search.counting import Counters, NumericCondition, NumericEffect
 
 _INDENT = "\n  "

@@ -14,11 +14,11 @@ from somrs.ontology.types import UNKNOWN
 from somrs.planner.grounding.actions import Action
 from somrs.planner.grounding.task import Move
 from somrs.planner.model.causal_links import derive_links
-from somrs.planner.model.operators import KNOWN
 from somrs.planner.model.plan import Link, Plan, Step
 from somrs.planner.model.problem import Problem
 from somrs.planner.model.supporting_literals import supporting_literals
 from somrs.planner.model.validation import apply_step, validate
+from somrs.planner.model.vocabulary import KNOWN
 from somrs.planner.model.world import as_term
 
 

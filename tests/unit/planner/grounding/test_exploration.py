@@ -9,8 +9,9 @@ from somrs.planner.grounding.actions import added_facts
 from somrs.planner.grounding.exploration import Exploration
 from somrs.planner.grounding.grounding import Grounding
 from somrs.planner.grounding.relevance import demands
-from somrs.planner.model.operators import GOAL, goal_operators
+from somrs.planner.model.operators import goal_operators
 from somrs.planner.model.problem import Problem
+from somrs.planner.model.vocabulary import GOAL
 from somrs.planner.model.world import World
 from tests.support.examples import examples
 from tests.support.small_pddl import PROBLEMS, small

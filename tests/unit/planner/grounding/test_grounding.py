@@ -13,9 +13,9 @@ from somrs.planner.grounding.actions import Action
 from somrs.planner.grounding.grounding import Grounding
 from somrs.planner.grounding.joins import TooLarge
 from somrs.planner.grounding.relevance import demands
-from somrs.planner.model.operators import Fact as GroundFact
 from somrs.planner.model.operators import goal_operators
 from somrs.planner.model.problem import AvailableService, Problem
+from somrs.planner.model.vocabulary import Fact as GroundFact
 from somrs.planner.model.world import World
 
 ONTOLOGY = Ontology(

@@ -6,8 +6,8 @@ import pytest
 
 from somrs.ontology.services import ServiceType
 from somrs.planner.model.facts import Facts
-from somrs.planner.model.operators import Pattern
 from somrs.planner.model.repertoire import Repertoire, repertoire
+from somrs.planner.model.vocabulary import Pattern
 from tests.unit.planner.grounding.test_grounding import ONTOLOGY, make_world, service
 
 

@@ -9,10 +9,10 @@ from somrs.entish.parse import parse
 from somrs.ontology.objects import Fact, Map, Object
 from somrs.ontology.services import PROVIDER, Parameter, ServiceType
 from somrs.ontology.types import AttributeType, Kind, ObjectType, Ontology, RelationType
-from somrs.planner.model.operators import Argument
-from somrs.planner.model.operators import Fact as Pattern
 from somrs.planner.model.operators import Test as Compared
 from somrs.planner.model.problem import AvailableService, Problem
+from somrs.planner.model.vocabulary import Argument
+from somrs.planner.model.vocabulary import Fact as Pattern
 from somrs.planner.model.world import Binding, World, as_argument, as_term
 
 ONTOLOGY = Ontology(

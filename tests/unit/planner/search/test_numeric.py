@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from somrs.planner.grounding.task import Task
-from somrs.planner.model.operators import Inexpressible
+from somrs.planner.model.vocabulary import Inexpressible
 from somrs.planner.search.counting import Counters
 from somrs.planner.search.numeric import NumericTask
 from tests.unit.planner.grounding.test_grounding import format_action, service
