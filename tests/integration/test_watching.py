@@ -8,8 +8,11 @@ from collections.abc import Awaitable, Callable
 import pytest
 
 from somrs.devices.simulator.drivers.watching import WatchingDevice
+from somrs.errors import RemoteError
 from somrs.ontology.objects import Map, Object
 from somrs.ontology.types import UNKNOWN, Value
+from somrs.protocol.messages.bodies import Body
+from somrs.service_manager.sdk.map_reader import MapReader
 from tests.support.observation_lab import Lab, lab
 
 PLATFORM = (10.5, 4.0, 0.3)
@@ -132,3 +135,25 @@ def test_an_idle_patrol_robot_watches_too() -> None:
         assert map_of(rooms).objects["Jar002"].values["Color"] == "Green"
 
     watch(use, "Patrol1")
+
+
+def test_the_log_says_once_that_the_map_cannot_be_read_and_once_that_it_can_again(caplog: pytest.LogCaptureFixture) -> None:
+    async def use(rooms: Lab, camera: WatchingDevice) -> None:
+        reader = camera.map
+
+        async def no_answer(body: Body) -> Body:
+            raise RemoteError("the Repository does not answer")
+
+        for _ in range(2):
+            await look(camera)
+            camera.map = MapReader(no_answer)
+            await look(camera, 4)
+            camera.map = reader
+            await look(camera)
+
+    watch(use)
+    outage = [
+        "Camera1 cannot compare what it sees with the map: the Repository does not answer",
+        "Camera1 can compare what it sees with the map again",
+    ]
+    assert [record.getMessage() for record in caplog.records if "compare" in record.getMessage()] == outage * 2

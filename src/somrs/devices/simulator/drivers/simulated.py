@@ -6,11 +6,11 @@ A driver gets its device's state over the robot link, and its knowledge of the w
 from __future__ import annotations
 
 import asyncio
-import logging
 import math
 from collections.abc import Awaitable, Callable, Coroutine, Iterable
 from typing import TypeVar
 
+from somrs.devices.simulator.drivers.outage import Outage
 from somrs.devices.simulator.link.commands import CommandDone, Fault, ObjectState, RobotState
 from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.devices.simulator.link.lines import Legs
@@ -39,8 +39,6 @@ MOST_LOSSES = 5
 
 T = TypeVar("T")
 Pose = tuple[float, float, float]
-
-log = logging.getLogger(__name__)
 
 
 class SimulatedDevice(Device):
@@ -96,15 +94,14 @@ class SimulatedDevice(Device):
     async def _notice(self) -> None:
         """Report a changed pose of the idle device, for instance after it made way for another robot, and that it works again."""
         last_pose: Pose | None = None
+        outage = Outage(self.name, "read its state on the map")
         while True:
             await asyncio.sleep(NOTICING)
             state = self.idle_state
             pose = _pose(state) if state is not None else None
             if state is not None and pose is not None and last_pose is not None and _is_same_pose(pose, last_pose):
-                try:
+                with outage:
                     await self._notice_idle(state, pose)
-                except RemoteError as error:
-                    log.warning("%s cannot read its state on the map: %s", self.name, error)
             last_pose = pose
 
     async def _notice_idle(self, state: RobotState, pose: Pose) -> None:

@@ -7,17 +7,16 @@ within reach of a robot: the robot reports what it does.
 from __future__ import annotations
 
 import asyncio
-import logging
 import math
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from somrs.devices.simulator.drivers.outage import Outage
 from somrs.devices.simulator.drivers.recognition import sighting_parts
 from somrs.devices.simulator.drivers.simulated import SimulatedDevice, format_number, number_of
 from somrs.devices.simulator.link.commands import CommandDone, Point, RobotState, Sighting
 from somrs.devices.simulator.link.link import RobotLink
-from somrs.errors import RemoteError
 from somrs.protocol.messages.observations import Observation
 from somrs.service_manager.sdk.device import Device
 
@@ -34,8 +33,6 @@ RIVALRY = 1.0
 MIDDLE = 0.05
 """Height in m above its support at which a thing is expected to be seen."""
 MOST_THINGS = 300
-
-log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,6 +77,7 @@ class WatchingDevice(SimulatedDevice):
         await super().open()
         accuracies = await self._feature("Accuracy")
         self._watch = Watch(self, sum(accuracy for accuracy in accuracies if isinstance(accuracy, float)))
+        self._outage = Outage(self.name, "compare what it sees with the map")
         self._watching = asyncio.create_task(self._keep_watching())
 
     async def close(self) -> None:
@@ -90,16 +88,14 @@ class WatchingDevice(SimulatedDevice):
     async def _keep_watching(self) -> None:
         while True:
             await asyncio.sleep(WATCHING)
-            try:
-                await self.watch()
-            except RemoteError as error:
-                log.warning("%s cannot compare what it sees with the map: %s", self.name, error)
+            await self.watch()
 
     async def watch(self) -> None:
         """Look once, if the device has nothing else to do, and report what was seen for the second time."""
         state = self.idle_state
         if state is not None and not state.faults:
-            await self._watch.look(state, self._link)
+            with self._outage:
+                await self._watch.look(state, self._link)
 
 
 class Watch:
