@@ -6,17 +6,23 @@ import asyncio
 import math
 import re
 import textwrap
+import time
 
 import pytest
 
 from somrs.deployment.device import load
 from somrs.devices.simulator.link.commands import Fault
 from somrs.ontology.files.loading import load_text, upper
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.knowledge import Updated, UpdateMap
+from somrs.protocol.messages.observations import Observation, observed_at
 from somrs.service_manager import Device
-from somrs.service_manager.sdk.orders import Halt, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo, WorkDone
+from somrs.service_manager.sdk.map_reader import MapReader
+from somrs.service_manager.sdk.orders import Halt, Order, Perform, Quote, Quoted, Refusal, ServiceFailed, Undo, WorkDone
 from tests.support.observation_lab import SITE, carry_order, lab, look_order, map_after
 from tests.support.paths import ROOT
 from tests.support.robot_lab import run
+from tests.support.virtual_devices import make_ask
 
 
 def test_a_patrol_finds_a_jar_that_stands_where_it_was_and_measures_it() -> None:
@@ -229,3 +235,48 @@ def test_what_the_documentation_puts_on_a_map_is_a_map() -> None:
     assert loaded.map is not None
     drivers = {name: loaded.ontology.driver(loaded.map.objects[name].type) for name in ("Patrol1", "Camera001", "Anna")}
     assert all(load(driver or "").__name__ in ("PatrolRobot", "FixedCamera", "Person") for driver in drivers.values())
+
+
+@pytest.mark.parametrize("name", ["Camera1", "Patrol1"])
+def test_what_happens_after_the_picture_is_newer_than_what_it_shows(name: str) -> None:
+    async def test() -> None:
+        async with lab() as harness:
+            device = await harness.open(name)
+            await harness.operator.move("Jar1", 10.5, 4.0, 0.3)
+            ask = make_ask(harness.repository, time.time)
+
+            async def ask_while_a_robot_takes_the_jar(body: Body) -> Body:
+                answer = await ask(body)
+                if isinstance(body, UpdateMap):
+                    taken = Observation(as_of=time.time(), caused=True)
+                    assert isinstance(await ask(UpdateMap(situation="Jar1 isHeldBy Robot1", observation=taken)), Updated)
+                return answer
+
+            device.map = MapReader(ask_while_a_robot_takes_the_jar)
+            done = await harness.run_task(device, Perform(look_order("Jar1")))
+            assert isinstance(done, WorkDone)
+            assert done.situation is not None
+            assert "Jar1 isOn Platform1" in done.situation
+            result = UpdateMap(situation=done.situation, observation=observed_at(done.observation, time.time()))
+            assert isinstance(await ask(result), Updated)
+            assert harness.repository.contents.map.has_fact("isHeldBy", ("Jar1", "Robot1"))
+
+    run(test())
+
+
+@pytest.mark.parametrize("name", ["Camera1", "Patrol1"])
+def test_a_look_at_a_place_says_when_the_picture_was_taken(name: str) -> None:
+    async def test() -> None:
+        async with lab() as harness:
+            device = await harness.open(name)
+            began = time.time()
+            order = Order(
+                participant="p", method="look_at_place", inputs={"Place": "Platform1"}, effect="?Thing isOn Platform1", transaction="t"
+            )
+            done = await harness.run_task(device, Perform(order))
+            assert isinstance(done, WorkDone)
+            assert done.observation is not None
+            assert done.observation.as_of is not None
+            assert began <= done.observation.as_of <= time.time()
+
+    run(test())

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import time
+
 from somrs.devices.simulator.drivers.looking import describe_things
 from somrs.devices.simulator.drivers.recognition import Search
 from somrs.devices.simulator.drivers.watching import WatchingDevice
 from somrs.devices.simulator.link.commands import CommandDone, Likeness
 from somrs.entish.formula import Formula
 from somrs.errors import RemoteError
-from somrs.service_manager.sdk.device import Situation, Task, service
+from somrs.protocol.messages.observations import Observation
+from somrs.service_manager.sdk.device import Result, Situation, Task, service
 from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
 
 
@@ -16,7 +19,7 @@ async def _able(device: FixedCamera, task: Task) -> None:
     """Check that the camera works, and that the object is in view now. Raises Refusal."""
     await device.check_working()
     search = await Search.begin(device, task)
-    view = await device.view(search.like)
+    view, _ = await device.view(search.like)
     if not any(sighting.alike for sighting in view.sightings) and all(state.object != search.object for state in view.object_states):
         raise Refusal(f"{device.name} does not see {search.object}", not_now=True)
 
@@ -25,7 +28,8 @@ async def _able_to_look(device: FixedCamera, task: Task) -> None:
     """Check that the camera works, and that the place is in view now. Raises Refusal."""
     await device.check_working()
     place = str(task.inputs["Place"])
-    if place not in [state.object for state in (await device.view(None)).object_states]:
+    view, _ = await device.view(None)
+    if place not in [state.object for state in view.object_states]:
         raise Refusal(f"{device.name} does not see {place}")
 
 
@@ -36,32 +40,39 @@ class FixedCamera(WatchingDevice):
     features = ("OperationRange", "FieldOfView", "Price")
     mobile = False
 
-    async def view(self, like: Likeness | None) -> CommandDone:
-        """What it sees now; `like`: what it looks for. Raises Refusal when the camera does not answer."""
+    async def view(self, like: Likeness | None) -> tuple[CommandDone, float]:
+        """What it sees now, and the time at which it looked; `like`: what it looks for. Raises Refusal when the camera does not answer."""
+
+        async def look() -> tuple[CommandDone, float]:
+            looked_at = time.time()
+            return await self._link.sense(like=like), looked_at
+
         try:
-            return await self.retry_when_link_lost(lambda: self._link.sense(like=like))
+            return await self.retry_when_link_lost(look)
         except RemoteError as error:
             raise Refusal(f"{self.name} does not answer: {error}", not_now=True) from None
 
     @service("RecognizeSituation", price=WatchingDevice.price, duration="1 s", able=_able, inputs=("Object",))
-    async def recognize(self, task: Task) -> Situation:
+    async def recognize(self, task: Task) -> Result:
         search = await Search.begin(self, task)
         try:
-            await search.note(await self.view(search.like))
+            view, looked_at = await self.view(search.like)
+            await search.note(view, looked_at, looked_at)
         except Refusal as silent:
             raise ServiceFailed(str(silent), self._out_of_order()) from None
         if search.situation is None:
             sees = f"sees something like {search.object}, which is another object" if search.mistaken else f"no longer sees {search.object}"
             raise ServiceFailed(f"{self.name} {sees}")
-        return search.situation
+        return Result(situation=search.situation, observation=search.observation)
 
     @service("LookAt", price=WatchingDevice.price, duration="1 s", able=_able_to_look, inputs=("Place",), outputs=("Thing",))
-    async def look_at_place(self, task: Task) -> Situation:
+    async def look_at_place(self, task: Task) -> Result:
         try:
-            view = await self.view(None)
+            view, looked_at = await self.view(None)
         except Refusal as silent:
             raise ServiceFailed(str(silent), self._out_of_order()) from None
-        return " AND ".join(describe_things(str(task.inputs["Place"]), view.sightings) or [f"{self.name}.Working = TRUE"])
+        situation = " AND ".join(describe_things(str(task.inputs["Place"]), view.sightings) or [f"{self.name}.Working = TRUE"])
+        return Result(situation=situation, observation=Observation(as_of=looked_at))
 
     @recognize.compensation
     @look_at_place.compensation

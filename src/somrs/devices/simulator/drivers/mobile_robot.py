@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Awaitable, Callable, Iterable
 
 from somrs.devices.simulator.drivers.looking import describe_things, point_at
@@ -12,7 +13,8 @@ from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.devices.simulator.motion.robot import CHARGING
 from somrs.entish.formula import Formula, Name, Relation, conjuncts
 from somrs.errors import RemoteError, UsageError
-from somrs.service_manager.sdk.device import Situation, Task, service
+from somrs.protocol.messages.observations import Observation
+from somrs.service_manager.sdk.device import Result, Situation, Task, service
 from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
 
 LOOKING_TIME = 5.0
@@ -153,11 +155,11 @@ class MobileRobot(SimulatedDevice):
     # Looking
 
     @service("LookAt", price=_looking_price, duration=_looking_time, able=_able, inputs=("Place",), outputs=("Thing",))
-    async def look_at_place(self, task: Task) -> Situation:
+    async def look_at_place(self, task: Task) -> Result:
         return await self._look(task, str(task.inputs["Place"]))
 
     @service("LookInto", price=_looking_price, duration=_looking_time, able=_able, inputs=("Cupboard",), outputs=("Thing",))
-    async def look_into(self, task: Task) -> Situation:
+    async def look_into(self, task: Task) -> Result:
         return await self._look(task, str(task.inputs["Cupboard"]))
 
     @look_at_place.stopping
@@ -171,7 +173,7 @@ class MobileRobot(SimulatedDevice):
         """An observation leaves nothing to undo."""
         return await self._commanded(task, lambda: self._link.status())
 
-    async def _look(self, task: Task, place: str) -> str:
+    async def _look(self, task: Task, place: str) -> Result:
         """Drive to where the place is in view, and report the things there."""
         try:
             x, y, z = await point_at(task, place)
@@ -179,7 +181,9 @@ class MobileRobot(SimulatedDevice):
             raise ServiceFailed(str(refusal)) from None
         note = f"looks at {place}"
         look = await self._result(task, lambda: self._driving(task, self._link.look_at(x, y, z), 0.0, 0.95, note))
-        return " AND ".join([*describe_things(place, look.sightings), *await self.whereabouts(task, look.state)])
+        looked_at = time.time()  # the drive ends with the look
+        situation = " AND ".join([*describe_things(place, look.sightings), *await self.whereabouts(task, look.state)])
+        return Result(situation=situation, observation=Observation(as_of=looked_at))
 
     async def way_to_view(self, task: Task) -> float:
         """The driving distance to what is to be looked at, m. Raises Refusal when there is no path."""

@@ -7,6 +7,7 @@ the furniture, and last the floors, each nearest first. The search ends as soon 
 from __future__ import annotations
 
 import math
+import time
 from dataclasses import dataclass, replace
 
 from somrs.devices.simulator.drivers.mobile_robot import MobileRobot
@@ -17,7 +18,7 @@ from somrs.devices.simulator.link.connection import RobotGaveUp
 from somrs.entish.formula import Formula, Number
 from somrs.errors import RemoteError, UsageError
 from somrs.ontology.types import Value
-from somrs.service_manager.sdk.device import Situation, Task, service
+from somrs.service_manager.sdk.device import Result, Situation, Task, service
 from somrs.service_manager.sdk.orders import Refusal, ServiceFailed
 from somrs.service_manager.sdk.values import term
 
@@ -77,7 +78,7 @@ class PatrolRobot(WatchingDevice, MobileRobot):
         return length if length is not None else 2 * math.dist((state.x, state.y), (first.x, first.y))
 
     @service("RecognizeSituation", price=_price, duration=_duration, able=_able, inputs=("Object",))
-    async def recognize(self, task: Task) -> Situation:
+    async def recognize(self, task: Task) -> Result:
         search = await Search.begin(self, task)
         try:
             searched_places, missed_places = await self.retry_when_link_lost(lambda: self._search(search))
@@ -87,7 +88,7 @@ class PatrolRobot(WatchingDevice, MobileRobot):
         own_pose = self._own_pose(state)
         if search.situation is None:
             raise ServiceFailed(_failure_text(self.name, search.object, searched_places, missed_places), " AND ".join(own_pose))
-        return " AND ".join([search.situation, *own_pose])
+        return Result(situation=" AND ".join([search.situation, *own_pose]), observation=search.observation)
 
     async def _search(self, search: Search) -> tuple[list[str], list[str]]:
         """Search until the object is found. Return the labels of the searched and of the unreachable places."""
@@ -102,7 +103,9 @@ class PatrolRobot(WatchingDevice, MobileRobot):
             begin, end = 0.9 * i / len(spots), 0.9 * (i + 1) / len(spots)
             try:
                 look = self._link.look_at(spot.x, spot.y, spot.z, search.landmark, search.like, whole=search.mistaken)
-                await search.note(await self._driving(task, look, begin, end, f"looks for {object} at {spot.label}"))
+                view = await self._driving(task, look, begin, end, f"looks for {object} at {spot.label}")
+                looked_at = time.time()  # the drive ends with the look
+                await search.note(view, looked_at, looked_at)
                 if search.situation is None:
                     await self._look_around(search)
             except RobotGaveUp as failure:
@@ -132,7 +135,9 @@ class PatrolRobot(WatchingDevice, MobileRobot):
         return " AND ".join([*pose, *([self._out_of_order()] if out_of_order or not pose else [])])
 
     async def _look_around(self, search: Search) -> None:
-        await search.note(await self._link.look_around(search.landmark, search.like, whole=search.mistaken))
+        whole, began_at = search.mistaken, time.time()
+        view = await self._link.look_around(search.landmark, search.like, whole=whole)
+        await search.note(view, began_at, began_at if whole else time.time())
 
     # Places to search
 

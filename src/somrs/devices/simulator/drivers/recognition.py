@@ -37,6 +37,8 @@ class Search:
     like: Likeness | None
     situation: str | None = None
     """The situation of the object, when it is found."""
+    seen_at: float = 0.0
+    """When it was found, in seconds since 1970."""
     mistaken: bool = False
     """Whether something that looks alike turned out to be another object. It is still there, so only whole looks lead on."""
 
@@ -51,22 +53,31 @@ class Search:
         """The name by which the object is recognised, if it is a landmark."""
         return self.object if self.like is None else None
 
-    async def note(self, result: CommandDone) -> None:
-        """Report what was seen, and find out whether the object is among it."""
+    @property
+    def observation(self) -> Observation:
+        """How the object was observed. The news of others since then are newer."""
+        return Observation(as_of=self.seen_at)
+
+    async def note(self, result: CommandDone, first_look: float, last_look: float) -> None:
+        """Report what was seen, and find out whether the object is among it.
+
+        The times are those of the first and the last picture. A command that ends when it sees the object sees it in the last one.
+        """
         states = [state for state in result.object_states if state.object == self.landmark]
-        self.situation = landmark_situation(states[0]) if states else self.situation
+        if states:
+            self.situation, self.seen_at = landmark_situation(states[0]), last_look
         sightings = result.sightings
         report = [part for number in reported(sightings) for part in sighting_parts(sightings, number)]
         if not report:
             return
         try:
-            reception = await self.device.report(" AND ".join(report), Observation(sought=(self.object,)))
+            reception = await self.device.report(" AND ".join(report), Observation(as_of=first_look, sought=(self.object,)))
         except RemoteError as error:
             log.warning("%s: what it saw cannot be put on the map: %s", self.device.name, error)
             return
         number = next((int(variable.removeprefix(SEEN)) for variable, name in reception.names.items() if name == self.object), None)
         if number is not None:
-            self.situation = named_situation(sightings, number, reception.names)
+            self.situation, self.seen_at = named_situation(sightings, number, reception.names), last_look
         elif any(sighting.alike for sighting in sightings):
             self.mistaken = True
 
