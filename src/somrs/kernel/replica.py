@@ -7,7 +7,8 @@ versions. If the gap does not close, the replica reads everything again.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import dataclasses
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from msgspec import Struct, field
@@ -45,9 +46,9 @@ GAP_TIME = 1.0
 class ReplicaUpdate:
     """The result of an input: `effects` to carry out, and how the copy changed.
 
-    `changes` of the map and names that were `renamed` are in order. `merged`: objects that turned out to be others. `definitions` are new
-    or revised; `removed` are gone or have another name. `reloaded`: the whole copy was read again, so that anything may have changed before
-    `changes`.
+    `changes` of the map and names that were `renamed` are in order. `merged`: objects that turned out to be others. `new_names`: the names
+    that objects have now, by the names that they lost. `definitions` are new or revised; `removed` are gone or have another name.
+    `reloaded`: the whole copy was read again, so that anything may have changed before `changes`.
     """
 
     effects: list[Effect]
@@ -56,13 +57,8 @@ class ReplicaUpdate:
     removed: tuple[DefinitionKey, ...] = ()
     renamed: tuple[Renaming, ...] = ()
     merged: tuple[Merging, ...] = ()
+    new_names: Mapping[str, str] = dataclasses.field(default_factory=dict)
     reloaded: bool = False
-
-    @property
-    def new_names(self) -> dict[str, str]:
-        """The names that objects have now, by the names that they lost."""
-        renamed = {renaming.name: renaming.to for renaming in self.renamed if renaming.section is Section.OBJECTS}
-        return renamed | {merging.name: merging.into for merging in self.merged}
 
     @property
     def ontology_changed(self) -> bool:
@@ -258,6 +254,7 @@ class Replica(Struct):
         removed: list[DefinitionKey] = []
         renamed: list[Renaming] = []
         merged: list[Merging] = []
+        new_names: dict[str, str] = {}
         while self.ready and (event := self.events.get(self.version + 1)) is not None:
             self.version += 1
             change_event = event.event if isinstance(event, MapChanged) else event
@@ -266,12 +263,15 @@ class Replica(Struct):
             if applied:
                 self.map = self.map.changed(applied)
                 changes += applied
+            lost_names = {renaming.name: renaming.to for renaming in change_event.renamed if renaming.section is Section.OBJECTS}
             if isinstance(event, MapChanged):
                 merged += event.event.merged
+                lost_names |= {merging.name: merging.into for merging in event.event.merged}
             else:
                 definitions += event.definitions.all_definitions()
                 removed += event.removed
                 self.ontology = revise_ontology(self.ontology, event.removed, event.definitions.all_definitions())
+            new_names = {name: lost_names.get(to, to) for name, to in new_names.items()} | lost_names
         self._forget()
         self._watch_gap(self.version != old_version, now)
         return ReplicaUpdate(
@@ -281,6 +281,7 @@ class Replica(Struct):
             removed=tuple(removed),
             renamed=tuple(renamed),
             merged=tuple(merged),
+            new_names=new_names,
             reloaded=read,
         )
 

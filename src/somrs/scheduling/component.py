@@ -38,6 +38,7 @@ from somrs.protocol.messages.submission import Submit
 from somrs.scheduling.book import Book, expect
 from somrs.scheduling.execution import LATE, Execution, task_for
 from somrs.scheduling.recurrence import check_recurrence, due_after, due_between, zone_of
+from somrs.scheduling.renamed_objects import BookRenamer
 from somrs.scheduling.state import Located, MapDue, OrdersDue, SchedulerState, Timer
 from somrs.scheduling.templates import check, fill_template, name_of
 
@@ -100,6 +101,10 @@ class Scheduler:
     def _effects(self, event: Input, now: float) -> Effects:
         news = self.replica.handle(event, now)
         yield from news.effects if news is not None else self._handle(event, now)
+        if news is not None and news.new_names:
+            templates, orders = BookRenamer(news.new_names, self.replica.ontology).rename(self.book)
+            if templates or orders:
+                yield from self._publish(templates=templates, orders=orders)
         if self.replica.ready:
             yield from self._serve_waiting(now)
         if news is None or news.reloaded:  # most inputs are map changes, which make nothing due

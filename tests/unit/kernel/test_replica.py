@@ -16,7 +16,7 @@ from somrs.ontology.objects import Change, Fact, FactAdded, FactRemoved, Object,
 from somrs.ontology.types import AttributeType, Kind
 from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Message
-from somrs.protocol.messages.knowledge import Define, Definitions, MapPage, ReadMap, UpdateMap
+from somrs.protocol.messages.knowledge import Define, Definitions, MapPage, MergeObject, ReadMap, RenameObject, UpdateMap
 from somrs.repository.component import Repository
 from somrs.repository.state import Contents
 from somrs.runtime.virtual_time import World
@@ -105,6 +105,19 @@ def test_what_changes_while_pages_are_read_is_on_the_copy() -> None:
     assert pages >= 3
     assert owner.replica.ready
     assert has_same_contents(owner.replica, repository)
+
+
+def test_names_that_change_several_times_are_the_latest_ones() -> None:
+    repository, owner = Repository(REPOSITORY, contents()), Owner()
+    world = World()
+    world.add(REPOSITORY, repository)
+    world.add(OWNER, owner)
+    assert world.run(10.0, lambda: owner.replica.ready)
+    renamings = (RenameObject(name="Jar1", to="Pot1"), MergeObject(name="Pot1", into="Jar2"), RenameObject(name="Table1", to="Jar1"))
+    events = [effect.message for body in renamings for effect in deliver_request(repository, body) if isinstance(effect, Send)]
+    for message in reversed([message for message in events if message.header.recipient == OWNER]):  # they arrive in the wrong order
+        owner.handle(Received(message), 11.0)
+    assert owner.news[-1].new_names == {"Jar1": "Jar2", "Pot1": "Jar2", "Table1": "Jar1"}
 
 
 def test_a_message_that_was_lost_is_noticed_and_everything_read_again() -> None:

@@ -6,11 +6,11 @@ import re
 from collections.abc import Mapping
 from enum import StrEnum
 
-from msgspec import Struct, structs
+from msgspec import Struct
 
 from somrs.protocol.messages.body import MessageBody
 from somrs.protocol.messages.frp import Outcome
-from somrs.protocol.messages.submission import Submit
+from somrs.protocol.messages.submission import Submit, with_formulas
 
 BLANK = re.compile(r"{([^{}]*)}")
 """A blank in a formula of a template: its name in braces."""
@@ -97,18 +97,7 @@ class Filled(Struct, frozen=True, kw_only=True):
 
 def fill_blanks(task: Submit, values: Mapping[str, str]) -> Submit:
     """Return the task with these texts in place of its blanks."""
-
-    def write(formula: str | None) -> str | None:
-        return fill_formula(formula, values) if formula is not None else None
-
-    return structs.replace(
-        task,
-        effect=fill_formula(task.effect, values),
-        precondition=write(task.precondition),
-        handlers=tuple(
-            structs.replace(handler, effect=fill_formula(handler.effect, values), when=write(handler.when)) for handler in task.handlers
-        ),
-    )
+    return with_formulas(task, lambda formula: fill_formula(formula, values))
 
 
 def blanks_to_variables(template: Template) -> Submit:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import StrEnum
 
-from msgspec import Struct
+from msgspec import Struct, structs
 
 from somrs.ontology.services import Handler
 from somrs.protocol.messages.body import MessageBody
@@ -42,6 +43,22 @@ class Submit(MessageBody, frozen=True, kw_only=True, tag=True):
     waits: bool = True
     recognise: bool = False
     retry_of: str | None = None
+
+
+def with_formulas(task: Submit, write: Callable[[str], str]) -> Submit:
+    """Return the task with each of its formulas as `write` returns it."""
+
+    def write_optional(formula: str | None) -> str | None:
+        return write(formula) if formula is not None else None
+
+    return structs.replace(
+        task,
+        effect=write(task.effect),
+        precondition=write_optional(task.precondition),
+        handlers=tuple(
+            structs.replace(handler, effect=write(handler.effect), when=write_optional(handler.when)) for handler in task.handlers
+        ),
+    )
 
 
 class Submitted(MessageBody, frozen=True, kw_only=True, tag=True):

@@ -15,9 +15,8 @@ from somrs.entish.formula import names as names_in
 from somrs.entish.parse import parse
 from somrs.ontology.naming import Renaming, Section
 from somrs.ontology.renaming import Renamer
-from somrs.ontology.services import Handler
 from somrs.ontology.types import Ontology
-from somrs.protocol.messages.submission import Submit
+from somrs.protocol.messages.submission import with_formulas
 from somrs.task_manager.execution.workflow import Progress, StepRun
 from somrs.task_manager.recovery.observation import LookQueue
 from somrs.task_manager.transaction.state import GoalExecution, TaskState
@@ -33,7 +32,7 @@ class TaskRenamer:
     def rename(self, state: TaskState) -> list[GoalExecution]:
         """Rename the objects. Returns the goals whose plans have to be made anew."""
         outdated = [execution for execution in state.executions if self._is_outdated(execution)]
-        state.task = self._task(state.task)
+        state.task = with_formulas(state.task, self._text)
         for execution in state.executions:
             execution.goal = self._text(execution.goal)
             if execution.look is not None:
@@ -57,15 +56,6 @@ class TaskRenamer:
 
     def _speaks_of(self, formula: Formula) -> bool:
         return not self._names.keys().isdisjoint(names_in(formula))
-
-    def _task(self, task: Submit) -> Submit:
-        precondition = self._text(task.precondition) if task.precondition is not None else None
-        handlers = tuple(map(self._handler, task.handlers))
-        return structs.replace(task, effect=self._text(task.effect), precondition=precondition, handlers=handlers)
-
-    def _handler(self, handler: Handler) -> Handler:
-        when = self._text(handler.when) if handler.when is not None else None
-        return structs.replace(handler, effect=self._text(handler.effect), when=when)
 
     def _rename_looks(self, looks: LookQueue) -> None:
         looks.unseen = [structs.replace(unseen, object=self._name(unseen.object)) for unseen in looks.unseen]
