@@ -46,7 +46,7 @@ def with_alternatives(problem: Problem, first: Plan, plan: Callable[[Problem], P
             continue
         tried.add(without)
         services = tuple(available for available in problem.services if available.service_type.name not in without)
-        result = plan(structs.replace(problem, services=services, most_plans=1))
+        result = plan(structs.replace(problem, services=services, most_plans=1, explained=False))
         if not isinstance(result, Plan) or not result.steps or any(step.tells for step in result.steps):
             continue  # what has to be found out first cannot be quoted
         if len(result.steps) <= MOST_LENGTH * len(first.steps) and _types(result) not in [_types(other) for other in plans]:

@@ -53,7 +53,7 @@ def optimistic(problem: Problem) -> Iterator[Problem]:
     map = problem.map.changed(changes) if changes else problem.map
     for favourable in (False, True) if looks else (False,):
         reading = Reading(unknown=unknown, outputs=outputs, places=places, favourable=favourable)
-        yield structs.replace(problem, map=map, excluded=excluded, unknown=frozenset(), reading=reading, rest=())
+        yield structs.replace(problem, map=map, excluded=excluded, unknown=frozenset(), reading=reading, rest=(), explained=False)
 
 
 class _Names:

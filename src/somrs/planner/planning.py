@@ -224,8 +224,8 @@ def _plan_grounded(problem: Problem, world: World, goals: list[Operator], engine
 
 
 def _explain(problem: Problem, world: World, guessed: bool) -> NoPlan:
-    """Why there is no plan. Nobody asks it of an optimistic reading."""
-    return explain_failure(problem, world, guessed) if problem.reading is None else NoPlan(explanation="")
+    """Why there is no plan, if that is wanted."""
+    return explain_failure(problem, world, guessed) if problem.explained else NoPlan(explanation="")
 
 
 def _improve_plan(problem: Problem, first_plan: Plan, task: Task, engines: _Engines) -> Plan:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from msgspec import structs
 
 from somrs.ontology.services import Parameter, ServiceKind, ServiceType
-from somrs.planner.model.plan import Plan
+from somrs.planner.alternatives import with_alternatives
+from somrs.planner.model.plan import NoPlan, Plan
+from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
 from tests.support.laboratory import make_problem, names
 
@@ -60,3 +62,19 @@ def test_further_plans_are_plans_for_the_same_problem() -> None:
     [other] = result.alternatives
     assert len(names(other)) in (1, 2)
     assert other.topological()[-1].effect == result.topological()[-1].effect
+
+
+def test_nobody_explains_why_there_is_no_further_plan() -> None:
+    """An explanation takes seconds where many facts cannot be reached, and nobody would read it."""
+    tried: list[Problem] = []
+
+    def plan_again(problem: Problem) -> Plan | NoPlan:
+        tried.append(problem)
+        return plan(problem)
+
+    problem = structs.replace(make_problem(GOAL, CARRY, LAY), most_plans=3)
+    first = plan(structs.replace(problem, most_plans=1))
+    assert isinstance(first, Plan)
+    assert with_alternatives(problem, first, plan_again) == first
+    assert [plan(without) for without in tried] == [NoPlan(explanation="")]
+    assert plan(structs.replace(tried[0], explained=True)) != NoPlan(explanation="")

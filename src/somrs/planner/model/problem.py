@@ -76,6 +76,8 @@ class Problem(Struct, frozen=True, kw_only=True, tag=True):
     hurry: bool = False
     most_plans: int = 1
     """How many plans are wanted. Beyond the first, they are sought only if that is easy."""
+    explained: bool = True
+    """Whether it is wanted why there is no plan, which may take longer than to find that out."""
     lost: tuple[LostService, ...] = ()
     bids: tuple[StepBid, ...] = ()
     """Answers of services that concern the plan, because one of those that were asked for the same stated a condition."""
