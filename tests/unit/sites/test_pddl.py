@@ -304,6 +304,11 @@ def test_as_ordinary_pddl_the_agent_is_a_parameter_and_nothing_is_private(tmp_pa
     assert list(classical_import.agents) == ["Agent1"]
 
 
+def test_as_ordinary_pddl_the_parameters_of_a_predicate_have_different_names(tmp_path: Path) -> None:
+    domain, _ = classical(*written(tmp_path, DOMAIN.replace("(:predicates", "(:predicates (near ?q ?q - quay)")))
+    assert "(near ?q ?q-2 - quay)" in domain
+
+
 def test_a_type_that_is_said_of_nothing_is_left_out(tmp_path: Path) -> None:
     domain = tmp_path / "domain.pddl"
     problem = tmp_path / "problem.pddl"

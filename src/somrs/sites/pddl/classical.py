@@ -25,7 +25,7 @@ def _section(section: Group) -> Group | None:
             )
             return Group(requirements, section.line) if len(requirements) > 1 else None
         case ":predicates" | ":functions":
-            return Group((section.items[0], *_open(section.items[1:])), section.line)
+            return Group((section.items[0], *map(_distinct, _open(section.items[1:]))), section.line)
         case ":objects" | ":constants":
             public = [item for item in section.items[1:] if not _private(item)]
             private = [item for group in section.items[1:] if isinstance(group, Group) and _private(group) for item in group.items[2:]]
@@ -62,6 +62,18 @@ def _open(items: tuple[Node, ...]) -> Iterator[Node]:
             yield from (inner for inner in item.items[1:] if isinstance(inner, Group))
         else:
             yield item
+
+
+def _distinct(signature: Node) -> Node:
+    """The signature with different names for its parameters; some parsers count `(in ?obj ?obj)` as one."""
+    if not isinstance(signature, Group):
+        return signature
+    words: list[Node] = []
+    for item in signature.items:
+        if isinstance(item, Word) and item.text.startswith("?") and any(isinstance(word, Word) and word.text == item.text for word in words):
+            item = Word(f"{item.text}-{len(words)}", f"{item.written}-{len(words)}", item.line)
+        words.append(item)
+    return Group(tuple(words), signature.line)
 
 
 def _action(section: Group) -> Group:
