@@ -70,7 +70,11 @@ def _distinct(signature: Node) -> Node:
         return signature
     words: list[Node] = []
     for item in signature.items:
-        if isinstance(item, Word) and item.text.startswith("?") and any(isinstance(word, Word) and word.text == item.text for word in words):
+        if (
+            isinstance(item, Word)
+            and item.text.startswith("?")
+            and any(isinstance(word, Word) and word.text == item.text for word in words)
+        ):
             item = Word(f"{item.text}-{len(words)}", f"{item.written}-{len(words)}", item.line)
         words.append(item)
     return Group(tuple(words), signature.line)
