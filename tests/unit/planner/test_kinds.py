@@ -334,3 +334,27 @@ def test_each_use_of_a_service_has_an_output_of_its_own() -> None:
     places = {str(step.inputs["Object"]): str(step.inputs["Place"]) for step in result.steps if step.service_type == "Store"}
     assert set(places.values()) == {"Some-Place", "Some-Place-2"}
     assert {str(step.assumed) for step in result.steps if step.tells} == {f"{place} isFreeFor {jar}" for jar, place in places.items()}
+
+
+PAINT = ServiceType(
+    name="Paint",
+    inputs=(OBJECT, Parameter(name="Text", type="text")),
+    precondition="?Object isOn ?Source",
+    effect="?Object.Label = ?Text",
+)
+
+
+@pytest.mark.parametrize("goal", ["Jar001 isOn ?P: Support", "Jar001 isOn ?P: Shelf", "?J: Jar isOn ?P: Shelf AND ?J != Jar002"])
+@pytest.mark.parametrize("services", [(PICK_PLACE, SEE), (RACK, SEE), (LOOK, PICK_PLACE, FIND_JARS, RACK, SEE, PAINT)])
+def test_what_a_known_place_is_enough_for_needs_no_output(goal: str, services: tuple[ServiceType, ...]) -> None:
+    (step,) = names(planned(problem(goal, *services, unknown="Jar001")))
+    assert step.startswith("SeeWhetherOn(Thing: Jar001, Place: ")
+    assert "Some-" not in step
+
+
+def test_a_plan_of_several_steps_has_no_output_more_than_it_needs() -> None:
+    goal = "Jar001 isOn ?P: Support AND Jar001.Clean = TRUE"
+    steps = names(planned(problem(goal, SEE, PICK_PLACE, WASH, unknown="Jar001")))
+    assert steps[:2] == ["SeeWhetherOn(Thing: Jar001, Place: Washer1)", "WashJar(Jar: Jar001) by Washer1"]
+    assert len(steps) == 3
+    assert "Some-" not in steps[2]
