@@ -127,6 +127,28 @@ def test_that_an_object_be_known_is_a_task() -> None:
     assert [step.state for step in view.steps] == [State.COMPLETED]
 
 
+PARCEL_SITE = (
+    "types:\n  Parcel: {parent: Graspable}\n"
+    + SITE.replace(
+        "facts:\n", "  Parcel001: {type: Parcel, at: [1, 1.2, 0.8], Shape: {Form: Box, Width: 0.1, Depth: 0.1, Height: 0.2}}\nfacts:\n"
+    )
+    + "  - Parcel001 isOn Cupboard001\n"
+)
+
+
+@pytest.mark.parametrize("recognise", [False, True])
+def test_a_weight_that_the_type_forbids_is_named_where_the_task_ends(recognise: bool) -> None:
+    system = KnowingSystem(Robot("Robot1", 4, 20), site=PARCEL_SITE)
+    system.observe("Scale9", finds("Parcel001.Weight = 7 kg"), WEIGH)
+    task = system.submit("Parcel001.Weight = ?Weight", recognise=recognise)
+    (view,) = system.finish(task)
+    assert view.outcome is Outcome.FAILED
+    rule = "Parcel001: for a Graspable, Weight is at most 5, not 7 [constraint]"
+    assert system.events_of(task, events.ReportRejected) == [events.ReportRejected(service="Scale9.WeighObject", problems=(rule,))]
+    text = f"the Repository rejects what Scale9.WeighObject reports ({rule}); if it is so, change the ontology"
+    assert text in view.explanation
+
+
 def test_looking_at_a_place_puts_nothing_there() -> None:
     see = ServiceType(
         name="SeeWhetherOn",

@@ -110,6 +110,9 @@ def test_a_thing_that_is_heavier_than_the_map_says_is_left_where_it_is(weight: f
             assert (jar.support, jar.held_by) == ("Table1", None)
             assert map_after(failed.value.situation, SITE).has_fact("isOn", ("Jar1", "Table1"))
             assert harness.repository.contents.map.objects["Jar1"].values.get("Weight") == known, "a jar weighs at most 5 kg"
+            notes = [advance.note for advance in harness.advances if "cannot be put on the map" in advance.note]
+            text = "Jar1 weighs 7 kg, which cannot be put on the map: Jar1: for a Graspable, Weight is at most 5, not 7 [constraint]"
+            assert notes == ([] if known is not None else [text])
 
     run(test())
 

@@ -34,7 +34,7 @@ from somrs.planner.grounding.relevance import demands
 from somrs.planner.model.choices import ALTERNATIVES
 from somrs.planner.model.operators import goal_operators
 from somrs.planner.model.plan import NoPlan, Obstacle
-from somrs.planner.model.problem import AvailableService, LostService, Problem
+from somrs.planner.model.problem import AvailableService, LostService, Problem, rejection_text
 from somrs.planner.model.reading import outputs_in_effect, tells
 from somrs.planner.model.vocabulary import Inexpressible
 from somrs.planner.model.world import World
@@ -235,7 +235,8 @@ class _Reasons:
         uses = [use for name in offered for _, use in self.problem.fruitless if use.startswith(f"{name}(")]
         in_vain = sorted({device for device, use in self.problem.fruitless if use in uses and names(literal)[0] in use})
         if in_vain:
-            return f"; {' and '.join(in_vain)} tried in vain to find it out"
+            about = [loss for loss in self.problem.rejected if loss.service_type.name in offered and names(literal)[0] in loss.reason]
+            return f"; {' and '.join(in_vain)} tried in vain to find it out{rejection_text(about)}"
         return f", and {' and '.join(offered)} cannot find it out now"
 
     def _unknown_objects(self, literal: Literal) -> bool:

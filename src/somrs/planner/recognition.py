@@ -20,7 +20,7 @@ from somrs.ontology.services import PROVIDER, ServiceKind, ServiceType
 from somrs.ontology.truth import bindings
 from somrs.ontology.types import UNKNOWN, Ontology
 from somrs.planner.model.plan import NoPlan, Obstacle, Plan, Step, describe_use
-from somrs.planner.model.problem import AvailableService, Problem
+from somrs.planner.model.problem import AvailableService, Problem, rejection_text
 from somrs.planner.model.reading import looked_for_in, outputs_in_effect
 
 MOST_OBSERVATIONS = 50
@@ -76,7 +76,7 @@ class _Recognition:
         in_vain = sorted({device for device, _ in self.problem.fruitless})
         if in_vain:
             absent = ()  # they have looked; whoever else could look is not waited for
-            text = f"{' and '.join(in_vain)} looked, and found nothing"
+            text = f"{' and '.join(in_vain)} looked, and found nothing{rejection_text(self.problem.rejected)}"
         elif absent and len(absent) == len(able):
             text = f"nobody can look: no device offers {' or '.join(absent)} now"
         elif able:

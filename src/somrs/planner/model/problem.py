@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from msgspec import Struct, field
 
 from somrs.entish import Formula, Term
@@ -27,6 +29,12 @@ class LostService(Struct, frozen=True):
     service_type: ServiceType
     service: str
     reason: str = field(name="why")
+
+
+def rejection_text(services: Iterable[LostService]) -> str:
+    """What is to be said after a statement about services whose reports the Repository rejected; nothing if there are none."""
+    texts = [f"the Repository rejects what {loss.service} reports ({loss.reason}); if it is so, change the ontology" for loss in services]
+    return f": {', and '.join(texts)}" if texts else ""
 
 
 class StepBid(Struct, frozen=True, kw_only=True):
@@ -79,5 +87,7 @@ class Problem(Struct, frozen=True, kw_only=True, tag=True):
     explained: bool = True
     """Whether it is wanted why there is no plan, which may take longer than to find that out."""
     lost: tuple[LostService, ...] = ()
+    rejected: tuple[LostService, ...] = ()
+    """Services whose last report was one that the map cannot take, and why."""
     bids: tuple[StepBid, ...] = ()
     """Answers of services that concern the plan, because one of those that were asked for the same stated a condition."""

@@ -87,6 +87,16 @@ class AvailableServices:
         ]
 
     @property
+    def rejected_services(self) -> list[LostService]:
+        """Services on offer whose last impossible report the Repository rejected, and why."""
+        reasons = self._state.impossible
+        return [
+            LostService(offer.service_type, offer.service, reasons[offer.service])
+            for offer in self._state.offers
+            if offer.service in reasons
+        ]
+
+    @property
     def excluded_providers(self) -> set[str]:
         """The devices of the services that the task does not ask."""
         return {offer.provider for offer in self._state.offers if offer.service in self.broken}

@@ -107,6 +107,7 @@ class PlanRequester:
         task = replace(
             task,
             lost=tuple(services.excluded_services),
+            rejected=tuple(services.rejected_services),
             fruitless=services.fruitless,
             observed=services.told,
             most_plans=request.most_plans,

@@ -6,7 +6,6 @@ and radians, rounded to three digits.
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Coroutine, Iterable
 from dataclasses import dataclass
 
@@ -25,9 +24,8 @@ WEIGHING_TIME = 15.0
 """Time to grip a thing, to lift it a little and to release it, s."""
 KNOWN_WEIGHT = 0.1
 """Difference between the measured weight of a thing and that on the map up to which it is not reported, kg."""
-
-
-log = logging.getLogger(__name__)
+GRIPPED, PLACED = 0.4, 0.95
+"""The fraction of a transfer that is done when the thing is gripped, and when it is put down."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,11 +224,11 @@ class Manipulator(OpeningRobot):
             result = await self.retry_when_link_lost(lambda: self._carry_out_transfer(task, object, target))
         except RobotGaveUp as failure:
             situation = await self._release_after_failure(failure, object)
-            await self._report_weight(task, object)
+            await self._report_weight(task, object, GRIPPED)
             raise ServiceFailed(failure.description, situation) from failure
         finally:
             self.carrying = None
-        await self._report_weight(task, object)
+        await self._report_weight(task, object, PLACED)
         object_state = self._last_observations.get(object)
         situation = self._situation(result.state, object, (), on_first=True)
         seen = Spot() if object_state is None else Spot(support=object_state.support, container=object_state.container)
@@ -252,11 +250,11 @@ class Manipulator(OpeningRobot):
             await self._driving(task, self._run_and_record(self._link.approach(object)), 0.05, 0.35, f"on the way to {object}")
             self._on_way_to = None
             await self._run_and_record(self._link.grip(object))
-        await task.progress(0.4, f"{object} isHeldBy {self.name}", f"{object} is gripped")
+        await task.progress(GRIPPED, f"{object} isHeldBy {self.name}", f"{object} is gripped")
         note = f"carries {object} to {target.name}"
         if target.support is None:
-            return await self._driving(task, self._run_and_record(self._link.insert(target.name)), 0.45, 0.95, note)
-        await self._driving(task, self._run_and_record(self._link.approach(target.name)), 0.45, 0.85, note)
+            return await self._driving(task, self._run_and_record(self._link.insert(target.name)), GRIPPED, PLACED, note)
+        await self._driving(task, self._run_and_record(self._link.approach(target.name)), GRIPPED, 0.85, note)
         return await self._run_and_record(self._link.place(target.name, *(target.position or ())))
 
     async def _release_after_failure(self, failure: RobotGaveUp, object: str) -> str:
@@ -270,7 +268,7 @@ class Manipulator(OpeningRobot):
                 state, object_states = second_failure.state or state, second_failure.object_states
         return self._situation(state, object, object_states)
 
-    async def _report_weight(self, task: Task, object: str) -> None:
+    async def _report_weight(self, task: Task, object: str, fraction: float) -> None:
         """Report what the thing weighs, if the arm has lifted it and the map says something else or nothing."""
         weight = self._weights.get(object)
         rows = await task.map.query(f"{object}.Weight = ?Weight", limit=1) if weight is not None else []
@@ -279,7 +277,7 @@ class Manipulator(OpeningRobot):
         try:
             await self.report(f"{object}.Weight = {format_number(weight)}")
         except RemoteError as error:  # things of its type cannot weigh as much
-            log.warning("%s: what %s weighs cannot be put on the map: %s", self.name, object, error)
+            await task.progress(fraction, note=f"{object} weighs {weight:g} kg, which cannot be put on the map: {error}")
 
     async def _run_and_record(self, command: Coroutine[object, object, CommandDone]) -> CommandDone:
         """Carry out a command, and record the observed positions and weights."""
