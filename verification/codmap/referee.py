@@ -33,28 +33,36 @@ def objections(domain: str, problem: str, plan: str) -> list[str]:
         files = [folder / name for name in ("domain.pddl", "problem.pddl", "plan.txt")]
         for file, text in zip(files, (domain, problem, plan), strict=True):
             file.write_text(text, encoding="utf-8")
-        return [*_unified_planning(*files), *_val(*files)]
+        judged = [judgement for judge in (_unified_planning, _val) if (judgement := judge(*files)) is not None]
+        return [objection for judgement in judged for objection in judgement] if judged else ["no validator can read the problem"]
 
 
-def _unified_planning(domain: Path, problem: Path, plan: Path) -> list[str]:
+def _unified_planning(domain: Path, problem: Path, plan: Path) -> list[str] | None:
+    """Return its objections; None if it cannot read the problem: there are published problems that its grammar lacks."""
+    from pyparsing import ParseBaseException
     from unified_planning.engines import SequentialPlanValidator, ValidationResultStatus
     from unified_planning.environment import get_environment
+    from unified_planning.exceptions import UPException
     from unified_planning.io import PDDLReader
 
     get_environment().error_used_name = False  # an object may have its type's name; the grounder uses this environment
     reader = PDDLReader()
-    with warnings.catch_warnings(action="ignore"):
-        read = reader.parse_problem(str(domain), str(problem))
+    try:
+        with warnings.catch_warnings(action="ignore"):
+            read = reader.parse_problem(str(domain), str(problem))
+    except (UPException, ParseBaseException, SyntaxError):
+        return None
     validator = SequentialPlanValidator()
     validator.skip_checks = True  # it rejects static functions in costs, although it can handle them
     result = validator.validate(read, reader.parse_plan(read, str(plan)))
     return [] if result.status is ValidationResultStatus.VALID else [f"{UNIFIED_PLANNING}: {result.reason or result.status}"]
 
 
-def _val(domain: Path, problem: Path, plan: Path) -> list[str]:
+def _val(domain: Path, problem: Path, plan: Path) -> list[str] | None:
+    """Return its objections; None if it is not installed."""
     program = _program()
     if program is None:
-        return []
+        return None
     completed = subprocess.run([program, domain, problem, plan], capture_output=True, text=True, timeout=VAL_TIME, check=False)
     return [] if "Plan valid" in completed.stdout else [f"VAL: {completed.stdout.strip()[-300:]}"]
 
