@@ -30,13 +30,33 @@ class TooHard(Exception):
 
 def cheapest(task: Task, effort: int = EFFORT) -> list[Move] | None:
     """A short plan, or a cheaper one if a second search of the same effort finds one; None if there is no plan. Raises TooHard."""
-    moves = search(task, effort)
+    moves = _single_move(task) or search(task, effort)
     if moves is None or task.hurry or len({move.cost for move in task.moves if move.length}) < 2:
         return moves
     plans = [remove_redundant_moves(moves, task)]
     with contextlib.suppress(TooHard):
         plans.append(remove_redundant_moves(search(task, effort, cheap=True) or moves, task))
     return min(plans, key=lambda plan: sum(move.cost for move in plan))
+
+
+def _single_move(task: Task) -> list[Move]:
+    """The cheapest move that reaches the goal by itself; empty if there is none, or the goal is reached. A search may overlook it."""
+    goal_moves: dict[Assignment, list[Move]] = {}
+    for move in task.moves:
+        if move.action.operator.reaches_goal:
+            if move.is_applicable(task.initial):
+                return []
+            for assignment in move.preconditions:
+                goal_moves.setdefault(assignment, []).append(move)
+
+    def is_enough(move: Move) -> bool:
+        candidates = [goal_move for _, variable, value in move.effects for goal_move in goal_moves.get((variable, value), ())]
+        if not candidates or not move.is_applicable(task.initial):
+            return False
+        state = task.apply(move, task.initial)
+        return any(goal_move.is_applicable(state) for goal_move in candidates)
+
+    return sorted(filter(is_enough, task.moves), key=lambda move: move.cost)[:1]
 
 
 @dataclass(slots=True, eq=False)
