@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from msgspec import Struct
 
@@ -75,6 +75,8 @@ class Achievability:
     ontology: Ontology
     map: Map
     providers: Mapping[str, Collection[str]]
+    _known: dict[tuple[Literal, int], bool] = field(default_factory=dict)
+    """Whether a literal could become true, by the number of services in a row."""
 
     def unachievable_parts(self, goal: Formula) -> Iterator[Unachievable]:
         """The parts without which the goal cannot hold, and that no service brings about; none for an OR with an achievable alternative,
@@ -135,7 +137,10 @@ class Achievability:
 
     def _can_become_true(self, literal: Literal, depth: int) -> bool:
         """Whether any service, of whatever kind, could make the literal true, or find out that it is."""
-        return any(self._can_bring_about(service, literal, depth) for service in self.services)
+        key = literal, depth
+        if key not in self._known:
+            self._known[key] = any(self._can_bring_about(service, literal, depth) for service in self.services)
+        return self._known[key]
 
     def _hindrance(self, service: ServiceType, unifier: Mapping[str, Term], literal: Literal, depth: int) -> Hindrance | None:
         """A condition of the service, as the unifier has it, that cannot hold in the first alternative of its precondition; None if there

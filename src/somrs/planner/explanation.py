@@ -38,7 +38,7 @@ from somrs.planner.model.problem import AvailableService, LostService, Problem, 
 from somrs.planner.model.reading import outputs_in_effect, tells
 from somrs.planner.model.vocabulary import Inexpressible
 from somrs.planner.model.world import World
-from somrs.planner.search.conflict import find_minimal_conflict, find_torn_object, is_impossible
+from somrs.planner.search.conflict import Tries, find_minimal_conflict, find_torn_object, is_impossible
 
 DEPTH = 4
 """The maximum length of a chain of services that an explanation follows backward."""
@@ -114,6 +114,12 @@ class _Reasons:
     texts: dict[str, None] = field(default_factory=dict)
     obstacles: set[Obstacle] = field(default_factory=set)
     lost: dict[str, None] = field(default_factory=dict)
+    tries: Tries = field(default_factory=Tries)
+    _conceivable: Achievability = field(init=False)
+    """What could be brought about whichever devices come: a condition that no service type changes stays as it is."""
+
+    def __post_init__(self) -> None:
+        self._conceivable = Achievability([*self._known_service_types().values()], self.problem.ontology, self.problem.map, {})
 
     def explain_all(self, parts: Sequence[Literal]) -> None:
         """Explain each part of the goal that is unreachable by itself; if there is none, a minimal set of parts that conflict."""
@@ -125,7 +131,7 @@ class _Reasons:
             self.texts[f"{len(unreachable) - EXPLAINED} more parts of the goal are out of reach, too"] = None
         if self.unreachable:
             return
-        conflict = find_minimal_conflict(parts, self.world)
+        conflict = find_minimal_conflict(parts, self.world, self.tries)
         self.unreachable.extend(map(str, conflict))
         if len(conflict) == 1:
             self.texts[f"no order of services makes {_format_literal(conflict[0])} true"] = None
@@ -178,11 +184,6 @@ class _Reasons:
             return False
         self._explain_no_service_type(literal, (), lacking)
         return True
-
-    @property
-    def _conceivable(self) -> Achievability:
-        """What could be brought about whichever devices come: a condition that no service type changes stays as it is."""
-        return Achievability([*self._known_service_types().values()], self.problem.ontology, self.problem.map, {})
 
     def _can_bring_about(self, offer: AvailableService, literal: Literal) -> bool:
         """Whether one of the providers changes or computes something in a way that can make the literal true."""
@@ -341,11 +342,11 @@ class _Reasons:
         precondition = substitute(parse(service.start_condition), substitution) if service.start_condition is not None else None
         parts = [part for part in next(alternatives(precondition)) if isinstance(part, Literal)] if precondition is not None else []
         for part in parts:
-            (lacking if is_impossible([*attainable, part], self.world) else attainable).append(part)
+            (lacking if is_impossible([*attainable, part], self.world, self.tries) else attainable).append(part)
         row = self._row(attainable)
         for part in lacking:
             if attainable and self.reachable([*attainable, part]):
-                self._explain_conflict(service.name, literal, find_minimal_conflict([*attainable, part], self.world))
+                self._explain_conflict(service.name, literal, find_minimal_conflict([*attainable, part], self.world, self.tries))
                 continue
             missing = substitute(part, row)
             assert isinstance(missing, Literal), "variables of a literal were replaced"
@@ -356,8 +357,10 @@ class _Reasons:
                 self.texts[f"{service.name} could bring about {_format_literal(literal)}, but needs {need}"] = None
             if depth > 0 and not circular:
                 self._explain(missing, depth - 1)
-        if not lacking:
+        if not lacking and self.tries.left:
             self.texts[f"{service.name} has such effects, but not {_format_literal(literal)}"] = None
+        elif not lacking:
+            self.texts[f"{service.name} could bring about {_format_literal(literal)}, but not here; why takes longer to find out"] = None
 
     def _row(self, attainable: Sequence[Literal]) -> Substitution:
         """Values on the map for the variables of the parts, as far as relations bind them."""

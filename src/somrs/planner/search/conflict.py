@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from somrs.entish import Name, Relation
 from somrs.entish.formula import Literal, conjunction
@@ -19,12 +20,22 @@ EFFORT = 200_000
 """The maximum number of moves and effects to examine for one set of goal parts: about a tenth of a second."""
 FACTS = 100_000
 """The maximum number of facts to match for one set of goal parts."""
-PARTS = 60
-"""The maximum number of sets of goal parts to try; then the conflict is not reduced further."""
+TRIES = 60
+"""The maximum number of sets of goal parts to try for one explanation; then it is no longer made more precise."""
 
 
-def is_impossible(parts: Sequence[Literal], world: World) -> bool:
+@dataclass(slots=True)
+class Tries:
+    """The number of sets of goal parts that may still be tried."""
+
+    left: int = TRIES
+
+
+def is_impossible(parts: Sequence[Literal], world: World, tries: Tries) -> bool:
     """Whether the parts are certainly unreachable together; False if undecided."""
+    if tries.left == 0:
+        return False
+    tries.left -= 1
     try:
         goals = list(goal_operators(conjunction(*parts), world.vocabulary))
         grounding = Grounding(world, demands(goals, world), effort=FACTS)
@@ -35,17 +46,16 @@ def is_impossible(parts: Sequence[Literal], world: World) -> bool:
         return False
 
 
-def find_minimal_conflict(parts: Sequence[Literal], world: World) -> tuple[Literal, ...]:
+def find_minimal_conflict(parts: Sequence[Literal], world: World, tries: Tries) -> tuple[Literal, ...]:
     """A minimal subset of the parts that is still impossible, by delta debugging: leave out halves, quarters, and so on (Zeller and
     Hildebrandt 2002)."""
     kept_parts = list(parts)
-    chunk, attempts = max(len(kept_parts) // 2, 1), 0
+    chunk = max(len(kept_parts) // 2, 1)
     while True:
         place = 0
-        while place < len(kept_parts) and attempts < PARTS:
+        while place < len(kept_parts) and tries.left:
             rest = [*kept_parts[:place], *kept_parts[place + chunk :]]
-            attempts += 1
-            if rest and is_impossible(rest, world):
+            if rest and is_impossible(rest, world, tries):
                 kept_parts = rest
             else:
                 place += chunk

@@ -7,7 +7,7 @@ import pytest
 from somrs.entish.formula import Literal, conjuncts
 from somrs.entish.parse import parse
 from somrs.ontology.services import ServiceType
-from somrs.planner.search.conflict import find_minimal_conflict, find_torn_object, is_impossible
+from somrs.planner.search.conflict import Tries, find_minimal_conflict, find_torn_object, is_impossible
 from tests.unit.planner.grounding.test_grounding import GO_SERVICE, PUT_SERVICE, TAKE_SERVICE, make_world, service
 
 MARK = service("Mark", None, "marked(?T)", T="Thing")
@@ -39,16 +39,16 @@ def parts(goal: str) -> tuple[Literal, ...]:
 )
 def test_what_is_certain_not_to_come_about(goal: str, services: tuple[ServiceType, ...], facts: str, certain: bool) -> None:
     _, world = make_world(goal, *services, facts=facts)
-    assert is_impossible(parts(goal), world) is certain
+    assert is_impossible(parts(goal), world, Tries()) is certain
 
 
 @pytest.mark.parametrize("limit", ["EFFORT", "FACTS"])
 def test_what_takes_too_long_is_not_certain(limit: str, monkeypatch: pytest.MonkeyPatch) -> None:
     goal = "T1.Clean = TRUE AND T2.Clean = TRUE"
     _, world = make_world(goal, BURN, facts="marked R1")
-    assert is_impossible(parts(goal), world)
+    assert is_impossible(parts(goal), world, Tries())
     monkeypatch.setattr(f"somrs.planner.search.conflict.{limit}", 0)
-    assert not is_impossible(parts(goal), world)
+    assert not is_impossible(parts(goal), world, Tries())
 
 
 @pytest.mark.parametrize(
@@ -65,16 +65,15 @@ def test_what_takes_too_long_is_not_certain(limit: str, monkeypatch: pytest.Monk
 )
 def test_of_parts_as_few_are_left_as_are_impossible_together(goal: str, conflict: str) -> None:
     _, world = make_world(goal, LAY, MARK)
-    assert find_minimal_conflict(parts(goal), world) == parts(conflict)
+    assert find_minimal_conflict(parts(goal), world, Tries()) == parts(conflict)
 
 
-def test_after_so_many_attempts_what_is_left_is_made_no_smaller(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_after_so_many_attempts_what_is_left_is_made_no_smaller() -> None:
     goal = "marked(T1) AND T1 on P1 AND T2 on P1 AND T1 on P2"
     _, world = make_world(goal, LAY, MARK)
     conflict_sizes = []
     for attempts in range(7):
-        monkeypatch.setattr("somrs.planner.search.conflict.PARTS", attempts)
-        conflict_sizes.append(len(find_minimal_conflict(parts(goal), world)))
+        conflict_sizes.append(len(find_minimal_conflict(parts(goal), world, Tries(attempts))))
     assert conflict_sizes == [4, 4, 4, 3, 3, 2, 2]
 
 
