@@ -59,11 +59,13 @@ def _unified_planning(domain: Path, problem: Path, plan: Path) -> list[str] | No
 
 
 def _val(domain: Path, problem: Path, plan: Path) -> list[str] | None:
-    """Return its objections; None if it is not installed."""
+    """Return its objections; None if it is not installed, or cannot read the domain."""
     program = _program()
     if program is None:
         return None
     completed = subprocess.run([program, domain, problem, plan], capture_output=True, text=True, timeout=VAL_TIME, check=False)
+    if "Problem in domain definition" in completed.stdout:
+        return None
     return [] if "Plan valid" in completed.stdout else [f"VAL: {completed.stdout.strip()[-300:]}"]
 
 
