@@ -94,6 +94,9 @@ GARDEN = """
     :precondition (or (sunny) (forall (?b - bed) (dry ?b)))
     :effect (and (not (sunny)) (forall (?b - bed) (not (dry ?b))) (forall (?b - planter) (when (sown ?b) (blocked ?b)))))
   (:action shine :agent ?g - gardener :parameters () :effect (and (sunny) (forall (?b - bed) (when (sheltered ?b) (dry ?b)))))
+  (:action flood :agent ?g - gardener :parameters (?b - bed)
+    :effect (and (when (not (blocked ?b)) (blocked ?b)) (forall (?o - bed) (when (dry ?o) (not (dry ?o))))
+      (forall (?o - bed) (when (sown ?o) (not (sown ?o))))))
   (:action fetch :agent ?g - gardener :parameters (?t - tool ?s - spot) :precondition (at ?t ?s) :effect (and (held ?t) (not (at ?t ?s))))
   (:action leave :agent ?g - gardener :parameters (?t - tool ?s - spot) :precondition (held ?t) :effect (and (at ?t ?s) (not (held ?t)))))
 """

@@ -128,6 +128,11 @@ def test_other_problems_mean_what_pddl_defines(name: str, tmp_path: Path) -> Non
     assert seen_actions == set(naive.domain.actions)
 
 
+def test_an_effect_that_changes_nothing_where_its_condition_fails_has_none(tmp_path: Path) -> None:
+    imported = read(*written(tmp_path, *PROBLEMS["garden"]))
+    assert [service.name for service in imported.services if service.name.startswith("flood")] == ["flood"]
+
+
 @pytest.mark.skipif(not BENCHMARKS.is_dir(), reason=f"there are no published problems in {BENCHMARKS}")
 @pytest.mark.parametrize("name", OF_BENCHMARKS)
 def test_benchmarks_mean_what_pddl_defines(name: str) -> None:
@@ -363,7 +368,7 @@ def read_error(tmp_path: Path, domain: str, problem: str = PROBLEM) -> str:
         ("(at ?b ?to)", "(when (storm))", "domain.pddl:18: Sail: when takes two groups"),
         (
             "(at ?b ?to)",
-            "(and " + " ".join(f"(when (at {box} ?from) (not (at {box} ?from)))" for box in 7 * ["?b"]) + ")",
+            "(and " + " ".join(f"(when (at {box} ?from) (not (at {box} ?to)))" for box in 7 * ["?b"]) + ")",
             "domain.pddl:18: Sail: 7 conditional effects are too many",
         ),
         ("(holds ?c ?b) (not (at", "(held ?c ?b) (not (at", "domain.pddl:33: lift: there is no predicate held"),

@@ -138,7 +138,15 @@ class EffectReader:
         elif settled is not False and fails is not None:
             opposite = settle(fails)
             assert not isinstance(opposite, bool), "a condition is open if its opposite is"
-            effects.conditional.append(ConditionalEffects(holds=settled, fails=opposite, effects=self.effects(body)))
+            conditional = self.effects(body)
+            if settled in conditional.deletes:  # to delete what does not hold changes nothing
+                conditional.deletes.remove(settled)
+                effects.deletes.append(settled)
+            if opposite in conditional.adds:
+                conditional.adds.remove(opposite)
+                effects.adds.append(opposite)
+            if conditional != Effects():
+                effects.conditional.append(ConditionalEffects(holds=settled, fails=opposite, effects=conditional))
 
     def _read_number(self, node: Group, effects: Effects) -> None:
         """Read a numeric effect: a change of an attribute, or of the cost."""
