@@ -64,7 +64,7 @@ def _val(domain: Path, problem: Path, plan: Path) -> list[str] | None:
     if program is None:
         return None
     completed = subprocess.run([program, domain, problem, plan], capture_output=True, text=True, timeout=VAL_TIME, check=False)
-    if "Problem in domain definition" in completed.stdout:
+    if "Problem in domain definition" in completed.stderr:
         return None
     return [] if "Plan valid" in completed.stdout else [f"VAL: {completed.stdout.strip()[-300:]}"]
 
