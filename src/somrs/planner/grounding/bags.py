@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from somrs.entish import Attribute, Call, Comparison, Not, Number, Relation
-from somrs.entish.formula import Literal, terms
+from somrs.entish.formula import Literal, names, terms
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
 from somrs.ontology.values import value_of
@@ -51,7 +51,9 @@ class Bag:
 
 def find_bags(problem: Problem, world: World, demanded: Sequence[Demand]) -> list[Bag]:
     """The bags with several devices. `problem` has the map; `world` and `demanded` say what matters of a device."""
+    literals = [literal for operator in {demand.operator: None for demand in demanded} for literal in operator.static_literals]
     named = {value for demand in demanded for _, value in demand.values if isinstance(value, str)}
+    named.update(name for literal in literals for name in names(literal))
     for demand in demanded:
         operator = demand.operator
         patterns = (*operator.preconditions, *operator.add_effects, *operator.delete_effects)
@@ -61,7 +63,7 @@ def find_bags(problem: Problem, world: World, demanded: Sequence[Demand]) -> lis
     for service, providers in world.providers.items():
         for provider in providers:
             offered.setdefault(provider, []).append(service)
-    aspects = _Aspects(world, [literal for demand in demanded for literal in demand.operator.static_conditions])
+    aspects = _Aspects(world, literals)
     groups: dict[object, list[str]] = {}
     for device, services in offered.items():
         if device not in named and device in problem.map.objects:

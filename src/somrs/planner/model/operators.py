@@ -77,6 +77,12 @@ class Operator:
     """For each variable that stands for a value that the service finds out, the path of the attribute."""
 
     @property
+    def static_literals(self) -> tuple[Literal, ...]:
+        """What the operator needs, or may need, of the map that no service changes."""
+        ways = (literal for static_ways in self.static_ways.values() for way in static_ways.ways for literal in way)
+        return (*self.static_conditions, *ways)
+
+    @property
     def reaches_goal(self) -> bool:
         return GOAL in self.add_effects
 

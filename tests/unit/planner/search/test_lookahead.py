@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import given
+from msgspec import structs
 
 from somrs.entish.parse import parse
 from somrs.ontology.files.loading import upper
@@ -135,6 +136,27 @@ def test_what_is_too_heavy_is_left_to_those_who_can() -> None:
     problem = make_problem("p liesAt high7", carriers, {"p": "low5"}, **values)
     assert {step.provider for step in planned(problem).steps} == {"low-carrier9"}
     assert sorted(len(bag.members) for bag in bags_of(problem)) == [29]
+
+
+def test_robots_for_which_the_map_settles_a_choice_differently_are_not_alike() -> None:
+    carriers = fleet("low", 30)
+    choices = " AND ".join(f"(?Provider.Strength >= 10 kg OR ?Provider.Strength >= {weight} kg)" for weight in range(11, 20))
+    lift = structs.replace(TAKE, precondition=f"?Parcel liesAt ?Spot AND ?Provider standsAt ?Spot AND {choices}")
+    problem = make_problem("p liesAt high7", carriers, {"p": "low5"}, **{"low-carrier9": {"Strength": 10.0}})
+    services = tuple(AvailableService(service, tuple(carriers)) for service in (MOVE, RIDE, lift, PUT))
+    problem = structs.replace(problem, services=services)
+    assert [set(bag.members) for bag in bags_of(problem)] == [{*carriers} - {"low-carrier9"}]
+    assert {step.provider for step in planned(problem).steps} == {"low-carrier9"}
+
+
+def test_a_device_that_a_condition_names_is_in_no_bag() -> None:
+    carriers = fleet("low", 20)
+    lift = structs.replace(TAKE, precondition=f"{TAKE.precondition} AND ?Provider != low-carrier5 AND ?Provider != low-carrier17")
+    problem = make_problem("p liesAt high7", carriers, {"p": "low5"})
+    services = tuple(AvailableService(service, tuple(carriers)) for service in (MOVE, RIDE, lift, PUT))
+    problem = structs.replace(problem, services=services)
+    assert [set(bag.members) for bag in bags_of(problem)] == [{*carriers} - {"low-carrier5", "low-carrier17"}]
+    assert {"low-carrier5", "low-carrier17"}.isdisjoint(step.provider for step in planned(problem).steps if step.service_type == "Take")
 
 
 def test_each_of_many_parcels_gets_a_robot_of_its_own() -> None:
