@@ -49,6 +49,23 @@ def test_a_goal_that_can_be_reached_is_reached_whatever_fails(place: Path, seed:
     assert result.accomplished or result.leaver is not None or result.out_of_reach
 
 
+REPEATED = """(define (domain lights) (:requirements :strips) (:predicates (lit ?x) (wire ?x ?x))
+  (:action light :parameters (?a ?b) :precondition (and (lit ?a) (wire ?a ?b)) :effect (lit ?b)))"""
+LAMPS = "(define (problem lamps) (:domain lights) (:objects one two) (:init (lit one) (wire one two)) (:goal (lit two)))"
+
+
+@pytest.mark.skipif(len(judges()) < 2, reason="VAL is not installed")
+def test_a_problem_that_one_validator_cannot_read_is_judged_by_the_other() -> None:
+    """unified-planning takes `(wire ?x ?x)` for a predicate of one object."""
+    assert objections(REPEATED, LAMPS, "(light one two)\n") == []
+    (objection,) = objections(REPEATED, LAMPS, "(light two one)\n")
+    assert objection.startswith("VAL")
+
+
+def test_a_problem_that_no_validator_can_read_does_not_pass() -> None:
+    assert objections("(define (domain lights", LAMPS, "(light one two)\n") == ["no validator can read the problem"]
+
+
 def test_what_the_files_get_wrong_is_said_and_nothing_is_played(place: Path) -> None:
     (place / "problem.pddl").write_text(PROBLEM.replace("(at red east)", "(at red nowhere)"), encoding="utf-8")
     assert "nowhere" in run_problem(place, 30.0).trouble

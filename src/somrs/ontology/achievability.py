@@ -75,7 +75,7 @@ class Achievability:
     ontology: Ontology
     map: Map
     providers: Mapping[str, Collection[str]]
-    _known: dict[tuple[Literal, int], bool] = field(default_factory=dict)
+    _known: dict[tuple[Literal, int], bool] = field(init=False, repr=False, compare=False, default_factory=dict)
     """Whether a literal could become true, by the number of services in a row."""
 
     def unachievable_parts(self, goal: Formula) -> Iterator[Unachievable]:

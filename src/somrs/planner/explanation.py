@@ -24,7 +24,7 @@ from somrs.ontology.achievability import Achievability, Hindrance, blank_variabl
 from somrs.ontology.matching import achieving_bindings, can_achieve, types_of, unifiers
 from somrs.ontology.service_kinds import undetermined_inputs
 from somrs.ontology.services import PROVIDER, ServiceKind, ServiceType
-from somrs.ontology.truth import bindings, formula_holds
+from somrs.ontology.truth import bindings
 from somrs.ontology.types import UNKNOWN
 from somrs.ontology.values import value_of
 from somrs.planner.exclusions import exclusion_obstacles, exclusion_text
@@ -46,26 +46,13 @@ EXPLAINED = 5
 """The maximum number of unreachable parts of the goal to explain one by one."""
 
 
-def unmet_precondition(problem: Problem) -> NoPlan | None:
-    """The result for a precondition of the task that does not hold on the map; None if it holds."""
-    if problem.precondition is None or formula_holds(problem.precondition, problem.map, problem.ontology):
-        return None
-    parts = conjuncts(problem.precondition)
-    denied = [part for part in parts if not formula_holds(part, problem.map, problem.ontology)] or parts
-    denied_text = " and ".join(map(str, denied))
-    return NoPlan(
-        explanation=f"the task starts from {denied_text}, which does not hold on the map",
-        missing=tuple(map(str, denied)),
-        obstacles=(Obstacle.PRECONDITION,),
-    )
-
-
 def explain_failure(problem: Problem, world: World, guessed: bool = False) -> NoPlan:
     """The reasons for the goal's alternative with the fewest unreachable parts. `guessed`: numbers and texts that the task does not name
     were not tried as inputs."""
     best: _Reasons | None = None
-    for branch in _branches(problem.goal, _Reasons(problem, world)):
-        reasons = _Reasons(problem, world)
+    tries = Tries()
+    for branch in _branches(problem.goal, _Reasons(problem, world, tries)):
+        reasons = _Reasons(problem, world, tries)
         reasons.explain_all(branch)
         if best is None or len(reasons.unreachable) < len(best.unreachable):
             best = reasons
@@ -108,13 +95,13 @@ class _Reasons:
 
     problem: Problem
     world: World
+    tries: Tries
     unreachable: list[str] = field(default_factory=list)
     missing: dict[str, None] = field(default_factory=dict)
     unoffered: dict[str, None] = field(default_factory=dict)
     texts: dict[str, None] = field(default_factory=dict)
     obstacles: set[Obstacle] = field(default_factory=set)
     lost: dict[str, None] = field(default_factory=dict)
-    tries: Tries = field(default_factory=Tries)
     _conceivable: Achievability = field(init=False)
     """What could be brought about whichever devices come: a condition that no service type changes stays as it is."""
 
@@ -360,7 +347,9 @@ class _Reasons:
         if not lacking and self.tries.left:
             self.texts[f"{service.name} has such effects, but not {_format_literal(literal)}"] = None
         elif not lacking:
-            self.texts[f"{service.name} could bring about {_format_literal(literal)}, but not here; why takes longer to find out"] = None
+            self.texts[
+                f"{service.name} could bring about {_format_literal(literal)}, but not here: it would take too long to find out why"
+            ] = None
 
     def _row(self, attainable: Sequence[Literal]) -> Substitution:
         """Values on the map for the variables of the parts, as far as relations bind them."""

@@ -6,14 +6,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from somrs.entish import Formula
-from somrs.entish.formula import alternatives, conjunction, count_alternatives, names
+from somrs.entish.formula import alternatives, conjunction, conjuncts, count_alternatives, names
 from somrs.errors import RemoteError, SomrsError
 from somrs.ontology.truth import formula_holds
 from somrs.planner.alternatives import with_alternatives
 from somrs.planner.conditions import ConditionalUses
 from somrs.planner.encodings.sas import decode_moves, encode_sas
 from somrs.planner.exclusions import exclusion_obstacles, exclusion_text
-from somrs.planner.explanation import explain_failure, unmet_precondition
+from somrs.planner.explanation import explain_failure
 from somrs.planner.grounding.grounding import EFFORT, Grounding
 from somrs.planner.grounding.joins import TooLarge
 from somrs.planner.grounding.merging import merge_task
@@ -22,7 +22,7 @@ from somrs.planner.grounding.task import Move, Task
 from somrs.planner.model.choices import ALTERNATIVES
 from somrs.planner.model.expansion import expand_quantifiers
 from somrs.planner.model.operators import Operator, goal_operators
-from somrs.planner.model.plan import NoPlan, Plan
+from somrs.planner.model.plan import NoPlan, Obstacle, Plan
 from somrs.planner.model.problem import Problem
 from somrs.planner.model.provider_choice import generalize_providers
 from somrs.planner.model.quality import best
@@ -94,7 +94,7 @@ def plan_quickly(problem: Problem) -> Plan | NoPlan | None:
 
 def _may_be_told(problem: Problem) -> bool:
     """Whether what a plan lacks may be a matter of knowledge."""
-    return unmet_precondition(problem) is None and next(optimistic(problem), None) is not None
+    return _unmet_precondition(problem) is None and next(optimistic(problem), None) is not None
 
 
 def _plan_quickly(problem: Problem) -> Plan | NoPlan | None:
@@ -137,7 +137,7 @@ def _plan_or_assume(problem: Problem, engines: _Engines, *, ask_to_know: bool) -
     if result is None:
         result = generalize_providers(problem, prefer_shorter(problem, _plan(problem, engines)))
     if isinstance(result, NoPlan) or (ask_to_know and result.steps):
-        for reading in optimistic(problem) if unmet_precondition(problem) is None else ():
+        for reading in optimistic(problem) if _unmet_precondition(problem) is None else ():
             if isinstance(optimistic_plan := _plan(reading, engines), Plan):
                 assumed = generalize_providers(reading, optimistic_plan)
                 if isinstance(result, NoPlan) or best(reading, [result, assumed]) is assumed:
@@ -160,9 +160,23 @@ def _plan(problem: Problem, engines: _Engines) -> Plan | NoPlan:
         return NoPlan(explanation=f"no plan was found: {error}", undecided=True)
 
 
+def _unmet_precondition(problem: Problem) -> NoPlan | None:
+    """The result for a precondition of the task that does not hold on the map; None if it holds."""
+    if problem.precondition is None or formula_holds(problem.precondition, problem.map, problem.ontology):
+        return None
+    parts = conjuncts(problem.precondition)
+    denied = [part for part in parts if not formula_holds(part, problem.map, problem.ontology)] or parts
+    denied_text = " and ".join(map(str, denied))
+    return NoPlan(
+        explanation=f"the task starts from {denied_text}, which does not hold on the map",
+        missing=tuple(map(str, denied)),
+        obstacles=(Obstacle.PRECONDITION,),
+    )
+
+
 def _check_map(problem: Problem) -> Plan | NoPlan | None:
     """The result that follows from the map alone: an unmet precondition, or a goal that already holds. None otherwise."""
-    unmet = unmet_precondition(problem)
+    unmet = _unmet_precondition(problem)
     if unmet is not None:
         return unmet
     if not formula_holds(problem.goal, problem.map, problem.ontology):

@@ -6,6 +6,7 @@ The conversion is that of CoDMAP: the agent becomes the first parameter of the a
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import islice
 
 from somrs.sites.pddl.text import Group, Node, Word
@@ -68,15 +69,13 @@ def _distinct(signature: Node) -> Node:
     """The signature with different names for its parameters; some parsers count `(in ?obj ?obj)` as one."""
     if not isinstance(signature, Group):
         return signature
-    words: list[Node] = []
-    for item in signature.items:
-        if (
-            isinstance(item, Word)
-            and item.text.startswith("?")
-            and any(isinstance(word, Word) and word.text == item.text for word in words)
-        ):
-            item = Word(f"{item.text}-{len(words)}", f"{item.written}-{len(words)}", item.line)
-        words.append(item)
+    texts = [word.text if isinstance(word, Word) else "" for word in signature.items]
+    words = (
+        replace(word, text=f"{word.text}-{place}", written=f"{word}-{place}")
+        if isinstance(word, Word) and word.text.startswith("?") and word.text in texts[:place]
+        else word
+        for place, word in enumerate(signature.items)
+    )
     return Group(tuple(words), signature.line)
 
 
