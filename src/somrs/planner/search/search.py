@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
-from dataclasses import dataclass
 from heapq import heapify, heappop, heappush
 
 from somrs.planner.grounding.finite_task import Assignment, State
@@ -15,6 +14,8 @@ from somrs.planner.search.progress import Progress, measure_progress
 EFFORT = 1_500_000
 """The number of moves and effects that the search examines before it gives up: about half a second."""
 
+BRIEF = 10
+"""The part of the effort that a second search for a plan of fewer steps takes: a twentieth of a second."""
 
 REDUNDANCY_EFFORT = 300_000_000
 """The number of values in the states that are computed to find redundant moves: some seconds."""
@@ -29,13 +30,15 @@ class TooHard(Exception):
 
 
 def cheapest(task: Task, effort: int = EFFORT) -> list[Move] | None:
-    """A short plan, or a cheaper one if a second search of the same effort finds one; None if there is no plan. Raises TooHard."""
+    """A plan, or a cheaper one if a second search finds one; None if there is no plan. If all moves cost the same, the second search is for
+    fewer steps, and brief. Raises TooHard."""
     moves = _single_move(task) or search(task, effort)
-    if moves is None or task.hurry or len({move.cost for move in task.moves if move.length}) < 2:
+    costs_vary = len({move.cost for move in task.moves if move.length}) > 1
+    if moves is None or task.hurry or (len(moves) < 2 and not costs_vary):
         return moves
     plans = [remove_redundant_moves(moves, task)]
     with contextlib.suppress(TooHard):
-        plans.append(remove_redundant_moves(search(task, effort, cheap=True) or moves, task))
+        plans.append(remove_redundant_moves(search(task, effort if costs_vary else effort // BRIEF, cheap=True) or moves, task))
     return min(plans, key=lambda plan: sum(move.cost for move in plan))
 
 
@@ -59,73 +62,46 @@ def _single_move(task: Task) -> list[Move]:
     return sorted(filter(is_enough, task.moves), key=lambda move: move.cost)[:1]
 
 
-@dataclass(slots=True, eq=False)
-class _Node:
-    """A state that was reached by a move from a parent. `spent`: the cost of the moves to it; `priority`: its place in the queue, None once
-    its successors are known."""
-
-    state: State
-    parent: _Node | None = None
-    move: Move | None = None
-    spent: float = 0.0
-    priority: tuple[float, bool] | None = (0.0, True)
-
-
 def search(task: Task, effort: int = EFFORT, *, cheap: bool = False) -> list[Move] | None:
     """The moves of a plan, or None if there is no plan. With `cheap`, the cost of the moves to a state is added to its heuristic value, as
     in A*, for a cheaper plan after a longer search. Raises TooHard."""
     assert task.goal is not None, "a goal that nothing reaches is not searched for"
     heuristic = AdditiveHeuristic(task, cheap=cheap)
-    first = _Node(task.initial)
-    nodes = {task.initial: first}
-    queue: list[tuple[float, bool, int, _Node]] = [(0.0, True, 0, first)]
+    parents: dict[State, tuple[State, Move] | None] = {task.initial: None}
+    spent = {task.initial: 0.0}
+    open_: list[tuple[float, bool, int, State]] = [(0.0, True, 0, task.initial)]
     count = 0
-    while queue:
-        *_, node = heappop(queue)
-        if _is_goal(node.state, task):
-            return _path(node)
-        if node.priority is None:  # it was in the queue several times
-            continue
-        node.priority = None
-        distance, helpful = heuristic.evaluate(node.state)
+    while open_:
+        *_, state = heappop(open_)
+        if state[task.goal[0]] == task.goal[1]:
+            return _path(parents, state)
+        distance, helpful = heuristic.evaluate(state)
         if distance is None:
             continue
         for move in task.moves:
-            if not move.is_applicable(node.state):
+            if not move.is_applicable(state):
                 continue
-            state = task.apply(move, node.state)
-            spent = node.spent + move.cost if cheap else 0.0
-            successor = nodes.get(state)
-            if successor is None or spent < successor.spent:
-                if successor is None:
-                    nodes[state] = successor = _Node(state)
-                successor.parent, successor.move, successor.spent = node, move, spent
-                if not cheap and _is_goal(state, task):
-                    return _path(successor)
-                priority = spent + distance, move not in helpful
-            else:  # a state takes the distance of its parent: that of a nearer one lets it come earlier, by the way that is known
-                priority = successor.spent + distance, move not in helpful
-                if successor.priority is None or successor.priority <= priority:
-                    continue
-            successor.priority = priority
+            successor = task.apply(move, state)
+            costs = spent[state] + move.cost if cheap else 0.0
+            if successor in parents and costs >= spent[successor]:
+                continue
+            parents[successor], spent[successor] = (state, move), costs
+            if successor[task.goal[0]] == task.goal[1] and not cheap:
+                return _path(parents, successor)
             count += 1
-            heappush(queue, (*priority, count, successor))
+            heappush(open_, (costs + distance, move not in helpful, count, successor))
         effort -= len(task.moves)
         if effort - heuristic.visit_count < 0:
-            raise TooHard(measure_progress(task, nodes))
+            raise TooHard(measure_progress(task, parents))
     return None
 
 
-def _is_goal(state: State, task: Task) -> bool:
-    return task.goal is not None and state[task.goal[0]] == task.goal[1]
-
-
-def _path(node: _Node) -> list[Move]:
+def _path(parents: dict[State, tuple[State, Move] | None], state: State) -> list[Move]:
     moves: list[Move] = []
-    while node.parent is not None and node.move is not None:
-        if not node.move.action.operator.reaches_goal:
-            moves.append(node.move)
-        node = node.parent
+    while (step := parents[state]) is not None:
+        state, move = step
+        if not move.action.operator.reaches_goal:
+            moves.append(move)
     return moves[::-1]
 
 
