@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 from playwright.sync_api import Page, expect
@@ -14,10 +15,10 @@ from .conftest import WORK_TIME, RunningSystem, every_look, fits, take_screensho
 from .test_define import change_map, field, write
 
 
-@pytest.fixture(scope="module")
-def watched(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningSystem]:
-    """Scenario 2, with a patrol robot and a camera."""
-    running = RunningSystem(tmp_path_factory.mktemp("find-out") / "data", SCENARIO_2)
+@pytest.fixture
+def watched(tmp_path: Path) -> Iterator[RunningSystem]:
+    """Scenario 2, with a patrol robot and a camera. One for each test: a patrol robot that has looked for a thing stays and watches."""
+    running = RunningSystem(tmp_path / "data", SCENARIO_2)
     yield running
     running.stop()
 
