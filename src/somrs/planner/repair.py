@@ -30,7 +30,7 @@ def repair_plan(problem: Problem) -> Plan | None:
     maps = [problem.map]
     try:
         for old in problem.rest:
-            step = _adapt_step(old, maps[-1], problem, available_services)
+            step = _adapt_step(_without_lapsed_condition(old, maps[-1], problem), maps[-1], problem, available_services)
             if step is not None and changes(step.effect, maps[-1], problem.ontology):
                 steps.append(step)
                 maps.append(apply_step(step, maps[-1], problem))
@@ -45,6 +45,13 @@ def repair_plan(problem: Problem) -> Plan | None:
         return plan if not validate(plan, problem) else None
     except FormulaError:  # the plan names an object that is no longer on the map
         return None
+
+
+def _without_lapsed_condition(step: Step, map: Map, problem: Problem) -> Step:
+    """The step, without a condition that does not hold any more: services stated it for another situation, and are asked again."""
+    if step.condition is None or formula_holds(step.condition, map, problem.ontology):
+        return step
+    return structs.replace(step, condition=None, demanded_by=())
 
 
 def _adapt_step(old: Step, map: Map, problem: Problem, available_services: Mapping[str, AvailableService]) -> Step | None:

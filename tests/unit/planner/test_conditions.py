@@ -82,6 +82,14 @@ def test_a_condition_that_holds_costs_nothing() -> None:
     assert steps(problem(bid("Robot1", 4.0, "DoorAB.Open = FALSE"), bid("Robot2", 6.0))) == [f"{CARRIED} if DoorAB.Open = FALSE"]
 
 
+def test_a_condition_that_holds_no_more_is_not_kept_with_the_rest_of_a_plan() -> None:
+    """The services answered when the door was to be opened. It is shut, and they are asked again: they may know better than the map."""
+    first = plan(problem(bid("Robot1", 4.0, DOOR_OPEN), bid("Robot2", 6.0, DOOR_OPEN)))
+    assert isinstance(first, Plan)
+    for promised in frozenset[str](), frozenset({"step2"}):
+        assert steps(problem(rest=first.steps[1:], promised=promised)) == [CARRIED]
+
+
 def test_a_service_that_was_not_asked_may_do_it_without_a_condition() -> None:
     assert steps(problem(bid("Robot1", None, DOOR_OPEN), opening=50.0)) == [CARRIED]
     assert steps(problem(bid("Robot1", None, DOOR_OPEN), carriers=("Robot1",), opening=50.0)) == [OPENED, f"{CARRIED} if {DOOR_OPEN}"]
