@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 
 from somrs.entish import Formula
@@ -47,6 +48,9 @@ FLEET = 8
 """The number of interchangeable devices up to which the search considers each of them."""
 QUICK_EFFORT = 500_000
 """The number of facts to match with conditions, when a task is grounded, before a lookahead is tried: about a second."""
+SIMILAR, LIKELY_SHARE = 1.2, 0.5
+"""If there are more relevant actions than this many times the likely ones, the engines search the likely ones first, for at most this share
+of their time."""
 VALUES = 5_000
 """The maximum number of actions when effects calculate values and each value is a fact; beyond it, numbers become counters."""
 STATES = 5_000
@@ -223,18 +227,46 @@ def _search_plan(problem: Problem, world: World, goals: list[Operator], engines:
 
 
 def _plan_grounded(problem: Problem, world: World, goals: list[Operator], engines: _Engines, effort: int) -> Plan | NoPlan:
-    """Search first with the likely actions only (narrow), then with all relevant actions: only the latter can prove that there is no
-    plan. Raises TooLarge."""
-    max_actions = VALUES if world.vocabulary.calculates else None
-    for narrow in (True, False):
-        demanded = demands(goals, world, narrow=narrow)
-        grounding = Grounding(world, demanded, narrow=narrow, effort=effort, max_actions=max_actions)
-        if grounding.is_goal_reachable:
-            task = Task(grounding)
-            moves = _solve(task, engines)
-            if moves is not None:
-                return _improve_plan(problem, build_plan(problem, remove_redundant_moves(moves, task)), task, engines)
-    return _explain(problem, world, grounding.joins.guessed)
+    """Search among the likely actions first (narrow), then among all relevant ones: only the latter can prove that there is no plan.
+
+    The likely actions of a hard task are searched longer only if they are far fewer: they can lack a single action without which there is
+    no plan, such as the one that puts an empty hand into use again. Raises TooLarge.
+    """
+
+    def ground(narrow: bool) -> Grounding:
+        max_actions = VALUES if world.vocabulary.calculates else None
+        return Grounding(world, demands(goals, world, narrow=narrow), narrow=narrow, effort=effort, max_actions=max_actions)
+
+    def finish(task: Task, moves: list[Move]) -> Plan:
+        return _improve_plan(problem, build_plan(problem, remove_redundant_moves(moves, task)), task, engines)
+
+    likely = ground(narrow=True)
+    likely_task = Task(likely) if likely.is_goal_reachable else None
+    hard: TooHard | None = None
+    if likely_task is not None:
+        try:
+            if (moves := cheapest(likely_task)) is not None:
+                return finish(likely_task, moves)
+        except TooHard as error:
+            hard = error
+    try:
+        relevant = ground(narrow=False)
+    except TooLarge:
+        if likely_task is None or hard is None or (moves := _call_engine(likely_task, engines, hard)) is None:
+            raise
+        return finish(likely_task, moves)
+    if likely_task is not None and hard is not None and len(relevant.actions) == len(likely.actions):
+        moves = _call_engine(likely_task, engines, hard)
+        return finish(likely_task, moves) if moves is not None else _explain(problem, world, relevant.joins.guessed)
+    if likely_task is not None and hard is not None and len(relevant.actions) > SIMILAR * len(likely.actions):
+        with suppress(TooHard, RemoteError):
+            if (moves := _call_engine(likely_task, engines, hard, LIKELY_SHARE)) is not None:
+                return finish(likely_task, moves)
+    if relevant.is_goal_reachable:
+        task = Task(relevant)
+        if (moves := _solve(task, engines)) is not None:
+            return finish(task, moves)
+    return _explain(problem, world, relevant.joins.guessed)
 
 
 def _explain(problem: Problem, world: World, guessed: bool) -> NoPlan:
@@ -288,10 +320,16 @@ def _solve(task: Task, engines: _Engines) -> list[Move] | None:
     try:
         return cheapest(task)
     except TooHard as hard:
-        if engines.search is None:
-            raise
-        try:
-            names = engines.search(encode_sas(merge_task(task)), engines.limit)
-        except SomrsError as error:
-            raise RemoteError(f"{error}; the short search before it: {hard}") from error
+        return _call_engine(task, engines, hard)
+
+
+def _call_engine(task: Task, engines: _Engines, hard: TooHard, share: float = 1.0) -> list[Move] | None:
+    """The moves that an engine finds in this share of its time; None if there is no plan. Raises `hard`, why the planner's own search gave
+    up, if there is no engine, and RemoteError."""
+    if engines.search is None:
+        raise hard
+    try:
+        names = engines.search(encode_sas(merge_task(task)), share * engines.limit)
+    except SomrsError as error:
+        raise RemoteError(f"{error}; the short search before it: {hard}") from error
     return decode_moves(names, task) if names is not None else None

@@ -9,6 +9,7 @@ from msgspec import structs
 
 from somrs.errors import SomrsError
 from somrs.ontology.objects import Fact, Map, Object
+from somrs.ontology.services import Parameter, ServiceType
 from somrs.planner.encodings.sas import parse_sas
 from somrs.planner.grounding.relevance import Demand, demands
 from somrs.planner.model.operators import Operator
@@ -18,7 +19,7 @@ from somrs.planner.model.world import World
 from somrs.planner.planning import plan, plan_quickly
 from somrs.planner.search.progress import Progress
 from somrs.planner.search.search import TooHard, search
-from tests.support.laboratory import FACTS, OBJECTS, TRANSFER, make_problem, names
+from tests.support.laboratory import FACTS, OBJECTS, OPEN, TRANSFER, make_problem, names
 from tests.unit.planner import test_numbers
 
 GOAL = "Jar001 isOn Platform001"
@@ -106,10 +107,10 @@ def test_an_engine_is_asked_for_the_moves() -> None:
     assert isinstance(result, Plan)
     assert names(result) == [MOVED]
     ((text, limit),) = engine.calls
-    assert limit == 30.0
+    assert limit == 15.0, "half of the time, as there are more relevant actions than likely ones"
     assert [operation.move for operation in parse_sas(str(text)).operations] == [0]
     plan(make_problem(GOAL, TRANSFER), engine, 7.0)
-    assert engine.calls[1:] == [(text, 7.0)]
+    assert engine.calls[1:] == [(text, 3.5)]
 
 
 @pytest.mark.usefixtures("hard")
@@ -117,6 +118,62 @@ def test_where_an_engine_finds_none_there_is_no_plan() -> None:
     result = plan(make_problem(GOAL, TRANSFER), RecordingEngine(None))
     assert isinstance(result, NoPlan)
     assert (result.unreachable, result.undecided) == ((GOAL,), False)
+
+
+FREE_HAND = "NOT ?Other isHeldBy ?Provider"
+PICK = ServiceType(
+    name="Pick",
+    inputs=(Parameter(name="Object", type="Graspable"),),
+    precondition=f"?Object isOn ?Place AND NOT ?Top isOn ?Object AND {FREE_HAND}",
+    effect="?Object isHeldBy ?Provider AND NOT ?Object isOn ?Place",
+)
+PUT = ServiceType(
+    name="Put",
+    inputs=(Parameter(name="Object", type="Graspable"), Parameter(name="Place", type="Support")),
+    precondition="?Object isHeldBy ?Provider",
+    effect="?Object isOn ?Place AND NOT ?Object isHeldBy ?Provider",
+)
+DISCARD = ServiceType(
+    name="Discard",
+    inputs=(Parameter(name="Object", type="Graspable"),),
+    precondition="?Object isHeldBy ?Provider",
+    effect="NOT ?Object isHeldBy ?Provider",
+)
+COVERED = Map(
+    (Object(name=name, type=type) for name, type in {**OBJECTS, "Jar003": "Jar"}.items()),
+    [Fact("isOn", ("Jar001", "Shelf1")), Fact("isOn", ("Jar002", "Jar001")), Fact("isOn", ("Jar003", "Jar002"))],
+)
+
+
+def operations(call: tuple[object, ...]) -> int:
+    return len(parse_sas(str(call[0])).operations)
+
+
+@pytest.mark.usefixtures("hard")
+@pytest.mark.parametrize(("similar", "shares"), [(9.0, [1.0]), (1.0, [0.5, 1.0])])
+def test_what_frees_a_hand_that_is_free_now_is_not_left_out_for_long(
+    monkeypatch: pytest.MonkeyPatch, similar: float, shares: list[float]
+) -> None:
+    """The hand has to be free, and is: only after the uppermost jar was taken off is it to be made free."""
+    monkeypatch.setattr("somrs.planner.planning.SIMILAR", similar)
+    engine = RecordingEngine(SomrsError("no time is left"))
+    problem = make_problem("Jar001 isOn Shelf2", PICK, PUT, DISCARD, map=COVERED)
+    assert plan(problem, engine, 10.0).undecided  # type: ignore[union-attr]
+    assert [seconds for _, seconds in engine.calls] == [10.0 * share for share in shares]
+    monkeypatch.setattr("somrs.planner.planning.cheapest", search)
+    result = plan(problem)
+    assert isinstance(result, Plan)
+    assert len(result.steps) > 4, "all three are taken"
+    if len(shares) == 2:
+        assert operations(engine.calls[0]) < operations(engine.calls[1])
+
+
+@pytest.mark.usefixtures("hard")
+def test_an_engine_need_not_prove_twice_that_there_is_no_plan() -> None:
+    engine = RecordingEngine(None)
+    shut = Map([Object(name="DoorAB", type="Door", values={"Open": False})])
+    assert isinstance(plan(make_problem("DoorAB.Open = TRUE", OPEN, map=shut), engine), NoPlan)
+    assert len(engine.calls) == 1, "all relevant actions are likely ones"
 
 
 @pytest.mark.usefixtures("hard")
