@@ -18,7 +18,7 @@ from somrs.planner.explanation import explain_failure
 from somrs.planner.grounding.grounding import EFFORT, Grounding
 from somrs.planner.grounding.joins import TooLarge
 from somrs.planner.grounding.merging import merge_task
-from somrs.planner.grounding.relevance import demands
+from somrs.planner.grounding.relevance import Demand, demands
 from somrs.planner.grounding.task import Move, Task
 from somrs.planner.model.choices import ALTERNATIVES
 from somrs.planner.model.expansion import expand_quantifiers
@@ -233,14 +233,15 @@ def _plan_grounded(problem: Problem, world: World, goals: list[Operator], engine
     no plan, such as the one that puts an empty hand into use again. Raises TooLarge.
     """
 
-    def ground(narrow: bool) -> Grounding:
+    def ground(demanded: list[Demand], narrow: bool) -> Grounding:
         max_actions = VALUES if world.vocabulary.calculates else None
-        return Grounding(world, demands(goals, world, narrow=narrow), narrow=narrow, effort=effort, max_actions=max_actions)
+        return Grounding(world, demanded, narrow=narrow, effort=effort, max_actions=max_actions)
 
     def finish(task: Task, moves: list[Move]) -> Plan:
         return _improve_plan(problem, build_plan(problem, remove_redundant_moves(moves, task)), task, engines)
 
-    likely = ground(narrow=True)
+    likely_demands = demands(goals, world, narrow=True)
+    likely = ground(likely_demands, narrow=True)
     likely_task = Task(likely) if likely.is_goal_reachable else None
     hard: TooHard | None = None
     if likely_task is not None:
@@ -249,24 +250,31 @@ def _plan_grounded(problem: Problem, world: World, goals: list[Operator], engine
                 return finish(likely_task, moves)
         except TooHard as error:
             hard = error
+    relevant_demands = demands(goals, world, narrow=False)
+    is_whole = not likely.joins.limited and {*relevant_demands} <= {*likely_demands}
     try:
-        relevant = ground(narrow=False)
+        relevant = likely if is_whole else ground(relevant_demands, narrow=False)
     except TooLarge:
         if likely_task is None or hard is None or (moves := _call_engine(likely_task, engines, hard)) is None:
             raise
         return finish(likely_task, moves)
-    if likely_task is not None and hard is not None and len(relevant.actions) == len(likely.actions):
-        moves = _call_engine(likely_task, engines, hard)
-        return finish(likely_task, moves) if moves is not None else _explain(problem, world, relevant.joins.guessed)
-    if likely_task is not None and hard is not None and len(relevant.actions) > SIMILAR * len(likely.actions):
-        with suppress(TooHard, RemoteError):
-            if (moves := _call_engine(likely_task, engines, hard, LIKELY_SHARE)) is not None:
+    share = _likely_share(len(likely.actions), len(relevant.actions))
+    if likely_task is not None and hard is not None and share > 0:
+        with suppress(*((TooHard, RemoteError) if share < 1 else ())):
+            if (moves := _call_engine(likely_task, engines, hard, share)) is not None:
                 return finish(likely_task, moves)
-    if relevant.is_goal_reachable:
+    if share < 1 and relevant.is_goal_reachable:
         task = Task(relevant)
         if (moves := _solve(task, engines)) is not None:
             return finish(task, moves)
     return _explain(problem, world, relevant.joins.guessed)
+
+
+def _likely_share(likely: int, relevant: int) -> float:
+    """The share of the time that the engines have for the likely actions, by their number and that of the relevant ones."""
+    if likely == relevant:
+        return 1.0
+    return LIKELY_SHARE if relevant > SIMILAR * likely else 0.0
 
 
 def _explain(problem: Problem, world: World, guessed: bool) -> NoPlan:

@@ -36,6 +36,8 @@ class Joins:
         self.world, self.facts, self.narrow = world, facts, narrow
         self.guessed = False
         """Whether a service has a number or text as input that the goal does not determine; such inputs are not tried."""
+        self.limited = False
+        """Whether objects were left out, because only likely ones are tried (`narrow`)."""
         self.effort = effort
         """The effort that is left."""
 
@@ -193,7 +195,9 @@ class Joins:
         likely: dict[Argument, None] = dict.fromkeys(usual)
         alike = (place for kind in kinds for place in self.world.map.of_type(kind) if self.world.is_eligible(place, types))
         likely.update(dict.fromkeys(islice(alike if kinds else self.world.domain(types), PLACES)))
-        return list(likely)[:PLACES]
+        tried = list(likely)[:PLACES]
+        self.limited = self.limited or any(object not in tried for object in self.world.domain(types))
+        return tried
 
     def _usual(self, operator: Operator, name: str, types: frozenset[str]) -> Iterator[str]:
         """The objects that now have the variable's argument place in facts of the predicates that the operator adds: the usual places."""
