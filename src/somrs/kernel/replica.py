@@ -89,6 +89,8 @@ class ReplicaDue(Struct, frozen=True, tag=True):
 class Replica(Struct):
     """`ontology`, `map` and `version` are the Repository's as far as received; `ready` becomes true when they have been read.
 
+    `confirmed`: whether the Repository has stated its version since the owner started, so that it is known how much the copy lacks.
+
     The owner passes every input to `handle` first, and carries out the effects. The replica uses one timer, `ReplicaDue`.
     """
 
@@ -110,13 +112,20 @@ class Replica(Struct):
     answer_by: float | None = None
     gap_until: float | None = None
     renew_at: float = 0.0
+    confirmed: bool = True
 
     @property
     def ready(self) -> bool:
         return self.version >= 0
 
+    @property
+    def is_current(self) -> bool:
+        """Whether nothing is known to be missing."""
+        return self.ready and self.confirmed and self.announced_version <= self.version
+
     def start(self, now: float) -> list[Effect]:
-        """Subscribe. The reply starts the reading."""
+        """Subscribe. The reply starts the reading, or tells how much the copy lacks."""
+        self.confirmed = False
         return [self._subscribe(now), self._next_timer()]
 
     def handle(self, event: Input, now: float) -> ReplicaUpdate | None:
@@ -210,7 +219,7 @@ class Replica(Struct):
         self.announced_version = max(self.announced_version, version)
 
     def _subscribed(self, version: int, now: float) -> list[Effect]:
-        self.subscription = None
+        self.subscription, self.confirmed = None, True
         if self.reading is None:
             self.answer_by = None
         if version < self.subscribed_at:  # its store was restored from a backup or is new: this copy is of another map

@@ -164,7 +164,7 @@ class TaskManager:
                 yield from self._advance_preview(message.header.transaction, now, lambda preview: preview.receive(message, now))
             else:
                 yield from answer_stranger(message, self.address)
-        elif not state.replica.ready and isinstance(body, submission.Submit | previews.Preview):
+        elif not state.replica.is_current and isinstance(body, submission.Submit | previews.Preview):
             state.awaiting_map[id] = message
             yield SetTimer(MapDue(id), now + READY_TIME)
         else:
@@ -251,7 +251,9 @@ class TaskManager:
             case NewsDue(request):
                 yield from self._replies(self._subscriptions.timer_fired(request))
             case MapDue(request):
-                if (waiting := state.awaiting_map.pop(request, None)) is not None:
+                if (waiting := state.awaiting_map.pop(request, None)) is not None and state.replica.ready:
+                    yield from self._serve(waiting, now)  # the map as it was is better than none
+                elif waiting is not None:
                     repository = state.requests.repository
                     text = f"the map of the environment is not known yet, because {repository} does not answer; try again later"
                     yield self._reply(waiting, frp.Fault(code="env:Receiver", text=text))
@@ -302,7 +304,7 @@ class TaskManager:
         state = self.state
         if not state.replica.ready:
             return
-        waiting, state.awaiting_map = state.awaiting_map, {}
+        waiting, state.awaiting_map = (state.awaiting_map, {}) if state.replica.is_current else ({}, state.awaiting_map)
         for id, message in waiting.items():
             yield SetTimer(MapDue(id), None)
             yield from self._serve(message, now)

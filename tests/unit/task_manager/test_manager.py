@@ -268,11 +268,40 @@ def test_who_waited_for_the_map_is_served_once_it_is_read() -> None:
     manager.state.replica.ontology, manager.state.replica.map = replica.ontology, replica.map
     manager.handle(changed(3), 11.0)
     assert [*manager.state.awaiting_map] == ["first"], "it is not read yet"
-    manager.state.replica.version = 0
+    manager.state.replica.version = 3
     effects = manager.handle(TimerFired(ReplicaDue()), 12.0)
     assert SetTimer(MapDue("first"), None) in effects
     assert [type(body) for body in answers(effects)] == [submission.Submitted]
     assert (manager.state.awaiting_map, len(manager.open)) == ({}, 1)
+
+
+def restarted(version: int) -> TaskManagerHarness:
+    """A Task Manager that was down until 50.0, while the map came to the version."""
+    harness = TaskManagerHarness()
+    effects = harness.manager.handle(Started("tm"), 50.0)
+    (question,) = [effect.message for effect in effects if isinstance(effect, Send) and effect.message.header.recipient == "repository"]
+    assert answers(send_request(harness.manager, submission.Submit(effect="Tin001 isOn Platform001"), 50.1, "first")) == []
+    assert [*harness.manager.state.awaiting_map] == ["first"], "what has changed meanwhile is not known"
+    own = harness.manager.state.replica.version
+    answered = harness.manager.handle(Received(reply(question, MapSubscribed(version=own + version, until=90.0), "repository")), 50.2)
+    assert bool(answers(answered)) is (version == 0)
+    return harness
+
+
+def test_after_a_restart_a_task_waits_until_the_map_is_as_the_repository_has_it() -> None:
+    assert len(restarted(0).manager.open) == 2
+    harness = restarted(2)
+    first = harness.manager.state.replica.version + 1
+    assert answers(harness.manager.handle(changed(first), 50.3)) == []
+    effects = harness.manager.handle(changed(first + 1), 50.4)
+    assert [type(body) for body in answers(effects)] == [submission.Submitted]
+    assert len(harness.manager.open) == 2
+
+
+def test_if_the_repository_does_not_tell_what_has_changed_the_map_as_it_was_is_used() -> None:
+    harness = restarted(2)
+    effects = harness.manager.handle(TimerFired(MapDue("first")), 80.1)
+    assert [type(body) for body in answers(effects)] == [submission.Submitted]
 
 
 def test_tasks_are_known_since_the_first_start() -> None:

@@ -55,7 +55,7 @@ class RetryWait:
             yield from self._reschedule(hastened(self._execution.waiting_to_retry, now))
 
     def postpone(self, now: float) -> Effects:
-        """Put off the attempt that is due, because a report is on its way to the map (FRP, property 5)."""
+        """Put off the attempt that is due: a report is on its way to the map (FRP, property 5), or news of the map to this copy."""
         if self._execution.waiting_to_retry is not None:
             yield from self._reschedule(structs.replace(self._execution.waiting_to_retry, next_attempt=now + FIRST_PAUSE))
 

@@ -124,7 +124,7 @@ class Transaction:
                 yield from self._apply_goal_action((yield from self._participants.overdue(participant, now)), now)
             case DeadlineDue():
                 yield from self._stop(now, Outcome.FAILED, (f"the deadline of {self.state.task.deadline:g} s is over",))
-            case RetryDue() if self.state.reports.pending:
+            case RetryDue() if self.state.reports.pending or not self._context.replica.is_current:
                 yield from RetryWait(self.state.goal, self._scope).postpone(now)
             case RetryDue():
                 yield from self._executor(self.state.goal).retry(now)
