@@ -33,10 +33,13 @@ class WorkSubject(Struct, frozen=True, tag="OfWork"):
 
 
 class UnobservedSubject(Struct, frozen=True, tag="OfNobody"):
-    """No service could observe the object, whose state has been unknown since the work with the number `work`."""
+    """No service could observe the object, whose state has been unknown since the work with the number `work`.
+
+    `repeated`: this was reported again, because the object had been seen before the work ended."""
 
     object: str
     work: int
+    repeated: bool = False
 
 
 ReportSubject = ProgressSubject | WorkSubject | UnobservedSubject

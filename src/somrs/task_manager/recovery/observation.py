@@ -6,10 +6,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from msgspec import Struct, field
+from msgspec import Struct, field, structs
 
 from somrs.entish import Name
-from somrs.entish.formula import Attribute, Comparison, Truth, substitute
+from somrs.entish.formula import Attribute, Comparison, Truth, conjunction, conjuncts, names, substitute
 from somrs.entish.parse import parse
 from somrs.kernel.component import Effects, EffectsReturning
 from somrs.ontology.objects import Change, Fact, FactRemoved, Map, ValueSet
@@ -22,10 +22,10 @@ from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.task_manager.arrangement.available_services import AvailableServices
-from somrs.task_manager.context import TaskManagerContext
+from somrs.task_manager.context import TaskManagerContext, known_to_hold
 from somrs.task_manager.execution.execution_log import ExecutionLog, Work
 from somrs.task_manager.execution.participants import Members
-from somrs.task_manager.execution.reports import Report, Reports, UnobservedSubject
+from somrs.task_manager.execution.reports import Report, ReportResult, Reports, UnobservedSubject
 from somrs.task_manager.requests import ForLook
 
 
@@ -139,14 +139,27 @@ class Observation:
             yield from self._reports.add_report(self._owner, report, self._context, now)
         return None
 
-    def assumed(self, subject: UnobservedSubject, problems: tuple[str, ...], now: float) -> None:
-        """The map marks the object as unknown, or the Repository rejected that for these `problems`."""
+    def assumed(self, subject: UnobservedSubject, result: ReportResult, now: float) -> None:
+        """The map marks the object as unknown, it has newer news of the object, or the Repository rejected the mark."""
         work = self._log.work_by_number(subject.work)
         member = self._members.find_member(work.participant)
-        if problems:
-            self._log_event(events.KnownOtherwise(object=subject.object, problems=problems), now, work)
-        elif work.state is State.UNREACHABLE and member is not None:
+        if result.problems:
+            self._log_event(events.KnownOtherwise(object=subject.object, problems=result.problems), now, work)
+            return
+        if result.reception.superseded and not subject.repeated and self._was_seen_too_early(subject.object, work):
+            replica, update = self._context.replica, self._reports.waiting[0].update
+            changes = tuple(unknown_changes(subject.object, replica.map, replica.ontology))
+            unseen = observations.Observation(as_of=work.ended)
+            update = structs.replace(update, changes=changes, expected_version=replica.version, observation=unseen)
+            report = Report(update=update, subject=structs.replace(subject, repeated=True))
+            self._reports.waiting.insert(1, report)
+        if work.state is State.UNREACHABLE and member is not None:
             member.lost_version = self._context.replica.version  # a late report of its own is valid from here on
+
+    def _was_seen_too_early(self, object: str, work: Work) -> bool:
+        """Whether the object was seen where it was before the work, which may not have been over by then."""
+        parts = [part for part in conjuncts(work.prior_situation) if object in names(part)] if work.prior_situation is not None else []
+        return bool(parts) and work.ended is not None and known_to_hold(conjunction(*parts), self._context.replica)
 
 
 def look_plans(object: str, offers: Iterable[Offer], map: Map, ontology: Ontology) -> list[Plan]:

@@ -102,7 +102,7 @@ class Transaction:
         reports = self.state.reports
         match reports.waiting[0].subject:
             case UnobservedSubject() as subject:
-                self._observation.assumed(subject, result.problems, now)
+                self._observation.assumed(subject, result, now)
             case subject:
                 self._participants.settled(subject, result, now)
         yield from RetryWait(self.state.goal, self._scope).hasten(now)

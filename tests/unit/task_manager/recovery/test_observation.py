@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import pytest
+from msgspec import structs
 
 from somrs.entish import Name
 from somrs.entish.parse import parse
@@ -19,9 +20,10 @@ from somrs.protocol.messages.events import Event
 from somrs.protocol.messages.frp import State
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.protocol.messages.observations import Observation as Observed
+from somrs.protocol.messages.observations import Reception
 from somrs.task_manager.arrangement.available_services import AvailableServices, KnownServices
 from somrs.task_manager.execution.execution_log import ExecutionLog, Work
-from somrs.task_manager.execution.reports import Report, Reports, UnobservedSubject
+from somrs.task_manager.execution.reports import Report, ReportResult, Reports, UnobservedSubject
 from somrs.task_manager.recovery.observation import Look, LookPlan, LookQueue, Observation, Unseen, look_plans, unknown_changes
 from somrs.task_manager.requests import ForLook
 from tests.support.effects import run_effects
@@ -214,9 +216,23 @@ def test_when_the_map_says_it_what_is_reported_later_is_news(
     harness.member.lost_version, harness.work.state = 3, state
     if not member_known:
         harness.work.participant = "nobody"
-    harness.observation.assumed(UnobservedSubject("Jar001", 1), problems, 9.0)
+    harness.observation.assumed(UnobservedSubject("Jar001", 1), ReportResult(problems=problems), 9.0)
     assert harness.member.lost_version == lost_at
     assert harness.logged_events == ([(events.KnownOtherwise(object="Jar001", problems=problems), 9.0, harness.work)] if problems else [])
+
+
+@pytest.mark.parametrize(("before", "repeated", "again"), [("Shelf1", False, True), ("Shelf1", True, False), ("Shelf2", False, False)])
+def test_what_was_seen_while_the_lost_participant_may_have_been_at_work_proves_nothing(before: str, repeated: bool, again: bool) -> None:
+    """A camera saw the jar in its place, and the robot took it after that. Elsewhere, somebody else has it."""
+    harness = ObservationHarness()
+    harness.work.prior_situation, harness.work.ended = parse(f"Jar001 isOn {before} AND Jar002 isOn Shelf2"), 5.0
+    harness.begin_look()
+    harness.discovered()
+    seen = ReportResult(reception=Reception(superseded=("Jar001.Unknown = TRUE",)))
+    harness.observation.assumed(UnobservedSubject("Jar001", 1, repeated=repeated), seen, 9.0)
+    subject = UnobservedSubject("Jar001", 1, repeated=True)
+    expected = [Report(update=structs.replace(UNSEEN, observation=Observed(as_of=5.0)), subject=subject)] if again else []
+    assert harness.reports.waiting[1:] == expected
 
 
 @pytest.mark.parametrize(
