@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
 
 from somrs.entish import Formula
@@ -49,8 +48,8 @@ FLEET = 8
 QUICK_EFFORT = 500_000
 """The number of facts to match with conditions, when a task is grounded, before a lookahead is tried: about a second."""
 SIMILAR, LIKELY_SHARE = 1.2, 0.5
-"""If there are more relevant actions than this many times the likely ones, the engines search the likely ones first, for at most this share
-of their time."""
+"""If there are more relevant actions than this many times the likely ones, or the likely ones differ only by fewer objects, the engines
+search the likely ones first, for at most this share of their time."""
 VALUES = 5_000
 """The maximum number of actions when effects calculate values and each value is a fact; beyond it, numbers become counters."""
 STATES = 5_000
@@ -250,31 +249,39 @@ def _plan_grounded(problem: Problem, world: World, goals: list[Operator], engine
                 return finish(likely_task, moves)
         except TooHard as error:
             hard = error
+
+    def search_likely(share: float) -> Plan | None:
+        """The plan that engines find among the likely actions in this share of their time. If it is all of it, failure is an error."""
+        if likely_task is None or hard is None:
+            return None
+        try:
+            moves = _call_engine(likely_task, engines, hard, share)
+        except (TooHard, RemoteError):
+            if share == 1:
+                raise
+            return None
+        return finish(likely_task, moves) if moves is not None else None
+
     relevant_demands = demands(goals, world, narrow=False)
-    is_whole = not likely.joins.limited and {*relevant_demands} <= {*likely_demands}
+    left_out = not {*relevant_demands} <= {*likely_demands}
+    is_whole = not left_out and not likely.joins.limited
+    if not left_out and (found := search_likely(1.0 if is_whole else LIKELY_SHARE)) is not None:
+        return found
+    if is_whole:
+        return _explain(problem, world, likely.joins.guessed)
     try:
-        relevant = likely if is_whole else ground(relevant_demands, narrow=False)
+        relevant = ground(relevant_demands, narrow=False)
     except TooLarge:
-        if likely_task is None or hard is None or (moves := _call_engine(likely_task, engines, hard)) is None:
-            raise
-        return finish(likely_task, moves)
-    share = _likely_share(len(likely.actions), len(relevant.actions))
-    if likely_task is not None and hard is not None and share > 0:
-        with suppress(*((TooHard, RemoteError) if share < 1 else ())):
-            if (moves := _call_engine(likely_task, engines, hard, share)) is not None:
-                return finish(likely_task, moves)
-    if share < 1 and relevant.is_goal_reachable:
+        if left_out and (found := search_likely(1.0)) is not None:
+            return found
+        raise
+    if left_out and len(relevant.actions) > SIMILAR * len(likely.actions) and (found := search_likely(LIKELY_SHARE)) is not None:
+        return found
+    if relevant.is_goal_reachable:
         task = Task(relevant)
         if (moves := _solve(task, engines)) is not None:
             return finish(task, moves)
     return _explain(problem, world, relevant.joins.guessed)
-
-
-def _likely_share(likely: int, relevant: int) -> float:
-    """The share of the time that the engines have for the likely actions, by their number and that of the relevant ones."""
-    if likely == relevant:
-        return 1.0
-    return LIKELY_SHARE if relevant > SIMILAR * likely else 0.0
 
 
 def _explain(problem: Problem, world: World, guessed: bool) -> NoPlan:
