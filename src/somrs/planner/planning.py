@@ -228,8 +228,8 @@ def _search_plan(problem: Problem, world: World, goals: list[Operator], engines:
 def _plan_grounded(problem: Problem, world: World, goals: list[Operator], engines: _Engines, effort: int) -> Plan | NoPlan:
     """Search among the likely actions first (narrow), then among all relevant ones: only the latter can prove that there is no plan.
 
-    The likely actions of a hard task are searched longer only if they are far fewer: they can lack a single action without which there is
-    no plan, such as the one that puts an empty hand into use again. Raises TooLarge.
+    The engines have a limited time for the likely actions of a hard task, and none if there are nearly as many relevant ones: a single
+    action may be missing without which there is no plan, such as the one that empties a hand (docs/decisions/0049). Raises TooLarge.
     """
 
     def ground(demanded: list[Demand], narrow: bool) -> Grounding:
