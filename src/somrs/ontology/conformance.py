@@ -68,47 +68,39 @@ class _Checker:
     """One check of the map, or of the `touched` objects and the objects that they are part of."""
 
     def __init__(self, map: Map, ontology: Ontology, touched: set[str] | None, map_before: Map | None = None) -> None:
-        self.map, self.ontology, self.touched, self.map_before = map, ontology, touched, map_before
-        self._by_first: dict[str, list[Fact]] = {}
-        self.facts: list[Fact] = []
-        self.parts: dict[str, list[str]] = {}
-        self._wholes: dict[str, list[str]] = {}
+        self.map, self.ontology, self.map_before = map, ontology, map_before
+        self.named = touched
+        self.touched = touched
         self.schemas: dict[str, _Schema] = {}
         self._rule_results: dict[tuple[object, ...], bool] = {}
         """Cached results of rules about an object's own values, by type, rule and values."""
-        self._index()
-
-    def _index(self) -> None:
-        for fact in self.map.facts(PART_OF):
-            if len(fact.arguments) == 2:
-                self._wholes.setdefault(fact.arguments[0], []).append(fact.arguments[1])
-                self.parts.setdefault(fact.arguments[1], []).append(fact.arguments[0])
-        if self.touched is not None:
+        if touched is not None:
             # A whole is checked when one of its parts changes, because its rules count the parts and its formulas refer to them.
-            self.touched = {whole for name in self.touched for whole in (name, *self._enclosing_wholes(name))}
-        touched = self.touched
-        self.facts = [fact for fact in self.map.facts() if touched is None or not touched.isdisjoint(fact.arguments)]
-        for fact in self.facts:
-            if fact.arguments:
-                self._by_first.setdefault(fact.arguments[0], []).append(fact)
+            self.touched = {whole for name in touched for whole in (name, *self._enclosing_wholes(name))}
 
     def _enclosing_wholes(self, name: str) -> Iterator[str]:
         """What the object is part of, at any depth. An object that breaks the rules may be part of several."""
         visited_names: set[str] = set()
         waiting = [name]
         while waiting:
-            for whole in self._wholes.get(waiting.pop(0), ()):
+            for whole in self._wholes(waiting.pop(0)):
                 if whole not in visited_names:
                     visited_names.add(whole)
                     waiting.append(whole)
                     yield whole
+
+    def _wholes(self, part: str) -> Iterator[str]:
+        return (arguments[1] for arguments in self.map.facts_with(PART_OF, 0, part) if len(arguments) == 2)
+
+    def _direct_parts(self, whole: str) -> Iterator[str]:
+        return (arguments[0] for arguments in self.map.facts_with(PART_OF, 1, whole) if len(arguments) == 2)
 
     def _nested_parts(self, whole: str) -> Iterator[str]:
         """The parts at any depth: a floor of a room is also a floor of the storey."""
         visited_names: set[str] = set()
         waiting = [whole]
         while waiting:
-            for part in self.parts.get(waiting.pop(), ()):
+            for part in self._direct_parts(waiting.pop()):
                 if part not in visited_names:
                     visited_names.add(part)
                     waiting.append(part)
@@ -128,11 +120,11 @@ class _Checker:
             yield from self._place(object, schema)
             constraints = schema.constraints if not is_unchanged else schema.external_constraints
             yield from self._constraints(object, constraints, schema, {violation.path for violation in wrong})
-        for fact in self.facts:
+        facts = self.map.facts() if self.named is None else (fact for name in sorted(self.named) for fact in self.map.facts_about(name))
+        for fact in dict.fromkeys(facts):
             yield from self._fact(fact)
-        for name, facts in self._by_first.items():
-            if self.touched is None or name in self.touched:
-                yield from self._exclusive(name, facts)
+        for name in self.map.objects if self.named is None else sorted(self.named):
+            yield from self._exclusive(name)
 
     def _touched_objects(self) -> Iterator[tuple[str, Object]]:
         assert self.touched is not None
@@ -182,7 +174,7 @@ class _Checker:
 
     def _roots(self) -> list[str]:
         abstract = {name for name in self.ontology.types if self.ontology.is_subtype(name, ABSTRACT)}
-        return [name for name, object in self.map.objects.items() if object.type in abstract and name not in self._wholes]
+        return [name for name, object in self.map.objects.items() if object.type in abstract and not any(self._wholes(name))]
 
     def _place(self, object: Object, schema: _Schema) -> Iterator[Violation]:
         """Violations of the rule for places: an object is the root, is a part, has a position, or a relation such as isOn places it."""
@@ -195,7 +187,7 @@ class _Checker:
                 message = f"{first} is the map's root already; make {object.name} a part of it, or of one of its parts"
                 yield Violation(subject=object.name, rule="root", message=message)
             return
-        for fact in self._by_first.get(object.name, ()):
+        for fact in self._facts_from(object.name):
             relation = self.ontology.relations.get(fact.relation)
             if fact.relation == PART_OF or (relation is not None and relation.excludes is not None):
                 return
@@ -276,10 +268,14 @@ class _Checker:
             message = f"a {whole.type} {known_parts}; declare {part.type} among the parts of {whole.type}, or put {part.name} elsewhere"
             yield Violation(subject=str(fact), rule="parts", message=message)
 
-    def _exclusive(self, name: str, facts: list[Fact]) -> Iterator[Violation]:
+    def _facts_from(self, first: str) -> Iterator[Fact]:
+        """The facts with this first argument."""
+        return (fact for fact in self.map.facts_about(first) if fact.arguments[0] == first)
+
+    def _exclusive(self, name: str) -> Iterator[Violation]:
         """Violations of functional relations and of groups of relations that exclude each other."""
         first: dict[str, Fact] = {}
-        for fact in facts:
+        for fact in self._facts_from(name):
             relation = self.ontology.relations.get(fact.relation)
             if relation is None:
                 continue

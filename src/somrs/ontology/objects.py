@@ -79,9 +79,10 @@ class Map:
     def __init__(self, objects: Iterable[Object] = (), facts: Iterable[Fact] = ()) -> None:
         self.objects: dict[str, Object] = {object.name: object for object in objects}
         self._facts: dict[str, dict[tuple[str, ...], None]] = {}
-        # Indexes, built on first use: the facts of a relation by the object at a place; the objects by exact type, and by the values of
-        # an attribute.
+        # Indexes, built on first use: the facts of a relation by the object at a place, and the most arguments that one of them had; the
+        # objects by exact type, and by the values of an attribute.
         self._by_argument: dict[str, dict[int, Index[str, tuple[str, ...]]]] = {}
+        self._arities: dict[str, int] = {}
         self._by_type: Index[str, str] | None = None
         self._by_value: dict[str, Index[Value, str]] = {}
         for fact in facts:
@@ -131,7 +132,8 @@ class Map:
     def facts_about(self, name: str) -> Iterator[Fact]:
         """The facts in which the object takes part."""
         for relation, tuples in self._facts.items():
-            arity = max(map(len, tuples), default=0)
+            if (arity := self._arities.get(relation)) is None:
+                arity = self._arities[relation] = max(map(len, tuples), default=0)
             argument_tuples = (arguments for place in range(arity) for arguments in self.facts_with(relation, place, name))
             yield from (Fact(relation, arguments) for arguments in dict.fromkeys(argument_tuples))
 
@@ -166,7 +168,7 @@ class Map:
         map_after = Map()
         map_after.objects = self.objects
         map_after._facts = dict(self._facts)
-        map_after._by_argument = dict(self._by_argument)
+        map_after._by_argument, map_after._arities = dict(self._by_argument), dict(self._arities)
         map_after._by_type = self._by_type.copy() if self._by_type is not None else None
         map_after._by_value = dict(self._by_value)
         owned_keys: set[str] = set()
@@ -190,6 +192,8 @@ class Map:
                     map_after.objects[name] = structs.replace(object, values=values)
                 case FactAdded(fact):
                     map_after._own_relation(fact.relation, owned_keys)[fact.arguments] = None
+                    if len(fact.arguments) > map_after._arities.get(fact.relation, len(fact.arguments)):
+                        map_after._arities[fact.relation] = len(fact.arguments)
                     for place, index in map_after._by_argument.get(fact.relation, {}).items():
                         if place < len(fact.arguments):
                             index.add(fact.arguments[place], fact.arguments)
