@@ -67,6 +67,15 @@ def net_effect(effects: Sequence[Formula], map: Map, ontology: Ontology) -> Form
 
     Effects that the map cannot make true (an object is not on it) are left out. `apply_effect` on the map gives the map after the others.
     """
+    last = _last_stated(effects, map, ontology)
+    if last is not None:
+        with suppress(FormulaError):
+            return _changed_part(last, map, ontology)
+    return _net_effect_stepwise(effects, map, ontology)
+
+
+def _net_effect_stepwise(effects: Sequence[Formula], map: Map, ontology: Ontology) -> Formula | None:
+    """The net effect, by making one effect after the other true."""
     concerned = dict.fromkeys(name for effect in effects for name in names(effect) if name in map.objects)
     part_of_map = Map((map.objects[name] for name in concerned), (fact for name in concerned for fact in map.facts_about(name)))
     map_after = part_of_map
@@ -77,6 +86,79 @@ def net_effect(effects: Sequence[Formula], map: Map, ontology: Ontology) -> Form
     map_stated = apply_effect(conjunction(*stated), part_of_map, ontology) if stated else part_of_map
     ended = sorted((Not(_atom(c.fact)) for c in differences(map_stated, map_after) if isinstance(c, FactRemoved)), key=str)
     return conjunction(*stated, *ended) if stated or ended else None
+
+
+def _changed_part(effect: Formula, map: Map, ontology: Ontology) -> Formula | None:
+    """What of an effect that does not contradict itself is not so yet, without what follows from the rest of it. Raises FormulaError."""
+    builder = _ChangeBuilder(effect, map, ontology)
+    new: list[Change] = []
+    removed: dict[Change, None] = {}
+    """By facts that hold already, or that end: the new ones need not say so."""
+    replaced: set[Change] = set()
+    for part in conjuncts(effect):
+        changes_of_part = [*builder.changes_for(part)]
+        added = [change for change in changes_of_part if not isinstance(change, FactRemoved)]
+        new += added
+        if added:
+            replaced.update(changes_of_part)
+        else:
+            removed.update(dict.fromkeys(changes_of_part))
+    stated = sorted(_stated(new, map, ontology), key=str)
+    ended = sorted((Not(_atom(change.fact)) for change in removed if isinstance(change, FactRemoved) and change not in replaced), key=str)
+    return conjunction(*stated, *ended) if stated or ended else None
+
+
+def _last_stated(effects: Sequence[Formula], map: Map, ontology: Ontology) -> Formula | None:
+    """One effect that leads to the same map: what the effects state, without what a later one states otherwise. None if there is none.
+
+    A plan may have hundreds of steps, and each is promised the effects of all steps before it.
+    """
+    facts: dict[Relation, bool] = {}
+    """Whether the facts that the effects mention hold after them."""
+    holding: dict[tuple[str, Term], dict[Relation, None]] = {}
+    """Those that hold, by relation and first argument."""
+    replaced: dict[tuple[str, int, Term], None] = {}
+    """The relations, places and objects there whose facts were replaced by others."""
+    values: dict[Term, Comparison] = {}
+
+    def state(fact: Relation, holds: bool) -> None:
+        facts[fact] = holds
+        same_start = holding.setdefault((fact.relation, fact.arguments[0]), {})
+        if holds:
+            same_start[fact] = None
+        else:
+            same_start.pop(fact, None)
+
+    for effect in effects:
+        stated: dict[Relation, bool] = {}
+        assigned: dict[Term, Comparison] = {}
+        for part in conjuncts(effect):
+            match part:
+                case (Relation() as fact) | Not(Relation() as fact):
+                    relation = ontology.relations.get(fact.relation)
+                    if relation is None or relation.symmetric:
+                        return None  # a symmetric fact is written in two ways
+                    stated[fact] = fact is part
+                case Comparison(Attribute() as target, "=", Name() | Number() | Text() | Truth()):
+                    if assigned.setdefault(target, part) != part:
+                        return None  # the effect contradicts itself
+                case _:
+                    return None
+        values |= assigned
+        for fact, holds in stated.items():
+            if holds:
+                for name, place in ontology.rivals(ontology.relations[fact.relation]):
+                    replaced[name, place, fact.arguments[0]] = None
+                    for rival in [*holding.get((name, fact.arguments[0]), ())]:
+                        state(rival, holds=False)
+            state(fact, holds)
+        if any(facts[fact] is not holds for fact, holds in stated.items()):
+            return None  # the effect contradicts itself
+    for name, place, object in replaced:
+        if not holding.get((name, object)) and isinstance(object, Name):
+            for arguments in map.facts_with(name, place, object.name):
+                facts.setdefault(Relation(name, tuple(Name(argument) for argument in arguments)), False)
+    return conjunction(*(fact if holds else Not(fact) for fact, holds in facts.items()), *values.values())
 
 
 def _stated(difference: Iterable[Change], map_after: Map, ontology: Ontology) -> Iterator[Formula]:
@@ -96,7 +178,10 @@ def _atom(fact: Fact) -> Relation:
 
 def evaluate_effect(effect: Formula, map: Map, ontology: Ontology) -> Formula:
     """The effect with its arithmetic evaluated on the map, so that `?A.Charge = ?A.Charge - 5` states the value after the effect."""
-    return conjunction(*(_evaluate_part(part, map, ontology) for part in conjuncts(effect)))
+    parts = conjuncts(effect)
+    if not any(isinstance(part, Comparison) for part in parts):
+        return effect
+    return conjunction(*(_evaluate_part(part, map, ontology) for part in parts))
 
 
 def _evaluate_part(part: Formula, map: Map, ontology: Ontology) -> Formula:
@@ -189,15 +274,9 @@ class _ChangeBuilder:
 
     def _rivals(self, relation: RelationType, first: str) -> Iterator[Fact]:
         """The facts about `first` that a new fact of the relation with this first argument replaces."""
-        for other_relation in self.ontology.relations.values():
-            if (other_relation.name == relation.name and relation.functional) or (
-                other_relation.name != relation.name and relation.excludes is not None and other_relation.excludes == relation.excludes
-            ):
-                places = (0, 1) if other_relation.symmetric else (0,)
-                for place in places:
-                    yield from (
-                        Fact(other_relation.name, arguments) for arguments in self.map.facts_with(other_relation.name, place, first)
-                    )
+        for other, place in self.ontology.rivals(relation):
+            for arguments in self.map.facts_with(other, place, first):
+                yield Fact(other, arguments)
 
     def _relation_removed(self, atom: Relation) -> Iterator[Change]:
         relation, fact = self._fact(atom)

@@ -149,6 +149,7 @@ class Ontology:
         self._ancestors: dict[str, tuple[str, ...]] = {}
         self._attributes_of: dict[str, Mapping[str, AttributeType]] = {}
         self._spread_out: dict[str, Mapping[str, AttributeType]] = {}
+        self._rivals: dict[str, tuple[tuple[str, int], ...]] = {}
         for definition in definitions:
             match definition:
                 case AttributeType():
@@ -218,6 +219,23 @@ class Ontology:
             if path in self.types[ancestor].defaults:
                 return self.types[ancestor].defaults[path]
         return None
+
+    def rivals(self, relation: RelationType) -> tuple[tuple[str, int], ...]:
+        """The relations whose facts about an object a new fact with it as the first argument replaces, each with the object's place in
+        these facts, counted from 0: the relation itself, if it is functional, and those of the group that it `excludes`."""
+        if (cached_rivals := self._rivals.get(relation.name)) is not None:
+            return cached_rivals
+        others = [
+            other
+            for other in self.relations.values()
+            if (
+                relation.functional
+                if other.name == relation.name
+                else relation.excludes is not None and other.excludes == relation.excludes
+            )
+        ]
+        rivals = tuple((other.name, place) for other in others for place in ((0, 1) if other.symmetric else (0,)))
+        return self._rivals.setdefault(relation.name, rivals)
 
     def is_closed(self, type_name: str) -> bool:
         """Whether objects of the type have only parts of the types that it declares."""
