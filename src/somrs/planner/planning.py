@@ -36,7 +36,8 @@ from somrs.planner.search.counting import Counters, CountingFailed, search_with_
 from somrs.planner.search.lookahead import Lookahead
 from somrs.planner.search.matching import match
 from somrs.planner.search.numeric import NumericTask
-from somrs.planner.search.search import TooHard, cheapest, remove_redundant_moves
+from somrs.planner.search.search import BRIEF, TooHard, cheapest, remove_redundant_moves
+from somrs.planner.search.search import EFFORT as SEARCH_EFFORT
 from somrs.planner.search.steps import build_plan
 
 Engine = Callable[[str, float], list[str] | None]
@@ -72,12 +73,13 @@ LIMIT = 30.0
 
 @dataclass(frozen=True, slots=True)
 class _Engines:
-    """The engines to call when the planner's own search gives up, and the time limit of each in seconds."""
+    """The effort of the planner's own search, the engines to call when it gives up, and the time limit of each in seconds."""
 
     search: Engine | None
     numeric: NumericEngine | None
     improver: Improver | None
     limit: float
+    effort: int = SEARCH_EFFORT
 
 
 def plan_quickly(problem: Problem) -> Plan | NoPlan | None:
@@ -146,7 +148,12 @@ def _plan_or_assume(problem: Problem, engines: _Engines, *, ask_to_know: bool) -
                 if isinstance(result, NoPlan) or best(reading, [result, assumed]) is assumed:
                     return assumed
                 break
-    return result if isinstance(result, NoPlan) else with_alternatives(problem, result, plan)
+    return result if isinstance(result, NoPlan) else with_alternatives(problem, result, _plan_briefly)
+
+
+def _plan_briefly(problem: Problem) -> Plan | NoPlan:
+    """A plan that a brief search finds: others than the first one are not to take longer than it."""
+    return _plan_or_assume(problem, _Engines(None, None, None, LIMIT, SEARCH_EFFORT // BRIEF), ask_to_know=False)
 
 
 def _plan(problem: Problem, engines: _Engines) -> Plan | NoPlan:
@@ -245,7 +252,7 @@ def _plan_grounded(problem: Problem, world: World, goals: list[Operator], engine
     hard: TooHard | None = None
     if likely_task is not None:
         try:
-            if (moves := cheapest(likely_task)) is not None:
+            if (moves := _search(likely_task, engines)) is not None:
                 return finish(likely_task, moves)
         except TooHard as error:
             hard = error
@@ -331,9 +338,15 @@ def _solve_with_counters(task: Task, counters: Counters, engines: _Engines) -> l
     return moves
 
 
+def _search(task: Task, engines: _Engines) -> list[Move] | None:
+    """The moves that the planner's own search finds; None if there is no plan. A second search may make a plan too short for the improver.
+    Raises TooHard."""
+    return cheapest(task, engines.effort, longest=2 * LONG if engines.improver is not None else None)
+
+
 def _solve(task: Task, engines: _Engines) -> list[Move] | None:
     try:
-        return cheapest(task)
+        return _search(task, engines)
     except TooHard as hard:
         return _call_engine(task, engines, hard)
 

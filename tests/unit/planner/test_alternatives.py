@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import pytest
 from msgspec import structs
 
 from somrs.ontology.services import Parameter, ServiceKind, ServiceType
 from somrs.planner.alternatives import with_alternatives
+from somrs.planner.grounding.task import Move, Task
 from somrs.planner.model.plan import NoPlan, Plan
 from somrs.planner.model.problem import Problem
 from somrs.planner.planning import plan
+from somrs.planner.search.search import cheapest
 from tests.support.laboratory import make_problem, names
 
 GOAL = "Jar001 isOn Platform001"
@@ -53,6 +56,20 @@ def test_one_way_is_one_plan() -> None:
     assert plans(CARRY) == [["Carry"]]
     cognitive = ServiceType(name="See", kind=ServiceKind.COGNITIVE, inputs=CARRY.inputs, effect="?Object isOn ?To")
     assert plans(CARRY, cognitive) == [["Carry"]]
+
+
+def test_further_plans_are_looked_for_only_briefly(monkeypatch: pytest.MonkeyPatch) -> None:
+    efforts: list[int] = []
+
+    def noted(task: Task, effort: int, longest: int | None = None) -> list[Move] | None:
+        efforts.append(effort)
+        return cheapest(task, effort, longest)
+
+    monkeypatch.setattr("somrs.planner.search.matching.FACTS", 0)
+    monkeypatch.setattr("somrs.planner.planning.cheapest", noted)
+    assert len(plans(CARRY, LIFT, LAY)) == 2
+    assert all(effort <= efforts[0] / 10 for effort in efforts[1:])
+    assert len(efforts) > 1
 
 
 def test_further_plans_are_plans_for_the_same_problem() -> None:

@@ -29,12 +29,12 @@ class TooHard(Exception):
         self.progress = progress
 
 
-def cheapest(task: Task, effort: int = EFFORT) -> list[Move] | None:
+def cheapest(task: Task, effort: int = EFFORT, longest: int | None = None) -> list[Move] | None:
     """A plan, or a cheaper one if a second search finds one; None if there is no plan. If all moves cost the same, the second search is for
-    fewer steps, and brief. Raises TooHard."""
+    fewer steps, and brief; there is none for a plan of `longest` steps or more, for which better ways are known. Raises TooHard."""
     moves = _single_move(task) or search(task, effort)
     costs_vary = len({move.cost for move in task.moves if move.length}) > 1
-    if moves is None or task.hurry or (len(moves) < 2 and not costs_vary):
+    if moves is None or task.hurry or (not costs_vary and not 2 <= len(moves) < (longest or len(moves) + 1)):
         return moves
     plans = [remove_redundant_moves(moves, task)]
     with contextlib.suppress(TooHard):

@@ -112,6 +112,20 @@ def test_where_a_cheaper_plan_takes_too_long_the_first_one_does() -> None:
     assert format_moves(cheapest(task, 18)) == ["Wash T=T1", "Label T=T1"]
 
 
+@pytest.mark.parametrize(("longest", "searches"), [(None, 2), (4, 2), (3, 1), (2, 1)])
+def test_a_plan_of_many_steps_is_not_searched_for_twice(longest: int | None, searches: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    task = task_of("T1 on P2", PUT_SERVICE, TAKE_SERVICE, GO_SERVICE, facts=WAY)
+    efforts: list[int] = []
+
+    def counted(task: Task, effort: int, *, cheap: bool = False) -> list[Move] | None:
+        efforts.append(effort)
+        return search(task, effort, cheap=cheap)
+
+    monkeypatch.setattr("somrs.planner.search.search.search", counted)
+    assert len(cheapest(task, 10_000, longest) or ()) == 3
+    assert efforts == [10_000, 1_000][:searches]
+
+
 def test_an_engines_plan_ends_where_it_reaches_the_goal() -> None:
     """An engine for parallel plans may add moves after that, which lead away from the goal."""
     task = task_of("marked(?T: Thing)", SOIL, WASH, facts=WAY)
