@@ -121,9 +121,12 @@ class Arrangement:
 
         The plan does not meet it either if a step that may be done meanwhile ends what has to hold throughout.
         """
+        condition, invariant = member.session.condition, member.session.invariant
+        if condition is None and invariant is None:
+            return None
         promised = self._workflow.promised_effects(run)
-        unmet = unmet_condition(member.session.condition, promised, self._replica)
-        if unmet is not None or (invariant := member.session.invariant) is None:
+        unmet = unmet_condition(condition, promised, self._replica)
+        if unmet is not None or invariant is None:
             return unmet
         outcomes = (other.step.outcome for other in self._workflow.concurrent(run))
         endings = (unmet_condition(invariant, [*promised, outcome], self._replica) for outcome in outcomes if outcome is not None)

@@ -1,0 +1,1 @@
+"""Planning the ways of all robots together, on a graph of places."""

@@ -1,0 +1,245 @@
+"""One step of all robots at once: priority inheritance with backtracking (PIBT; Okumura, Machida, Défago and Tamura 2022).
+
+The robot of the highest priority takes the place that it likes best. A robot that stands there has to give way first, with the same
+priority, and so on; if one of them cannot, the next best place is tried. Two robots that have to pass each other in a narrow way are
+recognised, and the one that is pushed back leads to where there is room (the swap technique of LaCAM; Okumura 2023).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+from somrs.traffic.planning.graph import Graph
+
+NOBODY = -1
+UNDECIDED = -1
+
+Configuration = tuple[int, ...]
+"""The places of all robots, in their order."""
+
+Goals = Sequence[int | None]
+"""The places to which robots want; None for a robot that wants nowhere."""
+
+Estimate = Sequence[float]
+"""By place: how far it is to a robot's goal."""
+
+
+class StepPlanner:
+    """Finds the next places of all robots on a graph.
+
+    `rotations`: robots in a circle may all move on at once; robots that are granted one place after the other cannot. `shuffle` orders
+    places of equal distance anew.
+    """
+
+    def __init__(self, graph: Graph, *, rotations: bool = False, shuffle: Callable[[list[int]], None] | None = None) -> None:
+        self._graph, self._rotations, self._shuffle = graph, rotations, shuffle
+        self._now = [NOBODY] * graph.size
+        self._next = [NOBODY] * graph.size
+
+    def step(
+        self, places: Sequence[int], estimates: Sequence[Estimate], order: Sequence[int], fixed: Sequence[tuple[int, int]] = ()
+    ) -> Configuration | None:
+        """The next places of the robots, decided in this `order`; None if the `fixed` next places (robot, place) are not possible together.
+
+        Without `fixed`, there always are next places: at worst, all robots wait.
+        """
+        step = _Step(self._graph, self._now, self._next, places, estimates, self._rotations, self._shuffle)
+        try:
+            return step.decide(order, fixed)
+        finally:
+            step.clear()
+
+
+class _Step:
+    def __init__(
+        self,
+        graph: Graph,
+        now: list[int],
+        next: list[int],
+        places: Sequence[int],
+        estimates: Sequence[Estimate],
+        rotations: bool,
+        shuffle: Callable[[list[int]], None] | None,
+    ) -> None:
+        self._graph, self._now, self._next, self._places, self._estimates = graph, now, next, places, estimates
+        self._rotations, self._shuffle = rotations, shuffle
+        self._decided = [UNDECIDED] * len(places)
+        self._journal: list[int] = []
+        """The robots that are decided, in the order of the decisions."""
+        for robot, place in enumerate(places):
+            now[place] = robot
+
+    def clear(self) -> None:
+        for place in self._places:
+            self._now[place] = NOBODY
+        for place in self._decided:
+            if place != UNDECIDED:
+                self._next[place] = NOBODY
+
+    def decide(self, order: Sequence[int], fixed: Sequence[tuple[int, int]]) -> Configuration | None:
+        for robot, place in fixed:
+            if not self._is_free(robot, place):
+                return None
+            self._take(robot, place)
+        for robot in order:
+            if self._decided[robot] == UNDECIDED and not self._find_place(robot) and self._decided[robot] == UNDECIDED:
+                return None
+        if fixed and not self._rotations and any(self._is_in_circle(robot) for robot, _ in fixed):
+            return None
+        return tuple(self._decided)
+
+    def _take(self, robot: int, place: int) -> None:
+        self._decided[robot] = place
+        self._next[place] = robot
+        self._journal.append(robot)
+
+    def _take_back(self, count: int) -> None:
+        """Undo all decisions but the first `count`."""
+        while len(self._journal) > count:
+            robot = self._journal.pop()
+            self._next[self._decided[robot]] = NOBODY
+            self._decided[robot] = UNDECIDED
+
+    def _is_free(self, robot: int, place: int) -> bool:
+        """Whether no decided robot is going to be at the place, or so close that the two would touch, or comes from it to this robot's."""
+        taken = self._next
+        if taken[place] != NOBODY:
+            return False
+        for other in self._graph.exclusions[place]:
+            if taken[other] not in (NOBODY, robot):
+                return False
+        here = self._places[robot]
+        if place == here:
+            return True
+        close = (here, *self._graph.exclusions[here])
+        return not any(self._decided[other] in close for other in self._occupants(place) if other != robot)
+
+    def _occupants(self, place: int) -> Iterator[int]:
+        """The robots that stand at the place, or so close that it is not free."""
+        now = self._now
+        if now[place] != NOBODY:
+            yield now[place]
+        for other in self._graph.exclusions[place]:
+            if now[other] != NOBODY:
+                yield now[other]
+
+    def _find_place(self, robot: int) -> bool:
+        """Decide on the robot's next place, and on those of all robots that have to give way. Returns whether it got one."""
+        here, estimate = self._places[robot], self._estimates[robot]
+        candidates = [*self._graph.successors[here], here]
+        if self._shuffle is not None:
+            self._shuffle(candidates)
+        now = self._now
+        candidates.sort(key=lambda place: (estimate[place], now[place] != NOBODY))
+        partner = self._partner(robot, candidates[0]) if candidates[0] != here else NOBODY
+        if partner != NOBODY:
+            candidates.reverse()
+        for number, place in enumerate(candidates):
+            if not self._is_free(robot, place):
+                continue
+            count = len(self._journal)
+            self._take(robot, place)
+            if self._clear_away(robot, place):
+                if number == 0 and partner != NOBODY:
+                    self._pull(partner, here)
+                return True
+            self._take_back(count)
+        if self._is_free(robot, here):
+            self._take(robot, here)
+        return False
+
+    def _pull(self, partner: int, place: int) -> None:
+        """Take the robot along that has to pass, if it can come."""
+        leads_there = place in self._graph.successors[self._places[partner]]
+        if leads_there and self._decided[partner] == UNDECIDED and self._is_free(partner, place):
+            count = len(self._journal)
+            self._take(partner, place)
+            if not self._clear_away(partner, place):
+                self._take_back(count)
+
+    def _clear_away(self, robot: int, place: int) -> bool:
+        """Make the robots at the place give way."""
+        for other in self._occupants(place):
+            if other != robot and self._decided[other] == UNDECIDED and not self._find_place(other):
+                return False
+        return self._rotations or place == self._places[robot] or not self._is_in_circle(robot)
+
+    def _is_in_circle(self, robot: int) -> bool:
+        """Whether the robot moves to where another leaves, that to where a third one leaves, and so on, back to its own place."""
+        waiting, visited = [robot], {robot}
+        while waiting:
+            mover = waiting.pop()
+            place = self._decided[mover]
+            if place in (UNDECIDED, self._places[mover]):
+                continue
+            for other in self._occupants(place):
+                if other == robot and mover != robot:
+                    return True
+                if other not in visited:
+                    visited.add(other)
+                    waiting.append(other)
+        return False
+
+    # Two robots that have to pass each other
+
+    def _partner(self, robot: int, best: int) -> int:
+        """The robot that has to pass this one, which wants to the place `best`, where only one has room; NOBODY if there is none."""
+        here, now = self._places[robot], self._now
+        other = now[best]
+        if (
+            other != NOBODY
+            and self._decided[other] == UNDECIDED
+            and self._have_to_swap(robot, other, here, best)
+            and self._can_swap(best, here)
+        ):
+            return other
+        for place in self._graph.successors[here]:
+            other = now[place]
+            if (
+                other != NOBODY
+                and place != best
+                and self._decided[other] == UNDECIDED
+                and self._have_to_swap(other, robot, here, best)
+                and self._can_swap(best, here)
+            ):
+                return other
+        return NOBODY
+
+    def _have_to_swap(self, pusher: int, pulled: int, pusher_place: int, pulled_place: int) -> bool:
+        """Whether the pusher cannot get past the other without a swap of their places, and the other wants to where the pusher is."""
+        pusher_estimate, pulled_estimate = self._estimates[pusher], self._estimates[pulled]
+        while pusher_estimate[pulled_place] < pusher_estimate[pusher_place]:
+            ways, way_on = self._ways_on(pusher_place, pulled_place)
+            if ways >= 2:
+                return False
+            if ways <= 0:
+                break
+            pusher_place, pulled_place = pulled_place, way_on
+        return pulled_estimate[pusher_place] < pulled_estimate[pulled_place] and (
+            pusher_estimate[pusher_place] == 0 or pusher_estimate[pulled_place] < pusher_estimate[pusher_place]
+        )
+
+    def _can_swap(self, pusher_place: int, pulled_place: int) -> bool:
+        """Whether the one that is pulled back comes to a place with two ways on, where the two can pass each other."""
+        start = pusher_place
+        while pulled_place != start:
+            ways, way_on = self._ways_on(pusher_place, pulled_place)
+            if ways >= 2:
+                return True
+            if ways <= 0:
+                return False
+            pusher_place, pulled_place = pulled_place, way_on
+        return False
+
+    def _ways_on(self, back: int, place: int) -> tuple[int, int]:
+        """How many places lead on from a place, and one of them. Not the place `back`, and no dead end where a robot is at its goal."""
+        successors, now, estimates = self._graph.successors, self._now, self._estimates
+        ways, way_on = 0, NOBODY
+        for other in successors[place]:
+            if other == back:
+                continue
+            occupant = now[other]
+            if occupant != NOBODY and len(successors[other]) == 1 and estimates[occupant][other] == 0:
+                continue
+            ways, way_on = ways + 1, other
+        return ways, way_on

@@ -1,0 +1,67 @@
+"""Plans for a while ahead, made anew again and again."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from somrs.traffic.planning.graph import FAR, Graph
+from somrs.traffic.planning.pibt import Configuration, Goals
+from somrs.traffic.planning.window import Traveller, WindowPlanner
+from tests.support.examples import examples
+from tests.support.roadmaps import configurations, graphs, grid, is_possible, shortest_course
+
+
+@examples(100)
+@given(st.data(), graphs(6), st.integers(1, 4))
+def test_all_robots_come_to_their_goals_if_they_can(data: st.DataObject, graph: Graph, steps: int) -> None:
+    places = data.draw(configurations(graph, 3))
+    goals: Goals = [data.draw(st.none() | st.integers(0, graph.size - 1)) for _ in places]
+    if shortest_course(graph, places, goals, rotations=False) is not None:
+        assert plan_until_all_were_there(graph, places, goals, steps) < 200
+
+
+def plan_until_all_were_there(graph: Graph, places: Configuration, goals: Goals, steps: int) -> int:
+    """The number of plans, each followed to its end, until every robot has been at its goal; 200 if it takes more."""
+    planner, missing = WindowPlanner(graph), {robot for robot, goal in enumerate(goals) if goal is not None}
+    nearest, waiting = [FAR] * len(places), [0.5 - robot / 100 for robot in range(len(places))]
+    for count in range(200):
+        travellers = [
+            Traveller(place=place, goal=goal, waiting=waited, nearest=near)
+            for place, goal, waited, near in zip(places, goals, waiting, nearest, strict=True)
+        ]
+        course = planner.plan(travellers, steps)
+        assert all(is_possible(graph, before, after, rotations=False) for before, after in pairwise(course))
+        for robot, goal in enumerate(goals):
+            if goal is not None:
+                nearest[robot] = min(nearest[robot], *(graph.distances(goal)[configuration[robot]] for configuration in course))
+                waiting[robot] += len(course)
+        missing -= {robot for robot in missing if nearest[robot] == 0}
+        places = course[-1]
+        if not missing:
+            return count
+    return 200
+
+
+def test_two_robots_do_not_step_aside_for_each_other_for_ever() -> None:
+    """PIBT alone moves both to and fro: the one that is at its goal comes back to it each time."""
+    graph, at = grid("A...B.C", "#####D#")
+    assert plan_until_all_were_there(graph, (at["A"], at["B"]), (at["B"], at["A"]), 2) < 20
+
+
+def travellers(places: Configuration, goals: Goals) -> list[Traveller]:
+    return [Traveller(place=place, goal=goal) for place, goal in zip(places, goals, strict=True)]
+
+
+def test_a_robot_without_a_way_does_not_keep_the_others() -> None:
+    graph = Graph(5, [(0, 1, 1.0), (1, 0, 1.0), (1, 2, 1.0), (2, 1, 1.0), (3, 4, 1.0)])
+    assert graph.distances(0)[4] == FAR
+    assert WindowPlanner(graph).plan(travellers((4, 0), (0, 2)), 4)[-1] == (4, 2)
+
+
+def test_a_robot_that_stands_in_a_dead_end_is_passed_by() -> None:
+    graph, at = grid("A.B.", "##C#")
+    course = WindowPlanner(graph).plan(travellers((at["A"], at["C"]), (at["B"], None)), 4)
+    assert course[-1] == (at["B"], at["C"])
