@@ -41,7 +41,14 @@ from tests.support.lab import contents
 from tests.support.paths import ROOT
 
 DOCS = ROOT / "docs" / "reference" / "wire.md"
-SCHEMAS = {soap.FRP: "frp", soap.DIRECTORY: "directory", soap.KNOWLEDGE: "knowledge", soap.CLIENTS: "clients", soap.ORDERS: "orders"}
+SCHEMAS = {
+    soap.FRP: "frp",
+    soap.DIRECTORY: "directory",
+    soap.KNOWLEDGE: "knowledge",
+    soap.CLIENTS: "clients",
+    soap.ORDERS: "orders",
+    soap.TRAFFIC: "traffic",
+}
 
 
 def schema_text(namespace: str) -> bytes:

@@ -20,16 +20,22 @@ class Schedule:
     The places that a robot *holds* were granted to it, and not given back. The first is where it is, the last is up to where it may drive.
     The places after these are planned, and may be planned anew at any time, from the last held places of all robots. Two robots never hold
     the same place, nor places that exclude each other.
+
+    `held` and `planned` are the data of a component's state, which the schedule changes: by robot, the places that it holds, and the
+    numbers of the steps and the places that it is to enter after them.
     """
 
-    def __init__(self, graph: Graph) -> None:
+    def __init__(
+        self, graph: Graph, held: dict[str, list[int]] | None = None, planned: dict[str, list[tuple[int, int]]] | None = None
+    ) -> None:
         self.graph = graph
-        self._held: dict[str, deque[int]] = {}
-        self._holder: dict[int, str] = {}
-        self._planned: dict[str, deque[tuple[int, int]]] = {}
-        """By robot: the number of the step and the place, for each place that it is to enter."""
+        self._held = held if held is not None else {}
+        self._planned = planned if planned is not None else {}
+        self._holder = {place: robot for robot, places in self._held.items() for place in places}
         self._waiting: dict[int, deque[tuple[int, str]]] = {}
         """By place: the numbers of the steps and the robots that are to enter it, in this order."""
+        for step, robot, place in sorted((step, robot, place) for robot, entries in self._planned.items() for step, place in entries):
+            self._waiting.setdefault(place, deque()).append((step, robot))
 
     def __contains__(self, robot: str) -> bool:
         return robot in self._held
@@ -47,10 +53,10 @@ class Schedule:
         """The places that the robot is to enter after these, in the order of its way."""
         return tuple(place for _, place in self._planned[robot])
 
-    def holder(self, place: int) -> str | None:
-        """The robot that holds the place, or one that excludes it; None if it is free."""
+    def holder(self, place: int, besides: str | None = None) -> str | None:
+        """The robot, other than `besides`, that holds the place, or one that excludes it; None if there is none."""
         holders = (self._holder.get(other) for other in (place, *self.graph.exclusions[place]))
-        return next((robot for robot in holders if robot is not None), None)
+        return next((robot for robot in holders if robot not in (None, besides)), None)
 
     def enter(self, robot: str, place: int) -> None:
         """A robot is where it was not known before. Raises UsageError if it is known, or if its place is not free."""
@@ -58,7 +64,14 @@ class Schedule:
             raise UsageError(f"{robot} takes part already")
         if (other := self.holder(place)) is not None:
             raise UsageError(f"{robot} cannot be there: {other} is too close")
-        self._held[robot], self._planned[robot] = deque([place]), deque()
+        self._held[robot], self._planned[robot] = [place], []
+        self._holder[place] = robot
+
+    def hold(self, robot: str, place: int) -> None:
+        """The robot is on its way to a place that nobody has granted it. Raises UsageError if that is not free."""
+        if (other := self.holder(place, besides=robot)) is not None:
+            raise UsageError(f"{robot} cannot be there: {other} is too close")
+        self._held[robot].append(place)
         self._holder[place] = robot
 
     def leave(self, robot: str) -> None:
@@ -86,7 +99,7 @@ class Schedule:
         planned = self._planned[robot]
         if not planned or next(self.obstacles(robot), None) is not None:
             return None
-        _, place = planned.popleft()
+        _, place = planned.pop(0)
         self._waiting[place].popleft()
         self._held[robot].append(place)
         self._holder[place] = robot
@@ -107,15 +120,22 @@ class Schedule:
                 if other != robot:
                     yield other
 
-    def advance(self, robot: str, place: int) -> tuple[int, ...]:
-        """The robot has come to a place that it holds, and gives back those before it, which are returned."""
+    def retreat(self, robot: str) -> None:
+        """The robot gives back the places that it has not come to. What is planned for all robots ends."""
+        self.plan({})
         held = self._held[robot]
-        if place not in held:
+        for given_back in held[1:]:
+            if given_back != held[0]:
+                self._holder.pop(given_back, None)
+        del held[1:]
+
+    def advance(self, robot: str, count: int) -> None:
+        """The robot has come to so many more of the places that it holds, and gives back those behind it."""
+        held = self._held[robot]
+        if not 0 <= count < len(held):
             raise UsageError(f"{robot} is where it has no right to be")
-        given_back: list[int] = []
-        while held[0] != place:
-            given_back.append(held.popleft())
+        given_back = held[:count]
+        del held[:count]
         for left in given_back:
             if left not in held:  # a way may lead to a place twice
-                del self._holder[left]
-        return tuple(given_back)
+                self._holder.pop(left, None)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from somrs.protocol.messages import directory, frp, knowledge, orders, previews, records, submission, task_news
+from somrs.protocol.messages import directory, frp, knowledge, orders, previews, records, submission, task_news, traffic
 from somrs.protocol.messages.body import MessageBody
 
 FrpBody = (
@@ -36,11 +36,16 @@ OrderBody = (
     | orders.RemoveOrder | orders.OrderKept | orders.NoLongerKept | orders.ReadRuns | orders.RunsPage | orders.OrdersRejected
     | orders.SubscribeOrders | orders.OrdersSubscribed | orders.OrdersChanged
 )  # fmt: skip
+TrafficBody = (
+    traffic.EnterTraffic | traffic.TrafficEntered | traffic.ReportPlace | traffic.RequestTrip | traffic.TripBegun
+    | traffic.CancelTrip | traffic.TripEnded | traffic.Granted | traffic.LeaveTraffic | traffic.TrafficLeft
+    | traffic.ReadTraffic | traffic.TrafficView
+)  # fmt: skip
 if TYPE_CHECKING:
     # For type checkers, `Body` is the common base class: checking a union of this size would take half of their time.
     Body = MessageBody
 else:
-    Body = FrpBody | DirectoryBody | KnowledgeBody | ClientBody | OrderBody
+    Body = FrpBody | DirectoryBody | KnowledgeBody | ClientBody | OrderBody | TrafficBody
 
 REQUESTS: dict[type[Body], tuple[type[Body], ...]] = {
     directory.Publish: (directory.Published,),
@@ -80,6 +85,11 @@ REQUESTS: dict[type[Body], tuple[type[Body], ...]] = {
     orders.RemoveOrder: (orders.NoLongerKept, orders.OrdersRejected),
     orders.ReadRuns: (orders.RunsPage, orders.OrdersRejected),
     orders.SubscribeOrders: (orders.OrdersSubscribed,),
+    traffic.EnterTraffic: (traffic.TrafficEntered,),
+    traffic.ReportPlace: (traffic.TrafficEntered,),
+    traffic.RequestTrip: (traffic.TripBegun,),
+    traffic.LeaveTraffic: (traffic.TrafficLeft,),
+    traffic.ReadTraffic: (traffic.TrafficView,),
     frp.Query: (frp.Status,),
 }
 """The requests that are always answered, with their answers; a Fault may come instead. All other messages are one-way."""

@@ -15,7 +15,7 @@ from msgspec import Struct
 
 from somrs.errors import WireError
 from somrs.protocol.messages import frp, knowledge, submission
-from somrs.protocol.messages.bodies import REQUESTS, ClientBody, DirectoryBody, FrpBody, KnowledgeBody, OrderBody
+from somrs.protocol.messages.bodies import REQUESTS, ClientBody, DirectoryBody, FrpBody, KnowledgeBody, OrderBody, TrafficBody
 from somrs.protocol.messages.envelope import ANONYMOUS, VERSION, Header, Message, message_id, normalised_id
 from somrs.protocol.soap.document import MOST_BYTES, SENDER, parse
 from somrs.protocol.soap.xml import PREFIX, Element, escaped, escaped_attribute, fields_writer, struct_reader, union_of
@@ -27,6 +27,7 @@ DIRECTORY = "urn:so-mrs:directory:1.0"
 KNOWLEDGE = "urn:so-mrs:knowledge:1.0"
 CLIENTS = "urn:so-mrs:clients:1.0"
 ORDERS = "urn:so-mrs:orders:1.0"
+TRAFFIC = "urn:so-mrs:traffic:1.0"
 XML = "http://www.w3.org/XML/1998/namespace"
 
 MOST_REASON = 4000
@@ -50,6 +51,7 @@ NAMESPACES: dict[str, tuple[type[Struct], ...]] = {
     KNOWLEDGE: union_of(KnowledgeBody),
     CLIENTS: union_of(ClientBody),
     ORDERS: union_of(OrderBody),
+    TRAFFIC: union_of(TrafficBody),
 }
 """The bodies of each protocol, by its namespace. A Fault is SOAP's own."""
 

@@ -10,9 +10,9 @@ from lxml import etree
 from msgspec import Struct
 
 from somrs.protocol.frp.session import CoordinatorBody, ParticipantBody
-from somrs.protocol.messages import directory, frp, knowledge
+from somrs.protocol.messages import directory, frp, knowledge, traffic
 from somrs.protocol.messages.bodies import REQUESTS
-from somrs.protocol.soap.soap import CLIENTS, DIRECTORY, FRP, KNOWLEDGE, NAMESPACES, ORDERS, action, namespace_of
+from somrs.protocol.soap.soap import CLIENTS, DIRECTORY, FRP, KNOWLEDGE, NAMESPACES, ORDERS, TRAFFIC, action, namespace_of
 from somrs.protocol.soap.xml import Element, union_of
 from somrs.protocol.soap.xsd import XS, schema_of
 
@@ -26,7 +26,7 @@ HTTP = "http://schemas.xmlsoap.org/soap/http"
 Kinds = tuple[type[Struct], ...]
 
 _ANSWERS: dict[type[Struct], Kinds] = {request: tuple(answers) for request, answers in REQUESTS.items()}
-_SCHEMAS = {"frp": FRP, "directory": DIRECTORY, "knowledge": KNOWLEDGE, "clients": CLIENTS, "orders": ORDERS}
+_SCHEMAS = {"frp": FRP, "directory": DIRECTORY, "knowledge": KNOWLEDGE, "clients": CLIENTS, "orders": ORDERS, "traffic": TRAFFIC}
 _FOLLOWS_MAP: Kinds = (knowledge.MapChanged, knowledge.OntologyChanged)
 
 
@@ -46,6 +46,7 @@ COMPONENTS: dict[str, tuple[str, Kinds]] = {
         (*_requests(CLIENTS), *_without_fault(ParticipantBody), directory.ServicesJoined, directory.ServicesLeft, *_FOLLOWS_MAP),
     ),
     "scheduler": ("Scheduler", (*_requests(ORDERS), *_FOLLOWS_MAP)),
+    "traffic": ("Traffic", (*_requests(TRAFFIC), traffic.CancelTrip)),
     "devices": ("ServiceManager", (*_without_fault(CoordinatorBody), directory.ServiceTypesChanged)),
     "simulator": ("Simulator", _FOLLOWS_MAP),
 }

@@ -32,6 +32,12 @@ class Graph:
         """By place: the others that no robot may be at while one is at this place."""
         self._distances: dict[int, Sequence[float]] = {}
 
+    def without(self, places: Iterable[int]) -> Graph:
+        """This graph without the lanes to these places, and to those that they exclude."""
+        closed = {other for place in places for other in (place, *self.exclusions[place])}
+        lanes = ((start, end, length) for start, ends in enumerate(self.lengths) for end, length in ends.items() if end not in closed)
+        return Graph(self.size, lanes, ((place, other) for place, others in enumerate(self.exclusions) for other in others))
+
     @cached_property
     def predecessors(self) -> list[tuple[int, ...]]:
         """By place: the places from which a lane leads to it."""

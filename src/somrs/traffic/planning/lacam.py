@@ -36,15 +36,21 @@ class _Node:
 
 
 def find_ways(
-    graph: Graph, start: Configuration, goals: Goals, planner: StepPlanner, most_steps: int = 100_000
+    graph: Graph,
+    start: Configuration,
+    goals: Goals,
+    planner: StepPlanner,
+    most_steps: int = 100_000,
+    staying: Sequence[tuple[int, int]] = (),
 ) -> list[Configuration] | None:
     """The configurations from `start` to one with all robots at their goals, both included; None if there are no ways.
 
-    Raises SearchLimit after so many steps of PIBT.
+    `staying`: robots that cannot move, with their places. Raises SearchLimit after so many steps of PIBT.
     """
-    targets = [goal if goal is not None else start[robot] for robot, goal in enumerate(goals)]
-    estimates = [graph.distances(target) for target in targets]
+    anywhere = [1.0] * graph.size
+    estimates = [graph.distances(goal) if goal is not None else anywhere for goal in goals]
     robots = range(len(start))
+    movable = [robot for robot in robots if robot not in dict(staying)]
     bound = [robot for robot, goal in enumerate(goals) if goal is not None]
 
     def node(configuration: Configuration, parent: _Node | None) -> _Node:
@@ -52,10 +58,8 @@ def find_ways(
             farthest = max((estimates[robot][start[robot]] for robot in robots), default=0.0) or 1.0
             waiting = [min(estimates[robot][start[robot]] / (farthest + 1), 0.99) for robot in robots]
         else:
-            waiting = [
-                parent.waiting[robot] + 1 if configuration[robot] != targets[robot] else parent.waiting[robot] % 1 for robot in robots
-            ]
-        order = sorted(robots, key=lambda robot: -waiting[robot])
+            waiting = [parent.waiting[robot] + 1 if configuration[robot] != goals[robot] else parent.waiting[robot] % 1 for robot in robots]
+        order = sorted(movable, key=lambda robot: -waiting[robot])
         return _Node(configuration, parent, order, waiting, deque([()]))
 
     first = node(start, None)
@@ -70,14 +74,14 @@ def find_ways(
             path.pop()
             continue
         constraints = here.untried.popleft()
-        if len(constraints) < len(robots):
+        if len(constraints) < len(movable):
             robot = here.order[len(constraints)]
             place = here.configuration[robot]
             here.untried.extend((*constraints, (robot, target)) for target in (*graph.successors[place], place))
         steps += 1
         if steps > most_steps:
             raise SearchLimit
-        following = planner.step(here.configuration, estimates, here.order, constraints)
+        following = planner.step(here.configuration, estimates, here.order, (*staying, *constraints))
         if following is None:
             continue
         existing = known.get(following)

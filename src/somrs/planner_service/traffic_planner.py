@@ -1,0 +1,32 @@
+"""The work of planning traffic, for the program around the component: it may take longer than a program may be deaf to messages."""
+
+from __future__ import annotations
+
+from random import Random
+
+from somrs.traffic.planning.window import Traveller, WindowPlanner
+from somrs.traffic.roadmap import NumberedRoadmap, Roadmap
+from somrs.traffic.state import PlanTraffic, TrafficPlan
+
+
+class TrafficPlanner:
+    """Plans the traffic on one roadmap. Random choices depend on the problem alone, so that a run can be repeated."""
+
+    def __init__(self, roadmap: Roadmap) -> None:
+        self._graph = NumberedRoadmap(roadmap).graph
+        self._closed: tuple[int, ...] = ()
+        self._dice = Random()
+        self._planner = WindowPlanner(self._graph, self._dice.shuffle)
+
+    def plan(self, problem: PlanTraffic) -> TrafficPlan:
+        if problem.closed != self._closed:
+            self._closed = problem.closed
+            self._planner = WindowPlanner(self._graph.without(problem.closed), self._dice.shuffle)
+        self._dice.seed(problem.serial)
+        travellers = [
+            Traveller(place=robot.place, goal=robot.goal, waiting=robot.waiting, nearest=robot.nearest, movable=robot.movable)
+            for robot in problem.robots
+        ]
+        course = self._planner.plan(travellers, problem.steps, problem.effort, searches=problem.searches)
+        ways = {robot.name: tuple(places[number] for places in course.steps) for number, robot in enumerate(problem.robots)}
+        return TrafficPlan(ways=ways, whole=course.whole, stuck=tuple(problem.robots[number].name for number in course.stuck))

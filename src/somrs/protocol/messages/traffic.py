@@ -1,0 +1,160 @@
+"""The bodies of the traffic protocol: robots enter, ask for trips, drive where they are granted places, and say where they are.
+
+A robot has a *fence*, a number that grows each time it enters: a message with an earlier one comes from before, and is refused.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+from msgspec import Struct
+
+from somrs.protocol.messages.body import MessageBody
+
+
+class Mobility(StrEnum):
+    """Whether a robot can make room for others."""
+
+    FREE = "free"
+    """It drives where it is granted places, with and without a trip."""
+    BUSY = "busy"
+    """It works where it is, and will be free again: others wait, or take another way."""
+    IMMOBILE = "immobile"
+    """It cannot move, until somebody mends it: what it stands in is closed."""
+
+
+class EnterTraffic(MessageBody, frozen=True, kw_only=True, tag=True):
+    """The robot is at a place of the roadmap, and takes part. It renews its lease with each report, within `lease` seconds.
+
+    `towards`: the next place, if the robot is on its way there. A robot that enters again, after a restart, gives back all other places.
+    Sent by the robot, which is the sender.
+    """
+
+    robot: str
+    place: str
+    towards: str | None = None
+    lease: float
+    mobility: Mobility = Mobility.FREE
+
+
+class TrafficEntered(MessageBody, frozen=True, kw_only=True, tag=True):
+    """The robot holds its place. `until`: the end of its lease, on the clock of traffic; report at least every `renew_within` seconds."""
+
+    robot: str
+    fence: int
+    until: float
+    renew_within: float
+
+
+class ReportPlace(MessageBody, frozen=True, kw_only=True, tag=True):
+    """The robot is at this place, the last one that it has come to. It gives back the places before it, and, if it is not free, those
+    after it. The answer is TrafficEntered.
+
+    `number` grows with each report and each request of the robot, because messages may overtake each other. `grant`: the number of the last
+    grant that the robot has; it gives back no places of later ones. `progress`: how many places the robot has come to since it entered.
+    """
+
+    robot: str
+    fence: int
+    number: int
+    grant: int
+    progress: int
+    place: str
+    mobility: Mobility = Mobility.FREE
+
+
+class RequestTrip(MessageBody, frozen=True, kw_only=True, tag=True):
+    """Bring the robot to this place. A new trip replaces the one before. The answer is TripBegun, and TripEnded follows.
+
+    `number` grows with each report and each request of the robot.
+    """
+
+    robot: str
+    fence: int
+    number: int
+    trip: str
+    destination: str
+
+
+class TripBegun(MessageBody, frozen=True, kw_only=True, tag=True):
+    """`length`: the seconds that the robot would take if nobody were in its way."""
+
+    trip: str
+    length: float
+
+
+class CancelTrip(MessageBody, frozen=True, kw_only=True, tag=True):
+    """The robot does not want to go there any more. Nothing is answered; the places that it holds stay granted."""
+
+    robot: str
+    trip: str
+
+
+class TripResult(StrEnum):
+    """How a trip ended."""
+
+    ARRIVED = "arrived"
+    CLOSED = "closed"
+    """Robots that cannot move stand in all ways, or where others would have to make room."""
+    NO_ROOM = "no room"
+    """The other robots have no room to let this one pass, wherever they go."""
+    IMMOBILE = "immobile"
+    """The robot itself cannot move."""
+
+
+class TripEnded(MessageBody, frozen=True, kw_only=True, tag=True):
+    """The trip is over. `robots`: those that are in the way."""
+
+    robot: str
+    trip: str
+    result: TripResult
+    robots: tuple[str, ...] = ()
+
+
+class Granted(MessageBody, frozen=True, kw_only=True, tag=True):
+    """The robot may drive along this way, up to its last place. A later grant, with a higher number, replaces it. Robots without a trip are
+    granted ways, too, to make room for others.
+
+    The first place is where the robot was by its last report; `progress` is that of this report, so that the place at which it is now is
+    found even if a way leads to it twice.
+    """
+
+    robot: str
+    fence: int
+    number: int
+    progress: int
+    way: tuple[str, ...]
+
+
+class LeaveTraffic(MessageBody, frozen=True, kw_only=True, tag=True):
+    """The robot was taken away: it is at no place of the roadmap any more. The answer is TrafficLeft."""
+
+    robot: str
+
+
+class TrafficLeft(MessageBody, frozen=True, kw_only=True, tag=True):
+    robot: str
+
+
+class ReadTraffic(MessageBody, frozen=True, kw_only=True, tag=True):
+    """Read where all robots are, what they hold, and whom they wait for."""
+
+
+class RobotInTraffic(Struct, frozen=True, kw_only=True):
+    """A robot: the places that it holds (the first is where it is), those planned after them, and the robots that have to go first.
+
+    `silent`: its lease has ended, and nobody knows where on its way it is.
+    """
+
+    robot: str
+    held: tuple[str, ...]
+    planned: tuple[str, ...] = ()
+    waits_for: tuple[str, ...] = ()
+    mobility: Mobility = Mobility.FREE
+    silent: bool = False
+    trip: str | None = None
+    destination: str | None = None
+
+
+class TrafficView(MessageBody, frozen=True, kw_only=True, tag=True):
+    robots: tuple[RobotInTraffic, ...]

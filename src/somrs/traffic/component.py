@@ -1,0 +1,431 @@
+"""Traffic: grants robots places of the roadmap, one after the other, so that no two are in one place and none waits for ever.
+
+A robot drives only where it was granted places, and gives them back behind it. Which robot comes first at which place is planned for all
+robots together, again and again (`planning/window.py`), and kept by the schedule (`schedule.py`) however late a robot is. Robots without a
+trip take part, and make room. A robot that falls silent keeps its places, because it may be anywhere on them, until it enters again or
+somebody takes it out of traffic.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Self
+
+from somrs.errors import InputError, UsageError
+from somrs.kernel.codec import Schema
+from somrs.kernel.component import Answered, Ask, Effect, Effects, Input, Received, Send, SetTimer, TimerFired
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message_id, normalised_id, reply
+from somrs.protocol.messages.frp import Fault
+from somrs.protocol.messages.leases import grant_lease
+from somrs.protocol.messages.traffic import (
+    CancelTrip,
+    EnterTraffic,
+    Granted,
+    LeaveTraffic,
+    Mobility,
+    ReadTraffic,
+    ReportPlace,
+    RequestTrip,
+    RobotInTraffic,
+    TrafficEntered,
+    TrafficLeft,
+    TrafficView,
+    TripBegun,
+    TripEnded,
+    TripResult,
+)
+from somrs.traffic.planning.graph import FAR, Graph
+from somrs.traffic.roadmap import NumberedRoadmap, Roadmap
+from somrs.traffic.schedule import Schedule
+from somrs.traffic.state import (
+    LeasesDue,
+    PlanDue,
+    PlannedRobot,
+    PlanQuestion,
+    PlanTraffic,
+    RobotRecord,
+    Timer,
+    TrafficPlan,
+    TrafficState,
+    Trip,
+)
+
+AHEAD = 3
+"""The number of places that a robot is granted beyond the one where it is: enough not to stop at each."""
+HORIZON = 20
+"""The number of steps that are planned ahead."""
+PAUSE = 0.2
+"""The least time between two plans, in seconds. It doubles with each plan that moves nobody, up to `LONGEST_PAUSE`."""
+LONGEST_PAUSE = 10.0
+STALL = 15.0
+"""The time without progress after which ways are searched for, because robots only step aside for each other, in seconds."""
+RENEWAL = 2.0
+"""The time after which a plan is renewed that has come to its end for some robots, and not for all, in seconds."""
+EFFORT = 1_000
+"""The steps that a search for ways takes at most. They double with each plan that moves nobody, up to `MOST_EFFORT`."""
+MOST_EFFORT = 64_000
+REMEMBERED = 1_000
+"""How many entries are remembered, so that one that arrives again changes nothing."""
+
+
+class Traffic:
+    """The traffic on a roadmap. Robots enter, ask for trips, and report where they are."""
+
+    def __init__(self, address: str, roadmap: Roadmap) -> None:
+        self._begin(TrafficState(address=address, roadmap=roadmap))
+
+    @classmethod
+    def restored(cls, state: TrafficState) -> Self:
+        """Create traffic from its state."""
+        traffic = cls.__new__(cls)
+        traffic._begin(state)
+        return traffic
+
+    def _begin(self, state: TrafficState) -> None:
+        self.state = state
+        self._roadmap = NumberedRoadmap(state.roadmap)
+        self._schedule = Schedule(self._roadmap.graph, state.held, state.planned)
+        self._closed_graph: tuple[frozenset[int], Graph] = frozenset(), self._roadmap.graph
+
+    @property
+    def open(self) -> list[str]:
+        """The robots that have a trip."""
+        return [name for name, robot in self.state.robots.items() if robot.trip is not None]
+
+    def handle(self, event: Input, now: float) -> list[Effect]:
+        """Handle an input and return its effects."""
+        return [*self._effects(event, now)]
+
+    def _effects(self, event: Input, now: float) -> Effects:
+        match event:
+            case Received(message):
+                try:
+                    yield from self._handle_request(message, now)
+                except InputError as error:
+                    yield Send(reply(message, Fault(code="Sender", text=str(error)), self.state.address))
+            case TimerFired(LeasesDue() | PlanDue()):
+                pass
+            case Answered(PlanQuestion(serial), value) if serial == self.state.serial:
+                yield from self._apply(value)
+        self._note_silent(now)
+        yield from self._end_trips(now)
+        yield from self._grant(now)
+        yield from self._plan(now)
+        times = (robot.expires_at for robot in self.state.robots.values() if not robot.silent)
+        yield SetTimer(LeasesDue(), min(times, default=None))
+
+    def _handle_request(self, message: Message, now: float) -> Effects:
+        match message.body:
+            case EnterTraffic() as body:
+                yield from self._enter_once(message, body, now)
+            case ReportPlace() as body:
+                yield self._answer(message, self._report(body, now))
+                if body.grant < self.state.robots[body.robot].grants:
+                    yield self._granted(body.robot, anew=False)  # it may have come before the answer to the entry
+            case RequestTrip() as body:
+                yield self._answer(message, self._request_trip(body, now))
+            case CancelTrip(robot=name, trip=trip):
+                record = self.state.robots.get(name)
+                if record is not None and record.trip is not None and record.trip.id == trip:
+                    record.trip = None
+                    self.state.changed = True
+            case LeaveTraffic(robot=name):
+                if self.state.robots.pop(name, None) is not None:
+                    self._schedule.leave(name)
+                    self._obstacles_changed()
+                yield self._answer(message, TrafficLeft(robot=name))
+            case ReadTraffic():
+                yield self._answer(message, TrafficView(robots=tuple(self._view())))
+            case Fault():
+                pass  # a Fault is never answered, least of all by a Fault
+            case body:
+                text = f"traffic does not understand {type(body).__name__}; robots enter it, report their places and request trips"
+                yield self._answer(message, Fault(code="ActionNotSupported", text=text))
+
+    def _answer(self, request: Message, body: Body) -> Send:
+        return Send(reply(request, body, self.state.address))
+
+    # Robots
+
+    def _enter_once(self, message: Message, body: EnterTraffic, now: float) -> Effects:
+        """Let the robot enter. A repeated message is of a time that is over: the robot may have moved since."""
+        entered, request = self.state.entered, normalised_id(message.header.message_id)
+        if request not in entered:
+            answer = self._enter(body, message.header.sender, now)
+            entered[request] = answer.fence
+            while len(entered) > REMEMBERED:
+                del entered[next(iter(entered))]
+            yield self._answer(message, answer)
+            yield self._granted(body.robot)
+        elif (record := self.state.robots.get(body.robot)) is not None and record.fence == entered[request]:
+            yield self._answer(message, self._entered(body.robot))
+
+    def _enter(self, body: EnterTraffic, sender: str, now: float) -> TrafficEntered:
+        place, lease = self._roadmap.number(body.place), grant_lease(body.lease)
+        if sender == ANONYMOUS:
+            raise UsageError("a robot needs an address, to which places are granted: set the sender")
+        towards = self._roadmap.number(body.towards) if body.towards is not None else None
+        if towards is not None and towards not in self._roadmap.graph.successors[place]:
+            raise UsageError(f"no lane leads from {body.place} to {body.towards}")
+        self._put(body.robot, place, towards)
+        self.state.fences += 1
+        self.state.robots[body.robot] = RobotRecord(
+            address=sender, fence=self.state.fences, lease=lease, expires_at=now + lease, mobility=body.mobility
+        )
+        self._obstacles_changed()
+        return self._entered(body.robot)
+
+    def _put(self, name: str, place: int, towards: int | None = None) -> None:
+        """The robot is at this place, or on its way to the next one, and holds no others. Raises UsageError if another robot holds them."""
+        for taken in (place, towards):
+            if taken is not None and (holder := self._schedule.holder(taken, besides=name)) is not None:
+                raise UsageError(f"{name} cannot be at {self._roadmap.names[taken]}: {holder} holds it, or a place that is too close")
+        if name in self._schedule:
+            self._schedule.leave(name)
+        self._schedule.enter(name, place)
+        if towards is not None:
+            self._schedule.hold(name, towards)
+
+    def _entered(self, name: str) -> TrafficEntered:
+        record = self.state.robots[name]
+        return TrafficEntered(robot=name, fence=record.fence, until=record.expires_at, renew_within=record.lease / 3)
+
+    def _report(self, body: ReportPlace, now: float) -> TrafficEntered:
+        record, place = self._record(body.robot, body.fence), self._roadmap.number(body.place)
+        if body.number <= record.reported:
+            return self._entered(body.robot)  # a later report has overtaken it
+        record.reported = body.number
+        count = body.progress - record.progress
+        held = self._schedule.held(body.robot)
+        if not 0 <= count < len(held) or held[count] != place:
+            raise UsageError(f"{body.robot} was not granted its way to {body.place}: let it enter anew, where it is")
+        record.progress = body.progress
+        self._schedule.advance(body.robot, count)
+        if body.mobility is not Mobility.FREE and body.grant == record.grants and len(held) > count + 1:
+            self._schedule.retreat(body.robot)
+            self._obstacles_changed()
+        if record.silent or record.mobility is not body.mobility:
+            record.silent, record.mobility = False, body.mobility
+            self._obstacles_changed()
+        record.expires_at = now + record.lease
+        return self._entered(body.robot)
+
+    def _record(self, name: str, fence: int) -> RobotRecord:
+        """The record of a robot. Raises UsageError if it does not take part, or if the fence is an earlier one."""
+        record = self.state.robots.get(name)
+        if record is None:
+            raise UsageError(f"{name} does not take part in traffic: let it enter first")
+        if record.fence != fence:
+            raise UsageError(f"{name} has entered traffic anew since: {fence} is an earlier fence than {record.fence}")
+        return record
+
+    def _note_silent(self, now: float) -> None:
+        for record in self.state.robots.values():
+            if not record.silent and record.expires_at <= now:
+                record.silent = True
+                self._obstacles_changed()
+
+    def _obstacles_changed(self) -> None:
+        """What was planned does not hold any more, nor what is being planned."""
+        self.state.changed, self.state.whole, self.state.is_planning = True, False, False
+        self.state.serial, self.state.failures = self.state.serial + 1, 0
+        self._schedule.plan({})
+
+    # Trips
+
+    def _request_trip(self, body: RequestTrip, now: float) -> TripBegun:
+        record, destination = self._record(body.robot, body.fence), self._roadmap.number(body.destination)
+        if body.number <= record.requested:
+            raise UsageError(f"{body.robot} has asked for another trip since")
+        record.requested = body.number
+        distance = self._roadmap.graph.distances(destination)[self._schedule.committed[body.robot]]
+        if distance == FAR:
+            place = self._roadmap.names[self._schedule.committed[body.robot]]
+            raise UsageError(f"no lanes lead from {place} to {body.destination}")
+        record.trip = Trip(id=body.trip, destination=destination, since=now, nearest=distance)
+        self.state.changed = True
+        return TripBegun(trip=body.trip, length=distance)
+
+    def _end_trips(self, now: float) -> Effects:
+        """End the trips of robots that have arrived, and of those that cannot arrive any more."""
+        closed, graph = self._closed()
+        for name, record in self.state.robots.items():
+            if record.trip is None or record.silent:
+                continue
+            if self._schedule.held(name)[0] == record.trip.destination:
+                yield self._end_trip(name, TripResult.ARRIVED)
+            elif record.mobility is Mobility.IMMOBILE:
+                yield self._end_trip(name, TripResult.IMMOBILE)
+            elif (
+                closed
+                and graph.distances(record.trip.destination)[self._schedule.committed[name]] == FAR
+                and (blockers := tuple(self._blockers(name, record.trip)))
+            ):
+                yield self._end_trip(name, TripResult.CLOSED, blockers)
+
+    def _end_trip(self, name: str, result: TripResult, robots: tuple[str, ...] = ()) -> Send:
+        record = self.state.robots[name]
+        assert record.trip is not None, "only trips end"
+        ended = TripEnded(robot=name, trip=record.trip.id, result=result, robots=robots)
+        record.trip = None
+        self.state.changed = True
+        return self._send(record, ended)
+
+    def _closed(self) -> tuple[frozenset[int], Graph]:
+        """The places that are held by robots that cannot move, and the roadmap without the lanes to them."""
+        fixed = (name for name, record in self.state.robots.items() if record.silent or record.mobility is Mobility.IMMOBILE)
+        closed = frozenset(place for name in fixed for place in self._schedule.held(name))
+        if closed != self._closed_graph[0]:
+            self._closed_graph = closed, self._roadmap.graph.without(closed)
+        return self._closed_graph
+
+    def _blockers(self, name: str, trip: Trip) -> Iterator[str]:
+        """The robots that cannot move and stand in the shortest way."""
+        graph, place = self._roadmap.graph, self._schedule.committed[name]
+        distances, closed = graph.distances(trip.destination), self._closed()[0]
+        named: set[str] = set()
+        while place != trip.destination:
+            place = min(graph.successors[place], key=lambda following: graph.lengths[place][following] + distances[following])
+            holder = self._schedule.holder(place, besides=name)
+            if holder is not None and holder not in named and not closed.isdisjoint((place, *graph.exclusions[place])):
+                named.add(holder)
+                yield holder
+
+    # Grants
+
+    def _grant(self, now: float) -> Effects:
+        """Grant places in the order of the plan, unless a plan is being made, which begins where the granted ways end."""
+        if self.state.is_planning:
+            return
+        granted: dict[str, None] = {}
+        waiting = [*self.state.robots]
+        while waiting:
+            progressed = [name for name in waiting if self._grant_next(name, now)]
+            granted |= dict.fromkeys(progressed)
+            waiting = [*self.state.robots] if progressed else []
+        for name in granted:
+            yield self._granted(name)
+
+    def _grant_next(self, name: str, now: float) -> bool:
+        record = self.state.robots[name]
+        if record.silent or record.mobility is not Mobility.FREE or len(self._schedule.held(name)) > AHEAD:
+            return False
+        place = self._schedule.grant(name)
+        if place is not None and record.trip is not None:
+            distance = self._roadmap.graph.distances(record.trip.destination)[place]
+            if distance < record.trip.nearest:
+                record.trip.nearest, self.state.progressed_at = distance, now
+        return place is not None
+
+    def _granted(self, name: str, *, anew: bool = True) -> Send:
+        record = self.state.robots[name]
+        record.grants += anew
+        way = tuple(self._roadmap.names[place] for place in self._schedule.held(name))
+        return self._send(record, Granted(robot=name, fence=record.fence, number=record.grants, progress=record.progress, way=way))
+
+    def _send(self, record: RobotRecord, body: Body) -> Send:
+        self.state.sent += 1
+        header = Header(
+            sender=self.state.address,
+            recipient=record.address,
+            message_id=message_id(self.state.address, "traffic", self.state.sent),
+            reply_to=self.state.address,
+        )
+        return Send(Message(header=header, body=body))
+
+    # Plans
+
+    def _plan(self, now: float) -> Effects:
+        """Ask for a plan, if there is reason to, and none is being made."""
+        state = self.state
+        if state.is_planning or not (state.changed or self._is_exhausted()) or (state.whole and any(state.planned.values())):
+            return
+        if state.changed:
+            state.progressed_at = now
+        pause = PAUSE * 2**state.failures if state.changed or not any(state.planned.values()) else RENEWAL
+        due_at = state.planned_at + min(pause, LONGEST_PAUSE)
+        if now < due_at:
+            yield SetTimer(PlanDue(), due_at)
+            return
+        state.serial += 1
+        state.is_planning, state.changed, state.planned_at = True, False, now
+        closed, _ = self._closed()
+        robots = tuple(self._planned_robot(name, record, now) for name, record in state.robots.items())
+        effort = min(EFFORT * 2**state.failures, MOST_EFFORT)
+        problem = PlanTraffic(
+            serial=state.serial,
+            robots=robots,
+            closed=tuple(sorted(closed)),
+            steps=HORIZON,
+            effort=effort,
+            searches=now > state.progressed_at + STALL,
+        )
+        yield Ask(PlanQuestion(state.serial), problem)
+
+    def _planned_robot(self, name: str, record: RobotRecord, now: float) -> PlannedRobot:
+        trip, place = record.trip, self._schedule.committed[name]
+        return PlannedRobot(
+            name=name,
+            place=place,
+            goal=trip.destination if trip is not None else None,
+            waiting=now - trip.since if trip is not None else 0.0,
+            nearest=trip.nearest if trip is not None else FAR,
+            movable=not record.silent and record.mobility is Mobility.FREE,
+        )
+
+    def _is_exhausted(self) -> bool:
+        """Whether the plan has come to its end for a robot that is not at its goal."""
+        return any(
+            record.trip is not None and not self.state.planned[name] and self._schedule.committed[name] != record.trip.destination
+            for name, record in self.state.robots.items()
+        )
+
+    def _apply(self, value: object) -> Effects:
+        self.state.is_planning = False
+        if not isinstance(value, TrafficPlan):
+            self.state.changed = True  # the planner failed, or its work was lost
+            return
+        self._schedule.plan(value.ways)
+        moves = any(self.state.planned.values())
+        self.state.whole = value.whole and moves
+        self.state.failures = 0 if moves else self.state.failures + 1
+        robots = self.state.robots
+        if any(record.mobility is Mobility.BUSY for record in robots.values()):
+            return  # they make room later
+        fixed = tuple(name for name, record in robots.items() if record.silent or record.mobility is Mobility.IMMOBILE)
+        for name in value.stuck:
+            if robots[name].trip is not None and fixed:
+                yield self._end_trip(name, TripResult.CLOSED, fixed)
+            elif robots[name].trip is not None:
+                yield self._end_trip(name, TripResult.NO_ROOM, tuple(other for other in robots if other != name))
+
+    # Views
+
+    def _view(self) -> Iterator[RobotInTraffic]:
+        names = self._roadmap.names
+        for name, record in self.state.robots.items():
+            trip = record.trip
+            yield RobotInTraffic(
+                robot=name,
+                held=tuple(names[place] for place in self._schedule.held(name)),
+                planned=tuple(names[place] for place in self._schedule.planned(name)),
+                waits_for=tuple(dict.fromkeys(self._schedule.obstacles(name))),
+                mobility=record.mobility,
+                silent=record.silent,
+                trip=trip.id if trip is not None else None,
+                destination=names[trip.destination] if trip is not None else None,
+            )
+
+
+SCHEMA = Schema(
+    component="traffic",
+    version=1,
+    state=TrafficState,
+    timers=Timer,
+    questions=PlanQuestion,
+    tasks=PlanTraffic,
+    answers=TrafficPlan,
+    restore=Traffic.restored,
+)
+"""The types in the journal of traffic."""

@@ -1,0 +1,111 @@
+"""The state of traffic, as one tree of data; its timers, and the work that its program does for it."""
+
+from __future__ import annotations
+
+from msgspec import Struct, field
+
+from somrs.protocol.messages.traffic import Mobility
+from somrs.traffic.roadmap import Roadmap
+
+
+class LeasesDue(Struct, frozen=True, tag=True):
+    """The next lease expires."""
+
+
+class PlanDue(Struct, frozen=True, tag=True):
+    """Time has passed since the last plan, so that the next one may be asked for."""
+
+
+Timer = LeasesDue | PlanDue
+
+
+class Trip(Struct, kw_only=True):
+    """A robot's trip to a place, by its number. `nearest`: the least distance at which the robot's granted ways have ended, in seconds."""
+
+    id: str
+    destination: int
+    since: float
+    nearest: float
+
+
+class RobotRecord(Struct, kw_only=True):
+    """A robot that takes part.
+
+    `silent`: its lease has ended. `grants`: how often it was granted places. `progress`: how many places it has come to since it entered.
+    `reported`, `requested`: the numbers of its last report and of its last request.
+    """
+
+    address: str
+    fence: int
+    lease: float
+    expires_at: float
+    mobility: Mobility
+    silent: bool = False
+    trip: Trip | None = None
+    grants: int = 0
+    progress: int = 0
+    reported: int = 0
+    requested: int = 0
+
+
+class PlanQuestion(Struct, frozen=True, tag=True):
+    """Which plan is asked for."""
+
+    serial: int
+
+
+class PlannedRobot(Struct, frozen=True, array_like=True):
+    """A robot in a problem. The meaning is that of `Traveller`."""
+
+    name: str
+    place: int
+    goal: int | None
+    waiting: float
+    nearest: float
+    movable: bool
+
+
+class PlanTraffic(Struct, frozen=True, kw_only=True):
+    """The next steps of all robots are to be planned. `closed`: places that nobody can get past for now."""
+
+    serial: int
+    robots: tuple[PlannedRobot, ...]
+    closed: tuple[int, ...]
+    steps: int
+    effort: int
+    searches: bool
+
+
+class TrafficPlan(Struct, frozen=True, kw_only=True):
+    """The place of each robot at each step. `whole` and `stuck` are those of `Course`."""
+
+    ways: dict[str, tuple[int, ...]]
+    whole: bool = False
+    stuck: tuple[str, ...] = ()
+
+
+class TrafficState(Struct, kw_only=True):
+    """The state of traffic on a roadmap.
+
+    `held` and `planned` belong to the schedule. `serial` is that of the last plan that was asked for; `is_planning`: its answer is awaited.
+    `changed`: robots, their trips or their mobility are others than in the last plan that was asked for. `whole`: what is planned is to be
+    followed to its end. `planned_at`: when the last plan was asked for. `failures`: how many of the last plans moved nobody.
+    `progressed_at`: when a robot came nearer to a goal than it had been, or something changed.
+    """
+
+    address: str
+    roadmap: Roadmap
+    robots: dict[str, RobotRecord] = field(default_factory=dict)
+    held: dict[str, list[int]] = field(default_factory=dict)
+    planned: dict[str, list[tuple[int, int]]] = field(default_factory=dict)
+    entered: dict[str, int] = field(default_factory=dict)
+    """The fences that were given, by the ids of the messages that asked for them, oldest first."""
+    fences: int = 0
+    sent: int = 0
+    serial: int = 0
+    is_planning: bool = False
+    changed: bool = False
+    whole: bool = False
+    planned_at: float = 0.0
+    failures: int = 0
+    progressed_at: float = 0.0

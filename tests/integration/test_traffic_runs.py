@@ -1,0 +1,52 @@
+"""Many robots on random roadmaps, and whatever goes wrong: nobody touches anybody, and everybody arrives; and it is noticed if not."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import replace
+
+import pytest
+
+from somrs.protocol.messages.traffic import TripResult
+from somrs.traffic.component import Traffic
+from somrs.traffic.schedule import Schedule
+from verification.traffic_runs.draw import draw
+from verification.traffic_runs.play import Outcome, Play
+
+
+def outcomes(seeds: range) -> list[Outcome]:
+    return [Play(draw(seed)).run() for seed in seeds]
+
+
+def test_nobody_touches_anybody_and_everybody_arrives() -> None:
+    played = outcomes(range(60))
+    assert [outcome for outcome in played if outcome.violation] == []
+    results = sum((outcome.results for outcome in played), Counter[TripResult]())
+    assert all(results[result] for result in TripResult), "every end of a trip occurs"
+
+
+def test_a_seed_is_one_run() -> None:
+    assert Play(draw(18)).run() == Play(draw(18)).run()
+
+
+def test_robots_that_do_not_wait_for_others_touch_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    def nobody(schedule: Schedule, robot: str) -> Iterator[str]:
+        yield from ()
+
+    monkeypatch.setattr(Schedule, "obstacles", nobody)
+    assert any("are both at" in outcome.violation for outcome in outcomes(range(10)))
+
+
+def test_robots_that_are_granted_nothing_do_not_arrive(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Traffic, "_grant_next", lambda *_: False)
+    assert any("not arrived" in outcome.violation for outcome in outcomes(range(3)))
+
+
+def test_a_way_that_is_said_to_have_no_room_is_looked_for() -> None:
+    """The twin of the planner: a corridor without a bay, in which two robots cannot change places."""
+    scenario = draw(25)
+    outcome = Play(scenario).run()
+    assert outcome.results[TripResult.NO_ROOM]
+    assert not outcome.violation
+    assert replace(scenario, incidents=()) == scenario, "nothing went wrong that would explain it"

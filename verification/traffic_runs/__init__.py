@@ -1,0 +1,1 @@
+"""`make traffic-runs`: many robots on random roadmaps, with delays, breakdowns and kills, on virtual time."""

@@ -1,0 +1,87 @@
+"""Draws a scenario from a seed."""
+
+from __future__ import annotations
+
+from random import Random
+
+from somrs.traffic.roadmap import Lane, Place, Roadmap
+from verification.traffic_runs.scenario import Incident, Scenario, Trouble
+
+SPAN = 60.0
+"""The time within which things go wrong, in seconds."""
+
+
+def draw(seed: int) -> Scenario:
+    dice = Random(seed)
+    roadmap = _roadmap(dice)
+    names = [place.name for place in roadmap.places]
+    count = dice.randint(2, max(2, min(10, len(names) // 3)))
+    starts = dice.sample(names, count)
+    homes = dice.sample(names, count)
+    trips = tuple((*dice.choices(names, k=dice.randint(0, 4)), home) for home in homes)
+    incidents = tuple(_incident(dice, count) for _ in range(dice.choice((0, 0, 1, 2, 3))))
+    return Scenario(
+        seed=seed,
+        roadmap=roadmap,
+        starts=tuple(starts),
+        trips=trips,
+        slowness=tuple(dice.choice((1.0, 1.0, 1.5, 4.0)) for _ in starts),
+        work=tuple(dice.choice((0.0, 0.0, 3.0, 15.0)) for _ in starts),
+        incidents=incidents,
+    )
+
+
+def _incident(dice: Random, robots: int) -> Incident:
+    trouble = dice.choice(tuple(Trouble))
+    return Incident(trouble=trouble, at=dice.uniform(0, SPAN), seconds=dice.choice((2.0, 20.0, 60.0)), robot=dice.randrange(robots))
+
+
+def _roadmap(dice: Random) -> Roadmap:
+    """A grid with holes; a corridor with bays; or a ring with dead ends."""
+    kind = dice.choice(("grid", "corridor", "ring"))
+    points: dict[tuple[int, int], str] = {}
+    pairs: list[tuple[str, str]] = []
+    if kind == "grid":
+        columns, rows = dice.randint(2, 7), dice.randint(2, 6)
+        cells = [(column, row) for column in range(columns) for row in range(rows)]
+        points = {cell: f"P{cell[0]}-{cell[1]}" for cell in cells if dice.random() > 0.15}
+    elif kind == "corridor":
+        length = dice.randint(4, 14)
+        points = {(column, 0): f"P{column}" for column in range(length)}
+        points |= {(column, 1): f"Bay{column}" for column in range(length) if dice.random() < 0.35}
+    else:
+        length = dice.randint(3, 8)
+        around = [(column, row) for column in range(length) for row in range(3) if row != 1 or column in (0, length - 1)]
+        points = {cell: f"P{cell[0]}-{cell[1]}" for cell in around}
+        points |= {(column, 3): f"End{column}" for column in range(length) if dice.random() < 0.3}
+    for (column, row), name in points.items():
+        pairs += [(name, points[near]) for near in ((column + 1, row), (column, row + 1)) if near in points]
+    reached = _component(list(points.values()), pairs)
+    places = tuple(Place(name=name, x=float(x), y=float(y)) for (x, y), name in points.items() if name in reached)
+    if len(places) < 6:
+        return _roadmap(dice)
+    lanes = [
+        Lane(start=start, end=end, seconds=dice.choice((1.0, 1.0, 2.0, 5.0)))
+        for a, b in pairs
+        if a in reached
+        for start, end in ((a, b), (b, a))
+    ]
+    return Roadmap(places=places, lanes=tuple(lanes), spacing=dice.choice((0.0, 0.0, 0.0, 0.9)))
+
+
+def _component(names: list[str], pairs: list[tuple[str, str]]) -> set[str]:
+    """The places of the largest part that hangs together."""
+    largest: set[str] = set()
+    for name in names:
+        if name in largest:
+            continue
+        reached, waiting = {name}, [name]
+        while waiting:
+            here = waiting.pop()
+            for a, b in pairs:
+                for start, end in ((a, b), (b, a)):
+                    if start == here and end not in reached:
+                        reached.add(end)
+                        waiting.append(end)
+        largest = max(largest, reached, key=len)
+    return largest

@@ -1,0 +1,183 @@
+"""Plays a scenario on virtual time, and watches that nobody touches anybody, and that everybody arrives."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+from random import Random
+
+from somrs.kernel.component import Input, Received
+from somrs.planner_service.traffic_planner import TrafficPlanner
+from somrs.protocol.messages.envelope import Message
+from somrs.protocol.messages.traffic import RequestTrip, TripEnded, TripResult
+from somrs.runtime.virtual_time import QUIET, Work, World
+from somrs.traffic.component import SCHEMA, Traffic
+from somrs.traffic.planning.graph import Graph
+from somrs.traffic.roadmap import NumberedRoadmap
+from somrs.traffic.state import PlanTraffic
+from verification.traffic_runs.scenario import Incident, Scenario, Trouble
+from verification.traffic_runs.vehicle import Robot, Vehicle
+
+TRAFFIC = "traffic"
+LONGEST = 3_600.0
+"""The time within which all robots have to be at the ends of their trips, in seconds of virtual time."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """`violation`: what must not happen, and did, or empty. `seconds`: until the last robot arrived. `results`: how trips ended."""
+
+    seed: int
+    violation: str
+    seconds: float
+    results: Counter[TripResult]
+
+
+MOST_ROBOTS, MOST_PLACES = 3, 16
+"""The sizes up to which all configurations are searched, when a robot is told that there is no room."""
+
+
+class Violation(Exception):
+    """Something happened that must not."""
+
+
+class Play:
+    """One run."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.scenario = scenario
+        self._dice = Random(scenario.seed)
+        self.world = World(medium=self._medium, watch=self._watch)
+        self._graph = NumberedRoadmap(scenario.roadmap)
+        self._lengths = {(lane.start, lane.end): lane.seconds for lane in scenario.roadmap.lanes}
+        self._planner = TrafficPlanner(scenario.roadmap)
+        self.robots = [
+            Robot(name=f"Robot{number}", place=start, trips=list(trips))
+            for number, (start, trips) in enumerate(zip(scenario.starts, scenario.trips, strict=True))
+        ]
+
+    def run(self) -> Outcome:
+        violation = ""
+        started_at = self.world.now
+        try:
+            self._run()
+        except Violation as error:
+            violation = str(error)
+        endings = [ending for robot in self.robots for ending in robot.endings]
+        return Outcome(
+            seed=self.scenario.seed,
+            violation=violation,
+            seconds=self.world.now - started_at,
+            results=Counter(ending.result for ending in endings),
+        )
+
+    def _run(self) -> None:
+        world, started_at = self.world, self.world.now
+        self._apart()
+        world.add(TRAFFIC, Traffic(TRAFFIC, self.scenario.roadmap), self._plan, journaled=SCHEMA)
+        for number in range(len(self.robots)):
+            self._start(number)
+        moments = [
+            (at, number, mended)
+            for number, incident in enumerate(self.scenario.incidents)
+            for at, mended in ((incident.at, False), (incident.at + incident.seconds, True))
+        ]
+        for at, number, mended in sorted(moments):
+            world.run(started_at + at - world.now)
+            self._meddle(self.scenario.incidents[number], mended=mended)
+        if not world.run(LONGEST, lambda: not any(robot.trips for robot in self.robots)):
+            places = ", ".join(f"{robot.name} at {robot.place} to {robot.trips[0]}" for robot in self.robots if robot.trips)
+            raise Violation(f"not arrived: {places}")
+
+    def _start(self, number: int) -> None:
+        scenario, robot = self.scenario, self.robots[number]
+        seconds = partial(self._seconds, scenario.slowness[number])
+        self.world.add(robot.name, Vehicle(robot, TRAFFIC, seconds, scenario.work[number]))
+
+    def _seconds(self, slowness: float, start: str, end: str) -> float:
+        return self._lengths[start, end] * slowness * self._dice.uniform(0.8, 1.6)
+
+    def _meddle(self, incident: Incident, *, mended: bool) -> None:
+        world, robot = self.world, self.robots[incident.robot]
+        match incident.trouble, mended:
+            case Trouble.BREAKS, _:
+                robot.broken = not mended
+                if mended and world.alive(robot.name):
+                    world.remove(robot.name)  # it is started anew after the repair
+                    self._start(incident.robot)
+            case Trouble.DIES, False if world.alive(robot.name):
+                world.remove(robot.name)
+            case Trouble.DIES, True if not world.alive(robot.name):
+                self._start(incident.robot)
+            case Trouble.TRAFFIC_DIES, False if world.alive(TRAFFIC):
+                world.kill(TRAFFIC)
+            case Trouble.TRAFFIC_DIES, True if not world.alive(TRAFFIC):
+                world.revive(TRAFFIC)
+
+    def _plan(self, task: object) -> Work:
+        assert isinstance(task, PlanTraffic)
+        yield self._dice.uniform(0.0, 0.3), QUIET
+        yield 0.0, self._planner.plan(task)
+
+    def _medium(self, message: Message) -> list[float]:
+        """Messages take a while, and some arrive twice, or only when they are sent again."""
+        drawn = self._dice.random()
+        if drawn < 0.02:
+            return []
+        delay = self._dice.choice((0.001, 0.01, 0.05))
+        return [delay, delay + self._dice.uniform(0.1, 3.0)] if drawn < 0.04 else [delay]
+
+    def _watch(self, address: str, event: Input) -> None:
+        self._apart()
+        match event:
+            case Received(Message(body=TripEnded(result=TripResult.NO_ROOM) as ended)) if len(self.robots) <= MOST_ROBOTS:
+                self._no_room(ended)
+
+    def _no_room(self, ended: TripEnded) -> None:
+        """Raise Violation if the robot could come to its goal, and the others could make room, by a search among all configurations."""
+        graph, numbers = self._graph.graph, self._graph.numbers
+        if graph.size > MOST_PLACES or any(robot.towards is not None or robot.broken for robot in self.robots):
+            return
+        start = tuple(numbers[robot.place] for robot in self.robots)
+        bodies = (message.body for message in self.world.messages)
+        destination = next(body.destination for body in bodies if isinstance(body, RequestTrip) and body.trip == ended.trip)
+        goals = [numbers[destination] if robot.name == ended.robot else None for robot in self.robots]
+        if _can_reach(graph, start, goals):
+            raise Violation(f"{ended.robot} was told that there is no room for its way to {destination}, and there is")
+
+    def _apart(self) -> None:
+        """Raise Violation if two robots are in one place, or in places that exclude each other."""
+        occupied: dict[int, Robot] = {}
+        for robot in self.robots:
+            for name in (robot.place, robot.towards):
+                if name is None:
+                    continue
+                place = self._graph.numbers[name]
+                for close in (place, *self._graph.graph.exclusions[place]):
+                    if (other := occupied.get(close, robot)) is not robot:
+                        raise Violation(f"{robot.name} and {other.name} are both at {name}")
+            occupied |= {self._graph.numbers[name]: robot for name in (robot.place, robot.towards) if name is not None}
+
+
+def _can_reach(graph: Graph, start: tuple[int, ...], goals: list[int | None]) -> bool:
+    """Whether robots that move one at a time can come to their goals."""
+    known, waiting = {start}, [start]
+    while waiting:
+        here = waiting.pop()
+        if all(goal is None or goal == place for goal, place in zip(goals, here, strict=True)):
+            return True
+        for after in _moves(graph, here):
+            if after not in known:
+                known.add(after)
+                waiting.append(after)
+    return False
+
+
+def _moves(graph: Graph, here: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
+    for robot, place in enumerate(here):
+        others = {other for number, other in enumerate(here) if number != robot}
+        for after in graph.successors[place]:
+            if others.isdisjoint((after, *graph.exclusions[after])):
+                yield (*here[:robot], after, *here[robot + 1 :])

@@ -1,0 +1,41 @@
+"""What happens in a run: the roadmap, the robots with their trips, and what goes wrong when."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from somrs.traffic.roadmap import Roadmap
+
+
+class Trouble(StrEnum):
+    BREAKS = "breaks"
+    """The robot cannot move any more, and says so."""
+    DIES = "dies"
+    """The program of the robot is killed, and the robot stops where it is."""
+    TRAFFIC_DIES = "traffic dies"
+    """Traffic is killed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Incident:
+    """Something goes wrong `at` a time, and is mended after `seconds`. `robot`: the number of the robot."""
+
+    trouble: Trouble
+    at: float
+    seconds: float
+    robot: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scenario:
+    """`starts` and `trips`: places, by robot. `slowness`: by robot, the factor of the time for lanes. `work`: the seconds for which a robot
+    works where it has arrived."""
+
+    seed: int
+    roadmap: Roadmap
+    starts: tuple[str, ...]
+    trips: tuple[tuple[str, ...], ...]
+    slowness: tuple[float, ...]
+    work: tuple[float, ...]
+    incidents: tuple[Incident, ...]

@@ -1,0 +1,199 @@
+"""A robot that takes part in traffic: where it truly is, and the program that drives it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from msgspec import Struct
+
+from somrs.kernel.component import DeliveryFailed, Effect, Effects, Input, Received, Send, SetTimer, Started, TimerFired
+from somrs.protocol.messages.bodies import Body
+from somrs.protocol.messages.envelope import Header, Message, message_id
+from somrs.protocol.messages.frp import Fault
+from somrs.protocol.messages.traffic import (
+    EnterTraffic,
+    Granted,
+    Mobility,
+    ReportPlace,
+    RequestTrip,
+    TrafficEntered,
+    TripBegun,
+    TripEnded,
+    TripResult,
+)
+
+LEASE = 6.0
+"""The lease of a robot, in seconds."""
+PAUSE = 3.0
+"""The time after which a robot asks again, for a trip that it could not make or for its way into traffic, in seconds."""
+
+
+MOST_REFUSALS = 3
+"""How often a robot asks for a trip for which there is no room, before it leaves it out."""
+
+
+class Arrives(Struct, frozen=True):
+    """The robot arrives at the place to which it is on its way."""
+
+
+class ReportDue(Struct, frozen=True):
+    """The lease is to be renewed, or the robot is to enter again."""
+
+
+class WorkDone(Struct, frozen=True):
+    """The work at the goal is finished."""
+
+
+class TripDue(Struct, frozen=True):
+    """The next trip is to be requested."""
+
+
+@dataclass(slots=True, kw_only=True)
+class Robot:
+    """The robot itself, which is there whether or not its program runs. `towards`: the place to which it is on its way."""
+
+    name: str
+    place: str
+    trips: list[str]
+    """The places where it still has to go."""
+    towards: str | None = None
+    broken: bool = False
+    lives: int = 0
+    """How often its program was started."""
+    endings: list[TripEnded] = field(default_factory=list)
+
+
+class Vehicle:
+    """The program of a robot. `seconds`: how long it takes from one place to another. `work`: how long it works where it has arrived."""
+
+    def __init__(self, robot: Robot, traffic: str, seconds: Callable[[str, str], float], work: float) -> None:
+        self.robot, self._traffic, self._seconds, self._work = robot, traffic, seconds, work
+        self._address = ""
+        self._fence = self._number = self._progress = 0
+        self._sent = 1
+        self._way: tuple[str, ...] = ()
+        """The places up to which it may drive, after the one to which it is on its way."""
+        self._works = False
+        self._trip: str | None = None
+        self._refusals = 0
+        robot.lives += 1
+
+    def handle(self, event: Input, now: float) -> list[Effect]:
+        return [*self._effects(event, now)]
+
+    def _effects(self, event: Input, now: float) -> Effects:
+        match event:
+            case Started(address):
+                self._address = address
+                yield from self._enter(now)
+            case Received(Message(body=TrafficEntered() as entered)) if entered.fence >= self._fence:
+                if entered.fence > self._fence:
+                    self._fence, self._number, self._progress = entered.fence, 0, 0
+                    if self.robot.towards is not None:
+                        yield SetTimer(Arrives(), now + self._seconds(self.robot.place, self.robot.towards))
+                    yield SetTimer(TripDue(), now)
+                yield SetTimer(ReportDue(), now + entered.renew_within)
+            case Received(Message(body=Granted() as granted)) if granted.fence == self._fence and granted.number > self._number:
+                self._number = granted.number
+                passed = self._progress - granted.progress + (self.robot.towards is not None)
+                self._way = granted.way[passed + 1 :]
+                yield from self._go_on(now)
+                if self._mobility is not Mobility.FREE and len(granted.way) > 1:
+                    yield self._report()  # it gives back what it cannot use
+            case Received(Message(body=TripEnded() as ended)) if ended.trip == self._trip:
+                yield from self._end(ended, now)
+            case Received(Message(body=TripBegun())):
+                pass
+            case DeliveryFailed(Message(body=RequestTrip())):
+                yield SetTimer(TripDue(), now)
+            case DeliveryFailed() if not self._fence:
+                yield SetTimer(ReportDue(), now)
+            case Received(Message(body=Fault())):
+                yield SetTimer(ReportDue(), now + PAUSE)
+            case TimerFired(Arrives()) if self.robot.towards is not None and not self.robot.broken:
+                self.robot.place, self.robot.towards = self.robot.towards, None
+                self._progress += 1
+                yield self._report()
+                yield from self._go_on(now)
+            case TimerFired(ReportDue()):
+                yield from ([self._report()] if self._fence else self._enter(now))
+                yield SetTimer(ReportDue(), now + LEASE / 3)
+            case TimerFired(WorkDone()):
+                self._works = False
+                yield self._report()
+                yield SetTimer(TripDue(), now)
+            case TimerFired(TripDue()) if self.robot.trips and not self._works:
+                yield from self._request(now)
+
+    def breaks(self) -> None:
+        """Its drive fails, wherever it is."""
+        self.robot.broken = True
+
+    def _enter(self, now: float) -> Effects:
+        robot = self.robot
+        yield self._send(EnterTraffic(robot=robot.name, place=robot.place, towards=robot.towards, lease=LEASE, mobility=self._mobility))
+        yield SetTimer(ReportDue(), now + PAUSE)
+
+    @property
+    def _mobility(self) -> Mobility:
+        if self.robot.broken:
+            return Mobility.IMMOBILE
+        return Mobility.BUSY if self._works else Mobility.FREE
+
+    def _report(self) -> Send:
+        body = ReportPlace(
+            robot=self.robot.name,
+            fence=self._fence,
+            number=self._sent,
+            grant=self._number,
+            progress=self._progress,
+            place=self.robot.place,
+            mobility=self._mobility if self.robot.towards is None else Mobility.FREE,
+        )
+        return self._send(body)
+
+    def _request(self, now: float) -> Effects:
+        if self.robot.broken:
+            yield SetTimer(TripDue(), now + PAUSE)
+            return
+        self._trip = f"{self.robot.name}/{self.robot.lives}/{self._sent}"
+        yield self._send(
+            RequestTrip(robot=self.robot.name, fence=self._fence, number=self._sent, trip=self._trip, destination=self.robot.trips[0])
+        )
+
+    def _end(self, ended: TripEnded, now: float) -> Effects:
+        self._trip = None
+        self.robot.endings.append(ended)
+        if ended.result is TripResult.NO_ROOM:
+            self._refusals += 1
+        if ended.result is not TripResult.ARRIVED and self._refusals < MOST_REFUSALS:
+            yield SetTimer(TripDue(), now + PAUSE)
+            return
+        self._refusals = 0
+        self.robot.trips.pop(0)
+        if self._work and self.robot.trips and self.robot.towards is None:
+            self._works, self._way = True, ()
+            yield self._report()
+            yield SetTimer(WorkDone(), now + self._work)
+        else:
+            yield SetTimer(TripDue(), now)
+
+    def _go_on(self, now: float) -> Effects:
+        """Drive to the next place, if it is granted."""
+        robot = self.robot
+        if robot.broken or self._works:
+            return
+        if robot.towards is None and self._way and self._fence:
+            robot.towards, self._way = self._way[0], self._way[1:]
+            yield SetTimer(Arrives(), now + self._seconds(robot.place, robot.towards))
+
+    def _send(self, body: Body) -> Send:
+        self._sent += 1
+        header = Header(
+            sender=self._address,
+            recipient=self._traffic,
+            message_id=message_id(self._address, self.robot.lives, self._sent),
+            reply_to=self._address,
+        )
+        return Send(Message(header=header, body=body))
