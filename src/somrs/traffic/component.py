@@ -64,7 +64,7 @@ RENEWAL = 2.0
 """The time after which a plan is renewed that has come to its end for some robots, and not for all, in seconds."""
 EFFORT = 1_000
 """The steps that a search for ways takes at most. They double with each plan that moves nobody, up to `MOST_EFFORT`."""
-MOST_EFFORT = 64_000
+MOST_EFFORT = 16_000
 REMEMBERED = 1_000
 """How many entries are remembered, so that one that arrives again changes nothing."""
 
@@ -244,7 +244,7 @@ class Traffic:
             place = self._roadmap.names[self._schedule.committed[body.robot]]
             raise UsageError(f"no lanes lead from {place} to {body.destination}")
         record.trip = Trip(id=body.trip, destination=destination, since=now, nearest=distance)
-        self.state.changed = True
+        self.state.changed, self.state.failures = True, 0
         return TripBegun(trip=body.trip, length=distance)
 
     def _end_trips(self, now: float) -> Effects:
@@ -352,14 +352,15 @@ class Traffic:
         state.is_planning, state.changed, state.planned_at = True, False, now
         closed, _ = self._closed()
         robots = tuple(self._planned_robot(name, record, now) for name, record in state.robots.items())
-        effort = min(EFFORT * 2**state.failures, MOST_EFFORT)
+        is_anybody_busy = any(record.mobility is Mobility.BUSY for record in state.robots.values())  # it makes room by itself later
+        effort = min(EFFORT * 2**state.failures, MOST_EFFORT) if not is_anybody_busy else 0
         problem = PlanTraffic(
             serial=state.serial,
             robots=robots,
             closed=tuple(sorted(closed)),
             steps=HORIZON,
             effort=effort,
-            searches=now > state.progressed_at + STALL,
+            searches=now > state.progressed_at + STALL and not is_anybody_busy,
         )
         yield Ask(PlanQuestion(state.serial), problem)
 
@@ -389,10 +390,8 @@ class Traffic:
         self._schedule.plan(value.ways)
         moves = any(self.state.planned.values())
         self.state.whole = value.whole and moves
-        self.state.failures = 0 if moves else self.state.failures + 1
         robots = self.state.robots
-        if any(record.mobility is Mobility.BUSY for record in robots.values()):
-            return  # they make room later
+        self.state.failures = 0 if moves or not self.open else self.state.failures + 1
         fixed = tuple(name for name, record in robots.items() if record.silent or record.mobility is Mobility.IMMOBILE)
         for name in value.stuck:
             if robots[name].trip is not None and fixed:

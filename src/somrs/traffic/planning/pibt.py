@@ -28,11 +28,13 @@ class StepPlanner:
     """Finds the next places of all robots on a graph.
 
     `rotations`: robots in a circle may all move on at once; robots that are granted one place after the other cannot. `shuffle` orders
-    places of equal distance anew.
+    places of equal distance anew. `restless`: where a robot is, is no better to it than other places of the same distance.
     """
 
-    def __init__(self, graph: Graph, *, rotations: bool = False, shuffle: Callable[[list[int]], None] | None = None) -> None:
-        self._graph, self._rotations, self._shuffle = graph, rotations, shuffle
+    def __init__(
+        self, graph: Graph, *, rotations: bool = False, shuffle: Callable[[list[int]], None] | None = None, restless: bool = False
+    ) -> None:
+        self._graph, self._rotations, self._shuffle, self._restless = graph, rotations, shuffle, restless
         self._now = [NOBODY] * graph.size
         self._next = [NOBODY] * graph.size
 
@@ -43,7 +45,7 @@ class StepPlanner:
 
         Without `fixed`, there always are next places: at worst, all robots wait.
         """
-        step = _Step(self._graph, self._now, self._next, places, estimates, self._rotations, self._shuffle)
+        step = _Step(self._graph, self._now, self._next, places, estimates, self._rotations, self._shuffle, self._restless)
         try:
             return step.decide(order, fixed)
         finally:
@@ -60,9 +62,10 @@ class _Step:
         estimates: Sequence[Estimate],
         rotations: bool,
         shuffle: Callable[[list[int]], None] | None,
+        restless: bool,
     ) -> None:
         self._graph, self._now, self._next, self._places, self._estimates = graph, now, next, places, estimates
-        self._rotations, self._shuffle = rotations, shuffle
+        self._rotations, self._shuffle, self._restless = rotations, shuffle, restless
         self._decided = [UNDECIDED] * len(places)
         self._journal: list[int] = []
         """The robots that are decided, in the order of the decisions."""
@@ -129,8 +132,8 @@ class _Step:
         candidates = [*self._graph.successors[here], here]
         if self._shuffle is not None:
             self._shuffle(candidates)
-        now = self._now
-        candidates.sort(key=lambda place: (estimate[place], now[place] != NOBODY))
+        now, restless = self._now, self._restless
+        candidates.sort(key=lambda place: (estimate[place], place != here and not restless, now[place] != NOBODY))
         partner = self._partner(robot, candidates[0]) if candidates[0] != here else NOBODY
         if partner != NOBODY:
             candidates.reverse()

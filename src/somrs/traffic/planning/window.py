@@ -9,12 +9,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from somrs.traffic.planning.exhaustive import search_all
 from somrs.traffic.planning.graph import FAR, Graph
 from somrs.traffic.planning.lacam import SearchLimit, find_ways
 from somrs.traffic.planning.pibt import Configuration, Goals, StepPlanner
 
 EFFORT = 2_000
 """The most steps of PIBT that a search for ways takes, unless said otherwise."""
+ALL = 30
+"""The configurations that a search among all of them looks at, for each step of PIBT that it takes the place of."""
 DETOUR = 200
 """The most steps of PIBT that a search for ways on a detour takes: many brief ones find more than a long one."""
 
@@ -50,29 +53,44 @@ class WindowPlanner:
     def __init__(self, graph: Graph, shuffle: Callable[[list[int]], None], *, rotations: bool = False) -> None:
         self.graph, self._shuffle = graph, shuffle
         self._planner = StepPlanner(graph, rotations=rotations, shuffle=shuffle)
+        self._restless = StepPlanner(graph, rotations=rotations, shuffle=shuffle, restless=True)
 
     def plan(self, robots: Sequence[Traveller], steps: int, effort: int = EFFORT, *, searches: bool = False) -> Course:
         """The next steps of the robots; none if they bring nobody nearer.
 
-        `effort`: the most steps of each search for ways. `searches`: search at once, because going step by step has brought nobody nearer.
+        `effort`: the most steps of each search for ways; 0 for none. `searches`: search at once, because going step by step has brought
+        nobody nearer.
         """
         course = self._step_by_step(robots, steps)
         if not searches and self._brings_nearer(course, robots):
             return Course(steps=course)
-        places, goals, stuck = course[0], self._reachable(robots), list[int]()
-        aims = [goals, *(self._goal_of(number, goals) for number in self._in_line(robots) if goals[number] not in (None, places[number]))]
-        staying = _staying(robots)
-        for aim in aims:
+        if effort == 0:
+            return Course(steps=course[:1])
+        places, goals, staying = course[0], self._reachable(robots), _staying(robots)
+        if (ways := self._search(places, goals, effort, staying)) is not None:
+            return Course(steps=ways, whole=True)
+        in_line = (number for number in self._in_line(robots) if goals[number] not in (None, places[number]))
+        aims = {number: self._goal_of(number, goals) for number in in_line}
+        stuck: list[int] = []
+        for number, aim in aims.items():
             try:
-                ways = find_ways(self.graph, places, aim, self._planner, effort, staying)
+                ways = search_all(self.graph, places, aim, ALL * effort, dict(staying))
             except SearchLimit:
-                continue
+                ways = self._search(places, aim, effort, staying)
+            else:
+                stuck += [number] if ways is None else []
             if ways is not None:
                 return Course(steps=ways, whole=True)
-            if aim is not goals:
-                stuck += (number for number, goal in enumerate(aim) if goal is not None)
-        ways = self._on_detours(places, [aim for aim in aims if aim is not goals], effort // DETOUR, staying) if not stuck else None
+        open_aims = [aim for number, aim in aims.items() if number not in stuck]
+        ways = self._on_detours(places, open_aims, effort // DETOUR, staying)
         return Course(steps=ways, whole=True) if ways is not None else Course(steps=course[:1], stuck=tuple(stuck))
+
+    def _search(self, places: Configuration, goals: Goals, effort: int, staying: Sequence[tuple[int, int]]) -> list[Configuration] | None:
+        """Ways to the goals; None if none are found."""
+        try:
+            return find_ways(self.graph, places, goals, self._planner, effort, staying)
+        except SearchLimit:
+            return None
 
     def _on_detours(
         self, places: Configuration, aims: Sequence[Goals], attempts: int, staying: Sequence[tuple[int, int]]
@@ -80,17 +98,20 @@ class WindowPlanner:
         """Ways for one of the robots to its goal, after all have gone somewhere else: one may have to go far back to let another pass."""
         fixed = dict(staying)
         for attempt in range(attempts if aims else 0):
-            elsewhere = list(range(self.graph.size))
+            aim, elsewhere = aims[attempt % len(aims)], list(range(self.graph.size))
             self._shuffle(elsewhere)
             detour: Goals = [None if robot in fixed else elsewhere[robot] for robot in range(len(places))]
-            try:
-                if (there := find_ways(self.graph, places, detour, self._planner, DETOUR, staying)) is None:
+            for first in (None, detour):
+                try:
+                    there = find_ways(self.graph, places, first, self._planner, DETOUR, staying) if first is not None else [places]
+                    if there is None:
+                        continue
+                    planner = self._planner if first is not None else self._restless
+                    onwards = find_ways(self.graph, there[-1], aim, planner, DETOUR, staying)
+                except SearchLimit:
                     continue
-                onwards = find_ways(self.graph, there[-1], aims[attempt % len(aims)], self._planner, DETOUR, staying)
-            except SearchLimit:
-                continue
-            if onwards is not None:
-                return [*there, *onwards[1:]]
+                if onwards is not None:
+                    return [*there, *onwards[1:]]
         return None
 
     def _goal_of(self, robot: int, goals: Goals) -> Goals:

@@ -1,0 +1,49 @@
+"""Ways for few robots, by a search among all configurations, breadth first: it proves that there are none where there are none."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Collection, Iterator
+
+from somrs.traffic.planning.graph import Graph
+from somrs.traffic.planning.lacam import SearchLimit
+from somrs.traffic.planning.pibt import Configuration, Goals
+
+
+def search_all(graph: Graph, start: Configuration, goals: Goals, most: int, staying: Collection[int] = ()) -> list[Configuration] | None:
+    """The configurations from `start` to one with all robots at their goals, in the fewest moves; None if there are no ways.
+
+    One robot moves at a time: as no robots may move in a circle, whatever they can do at once, they can do one after the other. `staying`:
+    robots that cannot move. Raises SearchLimit after `most` configurations.
+    """
+    bound = [(robot, goal) for robot, goal in enumerate(goals) if goal is not None]
+    before: dict[Configuration, Configuration | None] = {start: None}
+    waiting = deque([start])
+    while waiting:
+        here: Configuration | None = waiting.popleft()
+        assert here is not None
+        if all(here[robot] == goal for robot, goal in bound):
+            way: list[Configuration] = []
+            while here is not None:
+                way.append(here)
+                here = before[here]
+            return way[::-1]
+        for following in _moves(graph, here, staying):
+            if following not in before:
+                before[following] = here
+                waiting.append(following)
+        if len(before) > most:
+            raise SearchLimit
+    return None
+
+
+def _moves(graph: Graph, here: Configuration, staying: Collection[int]) -> Iterator[Configuration]:
+    taken = set(here)
+    for robot, place in enumerate(here):
+        if robot in staying:
+            continue
+        taken.remove(place)
+        for following in graph.successors[place]:
+            if following not in taken and taken.isdisjoint(graph.exclusions[following]):
+                yield (*here[:robot], following, *here[robot + 1 :])
+        taken.add(place)
