@@ -53,7 +53,8 @@ def alive(pid: int) -> bool:
 
 def test_the_first_plan_counts_and_nobody_runs_on(task: Path) -> None:
     program, noted = noting(ENDLESS, task)
-    slow_answer = f"import time, os\nwhile not os.path.exists({str(task.with_name('notes'))!r}): time.sleep(0.01)\n{ANSWERS}"
+    wait = "while not (os.path.exists(notes) and os.path.getsize(notes)): time.sleep(0.01)"
+    slow_answer = f"import time, os\nnotes = {str(task.with_name('notes'))!r}\n{wait}\n{ANSWERS}"
     won = race([engine(program, "never"), engine(slow_answer, "answers")], task, 60, max_running=2)
     assert (won.engine_name, won.operators) == ("answers", ("3", "1"))
     assert [alive(pid) for pid in noted()] == [False]

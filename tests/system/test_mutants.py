@@ -87,6 +87,7 @@ def test_what_a_module_does_when_it_is_imported_has_no_lines_of_a_function() -> 
         "Both = A | B",
         'Two = Literal["a"]',
         'x = f"{a + 1}"',
+        "def f():\n    yield from ()",
     ],
 )
 def test_what_nobody_could_tell_is_left_alone(source: str) -> None:

@@ -153,7 +153,8 @@ class _Finder(ast.NodeVisitor):
         return self._starts[node.end_lineno - 1] + node.end_col_offset
 
     def _add_change(self, start: int, end: int, text: str) -> None:
-        self.changes.append((start, end, text, self._line_range))
+        if self.source[start:end].decode() != text:
+            self.changes.append((start, end, text, self._line_range))
 
     def _replace_operator(self, left_operand: ast.expr, right_operand: ast.expr, written: str, text: str) -> None:
         """Change the operator between two expressions."""
