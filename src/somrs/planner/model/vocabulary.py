@@ -58,6 +58,8 @@ class Vocabulary:
             if relation.excludes is not None:
                 groups.setdefault(relation.excludes, []).append(relation.name)
         self._groups = groups
+        self._excluded: dict[str, tuple[str, ...]] = {}
+        self._exclusive: dict[str, bool] = {}
         for effect in effects:
             for part in conjuncts(effect):
                 match part:
@@ -75,11 +77,13 @@ class Vocabulary:
         attribute = attribute_at(path, self.ontology)
         return attribute is not None and attribute.kind is Kind.NUMBER
 
-    def excluded_by(self, relation: str) -> list[str]:
+    def excluded_by(self, relation: str) -> tuple[str, ...]:
         """The other relations that an object leaves when it enters this one."""
-        relation_type = self.ontology.relations.get(relation)
-        group = self._groups.get(relation_type.excludes, []) if relation_type and relation_type.excludes else []
-        return [name for name in group if name != relation]
+        if (excluded := self._excluded.get(relation)) is None:
+            relation_type = self.ontology.relations.get(relation)
+            group = self._groups.get(relation_type.excludes, []) if relation_type and relation_type.excludes else []
+            excluded = self._excluded[relation] = tuple(name for name in group if name != relation)
+        return excluded
 
     def variable_of(self, fact: Fact) -> tuple[str, Argument] | None:
         """The state variable of the fact, which facts that replace each other share; None for a fact that replaces no other."""
@@ -93,9 +97,10 @@ class Vocabulary:
 
     def is_exclusive(self, relation: str) -> bool:
         """Whether an object has at most one partner in all: in this relation or in one of those that it excludes."""
-        group = [relation, *self.excluded_by(relation)]
-        relation_types = [self.ontology.relations.get(name) for name in group]
-        return all(r is not None and r.functional and not r.symmetric for r in relation_types)
+        if (exclusive := self._exclusive.get(relation)) is None:
+            relation_types = [self.ontology.relations.get(name) for name in (relation, *self.excluded_by(relation))]
+            exclusive = self._exclusive[relation] = all(r is not None and r.functional and not r.symmetric for r in relation_types)
+        return exclusive
 
     def is_symmetric(self, relation: str) -> bool:
         relation_type = self.ontology.relations.get(relation)

@@ -54,7 +54,7 @@ def test_whether_effects_calculate(effects: tuple[str, ...], calculates: bool) -
 )
 def test_which_relations_replace_each_other(relation: str, excluded: list[str], exclusive: bool, symmetric: bool) -> None:
     vocabulary = make_vocabulary(ALL_EFFECTS)
-    assert vocabulary.excluded_by(relation) == excluded
+    assert vocabulary.excluded_by(relation) == tuple(excluded)
     assert vocabulary.is_exclusive(relation) is exclusive
     assert vocabulary.is_symmetric(relation) is symmetric
 
