@@ -41,7 +41,7 @@ def main() -> int:
             milliseconds = [1_000 * second for second in seconds]
             mean, worst = statistics.mean(milliseconds), max(milliseconds)
             print(f"  {name:34} {done:6} {done / bound:6.0%} {mean:10.1f} {worst:7.0f}", flush=True)
-        print(f"  {'robots that are in nobodys way':34} {bound:6} {1:6.0%}")
+        print(f"  {'lone robots':34} {bound:6} {1:6.0%}")
     return 0
 
 

@@ -10,11 +10,11 @@ from msgspec import Struct, json
 from somrs.traffic.planning.graph import Graph
 
 WALLS = "@T"
-BERNOULLI, POISSON = "bernoulli", "poisson"
 
 
 class Delays(Struct, rename="camel"):
-    """How often robots are delayed, and for how many steps (`delayConfig`)."""
+    """How often robots are delayed, and for how many steps (`delayConfig`). Delays begin independently of each other, also where the file
+    has them as a Poisson process of the same mean rate."""
 
     seed: int
     min_delay: int

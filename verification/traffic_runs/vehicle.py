@@ -126,10 +126,6 @@ class Vehicle:
             case TimerFired(TripDue()) if self.robot.trips and not self._works:
                 yield from self._request(now)
 
-    def breaks(self) -> None:
-        """Its drive fails, wherever it is."""
-        self.robot.broken = True
-
     def _enter(self, now: float) -> Effects:
         robot = self.robot
         yield self._send(EnterTraffic(robot=robot.name, place=robot.place, towards=robot.towards, lease=LEASE, mobility=self._mobility))
@@ -149,7 +145,8 @@ class Vehicle:
             grant=self._number,
             progress=self._progress,
             place=self.robot.place,
-            mobility=self._mobility if self.robot.towards is None else Mobility.FREE,
+            between=self.robot.towards is not None,
+            mobility=self._mobility,
         )
         return self._send(body)
 

@@ -123,8 +123,16 @@ class _Checker:
         facts = self.map.facts() if self.named is None else (fact for name in sorted(self.named) for fact in self.map.facts_about(name))
         for fact in dict.fromkeys(facts):
             yield from self._fact(fact)
-        for name in self.map.objects if self.named is None else sorted(self.named):
-            yield from self._exclusive(name)
+        by_first: dict[str, list[Fact]] = {}
+        for fact in self.map.facts() if self.named is None else (fact for name in sorted(self.named) for fact in self._facts_from(name)):
+            if fact.arguments:
+                by_first.setdefault(fact.arguments[0], []).append(fact)
+        for facts_from in by_first.values():
+            yield from self._exclusive(facts_from)
+
+    def _facts_from(self, first: str) -> Iterator[Fact]:
+        """The facts with this first argument."""
+        return (fact for fact in self.map.facts_about(first) if fact.arguments[0] == first)
 
     def _touched_objects(self) -> Iterator[tuple[str, Object]]:
         assert self.touched is not None
@@ -268,14 +276,10 @@ class _Checker:
             message = f"a {whole.type} {known_parts}; declare {part.type} among the parts of {whole.type}, or put {part.name} elsewhere"
             yield Violation(subject=str(fact), rule="parts", message=message)
 
-    def _facts_from(self, first: str) -> Iterator[Fact]:
-        """The facts with this first argument."""
-        return (fact for fact in self.map.facts_about(first) if fact.arguments[0] == first)
-
-    def _exclusive(self, name: str) -> Iterator[Violation]:
-        """Violations of functional relations and of groups of relations that exclude each other."""
+    def _exclusive(self, facts: Iterable[Fact]) -> Iterator[Violation]:
+        """Violations of functional relations and of groups of relations that exclude each other, by the facts with one first argument."""
         first: dict[str, Fact] = {}
-        for fact in self._facts_from(name):
+        for fact in facts:
             relation = self.ontology.relations.get(fact.relation)
             if relation is None:
                 continue

@@ -109,7 +109,7 @@ class Traffic:
             case Answered(PlanQuestion(serial), value) if serial == self.state.serial:
                 yield from self._apply(value)
         self._note_silent(now)
-        yield from self._end_trips(now)
+        yield from self._end_trips()
         yield from self._grant(now)
         yield from self._plan(now)
         times = (robot.expires_at for robot in self.state.robots.values() if not robot.silent)
@@ -202,8 +202,9 @@ class Traffic:
             raise UsageError(f"{body.robot} was not granted its way to {body.place}: let it enter anew, where it is")
         record.progress = body.progress
         self._schedule.advance(body.robot, count)
-        if body.mobility is not Mobility.FREE and body.grant == record.grants and len(held) > count + 1:
-            self._schedule.retreat(body.robot)
+        kept = 2 if body.between else 1
+        if body.mobility is not Mobility.FREE and body.grant == record.grants and len(held) > count + kept:
+            self._schedule.retreat(body.robot, kept)
             self._obstacles_changed()
         if record.silent or record.mobility is not body.mobility:
             record.silent, record.mobility = False, body.mobility
@@ -236,18 +237,19 @@ class Traffic:
 
     def _request_trip(self, body: RequestTrip, now: float) -> TripBegun:
         record, destination = self._record(body.robot, body.fence), self._roadmap.number(body.destination)
-        if body.number <= record.requested:
+        if body.number < record.requested:
             raise UsageError(f"{body.robot} has asked for another trip since")
-        record.requested = body.number
         distance = self._roadmap.graph.distances(destination)[self._schedule.committed[body.robot]]
         if distance == FAR:
             place = self._roadmap.names[self._schedule.committed[body.robot]]
             raise UsageError(f"no lanes lead from {place} to {body.destination}")
-        record.trip = Trip(id=body.trip, destination=destination, since=now, nearest=distance)
-        self.state.changed, self.state.failures = True, 0
+        if body.number > record.requested:  # the same request may arrive again
+            record.requested = body.number
+            record.trip = Trip(id=body.trip, destination=destination, since=now, nearest=distance)
+            self.state.changed, self.state.failures = True, 0
         return TripBegun(trip=body.trip, length=distance)
 
-    def _end_trips(self, now: float) -> Effects:
+    def _end_trips(self) -> Effects:
         """End the trips of robots that have arrived, and of those that cannot arrive any more."""
         closed, graph = self._closed()
         for name, record in self.state.robots.items():

@@ -120,14 +120,14 @@ class Schedule:
                 if other != robot:
                     yield other
 
-    def retreat(self, robot: str) -> None:
-        """The robot gives back the places that it has not come to. What is planned for all robots ends."""
+    def retreat(self, robot: str, kept: int = 1) -> None:
+        """The robot gives back all places but the first ones of its way. What is planned for all robots ends."""
         self.plan({})
         held = self._held[robot]
-        for given_back in held[1:]:
-            if given_back != held[0]:
+        for given_back in held[kept:]:
+            if given_back not in held[:kept]:
                 self._holder.pop(given_back, None)
-        del held[1:]
+        del held[kept:]
 
     def advance(self, robot: str, count: int) -> None:
         """The robot has come to so many more of the places that it holds, and gives back those behind it."""

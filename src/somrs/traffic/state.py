@@ -20,7 +20,7 @@ Timer = LeasesDue | PlanDue
 
 
 class Trip(Struct, kw_only=True):
-    """A robot's trip to a place, by its number. `nearest`: the least distance at which the robot's granted ways have ended, in seconds."""
+    """A robot's trip to the place of this number. `nearest`: the least distance at which its granted ways have ended, in seconds."""
 
     id: str
     destination: int

@@ -86,7 +86,9 @@ class Harness:
         )
         return self.send(robot, body)
 
-    def report(self, robot: str, place: str, progress: int, mobility: Mobility = Mobility.FREE, grant: int | None = None) -> list[Body]:
+    def report(
+        self, robot: str, place: str, progress: int, mobility: Mobility = Mobility.FREE, grant: int | None = None, between: bool = False
+    ) -> list[Body]:
         last_grant = max((b.number for _, b in self.sent if isinstance(b, Granted) and b.robot == robot), default=0)
         body = ReportPlace(
             robot=robot,
@@ -95,6 +97,7 @@ class Harness:
             grant=grant if grant is not None else last_grant,
             progress=progress,
             place=place,
+            between=between,
             mobility=mobility,
         )
         return self.send(robot, body)
@@ -315,3 +318,24 @@ def test_places_that_are_too_near_to_each_other_exclude_each_other() -> None:
     harness.enter("R1", "A")
     assert "R1 holds it" in text_of(harness.enter("R2", "B"))
     assert isinstance(harness.enter("R2", "Above"), TrafficEntered)
+
+
+def test_a_robot_that_breaks_between_two_places_keeps_both() -> None:
+    harness = Harness(roadmap(LINE))
+    harness.enter("R1", "West")
+    harness.trip("R1", "East")
+    harness.wait(1)
+    ended = harness.report("R1", "A", 1, Mobility.IMMOBILE, between=True)
+    assert TripEnded(robot="R1", trip="R1 to East", result=TripResult.IMMOBILE) in ended
+    assert [robot.held for robot in harness.view().robots] == [("A", "B")]
+
+
+def test_a_request_that_arrives_again_is_answered_again_and_begins_nothing() -> None:
+    harness = Harness(roadmap(LINE))
+    harness.enter("R1", "West")
+    request = RequestTrip(robot="R1", fence=harness.fences["R1"], number=1, trip="first", destination="A")
+    assert harness.send("R1", request)[0] == TripBegun(trip="first", length=2.0)
+    harness.wait(1)
+    assert TripEnded(robot="R1", trip="first", result=TripResult.ARRIVED) in harness.report("R1", "A", 1)
+    assert isinstance(harness.send("R1", request)[0], TripBegun)
+    assert harness.view().robots[0].trip is None

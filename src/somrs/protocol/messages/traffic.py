@@ -47,8 +47,8 @@ class TrafficEntered(MessageBody, frozen=True, kw_only=True, tag=True):
 
 
 class ReportPlace(MessageBody, frozen=True, kw_only=True, tag=True):
-    """The robot is at this place, the last one that it has come to. It gives back the places before it, and, if it is not free, those
-    after it. The answer is TrafficEntered.
+    """The robot is at this place, the last one that it has come to, or `between` it and the next one. It gives back the places before it,
+    and, if it is not free, those that it does not need. The answer is TrafficEntered.
 
     `number` grows with each report and each request of the robot, because messages may overtake each other. `grant`: the number of the last
     grant that the robot has; it gives back no places of later ones. `progress`: how many places the robot has come to since it entered.
@@ -60,6 +60,7 @@ class ReportPlace(MessageBody, frozen=True, kw_only=True, tag=True):
     grant: int
     progress: int
     place: str
+    between: bool = False
     mobility: Mobility = Mobility.FREE
 
 
