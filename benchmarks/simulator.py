@@ -20,15 +20,15 @@ from scipy.sparse.csgraph import dijkstra
 from timing import side_by_side
 
 from somrs.devices.simulator.link.commands import Command, CommandDone, CommandGivenUp, DriveTo, Grip, Place
-from somrs.devices.simulator.motion.navigation import Navigator
 from somrs.devices.simulator.server.server import Server
 from somrs.devices.simulator.server.simulation import Simulation
 from somrs.devices.simulator.world.scene import Scene
-from somrs.devices.simulator.world.solids import path_length
 from somrs.ontology.files.loading import load, upper
 from somrs.ontology.objects import Map, Object
 from somrs.ontology.types import Ontology, Value
 from somrs.sites.openrmf import import_building
+from somrs.space.navigation import Navigator
+from somrs.space.solids import path_length
 
 OFFICE = Path(__file__).parents[2] / "shared" / "sites" / "office.building.yaml"
 ROUNDS = 3

@@ -20,8 +20,8 @@ from somrs.devices.simulator.link.commands import (
     Place,
     Stop,
 )
-from somrs.devices.simulator.world.leaves import leaves_of
 from somrs.ontology.objects import Map, Object
+from somrs.space.leaves import leaves_of
 from tests.support.simulator_room import Run, box, robot, shell, thing
 
 

@@ -8,11 +8,11 @@ from dataclasses import replace
 import msgspec
 
 from somrs.devices.simulator.world.colours import colour_of
-from somrs.devices.simulator.world.dimensions import FINGER, dimensions_of
-from somrs.devices.simulator.world.solids import Point, Role, Solid, role_of, solid_of
 from somrs.errors import SimulationError
 from somrs.ontology.objects import Map, Object
 from somrs.ontology.types import Ontology, Value
+from somrs.space.dimensions import FINGER, dimensions_of
+from somrs.space.solids import Point, Role, Solid, role_of, solid_of
 
 PLACEMENT_RELATIONS = ("isOn", "isIn", "isHeldBy")
 """The relations that locate an object by another: what it is on, in, or held by."""

@@ -30,7 +30,6 @@ from somrs.deployment.launcher import Launcher
 from somrs.deployment.system import System
 from somrs.devices.simulator.link.commands import Fault
 from somrs.devices.simulator.link.link import OperatorLink
-from somrs.devices.simulator.motion.navigation import Navigator
 from somrs.entish import Attribute, Comparison, Name
 from somrs.entish.formula import conjuncts
 from somrs.entish.parse import parse
@@ -43,6 +42,7 @@ from somrs.ontology.types import Ontology
 from somrs.protocol.messages.frp import Outcome
 from somrs.protocol.messages.submission import Submit
 from somrs.protocol.messages.task_views import TaskView
+from somrs.space.navigation import Navigator
 
 _SCENARIOS = ("1", "1b", "2", "3")
 REQUEST = Submit(effect="Jar002 isOn Platform001", precondition="Jar002 isOn ?Shelf")

@@ -10,10 +10,10 @@ import numpy as np
 from somrs.devices.simulator.link.commands import Fault
 from somrs.devices.simulator.motion.robot import Robot, Routine
 from somrs.devices.simulator.world.chassis import LIFT_TOP
-from somrs.devices.simulator.world.dimensions import OPENING
-from somrs.devices.simulator.world.distances import distances_from
-from somrs.devices.simulator.world.leaves import HANDLE_LENGTH, inside
-from somrs.devices.simulator.world.solids import Point, Solid
+from somrs.space.dimensions import OPENING
+from somrs.space.distances import distances_from
+from somrs.space.leaves import HANDLE_LENGTH, inside
+from somrs.space.solids import Point, Solid
 
 CLEAR = 0.03
 """Vertical clearance when the hand or a held thing passes above an obstacle, m."""

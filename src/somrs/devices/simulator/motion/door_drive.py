@@ -9,10 +9,10 @@ from msgspec import structs
 from somrs.devices.simulator.link.commands import Close, Command, CommandDone, CommandGivenUp, Fault, Open, Status, Stop
 from somrs.devices.simulator.motion.leaves import obstacle_in_sweep
 from somrs.devices.simulator.motion.robot import PERIOD, Robot
-from somrs.devices.simulator.world.leaves import Leaf
 from somrs.devices.simulator.world.scene import Scene
-from somrs.devices.simulator.world.solids import Solid
 from somrs.devices.simulator.world.stationary import OnEnd, StationaryDevice
+from somrs.space.leaves import Leaf
+from somrs.space.solids import Solid
 
 DRIVE_SPEED = 0.3
 """Speed of the leaf, m/s."""

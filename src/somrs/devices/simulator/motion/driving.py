@@ -8,10 +8,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from somrs.devices.simulator.motion.clearance import Disc
 from somrs.devices.simulator.motion.robot import BRAKING, GivenUp, Robot, Routine, wait, wrap
 from somrs.devices.simulator.motion.traffic import GAP, Capsule, path_distance, point_distance
-from somrs.devices.simulator.world.solids import Point, path_length
+from somrs.space.clearance import Disc
+from somrs.space.solids import Point, path_length
 
 PATIENCE = 45.0
 """Time after which a robot without progress gives up, s."""

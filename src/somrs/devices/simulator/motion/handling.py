@@ -22,10 +22,10 @@ from somrs.devices.simulator.motion.placement import (
 )
 from somrs.devices.simulator.motion.robot import PERIOD, GivenUp, Robot, Routine, nearest_half_turn, wait
 from somrs.devices.simulator.motion.traffic import Capsule
-from somrs.devices.simulator.world.dimensions import FINGER, OPENING
-from somrs.devices.simulator.world.distances import Array, distances_from
-from somrs.devices.simulator.world.leaves import inside
-from somrs.devices.simulator.world.solids import Point, Role, Solid
+from somrs.space.dimensions import FINGER, OPENING
+from somrs.space.distances import Array, distances_from
+from somrs.space.leaves import inside
+from somrs.space.solids import Point, Role, Solid
 
 SLOWLY = 0.08
 """Speed at which the hand descends the last centimetres, m/s."""

@@ -16,11 +16,11 @@ from somrs.devices.simulator.motion.arm import let_go, withdraw
 from somrs.devices.simulator.motion.driving import MARGIN, PATIENCE, drive_to, floor_things
 from somrs.devices.simulator.motion.robot import PERIOD, GivenUp, Robot, Routine, nearest_half_turn
 from somrs.devices.simulator.motion.traffic import GAP, Capsule
-from somrs.devices.simulator.world.dimensions import OPENING
-from somrs.devices.simulator.world.distances import Array, distances_from
-from somrs.devices.simulator.world.leaves import HANDLE, HANDLE_LENGTH, Leaf
 from somrs.devices.simulator.world.scene import Scene
-from somrs.devices.simulator.world.solids import Point
+from somrs.space.dimensions import OPENING
+from somrs.space.distances import Array, distances_from
+from somrs.space.leaves import HANDLE, HANDLE_LENGTH, Leaf
+from somrs.space.solids import Point
 
 LEAF_SPEED = 0.15
 """Speed of a handle while a leaf is moved, m/s."""

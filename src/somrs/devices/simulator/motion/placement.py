@@ -12,9 +12,9 @@ import numpy.typing as npt
 from somrs.devices.simulator.motion.driving import MARGIN, floor_things
 from somrs.devices.simulator.motion.robot import Robot
 from somrs.devices.simulator.motion.traffic import GAP, Capsule
-from somrs.devices.simulator.world.distances import Array, distances_from
-from somrs.devices.simulator.world.leaves import inside
-from somrs.devices.simulator.world.solids import Point, Role, Solid
+from somrs.space.distances import Array, distances_from
+from somrs.space.leaves import inside
+from somrs.space.solids import Point, Role, Solid
 
 EDGE = 0.02
 """Distance of a thing from the edge of its support, m."""

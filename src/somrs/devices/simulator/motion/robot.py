@@ -10,12 +10,12 @@ import math
 from collections.abc import Generator, Mapping
 
 from somrs.devices.simulator.link.commands import Fault, RobotState
-from somrs.devices.simulator.motion.navigation import Navigator
 from somrs.devices.simulator.motion.traffic import GAP, Capsule
 from somrs.devices.simulator.world.chassis import Joints
-from somrs.devices.simulator.world.dimensions import Dimensions, dimensions_of
 from somrs.devices.simulator.world.scene import Scene
-from somrs.devices.simulator.world.solids import Point, Solid
+from somrs.space.dimensions import Dimensions, dimensions_of
+from somrs.space.navigation import Navigator
+from somrs.space.solids import Point, Solid
 
 PERIOD = 0.02
 """Control period, s."""

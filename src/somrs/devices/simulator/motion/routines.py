@@ -28,10 +28,10 @@ from somrs.devices.simulator.motion.leaves import move_leaves
 from somrs.devices.simulator.motion.placement import outline_spots
 from somrs.devices.simulator.motion.robot import CHARGING, PERIOD, GivenUp, Robot, Routine, stand
 from somrs.devices.simulator.motion.searching import Sought, look_around, look_at
-from somrs.devices.simulator.world.distances import Array
 from somrs.devices.simulator.world.scene import Scene
-from somrs.devices.simulator.world.solids import CARRYING, Role, Solid
 from somrs.errors import UsageError
+from somrs.space.distances import Array
+from somrs.space.solids import CARRYING, Role, Solid
 
 
 def make_routine(command: Command, robot: Robot, scene: Scene, observations: dict[str, ObjectState]) -> Routine:

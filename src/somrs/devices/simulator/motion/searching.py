@@ -15,10 +15,10 @@ from somrs.devices.simulator.link.commands import Likeness, ObjectState
 from somrs.devices.simulator.motion.arm import withdraw
 from somrs.devices.simulator.motion.driving import MARGIN, drive_to, floor_things, robot_discs, turn_to
 from somrs.devices.simulator.motion.robot import GivenUp, Robot, Routine
-from somrs.devices.simulator.world.distances import Array
 from somrs.devices.simulator.world.recognition import look_alikes
-from somrs.devices.simulator.world.solids import Point
 from somrs.devices.simulator.world.vision import Place, eye_of, looks_towards, view, visible
+from somrs.space.distances import Array
+from somrs.space.solids import Point
 
 DISTANCES = (0.9, 1.3, 1.8, 2.5, 3.3)
 """Distances from which a place is observed, m."""

@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from somrs.devices.simulator.world.solids import Point
+from somrs.space.solids import Point
 
 GAP = 0.04
 """Distance that robots keep between their outlines, m."""

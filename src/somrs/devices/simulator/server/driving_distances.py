@@ -8,16 +8,16 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 from somrs.devices.simulator.link.lines import Legs, Stops
-from somrs.devices.simulator.motion.clearance import Disc
 from somrs.devices.simulator.motion.driving import MARGIN
-from somrs.devices.simulator.motion.navigation import Navigator, Pose
 from somrs.devices.simulator.motion.robot import Robot
 from somrs.devices.simulator.server.simulation import Simulation
-from somrs.devices.simulator.world.solids import CARRYING, Point, Role, Solid, path_length
 from somrs.entish import Attribute, Comparison, Name, Number, Relation, Truth
 from somrs.entish.formula import conjuncts
 from somrs.entish.parse import parse
 from somrs.errors import FormulaError, UsageError
+from somrs.space.clearance import Disc
+from somrs.space.navigation import Navigator, Pose
+from somrs.space.solids import CARRYING, Point, Role, Solid, path_length
 
 ELEVATION = 0.8
 """Height at which the arm reaches a stop that is a point, m."""

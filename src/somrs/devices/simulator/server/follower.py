@@ -17,11 +17,11 @@ from collections.abc import Iterable, Mapping
 
 from somrs.devices.simulator.server.simulation import Simulation
 from somrs.devices.simulator.world.recognition import are_alike
-from somrs.devices.simulator.world.solids import Role, solid_of
 from somrs.kernel.component import Effect, Input, Started
 from somrs.kernel.replica import Replica
 from somrs.ontology.naming import Renaming, Section
 from somrs.ontology.objects import Change, Map, Object, ObjectAdded, ObjectRemoved, ValueSet, differences
+from somrs.space.solids import Role, solid_of
 
 SAME_PLACE = 0.1
 """Largest distance between a thing of the world and the place that the map states for it, m."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from somrs.devices.simulator.motion.navigation import Navigator
 from somrs.ontology.objects import Map, ValueSet
 from somrs.ontology.types import Ontology
+from somrs.space.navigation import Navigator
 
 Doors = frozenset[tuple[str, bool]]
 """Doors that are to be open (True) or shut in a plan, other than they are now."""

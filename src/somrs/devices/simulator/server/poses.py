@@ -15,8 +15,8 @@ from somrs.devices.simulator.link.commands import Fault, RobotState
 from somrs.devices.simulator.link.lines import Mover, Poses, RobotStatus
 from somrs.devices.simulator.server.simulation import Linked, Simulation
 from somrs.devices.simulator.world.chassis import ARM_SEEN, BASE_JOINTS
-from somrs.devices.simulator.world.distances import Array
-from somrs.devices.simulator.world.solids import Role
+from somrs.space.distances import Array
+from somrs.space.solids import Role
 
 Flags = npt.NDArray[np.bool_]
 

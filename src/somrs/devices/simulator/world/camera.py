@@ -21,10 +21,10 @@ import numpy as np
 from PIL import Image
 
 from somrs.devices.simulator import GRAPHICS
-from somrs.devices.simulator.world.distances import distances_from
 from somrs.devices.simulator.world.scene import Scene
-from somrs.devices.simulator.world.solids import Role, Solid
 from somrs.errors import SimulationError
+from somrs.space.distances import distances_from
+from somrs.space.solids import Role, Solid
 
 _BACKENDS = ("egl", "osmesa")
 NO_GRAPHICS = ("disable", "disabled", "off", "false", "0")

@@ -13,8 +13,8 @@ import math
 import mujoco
 import numpy as np
 
-from somrs.devices.simulator.world.dimensions import FINGER, OPENING, Dimensions, dimensions_of
-from somrs.devices.simulator.world.solids import Solid
+from somrs.space.dimensions import FINGER, OPENING, Dimensions, dimensions_of
+from somrs.space.solids import Solid
 
 GROUND = 0.02
 """Height of the base's collision body above the floor, m."""

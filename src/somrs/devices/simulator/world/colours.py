@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from somrs.devices.simulator.world.solids import Role, Solid
+from somrs.space.solids import Role, Solid
 
 Colour = tuple[float, float, float, float]
 

@@ -11,7 +11,7 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
-from somrs.devices.simulator.world.distances import Array
+from somrs.space.distances import Array
 
 
 class Hands:

@@ -8,8 +8,8 @@ from collections.abc import Callable
 import mujoco
 
 from somrs.devices.simulator.world.colours import METAL, Colour, colour_of, shade
-from somrs.devices.simulator.world.leaves import HANDLE_LENGTH, Leaf, boards, panels
-from somrs.devices.simulator.world.solids import Role, Solid
+from somrs.space.leaves import HANDLE_LENGTH, Leaf, boards, panels
+from somrs.space.solids import Role, Solid
 
 
 def add_surroundings(spec: mujoco.MjSpec, low: tuple[float, float, float], high: tuple[float, float, float]) -> None:

@@ -10,8 +10,8 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from somrs.devices.simulator.link.commands import Likeness, ObjectState, Sighting
 from somrs.devices.simulator.world.scene import Scene
-from somrs.devices.simulator.world.solids import Role, Solid
 from somrs.ontology.types import Ontology, Value
+from somrs.space.solids import Role, Solid
 
 RECOGNISED = (Role.THING, Role.ROBOT)
 """The roles of the objects that are recognised by their looks."""

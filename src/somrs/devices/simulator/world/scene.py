@@ -14,15 +14,15 @@ import numpy as np
 
 from somrs.devices.simulator.link.commands import ObjectState
 from somrs.devices.simulator.world.chassis import HANDLE_BIT, Joints
-from somrs.devices.simulator.world.dimensions import dimensions_of
-from somrs.devices.simulator.world.distances import Array, distances_from
 from somrs.devices.simulator.world.hands import Hands
-from somrs.devices.simulator.world.leaves import Leaf, inside, leaves_of
-from somrs.devices.simulator.world.solids import Role, Solid
 from somrs.devices.simulator.world.world import STEP, World, build
 from somrs.errors import SimulationError
 from somrs.ontology.objects import Map, Object
 from somrs.ontology.types import Ontology
+from somrs.space.dimensions import dimensions_of
+from somrs.space.distances import Array, distances_from
+from somrs.space.leaves import Leaf, inside, leaves_of
+from somrs.space.solids import Role, Solid
 
 SETTLING = 40
 """Steps of physics before time starts, in which things come to rest on their supports."""

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from somrs.devices.simulator.link.commands import Command, CommandDone, CommandGivenUp, Fault, RobotState
 from somrs.devices.simulator.world.scene import Scene
-from somrs.devices.simulator.world.solids import Solid
+from somrs.space.solids import Solid
 
 OnEnd = Callable[[CommandDone | CommandGivenUp], None]
 """Takes the result of a command, once."""

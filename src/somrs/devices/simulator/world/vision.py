@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 from somrs.devices.simulator.link.commands import ObjectState, Point
 from somrs.devices.simulator.world.scene import Scene
-from somrs.devices.simulator.world.solids import Role, Solid
 from somrs.devices.simulator.world.stationary import StationaryDevice
+from somrs.space.solids import Role, Solid
 
 MAST = 1.05
 """Height of the camera of a robot with an arm, above its underside, m."""

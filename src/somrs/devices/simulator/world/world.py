@@ -13,12 +13,12 @@ import mujoco
 
 from somrs.devices.simulator.world.chassis import HANDLE_BIT, ROBOT_BIT, STATIC_BIT, THING_BIT, add_robot
 from somrs.devices.simulator.world.colours import METAL, colour_of
-from somrs.devices.simulator.world.leaves import EDGE, HANDLE, HANDLE_LENGTH, JAMB, STANDOFF, Leaf, leaf_obstacles, leaves_of, panels
 from somrs.devices.simulator.world.looks import add_surroundings, draw, draw_handle, draw_leaf
-from somrs.devices.simulator.world.solids import Point, Role, Solid, role_of, solid_of
 from somrs.errors import SimulationError
 from somrs.ontology.objects import Map, Object
 from somrs.ontology.types import Ontology
+from somrs.space.leaves import EDGE, HANDLE, HANDLE_LENGTH, JAMB, STANDOFF, Leaf, leaf_obstacles, leaves_of, panels
+from somrs.space.solids import Point, Role, Solid, role_of, solid_of
 
 STEP = 0.005
 """Time step of the physics, s."""

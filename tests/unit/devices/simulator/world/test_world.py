@@ -12,12 +12,12 @@ from somrs.devices.simulator.link.commands import Approach, CommandDone, Command
 from somrs.devices.simulator.server.simulation import Simulation
 from somrs.devices.simulator.world import scene as scene_module
 from somrs.devices.simulator.world.scene import Scene
-from somrs.devices.simulator.world.solids import Role, role_of, solid_of
 from somrs.devices.simulator.world.world import triangles
 from somrs.errors import SimulationError, UsageError
 from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.objects import Map, Object
 from somrs.ontology.types import Ontology
+from somrs.space.solids import Role, role_of, solid_of
 from tests.support.paths import ROOT
 from tests.support.simulator_room import ONTOLOGY, Run, box, robot, room, shell, thing
 

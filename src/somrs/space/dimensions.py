@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from somrs.devices.simulator.world.solids import Solid
+from somrs.space.solids import Solid
 
 FINGER = 0.11
 """Length of the fingers, m."""

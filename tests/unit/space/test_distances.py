@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from somrs.devices.simulator.world.distances import distances_from
-from somrs.devices.simulator.world.solids import Role, Solid
+from somrs.space.distances import distances_from
+from somrs.space.solids import Role, Solid
 
 COORDINATES = st.floats(-5, 5, allow_nan=False)
 FORMS = {

@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from somrs.devices.simulator.world.solids import Point, Role, Solid
+from somrs.space.solids import Point, Role, Solid
 
 STANDOFF = 0.045
 """Distance of a handle from the surface of its leaf, or from the wall, m: space for the fingers."""

@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from somrs.devices.simulator.motion.clearance import Disc
-from somrs.devices.simulator.motion.navigation import Navigator, edge_targets
-from somrs.devices.simulator.world.solids import Point, Solid, path_length, solid_of
 from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Map, Object
 from somrs.ontology.types import Value
+from somrs.space.clearance import Disc
+from somrs.space.navigation import Navigator, edge_targets
+from somrs.space.solids import Point, Solid, path_length, solid_of
 from tests.support.examples import examples
 
 ONTOLOGY = upper()

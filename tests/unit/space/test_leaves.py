@@ -8,11 +8,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from somrs.devices.simulator.world.distances import distances_from
-from somrs.devices.simulator.world.leaves import HANDLE_LENGTH, STANDOFF, Leaf, inside, leaves_of
 from somrs.devices.simulator.world.scene import Scene
-from somrs.devices.simulator.world.solids import Solid, solid_of
 from somrs.ontology.objects import Map, Object
+from somrs.space.distances import distances_from
+from somrs.space.leaves import HANDLE_LENGTH, STANDOFF, Leaf, inside, leaves_of
+from somrs.space.solids import Solid, solid_of
 from tests.support.simulator_room import ONTOLOGY, box, shell
 
 YAWS = (0.0, 0.7, math.pi / 2, -2.0)

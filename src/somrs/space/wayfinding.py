@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from somrs.devices.simulator.motion.clearance import CELL, Cell, Field
+from somrs.space.clearance import CELL, Cell, Field
 
 BLOCK = 6
 """Cells along the side of a block, which is a cell of the coarse grid."""

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from somrs.devices.simulator.world.solids import Point, Solid
+from somrs.space.solids import Point, Solid
 
 Array = npt.NDArray[np.float64]
 

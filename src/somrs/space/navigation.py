@@ -15,12 +15,12 @@ from types import MappingProxyType
 import numpy as np
 from scipy import ndimage
 
-from somrs.devices.simulator.motion.clearance import FAR, Disc, Grid, clearances
-from somrs.devices.simulator.motion.wayfinding import costs_from, search
-from somrs.devices.simulator.world.leaves import leaf_obstacles
-from somrs.devices.simulator.world.solids import Point, Role, Solid, path_length, solid_of
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
+from somrs.space.clearance import FAR, Disc, Grid, clearances
+from somrs.space.leaves import leaf_obstacles
+from somrs.space.solids import Point, Role, Solid, path_length, solid_of
+from somrs.space.wayfinding import costs_from, search
 
 STANDING = {Role.WALL, Role.SUPPORT, Role.STATIC}
 COMFORT = 0.25

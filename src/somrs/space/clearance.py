@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
-from somrs.devices.simulator.world.distances import distances_from
-from somrs.devices.simulator.world.solids import Point, Solid
+from somrs.space.distances import distances_from
+from somrs.space.solids import Point, Solid
 
 CELL = 0.05
 """Width of a cell, m."""
