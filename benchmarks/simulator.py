@@ -75,7 +75,7 @@ def pace(title: str, map: Map, ontology: Ontology, jobs: Jobs) -> None:
         simulated = simulation.time
         scene = Scene(map, ontology)
         started = time.perf_counter()
-        scene.step(round(simulated / scene.model.opt.timestep))
+        scene.step(round(simulated / scene.period))
         bare.append(time.perf_counter() - started)
     rates = [simulated / statistics.median(times) for times in (bare, whole)]
     print(

@@ -8,7 +8,7 @@ from msgspec import structs
 
 from somrs.devices.simulator.link.commands import Close, Command, CommandDone, CommandGivenUp, Fault, Open, Status, Stop
 from somrs.devices.simulator.motion.leaves import obstacle_in_sweep
-from somrs.devices.simulator.motion.robot import PERIOD, Robot
+from somrs.devices.simulator.motion.robot import Robot
 from somrs.devices.simulator.world.scene import Scene
 from somrs.devices.simulator.world.stationary import OnEnd, StationaryDevice
 from somrs.space.leaves import Leaf
@@ -80,18 +80,17 @@ class DoorDrive(StationaryDevice):
             return True
         obstacle = None if self._goal else obstacle_in_sweep(self.scene, leaf, self._robots.values())
         if obstacle is not None:
-            self._waited += PERIOD
+            self._waited += self.scene.period
             if self._waited > DRIVE_PATIENCE:
                 self._give_up("blocked", f"{obstacle} stands in the way of {self.solid.name}")
             return self._goal is None
-        ahead = DRIVE_SPEED * PERIOD if self._goal else -DRIVE_SPEED * PERIOD
-        self.scene.drive_leaf(leaf, min(max(position + 8 * ahead, 0.0), leaf.travel))
+        self.scene.drive_leaf(leaf, self._goal, DRIVE_SPEED)
         return False
 
     def _rest(self, position: float | None = None) -> None:
         """Hold the leaf at a position; by default where it is."""
         self._goal, self._on_end, self.activity = None, None, None
-        self.scene.drive_leaf(self._leaf, self.scene.leaf_position(self._leaf) if position is None else position)
+        self.scene.hold_leaf(self._leaf, self.scene.leaf_position(self._leaf) if position is None else position)
 
     def _give_up(self, reason: str, description: str) -> None:
         """End the command in progress, if there is one."""

@@ -178,7 +178,7 @@ def _stands_on_goal(robot: Robot, other_robot: Robot) -> bool:
 def _wait_for(robot: Robot, other_robot: Robot) -> Generator[None, None, float]:
     """Wait for a robot that blocks the path, and retreat from it. Returns the seconds waited."""
     start = robot.scene.time
-    yield from wait(1.6 if _yields_to(robot, other_robot) else 0.2)
+    yield from wait(robot, 1.6 if _yields_to(robot, other_robot) else 0.2)
     yield from _retreat(robot, other_robot)
     return robot.scene.time - start
 
@@ -208,7 +208,7 @@ def _unblock(robot: Robot, other_robot: Robot | None, patience: float) -> Genera
             return patience / 8
     elif other_robot is not None and not other_robot.plan and other_robot.mobile and other_robot.activity is None:
         other_robot.asking_robot = robot
-    yield from wait(0.5)
+    yield from wait(robot, 0.5)
     return 0.5
 
 
@@ -220,7 +220,7 @@ def ask_aside(robot: Robot, place: Point) -> Routine:
         idle = other_robot.activity is None and not other_robot.plan and other_robot.mobile
         if idle and path_distance([other_robot.pose()[:2]], robot.plan) < room:
             other_robot.asking_robot = robot
-    yield from wait(0.5)
+    yield from wait(robot, 0.5)
     robot.plan = []
 
 
@@ -236,7 +236,7 @@ def make_way(robot: Robot, other_robot: Robot) -> Generator[None, None, bool]:
         robot.need_drive()
         if met_robot is not None or not other_robot.plan or not other_robot.mobile:
             break
-        yield from wait(0.25)
+        yield from wait(robot, 0.25)
         mine = (_route(robot, goal, ()) if goal is not None else None) or [robot.pose()[:2]]
         if (
             other_robot.plan

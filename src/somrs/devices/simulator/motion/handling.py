@@ -10,7 +10,6 @@ import numpy as np
 from somrs.devices.simulator.motion.arm import draw_in, lift_over, open_clear, overhang, withdraw
 from somrs.devices.simulator.motion.driving import PATIENCE, ask_aside, drive_to
 from somrs.devices.simulator.motion.placement import (
-    ARM,
     Stand,
     free_spots,
     order,
@@ -20,7 +19,7 @@ from somrs.devices.simulator.motion.placement import (
     stands,
     thing_distances,
 )
-from somrs.devices.simulator.motion.robot import PERIOD, GivenUp, Robot, Routine, nearest_half_turn, wait
+from somrs.devices.simulator.motion.robot import ARM, Fleet, GivenUp, Robot, Routine, nearest_half_turn, wait
 from somrs.devices.simulator.motion.traffic import Capsule
 from somrs.space.dimensions import FINGER, OPENING
 from somrs.space.distances import Array, distances_from
@@ -77,7 +76,7 @@ def _stands_without_others(
     robot: Robot, spots: Array, top: float, penalties: Array, ignored: Collection[str], container: Solid | None
 ) -> list[Stand]:
     """The stands that the robot would have if there were no other robots."""
-    lone_robot = Robot(robot.solid, robot.scene, robot.navigator, {})
+    lone_robot = Robot(robot.solid, robot.scene, robot.navigator, Fleet())
     return stands(lone_robot, spots, top, penalties, ignored, container)
 
 
@@ -89,7 +88,7 @@ def _claim_arm(robot: Robot, spot: Point) -> Routine:
         if waited > PATIENCE:
             raise GivenUp("blocked", f"another robot occupies the space that the arm of {robot.name} needs")
         yield
-        waited += PERIOD
+        waited += robot.period
     robot.arm_claim = arm_claim
 
 
@@ -279,7 +278,7 @@ def _lower(robot: Robot, thing: str, lowest: float) -> Routine:
             if held > 2:
                 return
         else:
-            target = max(lowest, target - SLOWLY * PERIOD)
+            target = max(lowest, target - SLOWLY * robot.period)
         robot.lead("lift", target)
         yield
     raise GivenUp("no-space", f"{robot.name} finds nothing to put {thing} on")
@@ -296,7 +295,7 @@ def set_down(robot: Robot) -> Routine:
         ranked = spots_here(robot, robot.scene.world.solids[thing].extent)
         if ranked:
             break
-        yield from wait(0.5)
+        yield from wait(robot, 0.5)
     else:
         raise GivenUp("no-space", f"there is no free spot around {robot.name} to put {thing} on")
     yield from draw_in(robot)

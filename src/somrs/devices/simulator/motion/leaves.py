@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from somrs.devices.simulator.motion.arm import let_go, withdraw
 from somrs.devices.simulator.motion.driving import MARGIN, PATIENCE, drive_to, floor_things
-from somrs.devices.simulator.motion.robot import PERIOD, GivenUp, Robot, Routine, nearest_half_turn
+from somrs.devices.simulator.motion.robot import ARM, GivenUp, Robot, Routine, nearest_half_turn
 from somrs.devices.simulator.motion.traffic import GAP, Capsule
 from somrs.devices.simulator.world.scene import Scene
 from somrs.space.dimensions import OPENING
@@ -73,7 +73,7 @@ def _move_part(robot: Robot, leaf: Leaf, goal: float) -> Routine:
         yield from let_go(robot)
         yield from withdraw(robot)
     finally:
-        robot.sweep_claim = None
+        robot.fleet.sweeps.pop(robot.name, None)
 
 
 def _drive_to_stand(robot: Robot, leaf: Leaf, side: int, goal: float):  # type: ignore[no-untyped-def]
@@ -151,8 +151,8 @@ def _claim_sweep(robot: Robot, leaf: Leaf) -> Routine:
         if waited > PATIENCE or obstacle in robot.scene.things():
             raise GivenUp("blocked", f"{obstacle} stands in the way of the door of {leaf.owner.name}")
         yield
-        waited += PERIOD
-    robot.sweep_claim = _sweep(leaf)
+        waited += robot.period
+    robot.fleet.sweeps[robot.name] = _sweep(leaf)
 
 
 def obstacle_in_sweep(scene: Scene, leaf: Leaf, robots: Iterable[Robot]) -> str | None:
@@ -184,7 +184,7 @@ def _grip_handle(robot: Robot, leaf: Leaf, side: int) -> Routine:
     position, opening = robot.scene.leaf_position(leaf), min(OPENING, HANDLE + 0.02)
     handle, tip = leaf.handle(position, side), _tip(robot, leaf) + robot.size.hang
     turret, reach = robot.aim(handle)
-    robot.arm_claim = Capsule(robot.pose()[:2], handle, 0.11)
+    robot.arm_claim = Capsule(robot.pose()[:2], handle, ARM)
     yield from robot.arm(lift=tip + HANDLE_LENGTH, left=opening, right=opening)
     yield from robot.arm(turret=turret, wrist=_wrist(robot, leaf, side, position, turret))
     yield from robot.arm(reach=reach)
@@ -213,7 +213,7 @@ def _wrist(robot: Robot, leaf: Leaf, side: int, position: float, turret: float) 
 def _lead(robot: Robot, leaf: Leaf, side: int, end: float) -> Routine:
     """Lead the held handle to a position of the leaf. Raises GivenUp if the leaf does not follow."""
     position = robot.scene.leaf_position(leaf)
-    step = LEAF_SPEED * PERIOD / leaf.radius
+    step = LEAF_SPEED * robot.period / leaf.radius
     wrist = robot.joints["wrist"]
     settling = 0
     while settling < 40:

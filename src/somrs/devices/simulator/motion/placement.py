@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from somrs.devices.simulator.motion.driving import MARGIN, floor_things
-from somrs.devices.simulator.motion.robot import Robot
+from somrs.devices.simulator.motion.robot import ARM, Robot
 from somrs.devices.simulator.motion.traffic import GAP, Capsule
 from somrs.space.distances import Array, distances_from
 from somrs.space.leaves import inside
@@ -20,8 +20,6 @@ EDGE = 0.02
 """Distance of a thing from the edge of its support, m."""
 FINGERS = 0.05
 """Space that the open fingers and the palm need beside a thing, m."""
-ARM = 0.11
-"""Half the width of the space that the arm needs while it works, m."""
 PALM = 0.1
 """Half the width of the palm, with some space, m."""
 DOORWAY = 0.6

@@ -7,7 +7,8 @@ Routines are generators that yield once per control period: those for driving ar
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Mapping
+from collections import defaultdict
+from collections.abc import Generator, Iterator
 
 from somrs.devices.simulator.link.commands import Fault, RobotState
 from somrs.devices.simulator.motion.traffic import GAP, Capsule
@@ -17,8 +18,6 @@ from somrs.space.dimensions import Dimensions, dimensions_of
 from somrs.space.navigation import Navigator
 from somrs.space.solids import Point, Solid
 
-PERIOD = 0.02
-"""Control period, s."""
 ACCELERATION = 0.8
 """Acceleration of the base, m/s²."""
 BRAKING = 1.2
@@ -27,6 +26,12 @@ TURNING, TURNING_UP = 1.6, 4.0
 """Turning speed and turning acceleration of the base, rad/s and rad/s²."""
 RATES = {"turret": 1.3, "lift": 0.4, "reach": 0.4, "wrist": 2.5, "left": 0.08, "right": 0.08}
 """Speeds at which the set points of the arm's joints approach their targets, rad/s and m/s."""
+ARM = 0.11
+"""Half the width of the space that the arm needs while it works, m."""
+STOREY = 1.5
+"""Difference in height below which robots are on the same floor, m."""
+CELL = 1.5
+"""Size of the squares by which robots near a place are found, m."""
 STANDING = 0.01
 """Speed below which the base counts as standing, m/s and rad/s."""
 CONSUMPTION = 0.02
@@ -59,7 +64,7 @@ def nearest_half_turn(angle: float) -> float:
 class Robot:
     """A robot in the scene. `fleet`: all robots by name, including this robot."""
 
-    def __init__(self, solid: Solid, scene: Scene, navigator: Navigator, fleet: Mapping[str, Robot]) -> None:
+    def __init__(self, solid: Solid, scene: Scene, navigator: Navigator, fleet: Fleet) -> None:
         self.solid, self.scene, self.navigator, self.fleet = solid, scene, navigator, fleet
         self.name = solid.name
         self.size: Dimensions = dimensions_of(solid)
@@ -68,8 +73,6 @@ class Robot:
         self.plan: list[Point] = []
         """The remaining path while it drives."""
         self.arm_claim: Capsule | None = None
-        self.sweep_claim: Capsule | None = None
-        """The space through which a door moves that this robot opens or closes."""
         self.weighed: dict[str, float] = {}
         """The weights that the arm has measured during the current command, kg, by the names of the things."""
         self.charge = min(max(solid.charge, 0.0), 100.0)
@@ -79,6 +82,16 @@ class Robot:
         self.speed, self._turning, self.heading = 0.0, 0.0, (1.0, 0.0)
         self._moved = False
         self._targets: dict[str, float] = {joint: self.joints[joint] for joint in RATES} if self.size.gripper else {}
+
+    @property
+    def period(self) -> float:
+        """The control period, s."""
+        return self.scene.period
+
+    @property
+    def sweep_claim(self) -> Capsule | None:
+        """The space through which a door moves that this robot opens or closes."""
+        return self.fleet.sweeps.get(self.name)
 
     @property
     def joints(self) -> Joints:
@@ -116,7 +129,7 @@ class Robot:
         """Drive the base. Without a call of `move` in this period, it stops."""
         if not self._moved:
             self.speed = self._turning = 0.0
-        self.charge = max(0.0, self.charge - CONSUMPTION * self.speed * PERIOD)
+        self.charge = max(0.0, self.charge - CONSUMPTION * self.speed * self.period)
         self.joints.drive("x", self.speed * self.heading[0])
         self.joints.drive("y", self.speed * self.heading[1])
         self.joints.drive("yaw", self._turning)
@@ -127,11 +140,11 @@ class Robot:
         Returns the robot for which the speed was reduced, if any.
         """
         self._moved = True
-        limit = TURNING_UP * PERIOD
+        limit = TURNING_UP * self.period
         turning = max(-TURNING, min(TURNING, turning))
         self._turning = max(self._turning - limit, min(self._turning + limit, turning))
-        target_speed = max(0.0, min(speed, self.speed + ACCELERATION * PERIOD, self.solid.speed))
-        target_speed = max(target_speed, self.speed - BRAKING * PERIOD)
+        target_speed = max(0.0, min(speed, self.speed + ACCELERATION * self.period, self.solid.speed))
+        target_speed = max(target_speed, self.speed - BRAKING * self.period)
         obstacle: Robot | None = None
         for share in (1.0, 0.8, 0.6, 0.4, 0.2, 0.0):
             blocker = self._find_blocker(self.base_claim(direction, target_speed * share))
@@ -147,8 +160,16 @@ class Robot:
         """The space that the base needs to stop from this motion; by default from the current motion."""
         x, y, _ = self.pose()
         direction, speed = direction or self.heading, self.speed if speed is None else speed
-        way = speed * speed / (2 * BRAKING) + 2 * speed * PERIOD
+        way = self._braking_way(speed)
         return Capsule((x, y), (x + way * direction[0], y + way * direction[1]), self.size.radius)
+
+    def _braking_way(self, speed: float) -> float:
+        return speed * speed / (2 * BRAKING) + 2 * speed * self.period
+
+    @property
+    def longest_claim(self) -> float:
+        """The largest distance from the middle of the base at which the base or the arm claims space, m."""
+        return max(self.size.radius + self._braking_way(self.solid.speed), self.size.farthest + ARM if self.size.gripper else 0.0)
 
     def claims(self) -> list[Capsule]:
         """The space that this robot claims: for its base, for its arm while that is extended, and for a door that it moves."""
@@ -156,11 +177,12 @@ class Robot:
 
     def other_robots(self) -> list[Robot]:
         """The other robots on the same floor."""
-        return [r for r in self.fleet.values() if r is not self and abs(r.solid.z - self.solid.z) < 1.5]
+        return [r for r in self.fleet.values() if r is not self and abs(r.solid.z - self.solid.z) < STOREY]
 
     def _find_blocker(self, wanted_claim: Capsule) -> Robot | None:
         """A robot whose claim overlaps the wanted claim, or None. Standing still and moving away are always allowed."""
-        for other_robot in self.other_robots():
+        reach = math.dist(wanted_claim.start, wanted_claim.end) + wanted_claim.radius + GAP
+        for other_robot in self.fleet.near(self, reach):
             for claim in other_robot.claims():
                 if wanted_claim.gap(claim) < GAP and not _leads_away(wanted_claim, claim):
                     return other_robot
@@ -181,7 +203,7 @@ class Robot:
 
     def lead(self, joint: str, target: float) -> bool:
         """Move the set point of a joint towards its target for one period. Returns whether it has reached the target."""
-        step = RATES[joint] * PERIOD
+        step = RATES[joint] * self.period
         if joint in ("left", "right"):
             self.need_gripper()
         current = self._targets[joint]
@@ -227,6 +249,43 @@ class Robot:
         return self.size.gripper and self.joints["reach"] > self.size.drawn_in + 0.02
 
 
+class Fleet(dict[str, Robot]):
+    """All robots by name, and which of them are near each other.
+
+    `sweeps`: the space through which a door moves, by the robot that opens or closes it.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.sweeps: dict[str, Capsule] = {}
+        self._squares: dict[tuple[int, int], list[Robot]] = {}
+        self._reach = 0.0
+        """How far a claim of a robot can be from the middle of its base, m."""
+
+    def locate(self) -> None:
+        """Find out where the robots are. Call it once per control period: within a period, robots decide how they move, and do not yet."""
+        squares: defaultdict[tuple[int, int], list[Robot]] = defaultdict(list)
+        for robot in self.values():
+            x, y, _ = robot.pose()
+            squares[math.floor(x / CELL), math.floor(y / CELL)].append(robot)
+        self._squares = squares
+        self._reach = max((robot.longest_claim for robot in self.values()), default=0.0)
+
+    def near(self, robot: Robot, distance: float) -> Iterator[Robot]:
+        """The other robots on the same floor that may claim something at most `distance` away from the middle of this robot's base."""
+        x, y, _ = robot.pose()
+        span, level = distance + self._reach, robot.solid.z
+        rows = range(math.floor((x - span) / CELL), math.floor((x + span) / CELL) + 1)
+        columns = range(math.floor((y - span) / CELL), math.floor((y + span) / CELL) + 1)
+        for square in ((row, column) for row in rows for column in columns):
+            for near_robot in self._squares.get(square, ()):
+                if near_robot is not robot and near_robot.name not in self.sweeps and abs(near_robot.solid.z - level) < STOREY:
+                    yield near_robot
+        for name in self.sweeps:  # doors are as large as they are, and few are moved at a time
+            if name != robot.name and abs(self[name].solid.z - level) < STOREY:
+                yield self[name]
+
+
 def _leads_away(wanted_claim: Capsule, claim: Capsule) -> bool:
     """Whether the wanted claim begins too close to the other claim and leads away from it. Both are convex, so it does not come back."""
     way = math.dist(wanted_claim.start, wanted_claim.end)
@@ -246,7 +305,7 @@ def stand(robot: Robot) -> Routine:
             return
 
 
-def wait(seconds: float) -> Routine:
+def wait(robot: Robot, seconds: float) -> Routine:
     """Let time pass."""
-    for _ in range(max(1, round(seconds / PERIOD))):
+    for _ in range(max(1, round(seconds / robot.period))):
         yield

@@ -26,7 +26,7 @@ from somrs.devices.simulator.motion.driving import drive_to
 from somrs.devices.simulator.motion.handling import get_within_reach, pick, place, put_into, set_down, spots_on, top_of, weigh
 from somrs.devices.simulator.motion.leaves import move_leaves
 from somrs.devices.simulator.motion.placement import outline_spots
-from somrs.devices.simulator.motion.robot import CHARGING, PERIOD, GivenUp, Robot, Routine, stand
+from somrs.devices.simulator.motion.robot import CHARGING, GivenUp, Robot, Routine, stand
 from somrs.devices.simulator.motion.searching import Sought, look_around, look_at
 from somrs.devices.simulator.world.scene import Scene
 from somrs.errors import UsageError
@@ -106,7 +106,7 @@ def _charge(robot: Robot, scene: Scene) -> Routine:
     if not any(mark.charger and abs(mark.z - robot.solid.z) < 0.1 and mark.distance(x, y) <= 0 for mark in marks):
         raise GivenUp("not-possible", f"{robot.name} does not stand at a charger")
     while robot.charge < 100.0:
-        robot.charge = min(100.0, robot.charge + CHARGING * PERIOD)
+        robot.charge = min(100.0, robot.charge + CHARGING * robot.period)
         yield
 
 

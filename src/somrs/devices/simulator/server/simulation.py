@@ -14,7 +14,7 @@ from typing import Any
 from somrs.devices.simulator.link.commands import Command, CommandDone, Fault, ObjectState, RobotState, Sense, Status
 from somrs.devices.simulator.motion.door_drive import DoorDrive
 from somrs.devices.simulator.motion.leaves import obstacle_in_sweep
-from somrs.devices.simulator.motion.robot import PERIOD, Robot
+from somrs.devices.simulator.motion.robot import Fleet, Robot
 from somrs.devices.simulator.server.navigators import Navigators
 from somrs.devices.simulator.server.robot_work import RobotWork
 from somrs.devices.simulator.world.recognition import landmarks, sightings
@@ -22,7 +22,6 @@ from somrs.devices.simulator.world.scene import RESTING, Scene
 from somrs.devices.simulator.world.stationary import OnEnd, StationaryDevice
 from somrs.devices.simulator.world.vision import StationaryCamera, clear_points, view
 from somrs.devices.simulator.world.weighing_scale import WeighingScale
-from somrs.devices.simulator.world.world import STEP
 from somrs.errors import UsageError
 from somrs.ontology.objects import Map, Object, ObjectAdded, ObjectRemoved, ValueSet
 from somrs.ontology.types import Ontology
@@ -41,7 +40,7 @@ class Simulation:
         self._map, self._ontology = map, ontology
         self.scene = Scene(map, ontology)
         self._navigators = self._new_navigators()
-        self.robots: dict[str, Robot] = {}
+        self.robots = Fleet()
         self.stationary: dict[str, StationaryDevice] = {}
         """The cameras, scales and powered doors."""
         self.linked: Mapping[str, Linked] = ChainMap[str, Any](self.stationary, self.robots)
@@ -87,6 +86,7 @@ class Simulation:
 
     def step(self) -> None:
         """Advance by one control period."""
+        self.robots.locate()
         for robot in self.robots.values():
             robot.begin_period()
         self._work.advance()
@@ -101,7 +101,7 @@ class Simulation:
         for owner in {leaf.split("/")[0] for leaf in self._pulled - pulled}:
             self._note_leaves(owner)
         self._pulled = pulled
-        self.scene.step(round(PERIOD / STEP))
+        self.scene.step()
 
     def _note_leaves(self, owner: str) -> None:
         """Record whether a door or container whose leaf was moved is open, and let the robots plan with where its leaves are."""

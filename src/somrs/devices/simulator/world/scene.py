@@ -24,8 +24,12 @@ from somrs.space.distances import Array, distances_from
 from somrs.space.leaves import Leaf, inside, leaves_of
 from somrs.space.solids import Role, Solid
 
+PERIOD = 0.02
+"""Control period of the robots, s."""
 SETTLING = 40
 """Steps of physics before time starts, in which things come to rest on their supports."""
+LEAD = 8
+"""How many control periods the set point of a door's drive is ahead of its leaf, which follows like a spring."""
 RESTING = 1.0
 """Seconds without motion after which nothing moves again by itself: an object that tips over slowly has fallen by then."""
 SLEEP = int(mujoco.mjtEnableBit.mjENBL_SLEEP)
@@ -33,7 +37,7 @@ SLEEP = int(mujoco.mjtEnableBit.mjENBL_SLEEP)
 
 
 class Scene:
-    """The state of the world. `hands`: what robots hold.
+    """The state of the world. `hands`: what robots hold; `period`: the control period of the robots, s.
 
     `disturbed`: simulated time at which an object was last added, removed, moved or released, so that objects at rest may move.
     """
@@ -47,7 +51,7 @@ class Scene:
         self.data: mujoco.MjData = mujoco.MjData(self.model)
         self.joints: dict[str, Joints] = {}
         self.hands = Hands(self._disturb)
-        self.time = 0.0
+        self.time, self.period = 0.0, PERIOD
         self.disturbed, self._awake = 0.0, True
         self._bind()
         for solid in self.world.solids.values():
@@ -93,11 +97,12 @@ class Scene:
             mujoco.mj_step(self.model, self.data)
         self._check()
 
-    def step(self, steps: int) -> None:
-        """Run the physics for some steps. Raises SimulationError if it diverges."""
+    def step(self, periods: int = 1) -> None:
+        """Run the physics for some control periods. Raises SimulationError if it diverges."""
         if self._awake and self.time - self.disturbed >= RESTING:
             self._awake = False
             self.model.opt.enableflags |= SLEEP
+        steps = periods * round(self.period / STEP)
         mujoco.mj_step(self.model, self.data, steps)
         mujoco.mj_kinematics(self.model, self.data)  # without it, body poses are those before the last step
         self.time += steps * STEP
@@ -180,10 +185,16 @@ class Scene:
         self._position[self._leaves[leaf.name]] = self.world.positions[leaf.name] = position
         self._disturb()
         if leaf.owner.powered:
-            self.drive_leaf(leaf, position)
+            self.hold_leaf(leaf, position)
 
-    def drive_leaf(self, leaf: Leaf, position: float) -> None:
-        """Set the target of the drive of a powered door."""
+    def drive_leaf(self, leaf: Leaf, goal: float, speed: float) -> None:
+        """Let the drive of a powered door move its leaf towards a position for one control period, m/s."""
+        lead = LEAD * speed * self.period
+        position = self.leaf_position(leaf)
+        self.hold_leaf(leaf, position + min(max(goal - position, -lead), lead))
+
+    def hold_leaf(self, leaf: Leaf, position: float) -> None:
+        """Set the position at which the drive of a powered door holds its leaf."""
         self.data.ctrl[mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_ACTUATOR, leaf.name)] = position
 
     def note_leaves(self, owner: str) -> bool:

@@ -59,7 +59,7 @@ def test_the_map_states_where_things_can_be_put(type: str, stated: bool | None, 
 def test_things_stay_where_they_are_for_a_minute() -> None:
     run = Run(room(extra_objects=[thing("Carton1", "Carton", 4, 5.2, 0.74, RotationZ=0.5)]))
     poses_before = run.simulation.scene.pose("Carton1"), run.simulation.scene.pose("Jar002")
-    run.simulation.scene.step(12000)
+    run.simulation.scene.step(3000)
     poses_after = run.simulation.scene.pose("Carton1"), run.simulation.scene.pose("Jar002")
     assert np.allclose(poses_before, poses_after, atol=1e-3)
 
