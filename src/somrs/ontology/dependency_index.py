@@ -19,17 +19,22 @@ REQUIRED_NAMES: Mapping[Section, frozenset[str]] = {
             "Shape", "Form", "Width", "Depth", "Height", "Radius", "Outline",
             "Weight", "Color", "Label", "Elevation", "Open",
             "OperationRange", "FieldOfView", "Accuracy", "Payload", "Speed", "Price", "Charge", "Supporting",
+            "ExternalId", "DoorKind", "SwingAngle", "NavigationGraph", "Bidirectional", "SpeedLimit", "Travel", "Mutex", "LaneWidth",
+            "HoldingPoint", "ParkingSpot", "PassthroughPoint", "CleaningZone", "DockName",
             "Offers", "StepTime", "AnswerTime", "Unknown", "Working",
         )
     ),
-    Section.RELATIONS: frozenset(("isPartOf", "isOn", "isIn", "isHeldBy", "isAt")),
+    Section.RELATIONS: frozenset(
+        ("isPartOf", "isOn", "isIn", "isHeldBy", "isAt", "startsAt", "endsAt", "interactsAt", "stopsAt", "leadsInto")
+    ),
     Section.FUNCTIONS: frozenset(("distance",)),
     Section.TYPES: frozenset(
         (
             "Object", "PhysicalObject", "AbstractObject", "Storey", "Space",
             "BuildingElement", "Wall", "Floor", "Ceiling", "Window", "Passage", "Opening", "Door", "PoweredDoor", "Place", "Charger",
+            "Waypoint", "Lane", "Station", "Hole",
             "Furniture", "FurnitureLeg", "Support", "Cupboard", "Graspable",
-            "Device", "Person", "StationaryDevice", "Scale", "Camera", "MobileRobot", "MobileManipulator", "PatrolRobot",
+            "Device", "Person", "StationaryDevice", "Scale", "Camera", "Lift", "MobileRobot", "MobileManipulator", "PatrolRobot",
         )
     ),
     Section.SERVICES: frozenset(

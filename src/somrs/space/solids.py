@@ -48,6 +48,8 @@ _ROLES = (
     ("Ceiling", Role.IGNORED),
     ("Opening", Role.IGNORED),
     ("Place", Role.MARK),
+    ("Waypoint", Role.IGNORED),
+    ("Station", Role.IGNORED),
     ("Floor", Role.FLOOR),
     ("Door", Role.DOOR),
     ("Wall", Role.WALL),
