@@ -22,7 +22,7 @@ from timing import side_by_side
 from somrs.devices.simulator.link.commands import Command, CommandDone, CommandGivenUp, DriveTo, Grip, Place
 from somrs.devices.simulator.server.server import Server
 from somrs.devices.simulator.server.simulation import Simulation
-from somrs.devices.simulator.world.scene import Scene
+from somrs.devices.simulator.world.physics import PhysicsScene
 from somrs.ontology.files.loading import load, upper
 from somrs.ontology.objects import Map, Object
 from somrs.ontology.types import Ontology, Value
@@ -73,7 +73,7 @@ def pace(title: str, map: Map, ontology: Ontology, jobs: Jobs) -> None:
         work(simulation, jobs)
         whole.append(time.perf_counter() - started - setup_times[-1])
         simulated = simulation.time
-        scene = Scene(map, ontology)
+        scene = PhysicsScene(map, ontology)
         started = time.perf_counter()
         scene.step(round(simulated / scene.period))
         bare.append(time.perf_counter() - started)

@@ -62,6 +62,7 @@ from somrs.devices.simulator.link.link import OperatorLink, RobotLink
 from somrs.devices.simulator.server.connections import MOST_STATES
 from somrs.devices.simulator.server.pictures import Pictures
 from somrs.devices.simulator.server.server import Server
+from somrs.devices.simulator.world.physics import PhysicsScene
 from somrs.errors import RemoteError, SimulationError, UsageError, WireError
 from somrs.ontology.objects import Object
 from tests.support.command import somrs
@@ -593,10 +594,16 @@ def test_nothing_is_said_while_nothing_moves_but_that_one_is_there() -> None:
     run(test())
 
 
+def _calculated_time(server: Server) -> float:
+    """The time that the physics has come to."""
+    assert isinstance(server.simulation.scene, PhysicsScene)
+    return float(server.simulation.scene.data.time)
+
+
 async def wait_until_at_rest(server: Server) -> float:
     """Wait until the world rests, which takes it a second of its time. The time that the physics has come to."""
     last_time = -1.0
-    while (now := float(server.simulation.scene.data.time)) != last_time:
+    while (now := _calculated_time(server)) != last_time:
         last_time = now
         await asyncio.sleep(0.5)
     return now
@@ -610,7 +617,7 @@ def test_in_a_world_at_rest_time_passes_without_any_physics() -> None:
             await asyncio.sleep(1.0)
             second_request_time, last_time = time.monotonic(), (await operator.clock()).time
             assert 4 * (second_request_time - answer_time - 0.5) < last_time - first_time < 4 * (time.monotonic() - request_time + 0.5)
-            assert server.simulation.scene.data.time == calculated
+            assert _calculated_time(server) == calculated
             await operator.schedule("Robot2", Fault.GRIPPER, delay=1.0)
             await wait_until(lambda: server.simulation.robots["Robot2"].faults)
 

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from somrs.devices.simulator.world.scene import Scene
+from somrs.devices.simulator.world.physics import PhysicsScene
 from somrs.ontology.objects import Map, Object
 from somrs.space.distances import distances_from
 from somrs.space.leaves import HANDLE_LENGTH, STANDOFF, Leaf, inside, leaves_of
@@ -32,7 +32,7 @@ def _solid(object: Object) -> Solid:
 
 @pytest.mark.parametrize("owner", OWNERS, ids=lambda owner: f"{owner.type} {owner.values.get('RotationZ', 0):.1f}")
 def test_leaves_and_handles_are_where_the_joints_put_them(owner: Object) -> None:
-    scene = Scene(Map([*shell(), owner]), ONTOLOGY)
+    scene = PhysicsScene(Map([*shell(), owner]), ONTOLOGY)
     for leaf in leaves_of(_solid(owner)):
         for part in (0.0, 0.3, 1.0):
             position = part * leaf.travel
@@ -57,12 +57,12 @@ def _distance(leaf: Leaf, position: float, point: tuple[float, float]) -> float:
     return float(distances_from(solid, np.array([point]))[0])
 
 
-def _geoms(scene: Scene, leaf: Leaf) -> list[int]:
+def _geoms(scene: PhysicsScene, leaf: Leaf) -> list[int]:
     body = scene.model.body(leaf.name).id
     return [geom for geom in range(scene.model.ngeom) if scene.model.geom_bodyid[geom] == body]
 
 
-def _place(scene: Scene, geom: int) -> tuple[float, float, float]:
+def _place(scene: PhysicsScene, geom: int) -> tuple[float, float, float]:
     x, y, z = scene.data.geom_xpos[geom].tolist()
     return x, y, z
 
@@ -91,7 +91,7 @@ def test_things_in_a_container_are_seen_only_when_it_is_open() -> None:
     jar = Object(name="Jar", type="Jar", values={"PositionX": 4.0, "PositionY": 3.2, "PositionZ": 0.06})
     for is_open in (False, True):
         cupboard = box("Cupboard", "Cupboard", (4, 3, 0), (0.5, 1.2, 0.8), Open=is_open)
-        scene = Scene(Map([*shell(), cupboard, jar]), ONTOLOGY)
+        scene = PhysicsScene(Map([*shell(), cupboard, jar]), ONTOLOGY)
         assert scene.is_unobstructed((6.0, 3.2, 0.4), (4.0, 3.2, 0.13), ["Jar"]) is is_open
         state = scene.observe("Jar")
         assert (state.container, state.support) == ("Cupboard", None)
@@ -101,6 +101,6 @@ def test_things_in_a_container_are_seen_only_when_it_is_open() -> None:
 def test_what_stands_on_a_container_is_not_in_it() -> None:
     cupboard = box("Cupboard", "Cupboard", (4, 3, 0), (0.5, 1.2, 0.8))
     jar = Object(name="Jar", type="Jar", values={"PositionX": 4.0, "PositionY": 3.0, "PositionZ": 0.8})
-    state = Scene(Map([*shell(), cupboard, jar]), ONTOLOGY).observe("Jar")
+    state = PhysicsScene(Map([*shell(), cupboard, jar]), ONTOLOGY).observe("Jar")
     assert (state.container, state.support) == (None, "Cupboard")
     assert inside(_solid(cupboard)).top < 0.8

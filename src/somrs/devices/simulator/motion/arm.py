@@ -9,7 +9,7 @@ import numpy as np
 
 from somrs.devices.simulator.link.commands import Fault
 from somrs.devices.simulator.motion.robot import Robot, Routine
-from somrs.devices.simulator.world.chassis import LIFT_TOP
+from somrs.devices.simulator.world.joints import LIFT_TOP
 from somrs.space.dimensions import OPENING
 from somrs.space.distances import distances_from
 from somrs.space.leaves import HANDLE_LENGTH, inside

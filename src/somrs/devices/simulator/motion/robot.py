@@ -12,7 +12,7 @@ from collections.abc import Generator, Iterator
 
 from somrs.devices.simulator.link.commands import Fault, RobotState
 from somrs.devices.simulator.motion.traffic import GAP, Capsule
-from somrs.devices.simulator.world.chassis import Joints
+from somrs.devices.simulator.world.joints import Joints
 from somrs.devices.simulator.world.scene import Scene
 from somrs.space.dimensions import Dimensions, dimensions_of
 from somrs.space.navigation import Navigator

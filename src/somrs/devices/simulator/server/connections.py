@@ -149,7 +149,7 @@ class Connections:
         ]
         if not due:
             return
-        if self._table is None or self._table.model is not self._simulation.scene.model:
+        if self._table is None or self._table.edition != self._simulation.scene.edition:
             self._table = Table(self._simulation)
         row, statuses = self._table.row(), robot_statuses(self._simulation)
         for connection, subscription in due:

@@ -17,6 +17,7 @@ from somrs.devices.simulator.motion.leaves import obstacle_in_sweep
 from somrs.devices.simulator.motion.robot import Fleet, Robot
 from somrs.devices.simulator.server.navigators import Navigators
 from somrs.devices.simulator.server.robot_work import RobotWork
+from somrs.devices.simulator.world.physics import PhysicsScene
 from somrs.devices.simulator.world.recognition import landmarks, sightings
 from somrs.devices.simulator.world.scene import RESTING, Scene
 from somrs.devices.simulator.world.stationary import OnEnd, StationaryDevice
@@ -38,7 +39,7 @@ class Simulation:
 
     def __init__(self, map: Map, ontology: Ontology) -> None:
         self._map, self._ontology = map, ontology
-        self.scene = Scene(map, ontology)
+        self.scene: Scene = PhysicsScene(map, ontology)
         self._navigators = self._new_navigators()
         self.robots = Fleet()
         self.stationary: dict[str, StationaryDevice] = {}

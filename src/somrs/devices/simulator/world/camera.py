@@ -151,18 +151,19 @@ class Camera:
         """A PNG of the current world; by default an overview of the building."""
         view = view or overview(self._scene)
         self._context.make_current()
-        if self._model is not self._scene.model:
-            self._model = self._scene.model
+        model, data = self._scene.drawing()
+        if self._model is not model:
+            self._model = model
             self._drawing = mujoco.MjvScene(self._model, maxgeom=20000)
             self._target = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_150.value)
             mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._target)
         camera = mujoco.MjvCamera()
         camera.lookat[:] = (view.x, view.y, view.z)
         camera.distance, camera.azimuth, camera.elevation = view.distance, view.azimuth, view.elevation
-        colours = self._fade_walls(view)
+        colours = self._fade_walls(model, view)
         category_mask = mujoco.mjtCatBit.mjCAT_ALL.value
-        mujoco.mjv_updateScene(self._model, self._scene.data, mujoco.MjvOption(), None, camera, category_mask, self._drawing)
-        self._scene.model.geom_rgba[:] = colours
+        mujoco.mjv_updateScene(self._model, data, mujoco.MjvOption(), None, camera, category_mask, self._drawing)
+        model.geom_rgba[:] = colours
         pixels, frame = np.zeros((self._height, self._width, 3), dtype=np.uint8), mujoco.MjrRect(0, 0, self._width, self._height)
         mujoco.mjr_render(frame, self._drawing, self._target)
         mujoco.mjr_readPixels(pixels, None, frame, self._target)
@@ -170,9 +171,8 @@ class Camera:
         Image.fromarray(np.flipud(pixels)).save(buffer, format="PNG", optimize=True)
         return buffer.getvalue()
 
-    def _fade_walls(self, view: View) -> Any:
+    def _fade_walls(self, model: mujoco.MjModel, view: View) -> Any:
         """Make walls between the camera and its target transparent. Returns the previous colours."""
-        model = self._scene.model
         old_colours, angle = model.geom_rgba.copy(), math.radians(view.azimuth)
         direction = np.array([-math.cos(angle), -math.sin(angle)])  # from the target to the camera
         flat = view.distance * math.cos(math.radians(view.elevation))

@@ -13,21 +13,16 @@ import math
 import mujoco
 import numpy as np
 
+from somrs.devices.simulator.world.joints import ARM_JOINTS, BASE_JOINTS, LIFT_TOP, Joints, wrapped
 from somrs.space.dimensions import FINGER, OPENING, Dimensions, dimensions_of
 from somrs.space.solids import Solid
 
 GROUND = 0.02
 """Height of the base's collision body above the floor, m."""
-LIFT_TOP = 1.75
-"""Largest height of the boom, m: enough to take a tall bottle from a top at 1.2 m."""
 # Collision bits: static bodies collide with robots and things, robots with everything, static bodies never with each other.
 # Handles collide with fingers only.
 STATIC_BIT, ROBOT_BIT, THING_BIT, HANDLE_BIT = 1, 2, 4, 8
 _DARK, _STEEL, _RUBBER, _TIP = (0.13, 0.14, 0.16, 1), (0.72, 0.74, 0.77, 1), (0.06, 0.06, 0.07, 1), (0.95, 0.55, 0.1, 1)
-_JOINTS = ("x", "y", "yaw", "turret", "lift", "reach", "wrist", "left", "right")
-BASE_JOINTS = _JOINTS[:3]
-ARM_SEEN = ("turret", "lift", "reach", "wrist", "left")
-"""The joints that describe the pose of an arm; both fingers are equally open."""
 
 
 def add_robot(spec: mujoco.MjSpec, solid: Solid, colour: tuple[float, float, float, float]) -> None:
@@ -123,13 +118,13 @@ def _add_arm(spec: mujoco.MjSpec, base: mujoco.MjsBody, name: str, size: Dimensi
     pull.name1, pull.name2, pull.solref = palm.name, base.name, [0.02, 1.0]
 
 
-class Joints:
-    """A robot's joints and servos, by name, in a compiled model. Valid until the next compilation."""
+class ServoJoints(Joints):
+    """A robot's joints and servos in a compiled model. Valid until the next compilation."""
 
     def __init__(self, name: str, model: mujoco.MjModel, data: mujoco.MjData, gripper: bool) -> None:
         # Views of the physics' memory: getting a view costs more than reading it.
         self._positions, self._velocities, self._targets = np.asarray(data.qpos), np.asarray(data.qvel), np.asarray(data.ctrl)
-        joints = _JOINTS if gripper else BASE_JOINTS
+        joints = (*BASE_JOINTS, *ARM_JOINTS) if gripper else BASE_JOINTS
         ids = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, f"{name}/{joint}") for joint in joints]
         self._position = {joint: int(model.jnt_qposadr[i]) for joint, i in zip(joints, ids, strict=True)}
         self._velocity = {joint: int(model.jnt_dofadr[i]) for joint, i in zip(joints, ids, strict=True)}
@@ -137,25 +132,19 @@ class Joints:
         self._origin = tuple(float(value) for value in model.body(name).pos[:2])
 
     def __getitem__(self, joint: str) -> float:
-        """The position of a joint, m or rad."""
         return float(self._positions[self._position[joint]])
 
     def start(self, joint: str, position: float) -> None:
-        """Set a joint's position without motion, for a robot that is added."""
         self._positions[self._position[joint]] = position
         if joint not in BASE_JOINTS:
             self.drive(joint, position)
 
     def drive(self, joint: str, target: float) -> None:
-        """Set a servo's target: a velocity for the base, a position for the arm."""
         self._targets[self._servo[joint]] = target
 
     def pose(self) -> tuple[float, float, float]:
-        """The base's x, y and yaw on the map; yaw in (-pi, pi]."""
-        yaw = self["yaw"]
-        return self["x"] + self._origin[0], self["y"] + self._origin[1], math.atan2(math.sin(yaw), math.cos(yaw))
+        return self["x"] + self._origin[0], self["y"] + self._origin[1], wrapped(self["yaw"])
 
     def speed(self) -> tuple[float, float]:
-        """The speed of the base (m/s), and its turning speed (rad/s)."""
         x, y, yaw = (float(self._velocities[self._velocity[joint]]) for joint in BASE_JOINTS)
         return math.hypot(x, y), yaw

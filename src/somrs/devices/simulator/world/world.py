@@ -1,89 +1,62 @@
-"""The simulated world, built from a map: each physical object becomes a body of the same name, according to its type and attributes.
+"""The world for the physics, built from a map: each physical object becomes a body of the same name, according to its type and attributes.
 
-There is no scene file: only objects on the map are in the world (paper, "Simulation"). `looks.py` draws the objects, `chassis.py` builds
-the robots.
+`looks.py` draws the objects, `chassis.py` builds the robots.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
 
 import mujoco
 
 from somrs.devices.simulator.world.chassis import HANDLE_BIT, ROBOT_BIT, STATIC_BIT, THING_BIT, add_robot
 from somrs.devices.simulator.world.colours import METAL, colour_of
+from somrs.devices.simulator.world.layout import Layout
 from somrs.devices.simulator.world.looks import add_surroundings, draw, draw_handle, draw_leaf
-from somrs.errors import SimulationError
 from somrs.ontology.objects import Map, Object
 from somrs.ontology.types import Ontology
-from somrs.space.leaves import EDGE, HANDLE, HANDLE_LENGTH, JAMB, STANDOFF, Leaf, leaf_obstacles, leaves_of, panels
+from somrs.space.leaves import EDGE, HANDLE, HANDLE_LENGTH, JAMB, STANDOFF, Leaf, leaves_of, panels
 from somrs.space.solids import Point, Role, Solid, role_of, solid_of
 
 STEP = 0.005
 """Time step of the physics, s."""
 LIGHTEST = 0.01
 """Smallest mass of a thing in the physics, kg."""
-_STATICS = (Role.WALL, Role.DOOR, Role.SUPPORT, Role.STATIC)
 
 
-@dataclass(slots=True)
-class World:
-    """The description of the world, to be compiled, and its solids by name."""
+class World(Layout):
+    """A layout with its description for the physics, to be compiled. `composed`: objects whose parts are drawn in their place."""
 
-    spec: mujoco.MjSpec
-    ontology: Ontology
-    solids: dict[str, Solid] = field(default_factory=dict)
-    positions: dict[str, float] = field(default_factory=dict)
-    """The positions of the leaves of doors and containers when they came to rest, by name."""
-    composed: frozenset[str] = frozenset()
-    """Objects whose parts are drawn in their place."""
-
-    def by_role(self, *roles: Role) -> list[Solid]:
-        return [solid for solid in self.solids.values() if solid.role in roles]
-
-    def blocks(self) -> list[Solid]:
-        """The static obstacles, with the leaves of open containers, and without open doors."""
-        solids = [solid for solid in self.by_role(*_STATICS) if not (solid.role is Role.DOOR and solid.open)]
-        return [*solids, *self.leaf_obstacles()]
-
-    def leaf_obstacles(self) -> list[Solid]:
-        """The leaves of containers that are not shut."""
-        containers = (solid for solid in self.by_role(Role.SUPPORT) if solid.container)
-        return [leaf for solid in containers for leaf in leaf_obstacles(solid, self.positions)]
+    def __init__(self, ontology: Ontology, composed: frozenset[str]) -> None:
+        super().__init__(ontology)
+        self.spec = mujoco.MjSpec()
+        self.composed = composed
 
     def add(self, object: Object) -> Solid | None:
-        """Add an object to the description. Returns None if it takes up no space. Raises SimulationError if it exists already."""
-        solid = solid_of(object, self.ontology)
+        solid = super().add(object)
         if solid is None:
             return None
-        if object.name in self.solids:
-            raise SimulationError(f"{object.name} is in the simulated world already; remove it first")
         if solid.role is Role.ROBOT:
             add_robot(self.spec, solid, colour_of(solid))
         else:
             self._add_body(solid)
-        self.solids[solid.name] = solid
         return solid
 
     def set_weight(self, thing: str, weight: float) -> None:
-        """Set the weight of a thing in the description, kg."""
-        self.solids[thing] = replace(self.solids[thing], weight=weight)
+        super().set_weight(thing, weight)
         for geom in self.spec.body(thing).geoms:
             if geom.contype:  # the parts that are only drawn weigh nothing
                 geom.mass = max(weight, LIGHTEST)
 
-    def remove(self, name: str) -> None:
-        """Remove an object from the description."""
-        solid = self.solids.pop(name)
-        for leaf in leaves_of(solid):
-            self.positions.pop(leaf.name, None)
+    def remove(self, name: str) -> Solid:
+        solid = super().remove(name)
         if solid.role is Role.ROBOT or solid.powered:
             for element in (*self.spec.actuators, *self.spec.equalities, *self.spec.excludes):
                 owner = element.bodyname1 if isinstance(element, mujoco.MjsExclude) else element.name
                 if owner == name or owner.startswith(f"{name}/"):
                     self.spec.delete(element)
         self.spec.delete(self.spec.body(name))
+        return solid
 
     def _add_body(self, solid: Solid) -> None:
         turn = [math.cos(solid.yaw / 2), 0, 0, math.sin(solid.yaw / 2)]
@@ -203,7 +176,9 @@ def triangles(outline: tuple[Point, ...]) -> list[tuple[Point, Point, Point]]:
 
 def build(map: Map, ontology: Ontology) -> World:
     """Build the world that the map describes. Raises SimulationError."""
-    spec = mujoco.MjSpec()
+    parts = (name for name, object in map.objects.items() if role_of(object, ontology) is Role.PART and solid_of(object, ontology))
+    world = World(ontology, composed=frozenset(whole for name in parts if (whole := map.whole(name)) is not None))
+    spec = world.spec
     spec.modelname = "somrs"
     spec.option.timestep = STEP
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
@@ -212,13 +187,8 @@ def build(map: Map, ontology: Ontology) -> World:
     spec.option.iterations, spec.option.ls_iterations = 30, 20
     # A divergence must be detected; MuJoCo must not reset the state.
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-    parts = (name for name, object in map.objects.items() if role_of(object, ontology) is Role.PART and solid_of(object, ontology))
-    world = World(spec, ontology, composed=frozenset(whole for name in parts if (whole := map.whole(name)) is not None))
-    for object in map.objects.values():
-        world.add(object)
+    world.fill(map)
     solids = list(world.solids.values())
-    if not solids:
-        raise SimulationError("the map has no physical object with a position and a shape; there is no world to simulate")
     low = (min(s.x - s.extent for s in solids), min(s.y - s.extent for s in solids), min(s.z for s in solids))
     high = (max(s.x + s.extent for s in solids), max(s.y + s.extent for s in solids), max(s.top for s in solids))
     add_surroundings(spec, low, high)

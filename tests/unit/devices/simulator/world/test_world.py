@@ -10,8 +10,9 @@ import pytest
 
 from somrs.devices.simulator.link.commands import Approach, CommandDone, CommandGivenUp, DriveTo, Grip, Place
 from somrs.devices.simulator.server.simulation import Simulation
-from somrs.devices.simulator.world import scene as scene_module
-from somrs.devices.simulator.world.scene import Scene
+from somrs.devices.simulator.world import physics
+from somrs.devices.simulator.world.physics import PhysicsScene
+from somrs.devices.simulator.world.scene import RESTING
 from somrs.devices.simulator.world.world import triangles
 from somrs.errors import SimulationError, UsageError
 from somrs.ontology.files.loading import load_text, upper
@@ -23,7 +24,7 @@ from tests.support.simulator_room import ONTOLOGY, Run, box, robot, room, shell,
 
 
 def test_every_physical_object_of_the_map_is_in_the_world() -> None:
-    scene = Scene(room(extra_objects=[Object(name="Room1", type="CuboidRoom")]), ONTOLOGY)
+    scene = PhysicsScene(room(extra_objects=[Object(name="Room1", type="CuboidRoom")]), ONTOLOGY)
     assert set(scene.world.solids) == set(room().objects)
     assert scene.observe("Jar002").support == "Cupboard001"
     assert scene.observe("Robot1").support == "Floor1"
@@ -64,16 +65,21 @@ def test_things_stay_where_they_are_for_a_minute() -> None:
     assert np.allclose(poses_before, poses_after, atol=1e-3)
 
 
+def physics_of(run: Run) -> PhysicsScene:
+    assert isinstance(run.simulation.scene, PhysicsScene)
+    return run.simulation.scene
+
+
 def sleeping(run: Run) -> list[str]:
-    scene = run.simulation.scene
+    scene = physics_of(run)
     return [thing for thing in scene.things() if scene.data.tree_asleep[scene.model.body_treeid[scene.model.body(thing).id]] >= 0]
 
 
 def test_what_sleeps_is_as_it_would_be_awake(monkeypatch: pytest.MonkeyPatch) -> None:
     extra_things = [thing("Jar003", "Jar", 0.4, 4.3, 0.8), thing("Carton1", "Carton", 4, 5.2, 0.74, RotationZ=0.5)]
     ends = []
-    for wake in (scene_module.RESTING, math.inf):
-        monkeypatch.setattr(scene_module, "RESTING", wake)
+    for wake in (RESTING, math.inf):
+        monkeypatch.setattr(physics, "RESTING", wake)
         run = Run(room(extra_objects=extra_things))
         run.execute_all("Robot1", Grip(object="Jar003"), Place(support="Platform001"))
         for _ in range(100):
@@ -89,7 +95,7 @@ def test_what_sleeps_falls_when_what_it_stands_on_is_gone() -> None:
     run = Run(room())
     run.run_until(lambda: sleeping(run))
     assert run.simulation.observe("Jar002").support == "Cupboard001"
-    assert run.simulation.scene.touches("Jar002", ["Cupboard001"])
+    assert "Cupboard001" in run.simulation.scene.supporters("Jar002")
     run.simulation.remove("Cupboard001")
     run.run_until(lambda: run.simulation.time > 3 and not run.simulation.busy)
     assert run.simulation.observe("Jar002").support == "Floor1"
@@ -106,8 +112,8 @@ def test_nothing_is_busy_until_somebody_says_something() -> None:
 
 def test_physics_that_stopped_making_sense_is_an_error() -> None:
     run = Run(room())
-    joint = run.simulation.scene.model.joint("Jar002")
-    run.simulation.scene.data.qvel[joint.dofadr[0]] = math.nan
+    joint = physics_of(run).model.joint("Jar002")
+    physics_of(run).data.qvel[joint.dofadr[0]] = math.nan
     with pytest.raises(SimulationError, match="the physics diverged"):
         run.step()
 
