@@ -7,8 +7,9 @@ import math
 import random
 
 from somrs.devices.simulator.link.commands import CommandDone, CommandGivenUp, DriveTo, Fault
-from somrs.devices.simulator.motion.traffic import Capsule, segment_distance
+from somrs.devices.simulator.motion.traffic import Capsule
 from somrs.ontology.objects import Map, Object
+from somrs.space.lines import segment_distance
 from tests.support.simulator_room import Run, box, robot, room, shell
 
 

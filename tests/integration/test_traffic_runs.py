@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 from somrs.protocol.messages.traffic import TripResult
+from somrs.traffic.berths import Berths
 from somrs.traffic.component import Traffic
 from somrs.traffic.schedule import Schedule
 from verification.traffic_runs.draw import draw
@@ -35,6 +36,12 @@ def test_robots_that_do_not_wait_for_others_touch_them(monkeypatch: pytest.Monke
 
     monkeypatch.setattr(Schedule, "obstacles", nobody)
     assert any("are both at" in outcome.violation for outcome in outcomes(range(10)))
+
+
+def test_robots_touch_each_other_at_berths_that_exclude_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    for near in ("_near_places", "_near_berths"):
+        monkeypatch.setattr(Berths, near, lambda *_: iter(()))
+    assert any("touch each other" in outcome.violation for outcome in outcomes(range(30)))
 
 
 def test_robots_that_are_granted_nothing_do_not_arrive(monkeypatch: pytest.MonkeyPatch) -> None:

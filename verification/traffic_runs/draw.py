@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Collection
 from random import Random
 
+from somrs.protocol.messages.traffic import Berth
 from somrs.traffic.roadmap import Lane, Place, Roadmap
 from verification.traffic_runs.scenario import Incident, Scenario, Trouble
 
+RADIUS = 0.3
+"""The radius of robots that go to berths, in metres: robots on lanes of 1 m whose ends are 0.9 m apart do not touch each other."""
 SPAN = 60.0
 """The time within which things go wrong, in seconds."""
 
@@ -19,16 +24,41 @@ def draw(seed: int) -> Scenario:
     starts = dice.sample(names, count)
     homes = dice.sample(names, count)
     trips = tuple((*dice.choices(names, k=dice.randint(0, 4)), home) for home in homes)
+    berths: tuple[dict[str, Berth], ...] = tuple({} for _ in starts)
+    berth_dice = Random(seed)
+    if roadmap.spacing > 0 and berth_dice.random() < 0.7:
+        berths = tuple(_berths(berth_dice, f"Robot{number}", roadmap) for number in range(count))
+        trips = tuple(_mixed(berth_dice, way, own) for way, own in zip(trips, berths, strict=True))
     incidents = tuple(_incident(dice, count) for _ in range(dice.choice((0, 0, 1, 2, 3))))
     return Scenario(
         seed=seed,
         roadmap=roadmap,
         starts=tuple(starts),
         trips=trips,
+        berths=berths,
         slowness=tuple(dice.choice((1.0, 1.0, 1.5, 4.0)) for _ in starts),
         work=tuple(dice.choice((0.0, 0.0, 3.0, 15.0)) for _ in starts),
         incidents=incidents,
     )
+
+
+def _mixed(dice: Random, way: tuple[str, ...], berths: Collection[str]) -> tuple[str, ...]:
+    """The destinations in another order, with berths among them; the last one stays, because there each robot is out of the others' way."""
+    stops = [*way[:-1], *berths]
+    return (*dice.sample(stops, k=len(stops)), way[-1])
+
+
+def _berths(dice: Random, robot: str, roadmap: Roadmap) -> dict[str, Berth]:
+    """Points beside the roadmap at which a robot is to work."""
+    berths: dict[str, Berth] = {}
+    for number in range(dice.randint(0, 2)):
+        beside = dice.choice(roadmap.places)
+        x, y = beside.x + dice.uniform(-0.5, 0.5), beside.y + dice.uniform(-0.5, 0.5)
+        near = tuple(place.name for place in roadmap.places if math.dist((place.x, place.y), (x, y)) < roadmap.spacing)
+        if near:
+            name = f"{robot}/{number}"
+            berths[name] = Berth(name=name, x=x, y=y, radius=RADIUS, places=near[: dice.randint(1, 3)])
+    return berths
 
 
 def _incident(dice: Random, robots: int) -> Incident:

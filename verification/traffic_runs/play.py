@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
+from itertools import combinations
 from random import Random
 
 from somrs.kernel.component import Input, Received
@@ -13,10 +15,13 @@ from somrs.planner_service.traffic_planner import TrafficPlanner
 from somrs.protocol.messages.envelope import Message
 from somrs.protocol.messages.traffic import RequestTrip, TripEnded, TripResult
 from somrs.runtime.virtual_time import QUIET, Work, World
+from somrs.space.lines import segment_distance
+from somrs.traffic.berths import SPEED
 from somrs.traffic.component import SCHEMA, Traffic
 from somrs.traffic.planning.graph import Graph
 from somrs.traffic.roadmap import NumberedRoadmap
 from somrs.traffic.state import PlanTraffic
+from verification.traffic_runs.draw import RADIUS
 from verification.traffic_runs.scenario import Incident, Scenario, Trouble
 from verification.traffic_runs.vehicle import Robot, Vehicle
 
@@ -53,9 +58,13 @@ class Play:
         self._graph = NumberedRoadmap(scenario.roadmap)
         self._lengths = {(lane.start, lane.end): lane.seconds for lane in scenario.roadmap.lanes}
         self._planner = TrafficPlanner(scenario.roadmap)
+        berths = [berth for own in scenario.berths for berth in own.values()]
+        self._points = {place.name: (place.x, place.y) for place in scenario.roadmap.places}
+        self._points |= {berth.name: (berth.x, berth.y) for berth in berths}
+        self._has_berths = bool(berths)
         self.robots = [
-            Robot(name=f"Robot{number}", place=start, trips=list(trips))
-            for number, (start, trips) in enumerate(zip(scenario.starts, scenario.trips, strict=True))
+            Robot(name=f"Robot{number}", place=start, trips=list(trips), berths=own)
+            for number, (start, trips, own) in enumerate(zip(scenario.starts, scenario.trips, scenario.berths, strict=True))
         ]
 
     def run(self) -> Outcome:
@@ -97,7 +106,8 @@ class Play:
         self.world.add(robot.name, Vehicle(robot, TRAFFIC, seconds, scenario.work[number]))
 
     def _seconds(self, slowness: float, start: str, end: str) -> float:
-        return self._lengths[start, end] * slowness * self._dice.uniform(0.8, 1.6)
+        length = self._lengths.get((start, end)) or math.dist(self._points[start], self._points[end]) / SPEED
+        return length * slowness * self._dice.uniform(0.8, 1.6)
 
     def _meddle(self, incident: Incident, *, mended: bool) -> None:
         world, robot = self.world, self.robots[incident.robot]
@@ -138,7 +148,7 @@ class Play:
     def _no_room(self, ended: TripEnded) -> None:
         """Raise Violation if the robot could come to its goal, and the others could make room, by a search among all configurations."""
         graph, numbers = self._graph.graph, self._graph.numbers
-        if graph.size > MOST_PLACES or any(robot.towards is not None or robot.broken for robot in self.robots):
+        if graph.size > MOST_PLACES or self._has_berths or any(robot.towards is not None or robot.broken for robot in self.robots):
             return
         start = tuple(numbers[robot.place] for robot in self.robots)
         bodies = (message.body for message in self.world.messages)
@@ -148,17 +158,25 @@ class Play:
             raise Violation(f"{ended.robot} was told that there is no room for its way to {destination}, and there is")
 
     def _apart(self) -> None:
-        """Raise Violation if two robots are in one place, or in places that exclude each other."""
+        """Raise Violation if two robots are in one place, or in places that exclude each other, or on lines so near that they may touch."""
+        if self._has_berths:
+            self._lines_apart()
         occupied: dict[int, Robot] = {}
         for robot in self.robots:
             for name in (robot.place, robot.towards):
-                if name is None:
+                if name not in self._graph.numbers:
                     continue
                 place = self._graph.numbers[name]
                 for close in (place, *self._graph.graph.exclusions[place]):
                     if (other := occupied.get(close, robot)) is not robot:
                         raise Violation(f"{robot.name} and {other.name} are both at {name}")
-            occupied |= {self._graph.numbers[name]: robot for name in (robot.place, robot.towards) if name is not None}
+            occupied |= {self._graph.numbers[name]: robot for name in (robot.place, robot.towards) if name in self._graph.numbers}
+
+    def _lines_apart(self) -> None:
+        lines = [(robot.name, self._points[robot.place], self._points[robot.towards or robot.place]) for robot in self.robots]
+        for (name, start, end), (near_name, near_start, near_end) in combinations(lines, 2):
+            if segment_distance(start, end, near_start, near_end) < 2 * RADIUS:
+                raise Violation(f"{name} and {near_name} touch each other")
 
 
 def _can_reach(graph: Graph, start: tuple[int, ...], goals: list[int | None]) -> bool:

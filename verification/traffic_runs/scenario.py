@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
+from somrs.protocol.messages.traffic import Berth
 from somrs.traffic.roadmap import Roadmap
 
 
@@ -29,13 +30,14 @@ class Incident:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario:
-    """`starts` and `trips`: places, by robot. `slowness`: by robot, the factor of the time for lanes. `work`: the seconds for which a robot
-    works where it has arrived."""
+    """`starts` and `trips`: places, by robot. `berths`: by robot, those of its destinations that are beside the roadmap. `slowness`: by
+    robot, the factor of the time for lanes. `work`: the seconds for which a robot works where it has arrived."""
 
     seed: int
     roadmap: Roadmap
     starts: tuple[str, ...]
     trips: tuple[tuple[str, ...], ...]
+    berths: tuple[dict[str, Berth], ...]
     slowness: tuple[float, ...]
     work: tuple[float, ...]
     incidents: tuple[Incident, ...]

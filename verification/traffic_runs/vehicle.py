@@ -12,16 +12,16 @@ from somrs.protocol.messages.bodies import Body
 from somrs.protocol.messages.envelope import Header, Message, message_id
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.traffic import (
-    EnterTraffic,
+    Berth,
     Granted,
     Mobility,
-    ReportPlace,
     RequestTrip,
     TrafficEntered,
     TripBegun,
     TripEnded,
     TripResult,
 )
+from somrs.traffic.participant import Participant
 
 LEASE = 6.0
 """The lease of a robot, in seconds."""
@@ -51,12 +51,16 @@ class TripDue(Struct, frozen=True):
 
 @dataclass(slots=True, kw_only=True)
 class Robot:
-    """The robot itself, which is there whether or not its program runs. `towards`: the place to which it is on its way."""
+    """The robot itself, which is there whether or not its program runs. `towards`: the place to which it is on its way.
+
+    `berths`: points beside the roadmap, by the names that the robot has for them.
+    """
 
     name: str
     place: str
     trips: list[str]
     """The places where it still has to go."""
+    berths: dict[str, Berth]
     towards: str | None = None
     broken: bool = False
     lives: int = 0
@@ -70,34 +74,31 @@ class Vehicle:
     def __init__(self, robot: Robot, traffic: str, seconds: Callable[[str, str], float], work: float) -> None:
         self.robot, self._traffic, self._seconds, self._work = robot, traffic, seconds, work
         self._address = ""
-        self._fence = self._number = self._progress = 0
         self._sent = 1
-        self._way: tuple[str, ...] = ()
-        """The places up to which it may drive, after the one to which it is on its way."""
+        self._participant = Participant(robot.name, robot.place, robot.towards)
         self._works = False
         self._trip: str | None = None
         self._refusals = 0
         robot.lives += 1
 
     def handle(self, event: Input, now: float) -> list[Effect]:
-        return [*self._effects(event, now)]
+        effects = [*self._effects(event, now)]
+        self.robot.place, self.robot.towards = self._participant.place, self._participant.towards
+        return effects
 
     def _effects(self, event: Input, now: float) -> Effects:
+        participant = self._participant
         match event:
             case Started(address):
                 self._address = address
                 yield from self._enter(now)
-            case Received(Message(body=TrafficEntered() as entered)) if entered.fence >= self._fence:
-                if entered.fence > self._fence:
-                    self._fence, self._number, self._progress = entered.fence, 0, 0
-                    if self.robot.towards is not None:
-                        yield SetTimer(Arrives(), now + self._seconds(self.robot.place, self.robot.towards))
+            case Received(Message(body=TrafficEntered() as entered)) if entered.fence >= participant.fence:
+                if participant.entered(entered):
+                    if participant.towards is not None:
+                        yield SetTimer(Arrives(), now + self._seconds(participant.place, participant.towards))
                     yield SetTimer(TripDue(), now)
                 yield SetTimer(ReportDue(), now + entered.renew_within)
-            case Received(Message(body=Granted() as granted)) if granted.fence == self._fence and granted.number > self._number:
-                self._number = granted.number
-                passed = self._progress - granted.progress + (self.robot.towards is not None)
-                self._way = granted.way[passed + 1 :]
+            case Received(Message(body=Granted() as granted)) if participant.granted(granted):
                 yield from self._go_on(now)
                 if self._mobility is not Mobility.FREE and len(granted.way) > 1:
                     yield self._report()  # it gives back what it cannot use
@@ -107,17 +108,16 @@ class Vehicle:
                 pass
             case DeliveryFailed(Message(body=RequestTrip())):
                 yield SetTimer(TripDue(), now)
-            case DeliveryFailed() if not self._fence:
+            case DeliveryFailed() if not participant.fence:
                 yield SetTimer(ReportDue(), now)
             case Received(Message(body=Fault())):
                 yield SetTimer(ReportDue(), now + PAUSE)
-            case TimerFired(Arrives()) if self.robot.towards is not None and not self.robot.broken:
-                self.robot.place, self.robot.towards = self.robot.towards, None
-                self._progress += 1
+            case TimerFired(Arrives()) if participant.towards is not None and not self.robot.broken:
+                participant.arrive()
                 yield self._report()
                 yield from self._go_on(now)
             case TimerFired(ReportDue()):
-                yield from ([self._report()] if self._fence else self._enter(now))
+                yield from ([self._report()] if participant.fence else self._enter(now))
                 yield SetTimer(ReportDue(), now + LEASE / 3)
             case TimerFired(WorkDone()):
                 self._works = False
@@ -127,8 +127,8 @@ class Vehicle:
                 yield from self._request(now)
 
     def _enter(self, now: float) -> Effects:
-        robot = self.robot
-        yield self._send(EnterTraffic(robot=robot.name, place=robot.place, towards=robot.towards, lease=LEASE, mobility=self._mobility))
+        berths = (self.robot.berths[name] for name in (self.robot.place, self.robot.towards) if name in self.robot.berths)
+        yield self._send(self._participant.enter(LEASE, tuple(berths), self._mobility))
         yield SetTimer(ReportDue(), now + PAUSE)
 
     @property
@@ -138,26 +138,15 @@ class Vehicle:
         return Mobility.BUSY if self._works else Mobility.FREE
 
     def _report(self) -> Send:
-        body = ReportPlace(
-            robot=self.robot.name,
-            fence=self._fence,
-            number=self._sent,
-            grant=self._number,
-            progress=self._progress,
-            place=self.robot.place,
-            between=self.robot.towards is not None,
-            mobility=self._mobility,
-        )
-        return self._send(body)
+        return self._send(self._participant.report(self._mobility))
 
     def _request(self, now: float) -> Effects:
         if self.robot.broken:
             yield SetTimer(TripDue(), now + PAUSE)
             return
         self._trip = f"{self.robot.name}/{self.robot.lives}/{self._sent}"
-        yield self._send(
-            RequestTrip(robot=self.robot.name, fence=self._fence, number=self._sent, trip=self._trip, destination=self.robot.trips[0])
-        )
+        destination = self.robot.trips[0]
+        yield self._send(self._participant.request(self._trip, self.robot.berths.get(destination, destination)))
 
     def _end(self, ended: TripEnded, now: float) -> Effects:
         self._trip = None
@@ -169,8 +158,8 @@ class Vehicle:
             return
         self._refusals = 0
         self.robot.trips.pop(0)
-        if self._work and self.robot.trips and self.robot.towards is None:
-            self._works, self._way = True, ()
+        if self._work and self.robot.trips and self._participant.towards is None:
+            self._works, self._participant.way = True, ()
             yield self._report()
             yield SetTimer(WorkDone(), now + self._work)
         else:
@@ -178,12 +167,10 @@ class Vehicle:
 
     def _go_on(self, now: float) -> Effects:
         """Drive to the next place, if it is granted."""
-        robot = self.robot
-        if robot.broken or self._works:
+        if self.robot.broken or self._works or not self._participant.fence:
             return
-        if robot.towards is None and self._way and self._fence:
-            robot.towards, self._way = self._way[0], self._way[1:]
-            yield SetTimer(Arrives(), now + self._seconds(robot.place, robot.towards))
+        if (following := self._participant.depart()) is not None:
+            yield SetTimer(Arrives(), now + self._seconds(self._participant.place, following))
 
     def _send(self, body: Body) -> Send:
         self._sent += 1

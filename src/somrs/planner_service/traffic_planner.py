@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from random import Random
 
+from somrs.traffic.berths import with_berths
 from somrs.traffic.planning.window import Traveller, WindowPlanner
 from somrs.traffic.roadmap import NumberedRoadmap, Roadmap
 from somrs.traffic.state import PlanTraffic, TrafficPlan
@@ -14,19 +15,17 @@ class TrafficPlanner:
 
     def __init__(self, roadmap: Roadmap) -> None:
         self._graph = NumberedRoadmap(roadmap).graph
-        self._closed: tuple[int, ...] = ()
         self._dice = Random()
-        self._planner = WindowPlanner(self._graph, self._dice.shuffle)
 
     def plan(self, problem: PlanTraffic) -> TrafficPlan:
-        if problem.closed != self._closed:
-            self._closed = problem.closed
-            self._planner = WindowPlanner(self._graph.without(problem.closed), self._dice.shuffle)
+        numbers = {robot.name: number for number, robot in enumerate(problem.robots)}
+        graph = with_berths(self._graph, problem.private, numbers)
+        planner = WindowPlanner(graph.without(problem.closed) if problem.closed else graph, self._dice.shuffle)
         self._dice.seed(problem.serial)
         travellers = [
             Traveller(place=robot.place, goal=robot.goal, waiting=robot.waiting, nearest=robot.nearest, movable=robot.movable)
             for robot in problem.robots
         ]
-        course = self._planner.plan(travellers, problem.steps, problem.effort, searches=problem.searches)
+        course = planner.plan(travellers, problem.steps, problem.effort, searches=problem.searches)
         ways = {robot.name: tuple(places[number] for places in course.steps) for number, robot in enumerate(problem.robots)}
         return TrafficPlan(ways=ways, whole=course.whole, stuck=tuple(problem.robots[number].name for number in course.stuck))

@@ -8,7 +8,6 @@ somebody takes it out of traffic.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Self
 
 from somrs.errors import InputError, UsageError
@@ -19,6 +18,7 @@ from somrs.protocol.messages.envelope import ANONYMOUS, Header, Message, message
 from somrs.protocol.messages.frp import Fault
 from somrs.protocol.messages.leases import grant_lease
 from somrs.protocol.messages.traffic import (
+    Berth,
     CancelTrip,
     EnterTraffic,
     Granted,
@@ -27,7 +27,6 @@ from somrs.protocol.messages.traffic import (
     ReadTraffic,
     ReportPlace,
     RequestTrip,
-    RobotInTraffic,
     TrafficEntered,
     TrafficLeft,
     TrafficView,
@@ -35,7 +34,9 @@ from somrs.protocol.messages.traffic import (
     TripEnded,
     TripResult,
 )
-from somrs.traffic.planning.graph import FAR, Graph
+from somrs.traffic.berths import Berths
+from somrs.traffic.closures import Closures
+from somrs.traffic.planning.graph import FAR
 from somrs.traffic.roadmap import NumberedRoadmap, Roadmap
 from somrs.traffic.schedule import Schedule
 from somrs.traffic.state import (
@@ -50,6 +51,7 @@ from somrs.traffic.state import (
     TrafficState,
     Trip,
 )
+from somrs.traffic.view import view
 
 AHEAD = 3
 """The number of places that a robot is granted beyond the one where it is: enough not to stop at each."""
@@ -84,9 +86,9 @@ class Traffic:
 
     def _begin(self, state: TrafficState) -> None:
         self.state = state
-        self._roadmap = NumberedRoadmap(state.roadmap)
-        self._schedule = Schedule(self._roadmap.graph, state.held, state.planned)
-        self._closed_graph: tuple[frozenset[int], Graph] = frozenset(), self._roadmap.graph
+        self._berths = Berths(NumberedRoadmap(state.roadmap), state.berths)
+        self._schedule = Schedule(self._berths.graph, state.held, state.planned)
+        self._closures = Closures(state, self._schedule)
 
     @property
     def open(self) -> list[str]:
@@ -111,6 +113,7 @@ class Traffic:
         self._note_silent(now)
         yield from self._end_trips()
         yield from self._grant(now)
+        self._drop_berths()
         yield from self._plan(now)
         times = (robot.expires_at for robot in self.state.robots.values() if not robot.silent)
         yield SetTimer(LeasesDue(), min(times, default=None))
@@ -125,9 +128,9 @@ class Traffic:
                     yield self._granted(body.robot, anew=False)  # it may have come before the answer to the entry
             case RequestTrip() as body:
                 yield self._answer(message, self._request_trip(body, now))
-            case CancelTrip(robot=name, trip=trip):
+            case CancelTrip(robot=name, fence=fence, trip=trip):
                 record = self.state.robots.get(name)
-                if record is not None and record.trip is not None and record.trip.id == trip:
+                if record is not None and record.fence == fence and record.trip is not None and record.trip.id == trip:
                     record.trip = None
                     self.state.changed = True
             case LeaveTraffic(robot=name):
@@ -136,7 +139,8 @@ class Traffic:
                     self._obstacles_changed()
                 yield self._answer(message, TrafficLeft(robot=name))
             case ReadTraffic():
-                yield self._answer(message, TrafficView(robots=tuple(self._view())))
+                robots = tuple(view(self.state, self._schedule, self._berths))
+                yield self._answer(message, TrafficView(robots=robots, berths=tuple(used.berth for used in self.state.berths if used)))
             case Fault():
                 pass  # a Fault is never answered, least of all by a Fault
             case body:
@@ -162,11 +166,14 @@ class Traffic:
             yield self._answer(message, self._entered(body.robot))
 
     def _enter(self, body: EnterTraffic, sender: str, now: float) -> TrafficEntered:
-        place, lease = self._roadmap.number(body.place), grant_lease(body.lease)
         if sender == ANONYMOUS:
             raise UsageError("a robot needs an address, to which places are granted: set the sender")
-        towards = self._roadmap.number(body.towards) if body.towards is not None else None
-        if towards is not None and towards not in self._roadmap.graph.successors[place]:
+        lease = grant_lease(body.lease)
+        for berth in body.berths:
+            self._use_berth(body.robot, berth)
+        place = self._berths.number(body.place, body.robot)
+        towards = self._berths.number(body.towards, body.robot) if body.towards is not None else None
+        if towards is not None and towards not in self._berths.graph.options(place, body.robot):
             raise UsageError(f"no lane leads from {body.place} to {body.towards}")
         self._put(body.robot, place, towards)
         self.state.fences += 1
@@ -180,7 +187,7 @@ class Traffic:
         """The robot is at this place, or on its way to the next one, and holds no others. Raises UsageError if another robot holds them."""
         for taken in (place, towards):
             if taken is not None and (holder := self._schedule.holder(taken, besides=name)) is not None:
-                raise UsageError(f"{name} cannot be at {self._roadmap.names[taken]}: {holder} holds it, or a place that is too close")
+                raise UsageError(f"{name} cannot be at {self._berths.name(taken)}: {holder} holds it, or a place that is too close")
         if name in self._schedule:
             self._schedule.leave(name)
         self._schedule.enter(name, place)
@@ -192,9 +199,10 @@ class Traffic:
         return TrafficEntered(robot=name, fence=record.fence, until=record.expires_at, renew_within=record.lease / 3)
 
     def _report(self, body: ReportPlace, now: float) -> TrafficEntered:
-        record, place = self._record(body.robot, body.fence), self._roadmap.number(body.place)
+        record = self._record(body.robot, body.fence)
         if body.number <= record.reported:
             return self._entered(body.robot)  # a later report has overtaken it
+        place = self._berths.number(body.place, body.robot)
         record.reported = body.number
         count = body.progress - record.progress
         held = self._schedule.held(body.robot)
@@ -233,16 +241,34 @@ class Traffic:
         self.state.serial, self.state.failures = self.state.serial + 1, 0
         self._schedule.plan({})
 
+    # Berths
+
+    def _use_berth(self, robot: str, berth: Berth) -> None:
+        self._berths.add(robot, berth)
+        self._schedule.graph = self._berths.graph
+
+    def _drop_berths(self) -> None:
+        """Forget the berths that nobody uses any more, but not while a plan is being made in which they may occur."""
+        state = self.state
+        if not state.is_planning and state.berths:
+            used = {record.trip.destination for record in state.robots.values() if record.trip is not None}
+            used.update(place for held in state.held.values() for place in held)
+            used.update(place for planned in state.planned.values() for _, place in planned)
+            if self._berths.keep(used):
+                self._schedule.graph = self._berths.graph
+
     # Trips
 
     def _request_trip(self, body: RequestTrip, now: float) -> TripBegun:
-        record, destination = self._record(body.robot, body.fence), self._roadmap.number(body.destination)
+        record = self._record(body.robot, body.fence)
         if body.number < record.requested:
             raise UsageError(f"{body.robot} has asked for another trip since")
-        distance = self._roadmap.graph.distances(destination)[self._schedule.committed[body.robot]]
+        if body.berth is not None:
+            self._use_berth(body.robot, body.berth)
+        destination, start = self._berths.number(body.destination, body.robot), self._schedule.committed[body.robot]
+        distance = self._berths.graph.distances(destination)[start]
         if distance == FAR:
-            place = self._roadmap.names[self._schedule.committed[body.robot]]
-            raise UsageError(f"no lanes lead from {place} to {body.destination}")
+            raise UsageError(f"no lanes lead from {self._berths.name(start)} to {body.destination}")
         if body.number > record.requested:  # the same request may arrive again
             record.requested = body.number
             record.trip = Trip(id=body.trip, destination=destination, since=now, nearest=distance)
@@ -251,7 +277,6 @@ class Traffic:
 
     def _end_trips(self) -> Effects:
         """End the trips of robots that have arrived, and of those that cannot arrive any more."""
-        closed, graph = self._closed()
         for name, record in self.state.robots.items():
             if record.trip is None or record.silent:
                 continue
@@ -259,11 +284,7 @@ class Traffic:
                 yield self._end_trip(name, TripResult.ARRIVED)
             elif record.mobility is Mobility.IMMOBILE:
                 yield self._end_trip(name, TripResult.IMMOBILE)
-            elif (
-                closed
-                and graph.distances(record.trip.destination)[self._schedule.committed[name]] == FAR
-                and (blockers := tuple(self._blockers(name, record.trip)))
-            ):
+            elif blockers := self._closures.blockers(name, record.trip):
                 yield self._end_trip(name, TripResult.CLOSED, blockers)
 
     def _end_trip(self, name: str, result: TripResult, robots: tuple[str, ...] = ()) -> Send:
@@ -273,26 +294,6 @@ class Traffic:
         record.trip = None
         self.state.changed = True
         return self._send(record, ended)
-
-    def _closed(self) -> tuple[frozenset[int], Graph]:
-        """The places that are held by robots that cannot move, and the roadmap without the lanes to them."""
-        fixed = (name for name, record in self.state.robots.items() if record.silent or record.mobility is Mobility.IMMOBILE)
-        closed = frozenset(place for name in fixed for place in self._schedule.held(name))
-        if closed != self._closed_graph[0]:
-            self._closed_graph = closed, self._roadmap.graph.without(closed)
-        return self._closed_graph
-
-    def _blockers(self, name: str, trip: Trip) -> Iterator[str]:
-        """The robots that cannot move and stand in the shortest way."""
-        graph, place = self._roadmap.graph, self._schedule.committed[name]
-        distances, closed = graph.distances(trip.destination), self._closed()[0]
-        named: set[str] = set()
-        while place != trip.destination:
-            place = min(graph.successors[place], key=lambda following: graph.lengths[place][following] + distances[following])
-            holder = self._schedule.holder(place, besides=name)
-            if holder is not None and holder not in named and not closed.isdisjoint((place, *graph.exclusions[place])):
-                named.add(holder)
-                yield holder
 
     # Grants
 
@@ -315,7 +316,7 @@ class Traffic:
             return False
         place = self._schedule.grant(name)
         if place is not None and record.trip is not None:
-            distance = self._roadmap.graph.distances(record.trip.destination)[place]
+            distance = self._berths.graph.distances(record.trip.destination)[place]
             if distance < record.trip.nearest:
                 record.trip.nearest, self.state.progressed_at = distance, now
         return place is not None
@@ -323,7 +324,7 @@ class Traffic:
     def _granted(self, name: str, *, anew: bool = True) -> Send:
         record = self.state.robots[name]
         record.grants += anew
-        way = tuple(self._roadmap.names[place] for place in self._schedule.held(name))
+        way = tuple(map(self._berths.name, self._schedule.held(name)))
         return self._send(record, Granted(robot=name, fence=record.fence, number=record.grants, progress=record.progress, way=way))
 
     def _send(self, record: RobotRecord, body: Body) -> Send:
@@ -352,14 +353,14 @@ class Traffic:
             return
         state.serial += 1
         state.is_planning, state.changed, state.planned_at = True, False, now
-        closed, _ = self._closed()
         robots = tuple(self._planned_robot(name, record, now) for name, record in state.robots.items())
         is_anybody_busy = any(record.mobility is Mobility.BUSY for record in state.robots.values())  # it makes room by itself later
         effort = min(EFFORT * 2**state.failures, MOST_EFFORT) if not is_anybody_busy else 0
         problem = PlanTraffic(
             serial=state.serial,
             robots=robots,
-            closed=tuple(sorted(closed)),
+            closed=tuple(sorted(self._closures.places)),
+            private=tuple(self._berths.private_places),
             steps=HORIZON,
             effort=effort,
             searches=now > state.progressed_at + STALL and not is_anybody_busy,
@@ -400,23 +401,6 @@ class Traffic:
                 yield self._end_trip(name, TripResult.CLOSED, fixed)
             elif robots[name].trip is not None:
                 yield self._end_trip(name, TripResult.NO_ROOM, tuple(other for other in robots if other != name))
-
-    # Views
-
-    def _view(self) -> Iterator[RobotInTraffic]:
-        names = self._roadmap.names
-        for name, record in self.state.robots.items():
-            trip = record.trip
-            yield RobotInTraffic(
-                robot=name,
-                held=tuple(names[place] for place in self._schedule.held(name)),
-                planned=tuple(names[place] for place in self._schedule.planned(name)),
-                waits_for=tuple(dict.fromkeys(self._schedule.obstacles(name))),
-                mobility=record.mobility,
-                silent=record.silent,
-                trip=trip.id if trip is not None else None,
-                destination=names[trip.destination] if trip is not None else None,
-            )
 
 
 SCHEMA = Schema(

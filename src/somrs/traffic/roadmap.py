@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from msgspec import Struct
 
 from somrs.errors import UsageError
+from somrs.protocol.messages.traffic import Berth
 from somrs.traffic.planning.graph import Graph
 
 
@@ -48,6 +49,15 @@ class Roadmap(Struct, frozen=True, kw_only=True):
                 raise UsageError(f"the lane from {lane.start} to {lane.end} takes {lane.seconds} s; a lane takes more than 0 s")
 
 
+class UsedBerth(Struct, frozen=True, kw_only=True):
+    """A berth of a robot. `lanes`: the numbers of the places from which it drives there, with the seconds that it takes."""
+
+    robot: str
+    berth: Berth
+    level: float
+    lanes: tuple[tuple[int, float], ...]
+
+
 class NumberedRoadmap:
     """A roadmap with numbers in place of names, for the planner."""
 
@@ -57,7 +67,8 @@ class NumberedRoadmap:
         self.names = tuple(place.name for place in roadmap.places)
         self.numbers = {name: number for number, name in enumerate(self.names)}
         lanes = ((self.numbers[lane.start], self.numbers[lane.end], lane.seconds) for lane in roadmap.lanes)
-        self.graph = Graph(len(self.names), lanes, _conflicts(roadmap))
+        self._cells = _Cells(roadmap.spacing)
+        self.graph = Graph(len(self.names), lanes, self._conflicts())
 
     def number(self, place: str) -> int:
         """Raises UsageError for a place that is not on the roadmap."""
@@ -65,18 +76,36 @@ class NumberedRoadmap:
             raise UsageError(f"there is no place {place} on the roadmap")
         return self.numbers[place]
 
+    def near(self, point: tuple[float, float], level: float) -> Iterator[int]:
+        """The places of a level within the spacing around a point, and some that are farther away."""
+        return (number for number in self._cells.around(point) if self.roadmap.places[number].level == level)
 
-def _conflicts(roadmap: Roadmap) -> Iterator[tuple[int, int]]:
-    """The pairs of places of one level that are too near to each other, found in a grid of cells of the size of the spacing."""
-    spacing = roadmap.spacing
-    if spacing <= 0:
-        return
-    cells: dict[tuple[int, int], list[int]] = {}
-    for number, place in enumerate(roadmap.places):
-        column, row = math.floor(place.x / spacing), math.floor(place.y / spacing)
-        for neighbour in ((column + i, row + j) for i in (-1, 0, 1) for j in (-1, 0, 1)):
-            for earlier in cells.get(neighbour, ()):
-                near = roadmap.places[earlier]
-                if near.level == place.level and math.dist((near.x, near.y), (place.x, place.y)) < spacing:
+    def _conflicts(self) -> Iterator[tuple[int, int]]:
+        """The pairs of places of one level that are too near to each other."""
+        for number, place in enumerate(self.roadmap.places):
+            for earlier in self.near((place.x, place.y), place.level):
+                near = self.roadmap.places[earlier]
+                if math.dist((near.x, near.y), (place.x, place.y)) < self.roadmap.spacing:
                     yield earlier, number
-        cells.setdefault((column, row), []).append(number)
+            self._cells.add(number, (place.x, place.y))
+
+
+class _Cells:
+    """Numbered points, by the cells of a grid of the size of the spacing."""
+
+    def __init__(self, spacing: float) -> None:
+        self._spacing = spacing
+        self._members: dict[tuple[int, int], list[int]] = {}
+
+    def add(self, number: int, point: tuple[float, float]) -> None:
+        if self._spacing > 0:
+            self._members.setdefault(self._cell(point), []).append(number)
+
+    def around(self, point: tuple[float, float]) -> Iterator[int]:
+        if self._spacing > 0:
+            column, row = self._cell(point)
+            for neighbour in ((column + i, row + j) for i in (-1, 0, 1) for j in (-1, 0, 1)):
+                yield from self._members.get(neighbour, ())
+
+    def _cell(self, point: tuple[float, float]) -> tuple[int, int]:
+        return math.floor(point[0] / self._spacing), math.floor(point[1] / self._spacing)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from msgspec import Struct, field
 
 from somrs.protocol.messages.traffic import Mobility
-from somrs.traffic.roadmap import Roadmap
+from somrs.traffic.roadmap import Roadmap, UsedBerth
 
 
 class LeasesDue(Struct, frozen=True, tag=True):
@@ -65,12 +65,21 @@ class PlannedRobot(Struct, frozen=True, array_like=True):
     movable: bool
 
 
+class PlannedBerth(Struct, frozen=True, array_like=True):
+    """A berth in a problem. The meaning is that of `PrivatePlace`."""
+
+    robot: str
+    lanes: tuple[tuple[int, float], ...]
+    exclusions: tuple[int, ...]
+
+
 class PlanTraffic(Struct, frozen=True, kw_only=True):
-    """The next steps of all robots are to be planned. `closed`: places that nobody can get past for now."""
+    """The next steps of all robots are to be planned. `closed`: places that nobody can get past for now. `private`: the berths."""
 
     serial: int
     robots: tuple[PlannedRobot, ...]
     closed: tuple[int, ...]
+    private: tuple[PlannedBerth | None, ...]
     steps: int
     effort: int
     searches: bool
@@ -87,10 +96,10 @@ class TrafficPlan(Struct, frozen=True, kw_only=True):
 class TrafficState(Struct, kw_only=True):
     """The state of traffic on a roadmap.
 
-    `held` and `planned` belong to the schedule. `serial` is that of the last plan that was asked for; `is_planning`: its answer is awaited.
-    `changed`: robots, their trips or their mobility are others than in the last plan that was asked for. `whole`: what is planned is to be
-    followed to its end. `planned_at`: when the last plan was asked for. `failures`: how many of the last plans moved nobody.
-    `progressed_at`: when a robot came nearer to a goal than it had been, or something changed.
+    `held` and `planned` belong to the schedule, `berths` to `Berths`. `serial` is that of the last plan that was asked for; `is_planning`:
+    its answer is awaited. `changed`: robots, their trips or their mobility are others than in the last plan that was asked for. `whole`:
+    what is planned is to be followed to its end. `planned_at`: when the last plan was asked for. `failures`: how many of the last plans
+    moved nobody. `progressed_at`: when a robot came nearer to a goal than it had been, or something changed.
     """
 
     address: str
@@ -98,6 +107,7 @@ class TrafficState(Struct, kw_only=True):
     robots: dict[str, RobotRecord] = field(default_factory=dict)
     held: dict[str, list[int]] = field(default_factory=dict)
     planned: dict[str, list[tuple[int, int]]] = field(default_factory=dict)
+    berths: list[UsedBerth | None] = field(default_factory=list)
     entered: dict[str, int] = field(default_factory=dict)
     """The fences that were given, by the ids of the messages that asked for them, oldest first."""
     fences: int = 0

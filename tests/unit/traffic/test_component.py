@@ -263,11 +263,11 @@ def test_a_cancelled_trip_is_not_driven() -> None:
     harness.enter("R1", "West")
     harness.trip("R1", "Farthest")
     harness.wait(1)
-    harness.send("R1", CancelTrip(robot="R1", trip="R1 to Farthest"))
+    harness.send("R1", CancelTrip(robot="R1", fence=harness.fences["R1"], trip="R1 to Farthest"))
     harness.wait(1)
     harness.report("R1", "C", 3)
     assert harness.way("R1")[-1] == "C", "what it holds is not taken away, and nothing is added"
-    harness.send("R1", CancelTrip(robot="R1", trip="another"))
+    harness.send("R1", CancelTrip(robot="R1", fence=harness.fences["R1"], trip="another"))
 
 
 def test_places_are_the_same_after_a_restart() -> None:

@@ -23,16 +23,32 @@ class Mobility(StrEnum):
     """It cannot move, until somebody mends it: what it stands in is closed."""
 
 
+class Berth(Struct, frozen=True, kw_only=True):
+    """A point beside the roadmap at which a robot stands, such as one from which it reaches a table. It is a place for this robot alone.
+
+    `name`: begins with the name of the robot and `/`. `x`, `y`, in metres on the map. `radius`: that of the robot, in metres. `places`: the
+    places of the roadmap from which the robot drives there in a straight line, and back; none of them is farther away than the spacing of
+    the roadmap.
+    """
+
+    name: str
+    x: float
+    y: float
+    radius: float
+    places: tuple[str, ...]
+
+
 class EnterTraffic(MessageBody, frozen=True, kw_only=True, tag=True):
     """The robot is at a place of the roadmap, and takes part. It renews its lease with each report, within `lease` seconds.
 
-    `towards`: the next place, if the robot is on its way there. A robot that enters again, after a restart, gives back all other places.
-    Sent by the robot, which is the sender.
+    `towards`: the next place, if the robot is on its way there. `berths`: those of the two that are beside the roadmap. A robot that enters
+    again, after a restart, gives back all other places. Sent by the robot, which is the sender.
     """
 
     robot: str
     place: str
     towards: str | None = None
+    berths: tuple[Berth, ...] = ()
     lease: float
     mobility: Mobility = Mobility.FREE
 
@@ -67,7 +83,7 @@ class ReportPlace(MessageBody, frozen=True, kw_only=True, tag=True):
 class RequestTrip(MessageBody, frozen=True, kw_only=True, tag=True):
     """Bring the robot to this place. A new trip replaces the one before. The answer is TripBegun, and TripEnded follows.
 
-    `number` grows with each report and each request of the robot.
+    `number` grows with each report and each request of the robot. `berth`: the destination, if it is beside the roadmap.
     """
 
     robot: str
@@ -75,6 +91,7 @@ class RequestTrip(MessageBody, frozen=True, kw_only=True, tag=True):
     number: int
     trip: str
     destination: str
+    berth: Berth | None = None
 
 
 class TripBegun(MessageBody, frozen=True, kw_only=True, tag=True):
@@ -88,6 +105,7 @@ class CancelTrip(MessageBody, frozen=True, kw_only=True, tag=True):
     """The robot does not want to go there any more. Nothing is answered; the places that it holds stay granted."""
 
     robot: str
+    fence: int
     trip: str
 
 
@@ -159,3 +177,5 @@ class RobotInTraffic(Struct, frozen=True, kw_only=True):
 
 class TrafficView(MessageBody, frozen=True, kw_only=True, tag=True):
     robots: tuple[RobotInTraffic, ...]
+    berths: tuple[Berth, ...] = ()
+    """The points beside the roadmap that have names in it."""

@@ -43,7 +43,7 @@ def _moves(graph: Graph, here: Configuration, staying: Collection[int]) -> Itera
         if robot in staying:
             continue
         taken.remove(place)
-        for following in graph.successors[place]:
+        for following in graph.options(place, robot):
             if following not in taken and taken.isdisjoint(graph.exclusions[following]):
                 yield (*here[:robot], following, *here[robot + 1 :])
         taken.add(place)

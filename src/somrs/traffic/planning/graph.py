@@ -3,12 +3,28 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterable, Sequence
+from collections.abc import Hashable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
-from heapq import heappop, heappush
+
+import numpy as np
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import dijkstra
 
 FAR = float("inf")
 """The distance of a place from which a goal cannot be reached."""
+
+
+@dataclass(frozen=True, slots=True)
+class PrivatePlace:
+    """A place that only its owner enters, such as the point beside a table at which a robot works.
+
+    `lanes`: the places from which a lane leads there, and back, with their lengths. `exclusions`: see `Graph`.
+    """
+
+    owner: Hashable
+    lanes: tuple[tuple[int, float], ...]
+    exclusions: tuple[int, ...]
 
 
 class Graph:
@@ -19,48 +35,122 @@ class Graph:
     """
 
     def __init__(self, size: int, lanes: Iterable[tuple[int, int, float]], conflicts: Iterable[tuple[int, int]] = ()) -> None:
-        self.size = size
-        self.lengths: list[dict[int, float]] = [{} for _ in range(size)]
+        lengths: list[dict[int, float]] = [{} for _ in range(size)]
         for start, end, length in lanes:
-            self.lengths[start][end] = min(length, self.lengths[start].get(end, FAR))
-        self.successors: list[tuple[int, ...]] = [tuple(ends) for ends in self.lengths]
+            lengths[start][end] = min(length, lengths[start].get(end, FAR))
         exclusions: list[dict[int, None]] = [{} for _ in range(size)]
         for first, second in conflicts:
             if first != second:
                 exclusions[first][second] = exclusions[second][first] = None
-        self.exclusions: list[tuple[int, ...]] = [tuple(others) for others in exclusions]
+        self._assemble(lengths, [tuple(excluded) for excluded in exclusions])
+
+    def _assemble(self, lengths: list[dict[int, float]], exclusions: list[tuple[int, ...]]) -> None:
+        self.size, self._lengths = len(lengths), lengths
+        self.successors: list[tuple[int, ...]] = [tuple(ends) for ends in lengths]
+        """By place: those to which a lane leads that any robot may take."""
+        self.exclusions = exclusions
         """By place: the others that no robot may be at while one is at this place."""
-        self._distances: dict[int, Sequence[float]] = {}
+        self._private_ways: dict[int, list[tuple[Hashable, int]]] = {}
+        self._distances: dict[int, array[float]] = {}
+        self._without: tuple[set[int], Graph] | None = None
+        """The places to which lanes were left out last, and the graph without them."""
+
+    def options(self, place: int, robot: Hashable) -> tuple[int, ...]:
+        """The places to which the robot may go from this place."""
+        private = self._private_ways.get(place)
+        if private is None:
+            return self.successors[place]
+        return (*self.successors[place], *(end for owner, end in private if owner == robot))
+
+    @property
+    def public_size(self) -> int:
+        """The number of places that any robot may enter: the first ones."""
+        return self.size
+
+    def length(self, start: int, end: int) -> float:
+        """The length of a lane."""
+        return self._lengths[start][end]
 
     def without(self, places: Iterable[int]) -> Graph:
         """This graph without the lanes to these places, and to those that they exclude."""
-        closed = {other for place in places for other in (place, *self.exclusions[place])}
-        lanes = ((start, end, length) for start, ends in enumerate(self.lengths) for end, length in ends.items() if end not in closed)
-        return Graph(self.size, lanes, ((place, other) for place, others in enumerate(self.exclusions) for other in others))
+        return self._without_lanes_to({excluded for place in places for excluded in (place, *self.exclusions[place])})
+
+    def _without_lanes_to(self, closed: set[int]) -> Graph:
+        closed = {place for place in closed if place < self.size}
+        if self._without is not None and self._without[0] == closed:
+            return self._without[1]  # with the distances that are known
+        graph = Graph.__new__(Graph)
+        lengths = [
+            ends if closed.isdisjoint(ends) else {end: length for end, length in ends.items() if end not in closed}
+            for ends in self._lengths
+        ]
+        graph._assemble(lengths, self.exclusions)
+        self._without = closed, graph
+        return graph
+
+    def with_private(self, places: Sequence[PrivatePlace | None]) -> Graph:
+        """This graph with private places, which get the next numbers. None leaves a number out."""
+        return _WithPrivatePlaces(self, places) if places else self
+
+    def distances(self, goal: int) -> array[float]:
+        """By place: the length of the shortest way to the goal; `FAR` if there is none (Dijkstra, backwards, once for each goal).
+
+        No way leads through a private place.
+        """
+        known = self._distances.get(goal)
+        if known is None:
+            known = self._distances[goal] = self._find_distances(goal)
+        return known
+
+    def _find_distances(self, goal: int) -> array[float]:
+        return array("d", dijkstra(self._backwards, indices=goal))
 
     @cached_property
-    def predecessors(self) -> list[tuple[int, ...]]:
-        """By place: the places from which a lane leads to it."""
-        starts: list[list[int]] = [[] for _ in range(self.size)]
-        for start, ends in enumerate(self.successors):
-            for end in ends:
-                starts[end].append(start)
-        return [tuple(places) for places in starts]
+    def _backwards(self) -> csr_array:
+        """The lengths of the lanes, from the place at which each ends to that at which it begins."""
+        lanes = [(end, start, length) for start, ends in enumerate(self._lengths) for end, length in ends.items()]
+        ends, starts, lengths = zip(*lanes, strict=True) if lanes else ((), (), ())
+        return csr_array(coo_array((lengths, (ends, starts)), shape=(self.size, self.size), dtype=float))
 
-    def distances(self, goal: int) -> Sequence[float]:
-        """By place: the length of the shortest way to the goal; `FAR` if there is none (Dijkstra, backwards, once for each goal)."""
-        if (known := self._distances.get(goal)) is not None:
-            return known
-        distances = array("d", [FAR]) * self.size
-        distances[goal] = 0.0
-        waiting = [(0.0, goal)]
-        while waiting:
-            distance, place = heappop(waiting)
-            if distance > distances[place]:
+
+class _WithPrivatePlaces(Graph):
+    """Shares what it can with the graph without private places, because these come and go with each trip."""
+
+    def __init__(self, public: Graph, places: Sequence[PrivatePlace | None]) -> None:
+        self._public, self._places = public, places
+        exclusions = [*public.exclusions, *(() for _ in places)]
+        self._assemble([*public._lengths, *(dict(place.lanes) if place is not None else {} for place in places)], exclusions)
+        for number, place in enumerate(places, start=public.size):
+            if place is None:
                 continue
-            for start in self.predecessors[place]:
-                longer = distance + self.lengths[start][place]
-                if longer < distances[start]:
-                    distances[start] = longer
-                    heappush(waiting, (longer, start))
-        return self._distances.setdefault(goal, distances)
+            for start, _ in place.lanes:
+                self._private_ways.setdefault(start, []).append((place.owner, number))
+            for near in place.exclusions:
+                for one, excluded in ((number, near), (near, number)):
+                    if excluded not in exclusions[one]:
+                        exclusions[one] = (*exclusions[one], excluded)
+
+    @property
+    def public_size(self) -> int:
+        return self._public.size
+
+    def length(self, start: int, end: int) -> float:
+        return self._lengths[start][end] if end < self._public.size else self._lengths[end][start]
+
+    def _without_lanes_to(self, closed: set[int]) -> Graph:
+        kept = (place if number not in closed else None for number, place in enumerate(self._places, start=self._public.size))
+        reduced = [replace(place, lanes=tuple(lane for lane in place.lanes if lane[0] not in closed)) if place else None for place in kept]
+        return self._public._without_lanes_to(closed).with_private(reduced)
+
+    def _find_distances(self, goal: int) -> array[float]:
+        size = self._public.size
+        if goal < size:
+            distances = array("d", self._public.distances(goal))
+        else:
+            place = self._places[goal - size]
+            ways = [np.frombuffer(self._public.distances(start)) + length for start, length in place.lanes] if place is not None else []
+            distances = array("d", np.min(ways, axis=0)) if ways else array("d", [FAR]) * size
+        for number, place in enumerate(self._places, start=size):
+            lanes = place.lanes if place is not None else ()
+            distances.append(0.0 if number == goal else min((distances[end] + length for end, length in lanes), default=FAR))
+        return distances

@@ -77,7 +77,7 @@ def find_ways(
         if len(constraints) < len(movable):
             robot = here.order[len(constraints)]
             place = here.configuration[robot]
-            here.untried.extend((*constraints, (robot, target)) for target in (*graph.successors[place], place))
+            here.untried.extend((*constraints, (robot, target)) for target in (*graph.options(place, robot), place))
         steps += 1
         if steps > most_steps:
             raise SearchLimit

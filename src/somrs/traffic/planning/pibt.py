@@ -129,7 +129,7 @@ class _Step:
     def _find_place(self, robot: int) -> bool:
         """Decide on the robot's next place, and on those of all robots that have to give way. Returns whether it got one."""
         here, estimate = self._places[robot], self._estimates[robot]
-        candidates = [*self._graph.successors[here], here]
+        candidates = [*self._graph.options(here, robot), here]
         if self._shuffle is not None:
             self._shuffle(candidates)
         now, restless = self._now, self._restless

@@ -98,7 +98,7 @@ class WindowPlanner:
         """Ways for one of the robots to its goal, after all have gone somewhere else: one may have to go far back to let another pass."""
         fixed = dict(staying)
         for attempt in range(attempts if aims else 0):
-            aim, elsewhere = aims[attempt % len(aims)], list(range(self.graph.size))
+            aim, elsewhere = aims[attempt % len(aims)], list(range(self.graph.public_size))
             self._shuffle(elsewhere)
             detour: Goals = [None if robot in fixed else elsewhere[robot] for robot in range(len(places))]
             for first in (None, detour):

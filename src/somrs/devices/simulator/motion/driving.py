@@ -9,8 +9,9 @@ from itertools import pairwise
 import numpy as np
 
 from somrs.devices.simulator.motion.robot import BRAKING, GivenUp, Robot, Routine, wait, wrap
-from somrs.devices.simulator.motion.traffic import GAP, Capsule, path_distance, point_distance
+from somrs.devices.simulator.motion.traffic import GAP, Capsule
 from somrs.space.clearance import Disc
+from somrs.space.lines import path_distance, point_distance
 from somrs.space.solids import Point, path_length
 
 PATIENCE = 45.0

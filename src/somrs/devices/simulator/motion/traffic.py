@@ -6,10 +6,9 @@ A robot takes a new claim only if it overlaps no other robot's claims. Robots re
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
+from somrs.space.lines import segment_distance
 from somrs.space.solids import Point
 
 GAP = 0.04
@@ -27,42 +26,3 @@ class Capsule:
     def gap(self, capsule: Capsule) -> float:
         """Distance between two capsules; negative if they overlap."""
         return segment_distance(self.start, self.end, capsule.start, capsule.end) - self.radius - capsule.radius
-
-
-def point_distance(point: Point, start: Point, end: Point) -> float:
-    """Distance from a point to a line segment."""
-    dx, dy = end[0] - start[0], end[1] - start[1]
-    share = ((point[0] - start[0]) * dx + (point[1] - start[1]) * dy) / (dx * dx + dy * dy or 1.0)
-    share = max(0.0, min(1.0, share))
-    return math.hypot(point[0] - start[0] - share * dx, point[1] - start[1] - share * dy)
-
-
-def segment_distance(start: Point, end: Point, other_start: Point, other_end: Point) -> float:
-    """Distance between two line segments; 0 if they cross."""
-
-    def side(p: Point, q: Point, r: Point) -> float:
-        return (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
-
-    if (
-        side(start, end, other_start) * side(start, end, other_end) < 0
-        and side(other_start, other_end, start) * side(other_start, other_end, end) < 0
-    ):
-        return 0.0
-    return min(
-        point_distance(start, other_start, other_end),
-        point_distance(end, other_start, other_end),
-        point_distance(other_start, start, end),
-        point_distance(other_end, start, end),
-    )
-
-
-def path_distance(path: Sequence[Point], other_path: Sequence[Point]) -> float:
-    """Distance between two paths of points; infinite if a path is empty."""
-    segments = [(path[i], path[min(i + 1, len(path) - 1)]) for i in range(max(1, len(path) - 1))] if path else []
-    other_segments = (
-        [(other_path[i], other_path[min(i + 1, len(other_path) - 1)]) for i in range(max(1, len(other_path) - 1))] if other_path else []
-    )
-    return min(
-        (segment_distance(start, end, other_start, other_end) for start, end in segments for other_start, other_end in other_segments),
-        default=math.inf,
-    )

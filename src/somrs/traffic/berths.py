@@ -1,0 +1,129 @@
+"""Berths: points beside the roadmap at which robots stand, each of them a place for one robot alone, as long as it is used."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Hashable, Iterator, Mapping, Sequence
+
+from somrs.errors import UsageError
+from somrs.protocol.messages.traffic import Berth
+from somrs.space.lines import point_distance
+from somrs.traffic.planning.graph import Graph, PrivatePlace
+from somrs.traffic.roadmap import NumberedRoadmap, UsedBerth
+from somrs.traffic.state import PlannedBerth
+
+GAP = 0.01
+"""The least distance between robots that stand at berths, in metres."""
+
+TOLERANCE = 1e-6
+"""The error of computed distances, in metres."""
+SPEED = 0.5
+"""The speed at which robots are taken to drive to their berths, in metres per second."""
+SHORTEST = 0.1
+"""The least time that a lane to a berth takes, in seconds."""
+
+
+class Berths:
+    """The berths on a roadmap that are in use. `slots` is the data of a component's state: the number of the first is the first after those
+    of the places."""
+
+    def __init__(self, roadmap: NumberedRoadmap, slots: list[UsedBerth | None]) -> None:
+        self._roadmap, self.slots = roadmap, slots
+        self.graph = self._make_graph()
+
+    def number(self, place: str, robot: str) -> int:
+        """The number of a place or of a berth of this robot. Raises UsageError."""
+        if place.startswith(f"{robot}/"):
+            for slot, used in enumerate(self.slots):
+                if used is not None and used.berth.name == place:
+                    return self._roadmap.graph.size + slot
+            raise UsageError(f"{robot} has no berth {place}")
+        return self._roadmap.number(place)
+
+    def name(self, number: int) -> str:
+        """The name of the place or berth of this number."""
+        if number < self._roadmap.graph.size:
+            return self._roadmap.names[number]
+        used = self.slots[number - self._roadmap.graph.size]
+        assert used is not None, "only those in use have a number"
+        return used.berth.name
+
+    def add(self, robot: str, berth: Berth) -> None:
+        """Use a berth. Raises UsageError for one that cannot be used."""
+        used = self._use(robot, berth)
+        names = [slot.berth.name if slot is not None else "" for slot in self.slots]
+        slot = next((names.index(name) for name in (berth.name, "") if name in names), len(names))
+        self.slots[slot : slot + 1] = [used]
+        self.graph = self._make_graph()
+
+    def keep(self, numbers: Collection[int]) -> bool:
+        """Use only the berths of these numbers any more. Returns whether there were others."""
+        unused = [slot for slot, used in enumerate(self.slots, self._roadmap.graph.size) if used is not None and slot not in numbers]
+        for number in unused:
+            self.slots[number - self._roadmap.graph.size] = None
+        while self.slots and self.slots[-1] is None:
+            self.slots.pop()
+        if unused:
+            self.graph = self._make_graph()
+        return bool(unused)
+
+    def _use(self, robot: str, berth: Berth) -> UsedBerth:
+        if not berth.name.startswith(f"{robot}/"):
+            raise UsageError(f"the berth {berth.name} is not one of {robot}: its name has to begin with {robot}/")
+        if not (math.isfinite(berth.x) and math.isfinite(berth.y) and berth.radius > 0):
+            raise UsageError(
+                f"{berth.name} is at ({berth.x}, {berth.y}), for a robot of radius {berth.radius}: numbers in metres are needed"
+            )
+        numbers = [self._roadmap.number(place) for place in dict.fromkeys(berth.places)]
+        if not numbers:
+            raise UsageError(f"{berth.name} needs a place of the roadmap from which {robot} drives there")
+        places, spacing = [self._roadmap.roadmap.places[number] for number in numbers], self._roadmap.roadmap.spacing
+        distances = [math.dist((place.x, place.y), (berth.x, berth.y)) for place in places]
+        for place, distance in zip(places, distances, strict=True):
+            if spacing and distance > spacing + TOLERANCE:
+                raise UsageError(f"{berth.name} is {distance:.2f} m away from {place.name}: the spacing of {spacing:.2f} m is the most")
+            if place.level != places[0].level:
+                raise UsageError(f"{berth.name}: {place.name} is on another level than {places[0].name}")
+        lanes = tuple((number, max(distance / SPEED, SHORTEST)) for number, distance in zip(numbers, distances, strict=True))
+        return UsedBerth(robot=robot, berth=berth, level=places[0].level, lanes=lanes)
+
+    def _make_graph(self) -> Graph:
+        self.private_places = [self._planned(used) if used is not None else None for used in self.slots]
+        return with_berths(self._roadmap.graph, self.private_places)
+
+    def _planned(self, used: UsedBerth) -> PlannedBerth:
+        exclusions = dict.fromkeys((*self._near_places(used), *self._near_berths(used)))
+        return PlannedBerth(used.robot, used.lanes, tuple(exclusions))
+
+    def _near_places(self, used: UsedBerth) -> Iterator[int]:
+        """The places at which another robot would be too near."""
+        point, spacing = (used.berth.x, used.berth.y), self._roadmap.roadmap.spacing
+        for number in self._roadmap.near(point, used.level):
+            place = self._roadmap.roadmap.places[number]
+            if math.dist((place.x, place.y), point) < spacing:
+                yield number
+
+    def _near_berths(self, used: UsedBerth) -> Iterator[int]:
+        """The berths of other robots that are too near, and the places through which these drive to theirs past this one."""
+        point = used.berth.x, used.berth.y
+        for number, near in enumerate(self.slots, self._roadmap.graph.size):
+            if near is None or near.robot == used.robot or near.level != used.level:
+                continue
+            room, end = used.berth.radius + near.berth.radius + GAP, (near.berth.x, near.berth.y)
+            if math.dist(point, end) < room:
+                yield number
+            for start, _ in near.lanes:
+                place = self._roadmap.roadmap.places[start]
+                if point_distance(point, (place.x, place.y), end) < room:
+                    yield start
+
+
+def with_berths(graph: Graph, berths: Sequence[PlannedBerth | None], owners: Mapping[str, Hashable] | None = None) -> Graph:
+    """The graph with berths. `owners`: what stands for each robot in it; by default its name."""
+    private = [
+        PrivatePlace(owners[berth.robot] if owners is not None else berth.robot, berth.lanes, berth.exclusions)
+        if berth is not None
+        else None
+        for berth in berths
+    ]
+    return graph.with_private(private)

@@ -1,0 +1,47 @@
+"""Ways that are closed: robots that cannot move stand in them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from somrs.protocol.messages.traffic import Mobility
+from somrs.traffic.planning.graph import FAR, Graph
+from somrs.traffic.schedule import Schedule
+from somrs.traffic.state import TrafficState, Trip
+
+
+class Closures:
+    """Which places nobody can get past for now, and which trips that ends."""
+
+    def __init__(self, state: TrafficState, schedule: Schedule) -> None:
+        self._state, self._schedule = state, schedule
+        self._open: tuple[frozenset[int], Graph, Graph] | None = None
+        """The closed places, the graph, and the graph without the lanes to them."""
+
+    @property
+    def places(self) -> frozenset[int]:
+        """The places that are held by robots that cannot move."""
+        fixed = (name for name, robot in self._state.robots.items() if robot.silent or robot.mobility is Mobility.IMMOBILE)
+        return frozenset(place for name in fixed for place in self._schedule.held(name))
+
+    def blockers(self, name: str, trip: Trip) -> tuple[str, ...]:
+        """The robots that cannot move and stand in the shortest way, if all ways are closed."""
+        closed, start = self.places, self._schedule.committed[name]
+        if not closed or self._open_graph(closed).distances(trip.destination)[start] < FAR:
+            return ()
+        return tuple(dict.fromkeys(self._in_the_way(name, start, trip.destination, closed)))
+
+    def _open_graph(self, closed: frozenset[int]) -> Graph:
+        graph = self._schedule.graph
+        if self._open is None or self._open[:2] != (closed, graph):
+            self._open = closed, graph, graph.without(closed)
+        return self._open[2]
+
+    def _in_the_way(self, name: str, start: int, destination: int, closed: frozenset[int]) -> Iterator[str]:
+        graph, place = self._schedule.graph, start
+        distances = graph.distances(destination)
+        while place != destination:
+            place = min(graph.options(place, name), key=lambda following: graph.length(place, following) + distances[following])
+            holder = self._schedule.holder(place, besides=name)
+            if holder is not None and not closed.isdisjoint((place, *graph.exclusions[place])):
+                yield holder
