@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from somrs.cli import import_report
+from somrs.client import terminal
 from somrs.errors import UsageError
 from somrs.ontology.files.site import dump_site
 
 if TYPE_CHECKING:
-    from somrs.sites import Site
+    from somrs.sites import Importer
     from somrs.sites.pddl import ImportedProblem
 
 _PDDL = ".pddl"
 
 
-def import_site(sources: Sequence[Path], output: Path | None) -> None:
+def import_site(
+    sources: Sequence[Path], output: Path | None, *, sizes: Path | None = None, crowds: bool = False, details: bool = False
+) -> None:
     """Import a building or a planning problem, write it as a map file, and check that file."""
     if any(source.suffix == _PDDL for source in sources):
         _import_problem(sources, output)
@@ -25,16 +29,19 @@ def import_site(sources: Sequence[Path], output: Path | None) -> None:
     if len(sources) != 1:
         raise UsageError("import one building at a time; only a planning problem in PDDL has two files")
     source = sources[0]
-    if (reader := importer(source)) is None:
-        from somrs.sites import IMPORTERS
+    from somrs.sites import IMPORTERS, ImportOptions
+    from somrs.sites.models import shipped_models
 
+    if (reader := importer(source)) is None:
         endings = ", ".join(f"*{ending}" for ending in IMPORTERS)
         raise UsageError(f"{source}: files of this kind cannot be imported; the kinds are {endings}, and a domain and a problem, *{_PDDL}")
+    models = shipped_models() if sizes is None else shipped_models().extended(sizes)
+    site = reader(source, ImportOptions(models=models, crowds=crowds))
     target = output or _target_of(source)
-    notes = write_import(reader, source, target)
-    for note in notes:
-        print(f"note: {note}")
-    print(f"{target}: {_count(target)} objects, no problems. Next: somrs up {target}")
+    target.write_text(dump_site(site.ontology, site.map), encoding="utf-8")
+    terminal.console().print(import_report.report(site, details=details))
+    quoted = shlex.quote(str(target))
+    print(f"{target}: {_count(target)} objects, no problems. Next: somrs check {quoted}, somrs up {quoted}")
 
 
 def _import_problem(sources: Sequence[Path], output: Path | None) -> None:
@@ -66,7 +73,7 @@ def _count(target: Path) -> int:
     return len(loaded.map.objects) if loaded.map is not None else 0
 
 
-def importer(source: Path) -> Callable[[Path], Site] | None:
+def importer(source: Path) -> Importer | None:
     """The importer for a file of this name; None for map and ontology files."""
     from somrs.sites import IMPORTERS
 
@@ -78,11 +85,12 @@ def _target_of(source: Path) -> Path:
     return Path(source.name.split(".")[0] + ".map.yaml")
 
 
-def write_import(reader: Callable[[Path], Site], source: Path, target: Path) -> tuple[str, ...]:
-    """Import `source` and write it to `target`. Returns notes on what could not be imported."""
-    site = reader(source)
+def write_import(reader: Importer, source: Path, target: Path) -> None:
+    """Import `source` as it is by default, and write it to `target`."""
+    from somrs.sites import ImportOptions
+
+    site = reader(source, ImportOptions())
     target.write_text(dump_site(site.ontology, site.map), encoding="utf-8")
-    return site.notes
 
 
 def import_sources(site: Sequence[Path], data: Path) -> list[Path]:

@@ -216,11 +216,14 @@ def check(files: Annotated[list[Path], typer.Argument(help="Ontology and map fil
 def import_(
     source: Annotated[list[Path], typer.Argument(help="A building (Open-RMF's SITE.building.yaml), or a PDDL domain and its problem.")],
     output: Annotated[Path | None, typer.Option("--out", "-o", help="The map file to write.")] = None,
+    sizes: Annotated[Path | None, typer.Option("--sizes", help="A YAML file that says what models stand for, and their sizes.")] = None,
+    crowds: Annotated[bool, typer.Option("--crowds", help="Import the people of simulated crowds, too, and their lanes.")] = False,
+    details: Annotated[bool, typer.Option("--details", help="Name every object in the notes.")] = False,
 ) -> None:
     """Import a building or a planning problem as a map file."""
     from somrs.cli.import_commands import import_site as run
 
-    guarded(lambda: run(source, output))
+    guarded(lambda: run(source, output, sizes=sizes, crowds=crowds, details=details))
 
 
 @app.command()

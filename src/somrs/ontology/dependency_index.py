@@ -20,7 +20,7 @@ REQUIRED_NAMES: Mapping[Section, frozenset[str]] = {
             "Weight", "Color", "Label", "Elevation", "Open",
             "OperationRange", "FieldOfView", "Accuracy", "Payload", "Speed", "Price", "Charge", "Supporting",
             "ExternalId", "DoorKind", "SwingAngle", "NavigationGraph", "Bidirectional", "SpeedLimit", "Travel", "Mutex", "LaneWidth",
-            "HoldingPoint", "ParkingSpot", "PassthroughPoint", "CleaningZone", "DockName",
+            "HoldingPoint", "ParkingSpot", "PassthroughPoint", "CleaningZone", "DockName", "Latitude", "Longitude",
             "Offers", "StepTime", "AnswerTime", "Unknown", "Working",
         )
     ),
@@ -32,9 +32,9 @@ REQUIRED_NAMES: Mapping[Section, frozenset[str]] = {
         (
             "Object", "PhysicalObject", "AbstractObject", "Storey", "Space",
             "BuildingElement", "Wall", "Floor", "Ceiling", "Window", "Passage", "Opening", "Door", "PoweredDoor", "Place", "Charger",
-            "Waypoint", "Lane", "Station", "Hole",
+            "Waypoint", "Lane", "Station", "Hole", "Pedestrian",
             "Furniture", "FurnitureLeg", "Support", "Cupboard", "Graspable",
-            "Device", "Person", "StationaryDevice", "Scale", "Camera", "Lift", "MobileRobot", "MobileManipulator", "PatrolRobot",
+            "Device", "Person", "StationaryDevice", "Scale", "Camera", "Lift", "MobileRobot", "Vehicle", "MobileManipulator", "PatrolRobot",
         )
     ),
     Section.SERVICES: frozenset(

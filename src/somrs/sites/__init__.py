@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
-
 from somrs.sites.openrmf import import_building
-from somrs.sites.site import Site
+from somrs.sites.site import Importer, ImportOptions, Site
 
-IMPORTERS: dict[str, Callable[[str | Path], Site]] = {".building.yaml": import_building}
+IMPORTERS: dict[str, Importer] = {".building.yaml": import_building}
 
-__all__ = ["IMPORTERS", "Site"]
+__all__ = ["IMPORTERS", "ImportOptions", "Importer", "Site"]

@@ -17,7 +17,7 @@ from somrs.ontology.consistency import ontology_violations
 from somrs.ontology.files.dump import dump_map, dump_ontology
 from somrs.ontology.files.loading import load_text, upper
 from somrs.ontology.objects import Object
-from somrs.sites import IMPORTERS, Site
+from somrs.sites import IMPORTERS, ImportOptions, Site
 from somrs.sites.openrmf import import_text
 from somrs.sites.plan import Box, Point, clearance, is_in_polygon, separation, without_gap
 from tests.support.paths import SHARED
@@ -67,7 +67,7 @@ lifts:
 def office() -> Site:
     if not OFFICE.exists():
         pytest.skip("the demo office is not here; put it in ../shared/sites")
-    return IMPORTERS[".building.yaml"](OFFICE)
+    return IMPORTERS[".building.yaml"](OFFICE, ImportOptions())
 
 
 def objects(site: Site, type: str) -> dict[str, Object]:
@@ -199,8 +199,13 @@ def test_door_is_cut_out_of_the_wall_it_is_in() -> None:
 
 def test_what_could_not_be_brought_in_as_it_is_is_noted() -> None:
     site = import_text(SMALL)
-    for words in ("Contraption is not known", "Table001 is moved", "Lift1 is on the map as a device", "nothing is below Coke001"):
-        assert any(words in note for note in site.notes), words
+    for words in (
+        "Contraption: the size is not known",
+        "Table001 (0.36 m): moved out of a wall",
+        "Lift1: the lift has no doors",
+        "Coke001: nothing is below it",
+    ):
+        assert any(words in str(note) for note in site.notes), words
     assert site.map.has_fact("isOn", ("Coke001", "Floor001"))
 
 
@@ -211,6 +216,8 @@ def test_what_could_not_be_brought_in_as_it_is_is_noted() -> None:
         ("- [4, 5, {name", "- [4, {name", 19, "door 1 of L1"),
         ("x: 5, y: 4,", "y: 4,", 23, "x is missing"),
         ("elevation: 3.5", "elevation: high", 26, "level L2"),
+        ("coordinate_system: cartesian_meters", "coordinate_system: furlongs", 1, "furlongs is not known; it is one of"),
+        ("- [0, 1, {}]", "- [-1, 1, {}]", 16, "is no index"),
         ("levels:", "livels:", 1, "has levels"),
         ("name: Depot 7", "name: [", 4, "not YAML"),
     ],
@@ -237,7 +244,7 @@ def test_no_change_of_a_file_makes_the_import_fail_otherwise(data: st.DataObject
 
 def test_file_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"\.building\.yaml"):
-        IMPORTERS[".building.yaml"](tmp_path / "none.building.yaml")
+        IMPORTERS[".building.yaml"](tmp_path / "none.building.yaml", ImportOptions())
 
 
 coordinates = st.floats(-5, 5)

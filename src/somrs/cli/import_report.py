@@ -1,0 +1,60 @@
+"""What an import brought in, and what it left out, assumed or moved, on one screen: what matters most comes first."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING
+
+from rich.console import Group
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
+
+if TYPE_CHECKING:
+    from somrs.sites import Site
+    from somrs.sites.notes import Note
+
+COUNTED = (
+    "Storey", "Wall", "Door", "Lift", "Lane", "Waypoint", "Station", "Support", "Obstacle", "Graspable", "MobileRobot",
+)  # fmt: skip
+"""The types whose objects are counted; an object counts for the first one that it is of."""
+_LINES = 14
+"""How many kinds of notes fit on a screen."""
+_NAMED = 3
+_WORDS = {"Support": "tables and shelves", "Waypoint": "waypoints and places", "Graspable": "thing", "MobileRobot": "robot"}
+_TITLES = {1: "left out", 2: "assumed", 3: "moved", 4: "note"}
+
+
+def report(site: Site, *, details: bool) -> Group:
+    """What is on the map, and the notes; with `details`, all of them and all that they are about."""
+    parts: list[Text | Table] = [Text(_contents(site))]
+    shown_notes = site.notes if details else site.notes[:_LINES]
+    if shown_notes:
+        parts.append(_table(shown_notes, details=details))
+    if hidden := len(site.notes) - len(shown_notes):
+        parts.append(Text(f"and {hidden} more kinds of notes: --details"))
+    return Group(*parts)
+
+
+def _contents(site: Site) -> str:
+    counts = Counter(
+        next((type for type in COUNTED if site.ontology.is_subtype(object.type, type)), None) for object in site.map.objects.values()
+    )
+    return f"{site.name}: " + ", ".join(f"{counts[type]} {_words(type, counts[type])}" for type in COUNTED if counts[type])
+
+
+def _words(type: str, count: int) -> str:
+    word = _WORDS.get(type, type.lower())
+    return word if count == 1 or word.endswith("s") else f"{word}s"
+
+
+def _table(notes: tuple[Note, ...], *, details: bool) -> Table:
+    table = Table(box=None, padding=(0, 1), show_header=False)
+    table.add_column(no_wrap=True)
+    table.add_column(justify="right")
+    table.add_column()
+    for note in notes:
+        named = note.subjects if details else note.subjects[:_NAMED]
+        rest = f" and {len(note.subjects) - len(named)} more" if len(note.subjects) > len(named) else ""
+        table.add_row(_TITLES[note.rank], str(len(note.subjects)), escape(f"{note.text}: {', '.join(named)}{rest}"))
+    return table

@@ -1,0 +1,104 @@
+"""Imports a building file of Open-RMF's traffic editor: which parts are read, and in which order."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from somrs.errors import InputError, ModelError, Problem
+from somrs.ontology.files.nodes import Source
+from somrs.ontology.types import Value
+from somrs.sites.draft import Draft, identifier
+from somrs.sites.notes import Rank
+from somrs.sites.openrmf.crowds import add_crowds, note_crowds
+from somrs.sites.openrmf.document import Document
+from somrs.sites.openrmf.fabric import add_fabric, add_lifts
+from somrs.sites.openrmf.furniture import add_models
+from somrs.sites.openrmf.lanes import add_lanes, add_robots, add_waypoints, reserve_names
+from somrs.sites.openrmf.levels import Coordinates, Level
+from somrs.sites.site import ImportOptions, Site
+
+
+def import_building(path: str | Path, options: ImportOptions | None = None) -> Site:
+    """The building in the file. Raises InputError for an unreadable file, and ModelError for wrong content."""
+    try:
+        text = Path(path).read_text("utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path} cannot be read ({error}); give the path of an Open-RMF .building.yaml file") from error
+    return import_text(text, str(path), options)
+
+
+def import_text(text: str, file: str = "building.yaml", options: ImportOptions | None = None) -> Site:
+    """The building in the text. Raises ModelError for wrong content."""
+    source = Source(file, text)
+    if source.problems:
+        raise ModelError(source.problems)
+    if not isinstance(source.data, dict) or not isinstance(source.data.get("levels"), dict) or not source.data["levels"]:
+        message = "an Open-RMF building has levels: with at least one level; is this a .building.yaml file?"
+        raise ModelError([Problem(file=file, line=1, subject="file", rule="structure", message=message)])
+    return _Import(Document(source), options or ImportOptions()).building()
+
+
+class _Import:
+    """One import: the document that is read, and the map that is made of it."""
+
+    def __init__(self, document: Document, options: ImportOptions) -> None:
+        self.document, self.options, self.draft = document, options, Draft()
+
+    def building(self) -> Site:
+        data = self.document.data
+        name = identifier(str(data.get("name") or data.get("building_name") or "Building"))
+        levels: list[Level] = []
+        with self.document.reading("coordinate system", ("coordinate_system",)):
+            coordinates = Coordinates(self.document, self.draft.notes)
+            building = self.draft.add(name, "Building", self._reference_point(coordinates))
+            levels = [level for key in data["levels"] if (level := self._level(str(key), building, coordinates)) is not None]
+            if not self.document.problems:
+                coordinates.align(levels)
+        if not self.document.problems:
+            self._fill(levels, name)
+        if self.document.problems:
+            raise ModelError(self.document.problems)
+        return self.draft.site(name, self.document.source.file)
+
+    def _level(self, key: str, building: str, coordinates: Coordinates) -> Level | None:
+        data: dict[str, Any] = next(level for name, level in self.document.data["levels"].items() if str(name) == key)
+        with self.document.reading(f"level {key}", ("levels", key)):
+            elevation = float(data.get("elevation", 0.0))
+            level = Level(key, data, "", elevation, coordinates.metres(key, data))
+            for index, _ in enumerate(level.points and data["vertices"]):
+                level.vertex(index)
+            level.storey = self.draft.add(self.draft.fresh(identifier(key)), "Storey", {"Elevation": elevation}, building)
+            return level
+        return None
+
+    def _reference_point(self, coordinates: Coordinates) -> dict[str, Value]:
+        """What the origin of the map is on Earth, for a building with geographic coordinates."""
+        projection = coordinates.projection
+        if projection is None:
+            return {}
+        text = "the coordinates are projected to metres; Latitude and Longitude of the building say where the origin is"
+        self.draft.notes.add(Rank.KEPT, f"{projection.latitude:.5f}, {projection.longitude:.5f}", text)
+        return {"Latitude": projection.latitude, "Longitude": projection.longitude}
+
+    def _fill(self, levels: list[Level], building: str) -> None:
+        document, draft, options = self.document, self.draft, self.options
+        for level in levels:
+            with document.reading(f"level {level.name}", ("levels", level.name)):
+                reserve_names(draft, level)
+        for level in levels:
+            with document.reading(f"level {level.name}", ("levels", level.name)):
+                add_fabric(document, draft, level)
+        lifts: dict[str, str] = {}
+        with document.reading("lifts", ("lifts",)):
+            lifts = add_lifts(document, draft, levels, building)
+        for level in levels:
+            with document.reading(f"level {level.name}", ("levels", level.name)):
+                add_models(document, draft, level, options.models)
+                add_waypoints(document, draft, level, lifts, crowds=options.crowds)
+                add_lanes(document, draft, level, crowds=options.crowds)
+                add_robots(document, draft, level, options.models)
+        if options.crowds:
+            add_crowds(document, draft, levels)
+        else:
+            note_crowds(document, draft, levels)
