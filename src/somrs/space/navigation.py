@@ -13,11 +13,12 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy import ndimage
 
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
-from somrs.space.clearance import FAR, Disc, Grid, clearances
+from somrs.space.clearance import FAR, Disc, Field, Grid, clearances
 from somrs.space.leaves import leaf_obstacles
 from somrs.space.solids import Point, Role, Solid, path_length, solid_of
 from somrs.space.wayfinding import costs_from, search
@@ -65,6 +66,19 @@ class Navigator:
         passages = [solid for solid in solids if ontology.is_subtype(solid.type, "Passage")]
         self.grid = Grid.enclosing(floors or solids, margin=0.5 if floors else 4.0)
         self._clearance = clearances(self.grid, [*self.solids.values(), *leaves], floors, passages if floors else [])
+
+    @property
+    def field(self) -> Field:
+        """The clearance of each cell of the grid, in metres."""
+        return self._clearance
+
+    def clearances(self, points: ArrayLike) -> Field:
+        """Distance from each point to the nearest obstacle, as `clearance` says it."""
+        return self.grid.sample(self._clearance, points)
+
+    def is_clear(self, start: Point, end: Point, radius: float, discs: Sequence[Disc] = ()) -> bool:
+        """Whether a robot of that radius can drive from one point to the other in a straight line."""
+        return self._clear_line(self.grid.with_discs(self._clearance, discs), start, end, radius)
 
     def clearance(self, point: Point, discs: Sequence[Disc] = ()) -> float:
         """Distance from the point to the nearest obstacle, at most `FAR`; negative inside an obstacle or off the floor."""

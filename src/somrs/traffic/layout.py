@@ -1,0 +1,180 @@
+"""Roadmaps from the free space of a building.
+
+The places lie on a lattice of equal triangles, as far apart as the spacing: six ways lead on from each, and no two places of the lattice
+exclude each other. Where walls and furniture leave no room for the lattice, places are added until every free point sees one.
+
+If all lanes are at most as long as the spacing s, two robots that hold places which do not exclude each other, and drive on the lanes
+between their own, stay at least s·√3/2 apart: the farthest that a lane comes towards a place at distance s from both its ends.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from somrs.ontology.objects import Map, ValueSet
+from somrs.ontology.types import Ontology
+from somrs.space.navigation import SLACK, Navigator
+from somrs.space.solids import Point, Role, Solid, solid_of
+from somrs.traffic.roadmap import Lane, Place, Roadmap
+
+GAP = 0.03
+"""The least distance between two robots, in metres."""
+MARGIN = 0.03
+"""The distance of robots from obstacles, in metres."""
+SPEED = 0.8
+"""The speed that the time for a lane is computed with, in metres per second."""
+SMALLEST = 0.3
+"""Free areas smaller than this are left out, in square metres."""
+SAMPLES = 8
+"""Points of a lane at which its clearance is looked at."""
+
+Points = NDArray[np.float64]
+
+
+def lay_out(map: Map, ontology: Ontology, *, radius: float, levels: Sequence[float]) -> Roadmap:
+    """The roadmap for robots of at most this radius in metres, on floors of these heights. Doors count as open."""
+    solids = [solid for object in map.objects.values() if (solid := solid_of(object, ontology)) is not None]
+    opened = map.changed([ValueSet(solid.name, "Open", True) for solid in solids if solid.role is Role.DOOR])
+    spacing = (2 * radius + GAP) * 2 / math.sqrt(3)
+    places: list[Place] = []
+    lanes: list[Lane] = []
+    for number, level in enumerate(sorted(set(levels))):
+        passages = [solid for solid in solids if ontology.is_subtype(solid.type, "Passage") and abs(solid.z - level) < 0.5]
+        storey = _Storey(Navigator(opened, ontology, level=level), radius + MARGIN, spacing)
+        points, pairs = storey.lay_out(passages)
+        names = [f"P{number}/{index}" for index in range(len(points))]
+        places += [Place(name=name, x=float(x), y=float(y), level=level) for name, (x, y) in zip(names, points, strict=True)]
+        for start, end in pairs:
+            seconds = max(math.dist(points[start], points[end]) / SPEED, 0.05)
+            lanes += [Lane(start=names[a], end=names[b], seconds=seconds) for a, b in ((start, end), (end, start))]
+    return Roadmap(places=tuple(places), lanes=tuple(lanes), spacing=spacing)
+
+
+class _Storey:
+    """The free space of a storey. `radius`: the clearance that robots need."""
+
+    def __init__(self, navigator: Navigator, radius: float, spacing: float) -> None:
+        self._navigator, self._grid, self._radius, self._spacing = navigator, navigator.grid, radius, spacing
+        field = navigator.field
+        labels, count = ndimage.label(field >= radius, structure=np.ones((3, 3)))
+        sizes = np.bincount(labels.ravel(), minlength=count + 1) * self._grid.size**2
+        self._labels = np.where(sizes[labels] >= SMALLEST, labels, 0)
+        self._cells = np.argwhere(self._labels > 0)
+        self._centres: Points = self._grid.centres(self._cells)
+
+    def lay_out(self, passages: Sequence[Solid]) -> tuple[Points, list[tuple[int, int]]]:
+        """The points, and the pairs of them that a straight lane joins."""
+        points = self._spread([*self._in_passages(passages), *self._lattice()])
+        points = self._filled(points)
+        while (added := self._joint(points)) is not None:
+            points = np.vstack([points, added])
+        return points, self._pairs(points)
+
+    def _in_passages(self, passages: Sequence[Solid]) -> Iterator[Point]:
+        """The middles of passages."""
+        for solid in passages:
+            if self._is_free((solid.x, solid.y)):
+                yield solid.x, solid.y
+
+    def _lattice(self) -> Iterator[Point]:
+        grid, step = self._grid, self._spacing * (1 + 1e-9)
+        rows = math.ceil(grid.rows * grid.size / (step * math.sqrt(3) / 2))
+        columns = math.ceil(grid.columns * grid.size / step) + 1
+        for row in range(rows):
+            for column in range(columns):
+                point = grid.x + (column + row % 2 / 2) * step, grid.y + row * step * math.sqrt(3) / 2
+                if self._is_free(point):
+                    yield point
+
+    def _is_free(self, point: Point) -> bool:
+        cell = self._grid.cell(point)
+        return cell is not None and self._labels[cell] > 0 and self._navigator.free(point, self._radius)
+
+    def _spread(self, points: Sequence[Point]) -> Points:
+        """The points without those that are nearer to an earlier one than half of the spacing."""
+        kept: list[Point] = []
+        for point in points:
+            if all(abs(point[0] - x) + abs(point[1] - y) >= self._spacing / 2 for x, y in kept[: len(points)] if abs(point[0] - x) < 1):
+                kept.append(point)
+        return np.array(kept, dtype=float).reshape(-1, 2)
+
+    # Places for what the lattice leaves out
+
+    def _filled(self, points: Points) -> Points:
+        """The points, and more of them, so that every free cell sees one."""
+        if not len(self._cells):
+            return points
+        seen = np.zeros(len(self._cells), dtype=bool)
+        for point in points:
+            self._note_seen(point, seen)
+        clearance = self._navigator.clearances(self._centres)
+        while not seen.all():
+            candidates = np.flatnonzero(~seen)
+            best = candidates[np.argmax(clearance[candidates])]
+            point = self._centres[best]
+            seen[best] = True
+            self._note_seen(point, seen)
+            points = np.vstack([points, point])
+        return points
+
+    def _note_seen(self, point: Points, seen: NDArray[np.bool_]) -> None:
+        """Mark the cells to which a robot drives from the point in a straight line that is no longer than the spacing."""
+        tree = self._tree
+        near = np.array(tree.query_ball_point(point, self._spacing - self._grid.size), dtype=int)
+        near = near[~seen[near]] if len(near) else near
+        if len(near):
+            seen[near[self._are_clear(np.repeat(point[None, :], len(near), axis=0), self._centres[near])]] = True
+
+    @property
+    def _tree(self) -> cKDTree:
+        if not hasattr(self, "_known_tree"):
+            self._known_tree = cKDTree(self._centres)
+        return self._known_tree
+
+    def _are_clear(self, starts: Points, ends: Points) -> NDArray[np.bool_]:
+        """Whether a robot can drive in a straight line, for each pair."""
+        clear = np.ones(len(starts), dtype=bool)
+        for share in np.linspace(0, 1, SAMPLES + 1):
+            clear &= self._navigator.clearances(starts * (1 - share) + ends * share) >= self._radius - SLACK
+        return clear
+
+    def _pairs(self, points: Points) -> list[tuple[int, int]]:
+        if len(points) < 2:
+            return []
+        pairs = cKDTree(points).query_pairs(self._spacing * (1 + 1e-6), output_type="ndarray")
+        clear = self._are_clear(points[pairs[:, 0]], points[pairs[:, 1]]) if len(pairs) else np.zeros(0, dtype=bool)
+        return [(int(start), int(end)) for start, end in pairs[clear]]
+
+    def _joint(self, points: Points) -> Points | None:
+        """A further point at which two parts of the roadmap meet that are one part of the free space; None if there is none."""
+        pairs = self._pairs(points)
+        starts, ends = zip(*pairs, strict=True) if pairs else ((), ())
+        parts = connected_components(coo_array((np.ones(len(pairs)), (starts, ends)), shape=(len(points), len(points))))[1]
+        owner = np.full(self._labels.shape, -1)
+        for part in np.unique(parts):
+            seen = np.zeros(len(self._cells), dtype=bool)
+            for point in points[parts == part]:
+                self._note_seen(point, seen)
+            rows, columns = self._cells[seen].T
+            shared = owner[rows, columns] >= 0
+            if shared.any():  # this cell sees both parts
+                return self._grid.centres(self._cells[seen][shared][:1])
+            owner[rows, columns] = part
+        return self._between(owner)
+
+    def _between(self, owner: NDArray[np.int64]) -> Points | None:
+        """A free cell beside one that another part sees."""
+        for shift in ((0, 1), (1, 0), (1, 1), (1, -1)):
+            beside = np.roll(owner, shift, axis=(0, 1))
+            meets = (owner >= 0) & (beside >= 0) & (owner != beside)
+            if meets.any():
+                return self._grid.centres(np.argwhere(meets)[:1])
+        return None

@@ -1,0 +1,125 @@
+"""Roadmaps from free space: lanes lead through no wall, robots can get wherever there is room, and do not touch each other."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from somrs.ontology.files.loading import upper
+from somrs.ontology.objects import Map, Object
+from somrs.ontology.types import Value
+from somrs.space.lines import segment_distance
+from somrs.space.navigation import Navigator
+from somrs.traffic.layout import GAP, MARGIN, lay_out
+from somrs.traffic.planning.graph import FAR
+from somrs.traffic.roadmap import NumberedRoadmap, Roadmap
+
+ONTOLOGY = upper()
+RADIUS = 0.25
+
+
+def box(name: str, type: str, x: float, y: float, width: float, depth: float, height: float = 1.0, z: float = 0.0, **more: Value) -> Object:
+    shape: dict[str, Value] = {"Shape.Form": "Box", "Shape.Width": width, "Shape.Depth": depth, "Shape.Height": height}
+    return Object(name=name, type=type, values={"PositionX": x, "PositionY": y, "PositionZ": z, **shape, **more})
+
+
+def room(width: float, depth: float, *objects: Object) -> Map:
+    return Map([box("Floor1", "Floor", width / 2, depth / 2, width, depth, 0.1, -0.1), *objects])
+
+
+def laid_out(map: Map, *levels: float) -> NumberedRoadmap:
+    return NumberedRoadmap(lay_out(map, ONTOLOGY, radius=RADIUS, levels=levels or (0.0,)))
+
+
+def nearest(roadmap: Roadmap, x: float, y: float) -> str:
+    return min(roadmap.places, key=lambda place: math.dist((place.x, place.y), (x, y))).name
+
+
+def distance(numbered: NumberedRoadmap, start: tuple[float, float], end: tuple[float, float]) -> float:
+    numbers = [numbered.numbers[nearest(numbered.roadmap, *point)] for point in (start, end)]
+    return numbered.graph.distances(numbers[1])[numbers[0]]
+
+
+def test_an_open_floor_is_covered_by_places_that_do_not_exclude_each_other() -> None:
+    numbered = laid_out(room(6, 5))
+    assert 50 < len(numbered.names) < 80
+    inner = [number for number, place in enumerate(numbered.roadmap.places) if 1 < place.x < 5 and 1 < place.y < 4]
+    assert all(len(numbered.graph.successors[number]) == 6 and not numbered.graph.exclusions[number] for number in inner)
+
+
+def test_a_shut_door_has_a_place_in_its_middle() -> None:
+    wall = [box(f"Wall{side}", "Wall", 3, 2.5 + side * 1.5, 0.2, 2.0) for side in (-1, 1)]
+    numbered = laid_out(room(6, 5, *wall, box("Door1", "Door", 3, 2.5, 0.2, 1.0, 2.0, Open=False)))
+    assert any(math.dist((place.x, place.y), (3, 2.5)) < 0.01 for place in numbered.roadmap.places)
+    assert distance(numbered, (1, 1), (5, 1)) < FAR
+
+
+def test_a_corridor_as_wide_as_a_robot_and_a_little_is_passed() -> None:
+    walls = [box(f"Wall{side}", "Wall", 5, 2.5 + side * 1.4, 6, 2.1) for side in (-1, 1)]
+    numbered = laid_out(room(10, 5, *walls))
+    assert distance(numbered, (0.8, 2.5), (9.2, 2.5)) < 2 * 8.4 / 0.8
+
+
+def test_floors_of_several_levels_are_not_joined() -> None:
+    upper_floor = box("Floor2", "Floor", 2, 2, 4, 4, 0.1, 2.9)
+    numbered = laid_out(room(4, 4, upper_floor), 0.0, 3.0)
+    assert {place.level for place in numbered.roadmap.places} == {0.0, 3.0}
+    levels = {place.name: place.level for place in numbered.roadmap.places}
+    assert all(levels[lane.start] == levels[lane.end] for lane in numbered.roadmap.lanes)
+
+
+@given(st.data())
+def test_there_are_lanes_where_there_is_a_path_and_none_through_what_stands_there(data: st.DataObject) -> None:
+    coordinate = st.integers(2, 28).map(lambda tenths: tenths / 5)
+    sizes = st.sampled_from(((0.4, 2.0), (2.5, 0.2), (1.0, 1.0)))
+    furniture = [
+        box(
+            f"Table{number}",
+            "Table",
+            data.draw(coordinate),
+            data.draw(coordinate),
+            *data.draw(st.sampled_from(((0.4, 2.0), (2.5, 0.2), (1, 1)))),
+        )
+        for number in range(data.draw(st.integers(0, 5)))
+    ]
+    map = room(6, 6, *furniture)
+    navigator, numbered = Navigator(map, ONTOLOGY), laid_out(map)
+    points = {place.name: (place.x, place.y) for place in numbered.roadmap.places}
+    for lane in numbered.roadmap.lanes:
+        (ax, ay), (bx, by) = points[lane.start], points[lane.end]
+        assert math.dist(points[lane.start], points[lane.end]) <= numbered.roadmap.spacing * 1.001
+        assert min(navigator.clearance((ax + (bx - ax) * i / 40, ay + (by - ay) * i / 40)) for i in range(41)) > RADIUS - 0.02
+    free = st.tuples(coordinate, coordinate).filter(lambda point: navigator.free(point, RADIUS + MARGIN + 0.02))
+    assume(np.count_nonzero(navigator.field >= RADIUS + MARGIN + 0.05) > 400)
+    start, end = data.draw(free), data.draw(free)
+    seen = [sees(navigator, numbered.roadmap, point) for point in (start, end)]
+    assert all(seen), "every free point sees a place"
+    if navigator.path(start, end, RADIUS + MARGIN) is not None:
+        graph = numbered.graph
+        assert min(graph.distances(numbered.numbers[b])[numbered.numbers[a]] for a in seen[0] for b in seen[1]) < FAR
+
+
+def sees(navigator: Navigator, roadmap: Roadmap, point: tuple[float, float]) -> list[str]:
+    """The places to which a robot can drive from the point in a straight line, as it does to and from a berth."""
+    near = (place for place in roadmap.places if math.dist((place.x, place.y), point) <= roadmap.spacing)
+    return [place.name for place in near if navigator.is_clear(point, (place.x, place.y), RADIUS + MARGIN - 0.02)]
+
+
+@pytest.mark.parametrize("stretch", [0.6, 0.8, 1.0])
+@given(st.data())
+def test_robots_on_lanes_between_places_that_do_not_exclude_each_other_do_not_touch(stretch: float, data: st.DataObject) -> None:
+    """The geometry that the spacing follows from, with lanes anywhere."""
+    spacing = (2 * RADIUS + GAP) * 2 / math.sqrt(3)
+    coordinate = st.floats(0, 2)
+    start, near_start = ((data.draw(coordinate), data.draw(coordinate)) for _ in range(2))
+    end, near_end = (
+        (x + spacing * stretch * math.cos(angle), y + spacing * stretch * math.sin(angle))
+        for (x, y), angle in ((point, data.draw(st.floats(0, math.tau))) for point in (start, near_start))
+    )
+    ends = [math.dist(a, b) for a in (start, end) for b in (near_start, near_end)]
+    assume(min(ends) >= spacing)
+    assert segment_distance(start, end, near_start, near_end) >= 2 * RADIUS + GAP - 1e-9
