@@ -12,11 +12,19 @@ import pytest
 from hypothesis import settings
 from xdist.scheduler import LoadScopeScheduling  # type: ignore[import-untyped]
 
+from somrs.devices.simulator.world.kinds import WorldKind
 from tests.support import leftovers
 from tests.support.examples import PROFILE
 
 settings.register_profile("somrs", PROFILE)
 settings.load_profile("somrs")
+
+
+@pytest.fixture(params=WorldKind)
+def world(request: pytest.FixtureRequest) -> WorldKind:
+    """Both kinds of simulated worlds, one after the other."""
+    return WorldKind(request.param)
+
 
 FOLDERS = ("browser", "system", "integration", "unit")
 """The order of the folders. Tests of whole systems mostly wait, so they begin first, and other tests fill the gaps."""

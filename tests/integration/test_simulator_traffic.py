@@ -8,6 +8,7 @@ import random
 
 from somrs.devices.simulator.link.commands import CommandDone, CommandGivenUp, DriveTo, Fault
 from somrs.devices.simulator.motion.traffic import Capsule
+from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.ontology.objects import Map, Object
 from somrs.space.lines import segment_distance
 from tests.support.simulator_room import Run, box, robot, room, shell
@@ -19,20 +20,20 @@ def drive_all(run: Run, goals: dict[str, tuple[float, float]], limit: float = 12
     return {name: end[0] for name, end in ends.items()}
 
 
-def test_two_robots_that_change_places_pass_each_other() -> None:
-    run = Run(room((1.5, 3, 0), (6.5, 3, math.pi)))
+def test_two_robots_that_change_places_pass_each_other(world: WorldKind) -> None:
+    run = Run(room((1.5, 3, 0), (6.5, 3, math.pi)), world)
     ends = drive_all(run, {"Robot1": (6.5, 3), "Robot2": (1.5, 3)})
     assert all(isinstance(end, CommandDone) for end in ends.values()), ends
     assert not run.collisions
 
 
-def test_crossing_robots_never_touch() -> None:
+def test_crossing_robots_never_touch(world: WorldKind) -> None:
     chance = random.Random(7)
     for _ in range(4):
         places = [(chance.uniform(2, 5.2), chance.uniform(0.6, 3.9)) for _ in range(4)]
         if min(math.dist(first, second) for first, second in itertools.combinations(places, 2)) < 0.8:
             continue
-        run = Run(room((*places[0], 0), (*places[1], 0)))
+        run = Run(room((*places[0], 0), (*places[1], 0)), world)
         ends = drive_all(run, {"Robot1": places[2], "Robot2": places[3]})
         assert all(isinstance(end, CommandDone) for end in ends.values()), ends
         assert not run.collisions
@@ -47,22 +48,22 @@ def corridor() -> list[Object]:
     return objects
 
 
-def test_robots_that_meet_in_a_corridor_do_not_wait_for_ever() -> None:
-    run = Run(Map([*corridor(), robot("Robot1", (1, 0.2, 0)), robot("Robot2", (11, -0.2, math.pi), 0.6)]))
+def test_robots_that_meet_in_a_corridor_do_not_wait_for_ever(world: WorldKind) -> None:
+    run = Run(Map([*corridor(), robot("Robot1", (1, 0.2, 0)), robot("Robot2", (11, -0.2, math.pi), 0.6)]), world)
     ends = drive_all(run, {"Robot1": (11, 0), "Robot2": (1, 0)})
     assert all(isinstance(end, CommandDone) for end in ends.values()), ends
     assert not run.collisions
 
 
-def test_an_idle_robot_makes_way() -> None:
-    run = Run(Map([*corridor(), robot("Robot1", (6, 0, 0)), robot("Robot2", (11, 0, math.pi))]))
+def test_an_idle_robot_makes_way(world: WorldKind) -> None:
+    run = Run(Map([*corridor(), robot("Robot1", (6, 0, 0)), robot("Robot2", (11, 0, math.pi))]), world)
     ends = drive_all(run, {"Robot2": (1, 0)})
     assert isinstance(ends["Robot2"], CommandDone), ends
     assert not run.collisions
 
 
-def test_a_robot_that_cannot_pass_gives_up_after_a_while() -> None:
-    run = Run(Map([*corridor(), robot("Robot1", (6, 0, 0)), robot("Robot2", (11, 0, math.pi))]))
+def test_a_robot_that_cannot_pass_gives_up_after_a_while(world: WorldKind) -> None:
+    run = Run(Map([*corridor(), robot("Robot1", (6, 0, 0)), robot("Robot2", (11, 0, math.pi))]), world)
     run.simulation.fault("Robot1", Fault.DRIVE)
     end = run.execute("Robot2", DriveTo(x=1, y=0))
     assert isinstance(end, CommandGivenUp)
@@ -76,18 +77,18 @@ def doorway(open: bool) -> Map:
     return Map([*shell(), *walls, door, robot("Robot1", (2, 3, 0))])
 
 
-def test_a_closed_door_blocks_and_an_open_one_does_not() -> None:
-    shut = Run(doorway(open=False)).execute("Robot1", DriveTo(x=6, y=3))
+def test_a_closed_door_blocks_and_an_open_one_does_not(world: WorldKind) -> None:
+    shut = Run(doorway(open=False), world).execute("Robot1", DriveTo(x=6, y=3))
     assert isinstance(shut, CommandGivenUp)
     assert shut.reason == "unreachable"
-    run = Run(doorway(open=True))
+    run = Run(doorway(open=True), world)
     run.execute_all("Robot1", DriveTo(x=6, y=3))
     assert abs(run.simulation.state("Robot1").x - 6) < 0.03
     assert not run.collisions
 
 
-def test_robots_stand_where_they_were_sent_and_look_there() -> None:
-    run = Run(room())
+def test_robots_stand_where_they_were_sent_and_look_there(world: WorldKind) -> None:
+    run = Run(room(), world)
     run.execute_all("Robot1", DriveTo(x=3, y=2, yaw=1.0))
     state = run.simulation.state("Robot1")
     assert math.dist((state.x, state.y), (3, 2)) < 0.02

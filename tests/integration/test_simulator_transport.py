@@ -8,14 +8,15 @@ import random
 import pytest
 
 from somrs.devices.simulator.link.commands import Approach, CommandDone, CommandGivenUp, DriveTo, Fault, Grip, Place, PutDown, Sense, Stop
+from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.ontology.objects import Map, Object
 from tests.support.simulator_room import Run, box, robot, room, shell, thing
 
 TRANSFER = (Approach(object="Jar002"), Grip(object="Jar002"), Approach(object="Platform001"), Place(support="Platform001"))
 
 
-def test_a_robot_carries_the_jar_to_the_platform() -> None:
-    run = Run(room())
+def test_a_robot_carries_the_jar_to_the_platform(world: WorldKind) -> None:
+    run = Run(room(), world)
     run.execute_all("Robot1", *TRANSFER)
     jar_sighting = run.simulation.observe("Jar002")
     assert jar_sighting.support == "Platform001"
@@ -25,17 +26,17 @@ def test_a_robot_carries_the_jar_to_the_platform() -> None:
     assert run.simulation.state("Robot1").holding is None
 
 
-def test_what_is_held_is_on_nothing() -> None:
-    run = Run(room())
+def test_what_is_held_is_on_nothing(world: WorldKind) -> None:
+    run = Run(room(), world)
     run.execute_all("Robot1", Grip(object="Jar002"))
     assert run.simulation.state("Robot1").holding == "Jar002"
     assert run.simulation.observe("Jar002").support is None
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_jar_that_a_broken_robot_put_down_is_taken_on_by_another(seed: int) -> None:
+def test_a_jar_that_a_broken_robot_put_down_is_taken_on_by_another(seed: int, world: WorldKind) -> None:
     chance = random.Random(seed)
-    run = Run(room((chance.uniform(1.5, 2.5), chance.uniform(0.5, 2.5), chance.uniform(-3, 3))))
+    run = Run(room((chance.uniform(1.5, 2.5), chance.uniform(0.5, 2.5), chance.uniform(-3, 3))), world)
     run.execute_all("Robot1", *TRANSFER[:2])
     ends = run.start("Robot1", TRANSFER[2])
     fault_time = run.simulation.time + chance.uniform(0.3, 8)
@@ -75,23 +76,23 @@ SUPPORTS = [
 @pytest.mark.parametrize(
     ("name", "support"), [("Bottle1", "Low"), ("Can1", "High"), ("Cup1", "Counter"), ("Carton1", "Floor1"), ("Jar002", "Spot")]
 )
-def test_things_of_all_forms_go_to_all_heights(name: str, support: str) -> None:
-    run = Run(room((2.5, 2, 0), (5.5, 4.5, 3.1), [*SUPPORTS, *THINGS]))
+def test_things_of_all_forms_go_to_all_heights(name: str, support: str, world: WorldKind) -> None:
+    run = Run(room((2.5, 2, 0), (5.5, 4.5, 3.1), [*SUPPORTS, *THINGS]), world)
     run.execute_all("Robot1", Grip(object=name), Place(support=support))
     assert run.simulation.observe(name).support == support
     assert run.simulation.scene.upright(name)
 
 
-def test_a_thing_is_put_just_where_it_was_wanted() -> None:
-    run = Run(room())
+def test_a_thing_is_put_just_where_it_was_wanted(world: WorldKind) -> None:
+    run = Run(room(), world)
     run.execute_all("Robot1", Grip(object="Jar002"), Place(support="Table001", x=4.2, y=4.95))
     jar_sighting = run.simulation.observe("Jar002")
     assert abs(jar_sighting.x - 4.2) < 0.02
     assert abs(jar_sighting.y - 4.95) < 0.02
 
 
-def test_put_down_works_with_a_dead_drive() -> None:
-    run = Run(room())
+def test_put_down_works_with_a_dead_drive(world: WorldKind) -> None:
+    run = Run(room(), world)
     run.execute_all("Robot1", Grip(object="Jar002"))
     run.simulation.fault("Robot1", Fault.DRIVE)
     run.run_until(lambda: not run.simulation.busy)
@@ -103,16 +104,16 @@ def test_put_down_works_with_a_dead_drive() -> None:
     assert "Jar002" in [sighting.object for sighting in end.object_states], "where the jar was left is said with the next answer"
 
 
-def test_put_down_leaves_the_thing_right_here() -> None:
-    run = Run(room())
+def test_put_down_leaves_the_thing_right_here(world: WorldKind) -> None:
+    run = Run(room(), world)
     run.execute_all("Robot1", Grip(object="Jar002"), DriveTo(x=3, y=2.5), PutDown())
     jar_sighting = run.simulation.observe("Jar002")
     assert jar_sighting.support == "Floor1"
     assert abs(jar_sighting.x - 3) + abs(jar_sighting.y - 2.5) < 1.0
 
 
-def test_a_stuck_gripper_is_said_and_keeps_what_it_holds() -> None:
-    run = Run(room())
+def test_a_stuck_gripper_is_said_and_keeps_what_it_holds(world: WorldKind) -> None:
+    run = Run(room(), world)
     run.simulation.fault("Robot1", Fault.GRIPPER)
     end = run.execute("Robot1", Grip(object="Jar002"))
     assert isinstance(end, CommandGivenUp)
@@ -126,25 +127,22 @@ def test_a_stuck_gripper_is_said_and_keeps_what_it_holds() -> None:
     assert end.state.holding == "Jar002"
 
 
-def test_a_silent_robot_stops_and_never_answers() -> None:
-    run = Run(room())
+def test_a_silent_robot_stops_and_never_answers(world: WorldKind) -> None:
+    run = Run(room(), world)
     ends = run.start("Robot1", DriveTo(x=6, y=3))
-    for _ in range(200):
-        run.step()
+    run.run_for(4)
     run.simulation.fault("Robot1", Fault.SILENT)
-    for _ in range(10):
-        run.step()
+    run.run_for(0.2)
     state_before = run.simulation.state("Robot1")
-    for _ in range(200):
-        run.step()
+    run.run_for(4)
     state_after = run.simulation.state("Robot1")
     assert abs(state_after.x - state_before.x) + abs(state_after.y - state_before.y) < 1e-3
     assert ends == []
     assert not run.simulation.busy
 
 
-def test_stopped_with_its_fingers_on_a_jar_it_lets_go_before_it_leaves() -> None:
-    run = Run(room())
+def test_stopped_with_its_fingers_on_a_jar_it_lets_go_before_it_leaves(world: WorldKind) -> None:
+    run = Run(room(), world)
     robot, scene = run.simulation.robots["Robot1"], run.simulation.scene
     run.execute_all("Robot1", Approach(object="Jar002"))
     run.start("Robot1", Grip(object="Jar002"))
@@ -156,11 +154,10 @@ def test_stopped_with_its_fingers_on_a_jar_it_lets_go_before_it_leaves() -> None
     assert run.simulation.observe("Jar002").support == "Platform001"
 
 
-def test_stop_ends_the_running_command() -> None:
-    run = Run(room())
+def test_stop_ends_the_running_command(world: WorldKind) -> None:
+    run = Run(room(), world)
     ends = run.start("Robot1", DriveTo(x=6, y=3))
-    for _ in range(100):
-        run.step()
+    run.run_for(2)
     stopped = run.execute("Robot1", Stop())
     assert isinstance(stopped, CommandDone)
     assert [end.reason for end in ends if isinstance(end, CommandGivenUp)] == ["stopped"]
@@ -180,16 +177,16 @@ def test_stop_ends_the_running_command() -> None:
         (DriveTo(x=40, y=3), "unreachable"),
     ],
 )
-def test_what_cannot_be_done_is_given_up_with_a_reason(command: Grip, reason: str) -> None:
-    end = Run(room()).execute("Robot1", command)
+def test_what_cannot_be_done_is_given_up_with_a_reason(command: Grip, reason: str, world: WorldKind) -> None:
+    end = Run(room(), world).execute("Robot1", command)
     assert isinstance(end, CommandGivenUp)
     assert end.reason == reason
     assert end.description
 
 
-def test_a_full_top_has_no_space() -> None:
+def test_a_full_top_has_no_space(world: WorldKind) -> None:
     tiny = box("Tiny", "Table", (4, 2, 0), (0.2, 0.2, 0.5))
-    run = Run(room(extra_objects=[tiny, thing("Cup1", "Cup", 4, 2, 0.5)]))
+    run = Run(room(extra_objects=[tiny, thing("Cup1", "Cup", 4, 2, 0.5)]), world)
     run.execute_all("Robot1", Grip(object="Jar002"))
     end = run.execute("Robot1", Place(support="Tiny"))
     assert isinstance(end, CommandGivenUp)
@@ -197,18 +194,18 @@ def test_a_full_top_has_no_space() -> None:
     assert end.state.holding == "Jar002"
 
 
-def test_a_robot_without_a_gripper_drives_but_carries_nothing() -> None:
-    run = Run(room(extra_objects=[robot("Cart1", (4, 2, 0), type="MobileRobot")]))
+def test_a_robot_without_a_gripper_drives_but_carries_nothing(world: WorldKind) -> None:
+    run = Run(room(extra_objects=[robot("Cart1", (4, 2, 0), type="MobileRobot")]), world)
     run.execute_all("Cart1", DriveTo(x=5, y=3))
     end = run.execute("Cart1", Grip(object="Jar002"))
     assert isinstance(end, CommandGivenUp)
     assert end.reason == "not-possible"
 
 
-def test_sensing_sees_what_nothing_hides() -> None:
+def test_sensing_sees_what_nothing_hides(world: WorldKind) -> None:
     screen = box("Screen", "Wall", (4, 3, 0), (0.1, 3, 2))
     objects: list[Object] = [*shell(), screen, robot("Robot1", (2, 3, 0)), thing("Near", "Cup", 3, 3, 0), thing("Far", "Cup", 6, 3, 0)]
-    run = Run(Map(objects))
+    run = Run(Map(objects), world)
     end = run.execute("Robot1", Sense(radius=10))
     assert isinstance(end, CommandDone)
     [sighting] = end.sightings

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 
 from somrs.devices.simulator.link.commands import Command, CommandDone, CommandGivenUp
 from somrs.devices.simulator.server.simulation import Simulation
+from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.ontology.files.loading import upper
 from somrs.ontology.objects import Map, Object
 from somrs.ontology.types import Ontology, Value
@@ -55,14 +56,20 @@ def room(first_start: Start = (1.5, 1.5, 0.0), second_start: Start = (6.5, 4.5, 
 class Run:
     """A simulation that records forbidden collisions."""
 
-    def __init__(self, map: Map) -> None:
-        self.simulation = Simulation(map, ONTOLOGY)
+    def __init__(self, map: Map, world: WorldKind = WorldKind.PHYSICS) -> None:
+        self.simulation = Simulation(map, ONTOLOGY, world)
         self.collisions: set[tuple[str, str]] = set()
 
     def step(self) -> None:
         self.simulation.step()
         things = set(self.simulation.scene.things())
         self.collisions |= {pair for pair in self.simulation.scene.robot_contacts() if not things & set(pair)}
+
+    def run_for(self, seconds: float) -> None:
+        """Run for so many seconds of simulated time."""
+        end_time = self.simulation.time + seconds - 1e-6
+        while self.simulation.time < end_time:
+            self.step()
 
     def start(self, robot: str, command: Command) -> list[CommandDone | CommandGivenUp]:
         """Start a command. The returned list gets its result when the command ends."""

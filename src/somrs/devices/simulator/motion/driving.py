@@ -146,6 +146,7 @@ def _follow(robot: Robot, path: Sequence[Point]) -> Generator[None, None, Robot 
         allowed = robot.solid.speed * max(0.0, math.cos(error)) ** 4 if abs(error) < 1.0 else 0.0
         exit_speed = 0.02 if is_final else _corner_speed(robot, path[corner - 1], path[corner], path[corner + 1])
         allowed = min(allowed, math.sqrt(exit_speed * exit_speed + 2 * 0.6 * BRAKING * max(0.0, distance - 0.01)))
+        allowed = min(allowed, distance / robot.period)  # not past the corner within this period
         obstacle = robot.move(direction, allowed, _turning(error))
         stall_count = stall_count + 1 if obstacle is not None and robot.speed < 0.03 else 0
         if stall_count > 25 and obstacle is not None:

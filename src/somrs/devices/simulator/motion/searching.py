@@ -26,8 +26,8 @@ CLOSE = 0.6
 """Largest distance for observing a place, as a fraction of the camera's range."""
 ATTEMPTS = 4
 """Number of viewpoints that are tried for a place."""
-GLANCE = 5
-"""Control periods between two checks whether the object is in view."""
+GLANCE = 0.1
+"""Time between two checks whether the object is in view, s."""
 _BLOCKED = ("blocked", "unreachable")
 
 
@@ -85,8 +85,9 @@ def _note(robot: Robot, observations: dict[str, ObjectState]) -> None:
 
 def _move_until_seen(robot: Robot, moving: Routine, sought: Sought) -> Routine:
     """Run a routine until the object is seen."""
+    glance_periods = max(1, round(GLANCE / robot.period))
     for period, _ in enumerate(moving):
-        if period % GLANCE == 0 and sought.in_view(robot):
+        if period % glance_periods == 0 and sought.in_view(robot):
             moving.close()
             return
         yield

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from somrs.devices.simulator.link.lines import Picture
 from somrs.devices.simulator.server.carrying import CarriedDistance
 from somrs.devices.simulator.server.connections import Connection
 from somrs.devices.simulator.server.simulation import Simulation
-from somrs.devices.simulator.world.camera import Camera, close_up
 from somrs.errors import SimulationError, UsageError, WireError
+
+if TYPE_CHECKING:
+    from somrs.devices.simulator.world.camera import Camera
 
 
 @dataclass(slots=True)
@@ -33,6 +36,9 @@ class Pictures:
 
     def take(self, subject: str | None) -> bytes:
         """A PNG of the world, or of an object and its surroundings. Raises UsageError for an unknown object, WireError without OpenGL."""
+        # The camera needs MuJoCo, which not every kind of world loads.
+        from somrs.devices.simulator.world.camera import Camera, close_up
+
         scene = self._simulation.scene
         if subject is not None and subject not in scene.world.solids:
             raise UsageError(f"{subject} is not in the simulated world")

@@ -17,9 +17,9 @@ from somrs.devices.simulator.motion.leaves import obstacle_in_sweep
 from somrs.devices.simulator.motion.robot import Fleet, Robot
 from somrs.devices.simulator.server.navigators import Navigators
 from somrs.devices.simulator.server.robot_work import RobotWork
-from somrs.devices.simulator.world.physics import PhysicsScene
+from somrs.devices.simulator.world.kinds import WorldKind, make_scene
 from somrs.devices.simulator.world.recognition import landmarks, sightings
-from somrs.devices.simulator.world.scene import RESTING, Scene
+from somrs.devices.simulator.world.scene import RESTING
 from somrs.devices.simulator.world.stationary import OnEnd, StationaryDevice
 from somrs.devices.simulator.world.vision import StationaryCamera, clear_points, view
 from somrs.devices.simulator.world.weighing_scale import WeighingScale
@@ -37,9 +37,9 @@ Linked = Robot | StationaryDevice
 class Simulation:
     """A world built from a map, with its robots and cameras."""
 
-    def __init__(self, map: Map, ontology: Ontology) -> None:
+    def __init__(self, map: Map, ontology: Ontology, world: WorldKind = WorldKind.PHYSICS) -> None:
         self._map, self._ontology = map, ontology
-        self.scene: Scene = PhysicsScene(map, ontology)
+        self.scene = make_scene(world, map, ontology)
         self._navigators = self._new_navigators()
         self.robots = Fleet()
         self.stationary: dict[str, StationaryDevice] = {}

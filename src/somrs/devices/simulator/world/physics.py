@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from somrs.devices.simulator.world.chassis import HANDLE_BIT, ServoJoints
-from somrs.devices.simulator.world.joints import ARM_SEEN, BASE_JOINTS
+from somrs.devices.simulator.world.joints import ARM_JOINTS, ARM_SEEN, BASE_JOINTS
 from somrs.devices.simulator.world.scene import RESTING, Place, Scene
 from somrs.devices.simulator.world.welded_hands import WeldedHands
 from somrs.devices.simulator.world.world import STEP, World, build
@@ -135,12 +135,15 @@ class PhysicsScene(Scene):
         holder = self.hands.holder(thing)
         if holder is not None:
             self.hands.release(holder)
+        self._put(thing, x, y, z, yaw)
+        self._disturb()
+        mujoco.mj_forward(self.model, self.data)
+
+    def _put(self, thing: str, x: float, y: float, z: float, yaw: float) -> None:
         body = self.model.body(self._things[thing])
         place, speed = int(self.model.jnt_qposadr[body.jntadr[0]]), int(body.dofadr[0])
         self.data.qpos[place : place + 7] = [x, y, z, math.cos(yaw / 2), 0, 0, math.sin(yaw / 2)]
         self.data.qvel[speed : speed + 6] = 0
-        self._disturb()
-        mujoco.mj_forward(self.model, self.data)
 
     def set_weight(self, thing: str, weight: float) -> None:
         if weight != self.world.solids[thing].weight:
@@ -276,6 +279,23 @@ class PhysicsScene(Scene):
 
     def _addresses(self, robot: str, joints: Sequence[str]) -> list[int]:
         return [int(self.model.jnt_qposadr[self.model.joint(f"{robot}/{joint}").id]) for joint in joints]
+
+    def show(self, scene: Scene) -> None:
+        """Take the poses of another scene of the same objects, to draw them."""
+        for name, joints in self.joints.items():
+            solid, shown = self.world.solids[name], scene.joints[name]
+            x, y, yaw = shown.pose()
+            joints.start("x", x - solid.x)
+            joints.start("y", y - solid.y)
+            joints.start("yaw", yaw)
+            for joint in ARM_JOINTS if solid.gripper else ():
+                joints.start(joint, shown[joint])
+        for thing in self._things:
+            self._put(thing, *scene.thing_pose(thing))
+        for solid in self.world.solids.values():
+            for leaf in leaves_of(solid):
+                self._position[self._leaves[leaf.name]] = scene.leaf_position(leaf)
+        mujoco.mj_forward(self.model, self.data)
 
     def drawing(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
         return self.model, self.data

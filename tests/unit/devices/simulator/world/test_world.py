@@ -11,6 +11,7 @@ import pytest
 from somrs.devices.simulator.link.commands import Approach, CommandDone, CommandGivenUp, DriveTo, Grip, Place
 from somrs.devices.simulator.server.simulation import Simulation
 from somrs.devices.simulator.world import physics
+from somrs.devices.simulator.world.kinds import WorldKind
 from somrs.devices.simulator.world.physics import PhysicsScene
 from somrs.devices.simulator.world.scene import RESTING
 from somrs.devices.simulator.world.world import triangles
@@ -57,8 +58,8 @@ def test_the_map_states_where_things_can_be_put(type: str, stated: bool | None, 
     assert role_of(object, earlier) is role_in_0_3
 
 
-def test_things_stay_where_they_are_for_a_minute() -> None:
-    run = Run(room(extra_objects=[thing("Carton1", "Carton", 4, 5.2, 0.74, RotationZ=0.5)]))
+def test_things_stay_where_they_are_for_a_minute(world: WorldKind) -> None:
+    run = Run(room(extra_objects=[thing("Carton1", "Carton", 4, 5.2, 0.74, RotationZ=0.5)]), world)
     poses_before = run.simulation.scene.pose("Carton1"), run.simulation.scene.pose("Jar002")
     run.simulation.scene.step(3000)
     poses_after = run.simulation.scene.pose("Carton1"), run.simulation.scene.pose("Jar002")
@@ -82,8 +83,7 @@ def test_what_sleeps_is_as_it_would_be_awake(monkeypatch: pytest.MonkeyPatch) ->
         monkeypatch.setattr(physics, "RESTING", wake)
         run = Run(room(extra_objects=extra_things))
         run.execute_all("Robot1", Grip(object="Jar003"), Place(support="Platform001"))
-        for _ in range(100):
-            run.step()
+        run.run_for(2)
         assert sleeping(run) == (["Jar002", "Jar003", "Carton1"] if wake < math.inf else [])
         ends.append([run.simulation.observe(name) for name in ("Robot1", "Jar002", "Jar003", "Carton1")])
     for slept, awake in zip(*ends, strict=True):
@@ -102,8 +102,8 @@ def test_what_sleeps_falls_when_what_it_stands_on_is_gone() -> None:
     assert run.simulation.scene.pose("Jar002")[2] < 0.1
 
 
-def test_nothing_is_busy_until_somebody_says_something() -> None:
-    run = Run(room())
+def test_nothing_is_busy_until_somebody_says_something(world: WorldKind) -> None:
+    run = Run(room(), world)
     assert not run.simulation.busy
     run.start("Robot1", DriveTo(x=3, y=3))
     assert run.simulation.busy
@@ -118,12 +118,11 @@ def test_physics_that_stopped_making_sense_is_an_error() -> None:
         run.step()
 
 
-def test_what_appears_while_it_runs_is_there_and_changes_nothing_else() -> None:
-    run = Run(room())
+def test_what_appears_while_it_runs_is_there_and_changes_nothing_else(world: WorldKind) -> None:
+    run = Run(room(), world)
     run.execute_all("Robot1", Grip(object="Jar002"))
     ends = run.start("Robot1", Approach(object="Platform001"))
-    for _ in range(100):
-        run.step()
+    run.run_for(2)
     states_before = run.simulation.state("Robot1"), run.simulation.observe("Jar002")
     run.simulation.add(thing("Cup1", "Cup", 4, 5, 0.74))
     run.simulation.add(box("Table002", "Table", (2.5, 4.5, 0), (0.8, 0.8, 0.7)))
@@ -144,8 +143,8 @@ def test_what_appears_while_it_runs_is_there_and_changes_nothing_else() -> None:
     assert not run.collisions
 
 
-def test_what_is_removed_is_gone() -> None:
-    run = Run(room())
+def test_what_is_removed_is_gone(world: WorldKind) -> None:
+    run = Run(room(), world)
     run.execute_all("Robot1", Grip(object="Jar002"))
     run.simulation.remove("Jar002")
     assert run.simulation.state("Robot1").holding is None
@@ -159,8 +158,8 @@ def test_what_is_removed_is_gone() -> None:
         run.simulation.observe("Jar002")
 
 
-def test_somebody_can_move_a_thing() -> None:
-    run = Run(room())
+def test_somebody_can_move_a_thing(world: WorldKind) -> None:
+    run = Run(room(), world)
     run.simulation.move("Jar002", 4, 5.2, 0.74)
     run.run_until(lambda: not run.simulation.busy)
     assert run.simulation.observe("Jar002").support == "Table001"
@@ -190,11 +189,11 @@ def test_a_polygon_is_cut_into_triangles_of_its_area() -> None:
     assert area == pytest.approx(8.0)
 
 
-def test_robots_work_on_a_floor_with_an_outline() -> None:
+def test_robots_work_on_a_floor_with_an_outline(world: WorldKind) -> None:
     text = "0,0 6,0 6,4 3,4 3,2 0,2"
     shape: dict[str, float | str | bool] = {"Shape.Form": "Polygon", "Shape.Outline": text, "Shape.Height": 0.1}
     floor = thing("Floor1", "Floor", 0, 0, -0.1, **shape)
-    run = Run(Map([floor, thing("Cup1", "Cup", 5, 3.2, 0), robot("Robot1", (1, 1, 0))]))
+    run = Run(Map([floor, thing("Cup1", "Cup", 5, 3.2, 0), robot("Robot1", (1, 1, 0))]), world)
     run.execute_all("Robot1", Grip(object="Cup1"), DriveTo(x=1, y=1), Place(support="Floor1"))
     assert run.simulation.observe("Cup1").support == "Floor1"
     end = run.execute("Robot1", DriveTo(x=1, y=3.5))
@@ -202,12 +201,12 @@ def test_robots_work_on_a_floor_with_an_outline() -> None:
     assert end.reason == "unreachable"
 
 
-def test_a_cup_is_moved_in_an_office_with_a_hundred_pieces_of_furniture() -> None:
+def test_a_cup_is_moved_in_an_office_with_a_hundred_pieces_of_furniture(world: WorldKind) -> None:
     rng = random.Random(5)
     desks = [box(f"Desk{i}", "Table", (2 + 3 * (i % 10), 8 + 3 * (i // 10), 0), (1.4, 0.7, 0.74)) for i in range(60)]
     chairs = [box(f"Chair{i}", "Chair", (2 + 3 * (i % 10), 8.8 + 3 * (i // 10), 0), (0.45, 0.45, 0.85)) for i in range(60)]
     cups = [thing(f"Cup{i}", "Cup", 2 + 3 * (i % 10) + rng.uniform(-0.5, 0.5), 8 + 3 * (i // 10), 0.74) for i in range(10)]
     floor = box("Floor1", "Floor", (16, 13, -0.1), (33, 27, 0.1))
-    run = Run(Map([floor, *desks, *chairs, *cups, robot("Robot1", (5, 3, 0)), robot("Robot2", (25, 3, 0))]))
+    run = Run(Map([floor, *desks, *chairs, *cups, robot("Robot1", (5, 3, 0)), robot("Robot2", (25, 3, 0))]), world)
     run.execute_all("Robot1", Grip(object="Cup3"), Place(support="Desk5"))
     assert run.simulation.observe("Cup3").support == "Desk5"

@@ -1,0 +1,416 @@
+"""The world moved without forces: joints are where they are driven to, things follow hands, and leaves follow the hands that pull them.
+
+It is the world for many robots: only what moves costs time. Whatever touches, it does not push; that robots do not meet is left to their
+claims. A thing that is put down stands on what is below it, and never tips over.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from somrs.devices.simulator.world.driven_joints import DrivenJoints
+from somrs.devices.simulator.world.hands import Hands
+from somrs.devices.simulator.world.joints import ARM_SEEN, wrapped
+from somrs.devices.simulator.world.layout import Layout
+from somrs.devices.simulator.world.scene import Place, Scene
+from somrs.ontology.objects import Map, Object, ObjectAdded, ObjectRemoved
+from somrs.ontology.types import Ontology
+from somrs.space.dimensions import FINGER, dimensions_of
+from somrs.space.distances import Array
+from somrs.space.leaves import HANDLE, HANDLE_LENGTH, JAMB, Leaf, inside, leaves_of, panels
+from somrs.space.sightlines import Prisms, hull
+from somrs.space.solids import Role, Solid
+
+if TYPE_CHECKING:
+    from somrs.devices.simulator.world.physics import PhysicsScene
+
+PERIOD = 0.1
+"""Control period of the robots, s."""
+STEP_UP = 0.02
+"""Height by which something may be above the underside of a thing and still support it, m: more than a hand lowers a thing in a period."""
+TOUCH = 0.002
+"""Distance below which a thing stands on what is below it, m."""
+FINGER_WIDTH = 0.014
+"""Half the width of a finger, m."""
+HOLDING_SPEED = 0.3
+"""Speed at which a drive brings its leaf to the position at which it holds it, m/s."""
+_OPAQUE = (Role.WALL, Role.SUPPORT, Role.STATIC, Role.CAMERA)
+
+ThingPose = tuple[float, float, float, float]
+
+
+class KinematicScene(Scene):
+    """The state of a world without forces."""
+
+    period = PERIOD
+    hands: AttachedHands
+    joints: dict[str, DrivenJoints]
+
+    def __init__(self, map: Map, ontology: Ontology) -> None:
+        super().__init__(Layout(ontology))
+        self._map = map
+        self.joints, self._moving = {}, dict[DrivenJoints, None]()
+        self._things: dict[str, ThingPose] = {}
+        self._leaf_positions: dict[str, float] = {}
+        self._driven: dict[str, tuple[Leaf, float, float]] = {}
+        """The leaves that drives move, with their goals and speeds, by name."""
+        self.hands = AttachedHands(self)
+        self._changes = 0
+        """Grows whenever something that hides what is behind it may have moved."""
+        self._standing: tuple[int, Prisms] | None = None
+        self._movable: tuple[int, int, Prisms] | None = None
+        self._drawn: tuple[int, PhysicsScene] | None = None
+        self.world.fill(map)
+        for solid in self.world.solids.values():
+            self._enter(solid)
+        self._settle()
+
+    def step(self, periods: int = 1) -> None:
+        for _ in range(periods):
+            for joints in [*self._moving]:
+                if not joints.advance(self.period):
+                    del self._moving[joints]
+                self.hands.follow(joints.name)
+                self._changes += 1
+            for leaf, goal, speed in [*self._driven.values()]:
+                self._advance_leaf(leaf, goal, speed)
+            self.time += self.period
+
+    def disturb(self) -> None:
+        """Note that what is at rest may begin to move."""
+        self.disturbed = self.time
+        self._changes += 1
+
+    # Objects
+
+    def _enter(self, solid: Solid) -> None:
+        """Begin to keep the state of an object."""
+        if solid.role is Role.ROBOT:
+            self.joints[solid.name] = DrivenJoints(solid, self._moving)
+        elif solid.role is Role.THING:
+            self._things[solid.name] = solid.x, solid.y, solid.z, solid.yaw
+        self._start(solid)
+        self.edition += 1
+
+    def add(self, object: Object) -> Solid | None:
+        solid = self.world.add(object)
+        self._map = self._map.changed([ObjectAdded(object)])
+        if solid is not None:
+            self._enter(solid)
+            self.disturb()
+            if solid.role is Role.THING:
+                self.settle(solid.name)
+        return solid
+
+    def remove(self, name: str) -> None:
+        self.hands.remove(name)
+        solid = self.world.remove(name)
+        self._map = self._map.changed([ObjectRemoved(name)])
+        joints = self.joints.pop(name, None)
+        if joints is not None:
+            self._moving.pop(joints, None)
+        self._things.pop(name, None)
+        for leaf in leaves_of(solid):
+            self._leaf_positions.pop(leaf.name, None)
+            self._driven.pop(leaf.name, None)
+        self.edition += 1
+        self.disturb()
+        self._settle()
+
+    def place_thing(self, thing: str, x: float, y: float, z: float, yaw: float) -> None:
+        holder = self.hands.holder(thing)
+        if holder is not None:
+            self.hands.release(holder)
+        self._things[thing] = x, y, z, yaw
+        self.disturb()
+        self._settle()
+
+    def set_weight(self, thing: str, weight: float) -> None:
+        self.world.set_weight(thing, weight)
+
+    def carry_thing(self, thing: str, pose: ThingPose) -> None:
+        """Move a thing with the hand that holds it."""
+        self._things[thing] = pose
+        self._changes += 1
+
+    def _settle(self) -> None:
+        """Let all things that nobody holds fall to what is below them, the lowest first."""
+        for thing in sorted(self._things, key=lambda thing: self._things[thing][2]):
+            if not self.hands.carries(thing):
+                self.settle(thing)
+
+    def settle(self, thing: str) -> None:
+        """Let a thing fall to what is below it."""
+        surface, (x, y, _, yaw) = self._surface_below(thing), self._things[thing]
+        if surface is not None:
+            self._things[thing] = x, y, surface[1], yaw
+
+    def _surface_below(self, thing: str) -> tuple[str, float] | None:
+        """The highest object below a thing, and the height of its surface."""
+        x, y, z, _ = self._things[thing]
+        surfaces: list[tuple[str, float]] = []
+        support, container = self.support_below(x, y, z + STEP_UP, thing), self.container_at(x, y, z)
+        if support is not None:
+            surfaces.append((support.name, support.top))
+        if container is not None:
+            surfaces.append((container.name, inside(container).z))
+        for name, (lower_x, lower_y, lower_z, _) in self._things.items():
+            solid = self.world.solids[name]
+            top = lower_z + solid.height
+            if name != thing and top <= z + STEP_UP and math.hypot(lower_x - x, lower_y - y) < solid.extent:
+                surfaces.append((name, top))
+        return max(surfaces, key=lambda surface: surface[1], default=None)
+
+    # Doors and containers
+
+    def leaf_position(self, leaf: Leaf) -> float:
+        return self._leaf_positions[leaf.name]
+
+    def set_leaf(self, leaf: Leaf, position: float) -> None:
+        self._leaf_positions[leaf.name] = self.world.positions[leaf.name] = position
+        self._driven.pop(leaf.name, None)
+        self.disturb()
+
+    def pull_leaf(self, leaf: Leaf, position: float) -> None:
+        """Move a leaf with the hand that holds its handle."""
+        self._leaf_positions[leaf.name] = position
+        self._changes += 1
+
+    def drive_leaf(self, leaf: Leaf, goal: float, speed: float) -> None:
+        self._driven[leaf.name] = leaf, goal, speed
+
+    def hold_leaf(self, leaf: Leaf, position: float) -> None:
+        self._driven[leaf.name] = leaf, position, HOLDING_SPEED
+
+    def _advance_leaf(self, leaf: Leaf, goal: float, speed: float) -> None:
+        position, way = self._leaf_positions[leaf.name], speed * self.period
+        self._leaf_positions[leaf.name] = position + min(max(goal - position, -way), way)
+        self._changes += 1
+        if abs(goal - position) <= way:
+            del self._driven[leaf.name]
+
+    # Poses and contacts
+
+    def things(self) -> Iterable[str]:
+        return self._things
+
+    def thing_pose(self, thing: str) -> ThingPose:
+        return self._things[thing]
+
+    def upright(self, thing: str) -> bool:
+        return True
+
+    def are_at_rest(self, *things: str) -> bool:
+        return True
+
+    def supporters(self, thing: str) -> Iterable[str]:
+        surface = self._surface_below(thing)
+        return (surface[0],) if surface is not None and self._things[thing][2] - surface[1] < TOUCH else ()
+
+    def hand(self, robot: str) -> ThingPose:
+        """The middle between the tips of a robot's fingers, and the direction of its wrist."""
+        joints, solid = self.joints[robot], self.world.solids[robot]
+        x, y, yaw = joints.pose()
+        angle, reach = yaw + joints["turret"], joints["reach"]
+        tips = solid.z + joints["lift"] - dimensions_of(solid).hang
+        return x + reach * math.cos(angle), y + reach * math.sin(angle), tips, angle + joints["wrist"]
+
+    def touching_fingers(self, robot: str, thing: str) -> set[str]:
+        solid, (x, y, z, yaw) = self.world.solids[thing], self._things[thing]
+        turn = yaw - self.hand(robot)[3]
+        return self._fingers_at(robot, (x, y, z), solid.height, _half_width(solid, turn + math.pi / 2), _half_width(solid, turn))
+
+    def fingers_at_handle(self, robot: str, leaf: Leaf) -> set[str]:
+        position, low = self._leaf_positions[leaf.name], leaf.handle_height - HANDLE_LENGTH / 2
+        handles = [leaf.handle(position, side) for side in ((-1, 1) if leaf.slides else (1,))]
+        return set().union(*(self._fingers_at(robot, (*handle, low), HANDLE_LENGTH, HANDLE, HANDLE) for handle in handles))
+
+    def _fingers_at(self, robot: str, foot: Place, height: float, half_across: float, half_along: float) -> set[str]:
+        """The fingers that touch something upright: on the line on which they close, it extends `half_across`."""
+        joints, (x, y, tips, angle) = self.joints[robot], self.hand(robot)
+        dx, dy = foot[0] - x, foot[1] - y
+        along, across = dx * math.cos(angle) + dy * math.sin(angle), dy * math.cos(angle) - dx * math.sin(angle)
+        if abs(along) > half_along + FINGER_WIDTH or not tips - height <= foot[2] <= tips + FINGER or abs(across) > 2 * half_across:
+            return set()
+        gaps = {"left": joints["left"] - across - half_across, "right": joints["right"] + across - half_across}
+        return {finger for finger, gap in gaps.items() if gap <= 0}
+
+    def robot_contacts(self) -> set[tuple[str, str]]:
+        """The contacts of robots' bases; arms and leaves have none here."""
+        return {(min(pair), max(pair)) for pair in self._overlaps()}
+
+    def _overlaps(self) -> Iterator[tuple[str, str]]:
+        bases = {name: self.pose(name) for name in self.joints}
+        radii = {name: self.world.solids[name].extent for name in bases}
+        for name, (x, y, z, _) in bases.items():
+            for other_name, (other_x, other_y, other_z, _) in bases.items():
+                touch = math.hypot(x - other_x, y - other_y) < radii[name] + radii[other_name]
+                if name < other_name and touch and abs(z - other_z) < self.world.solids[name].height:
+                    yield name, other_name
+            for block in self.world.blocks():
+                if block.z < z + self.world.solids[name].height and block.top > z + STEP_UP and block.distance(x, y) < radii[name]:
+                    yield name, block.name
+
+    def is_unobstructed(self, start: Place, end: Place, ignored: Iterable[str]) -> bool:
+        names = set(ignored)
+        return not (self._standing_prisms().hide(start, end, names) or self._movable_prisms().hide(start, end, names))
+
+    def _standing_prisms(self) -> Prisms:
+        """What stands still and hides what is behind it."""
+        if self._standing is None or self._standing[0] != self.edition:
+            parts = [(solid.name, part) for solid in self.world.solids.values() for part in _opaque_parts(solid)]
+            self._standing = self.edition, Prisms([name for name, _ in parts], [part for _, part in parts])
+        return self._standing[1]
+
+    def _movable_prisms(self) -> Prisms:
+        """The robots, the things and the leaves, where they are now."""
+        solids, leaves = self.world.solids, [leaf for solid in self.world.solids.values() for leaf in leaves_of(solid)]
+        names = [*self.joints, *self._things]
+        if self._movable is None or self._movable[0] != self.edition:
+            prisms = Prisms(
+                [*names, *(leaf.owner.name for leaf in leaves)],
+                [*(solids[name] for name in names), *(_whole_leaf(leaf, self._leaf_positions[leaf.name]) for leaf in leaves)],
+            )
+            self._movable = self.edition, -1, prisms
+        edition, changes, prisms = self._movable
+        if changes != self._changes:
+            panes = (_whole_leaf(leaf, self._leaf_positions[leaf.name]) for leaf in leaves)
+            prisms.place([*(self.pose(name) for name in names), *((pane.x, pane.y, pane.z, pane.yaw) for pane in panes)])
+            self._movable = edition, self._changes, prisms
+        return prisms
+
+    # For displays
+
+    def row_reader(self, arms: Sequence[str], bases: Sequence[str], leaves: Sequence[Leaf]) -> Callable[[], Array]:
+        def row() -> Array:
+            numbers: list[float] = []
+            for robot in arms:
+                joints = self.joints[robot]
+                numbers += [*self.pose(robot), *(joints[joint] for joint in ARM_SEEN)]
+            for robot in bases:
+                numbers += self.pose(robot)
+            for pose in self._things.values():
+                numbers += [*pose, 0.0, 0.0]
+            numbers += [min(max(self._leaf_positions[leaf.name] / leaf.travel, 0.0), 1.0) for leaf in leaves]
+            return np.array(numbers)
+
+        return row
+
+    def drawing(self) -> tuple[Any, Any]:
+        from somrs.devices.simulator.world.physics import PhysicsScene
+
+        if self._drawn is None or self._drawn[0] != self.edition:
+            self._drawn = self.edition, PhysicsScene(self._map, self.world.ontology)
+        self._drawn[1].show(self)
+        return self._drawn[1].drawing()
+
+
+@dataclass(frozen=True, slots=True)
+class _Grip:
+    """A thing that follows a hand: where it is in the frame of the hand."""
+
+    thing: str
+    along: float
+    across: float
+    up: float
+    turn: float
+
+
+class AttachedHands(Hands):
+    """Hands to which things are attached: what a hand holds keeps its place in the hand, and so does what stands on it."""
+
+    def __init__(self, scene: KinematicScene) -> None:
+        super().__init__(scene.disturb)
+        self._scene = scene
+        self._grips: dict[str, list[_Grip]] = {}
+        self._pulls: dict[str, tuple[Leaf, float]] = {}
+        """The leaf that each robot pulls, and how far its position is from that of the hand."""
+
+    def carries(self, thing: str) -> bool:
+        """Whether a hand holds the thing, or what it stands on."""
+        return any(grip.thing == thing for grips in self._grips.values() for grip in grips)
+
+    def follow(self, robot: str) -> None:
+        """Let what a robot holds follow its hand."""
+        if robot in self._grips:
+            x, y, z, angle = self._scene.hand(robot)
+            c, s = math.cos(angle), math.sin(angle)
+            for grip in self._grips[robot]:
+                place = x + c * grip.along - s * grip.across, y + s * grip.along + c * grip.across, z + grip.up
+                self._scene.carry_thing(grip.thing, (*place, angle + grip.turn))
+        if robot in self._pulls:
+            leaf, lead = self._pulls[robot]
+            position = self._scene.leaf_position(leaf)
+            way = self._along(leaf, robot) + lead - position
+            moved = position + (way if leaf.slides else wrapped(way))
+            self._scene.pull_leaf(leaf, min(max(moved, 0.0), leaf.travel))
+
+    def _take(self, robot: str, thing: str) -> None:
+        stack = [thing]
+        for carrier in stack:
+            stack += [name for name in self._scene.things() if carrier in self._scene.supporters(name)]
+        x, y, z, angle = self._scene.hand(robot)
+        c, s = math.cos(angle), math.sin(angle)
+        poses = {name: self._scene.thing_pose(name) for name in stack}
+        self._grips[robot] = [
+            _Grip(name, c * (px - x) + s * (py - y), c * (py - y) - s * (px - x), pz - z, yaw - angle)
+            for name, (px, py, pz, yaw) in poses.items()
+        ]
+
+    def _drop(self, robot: str) -> None:
+        for grip in self._grips.pop(robot):
+            self._scene.settle(grip.thing)
+
+    def _take_handle(self, robot: str, leaf: str) -> None:
+        owner, number = leaf.split("/leaf")
+        pulled_leaf = self._scene.leaves(owner)[int(number)]
+        self._pulls[robot] = pulled_leaf, self._scene.leaf_position(pulled_leaf) - self._along(pulled_leaf, robot)
+
+    def _drop_handle(self, robot: str) -> None:
+        del self._pulls[robot]
+
+    def _along(self, leaf: Leaf, robot: str) -> float:
+        """The position of a robot's hand on the way of the leaf's joint, m or rad from some point of it."""
+        owner, (x, y, _, _) = leaf.owner, self._scene.hand(robot)
+        c, s = math.cos(owner.yaw), math.sin(owner.yaw)
+        u, v = c * (x - owner.x) + s * (y - owner.y) - leaf.end[0], c * (y - owner.y) - s * (x - owner.x) - leaf.end[1]
+        if leaf.slides:
+            return -(u * math.cos(leaf.along) + v * math.sin(leaf.along))
+        return leaf.turn * math.atan2(v, u)
+
+
+def _half_width(solid: Solid, turn: float) -> float:
+    """Half the width of a solid, seen from above, in a direction at this angle to its own x axis."""
+    if solid.form != "Box":
+        return solid.extent
+    return abs(solid.width / 2 * math.cos(turn)) + abs(solid.depth / 2 * math.sin(turn))
+
+
+def _opaque_parts(solid: Solid) -> list[Solid]:
+    """The boxes and cylinders of what stands still behind which nobody sees anything."""
+    leaves = leaves_of(solid)
+    if solid.container and leaves:
+        boards = []
+        for panel in panels(solid):
+            x, y = solid.world(panel.x, panel.y)
+            boards.append(replace(solid, x=x, y=y, z=solid.z + panel.z, width=panel.width, depth=panel.depth, height=panel.height))
+        return boards
+    if solid.role is Role.DOOR:
+        return [] if leaves or solid.open else [solid]
+    if solid.role is Role.FLOOR:
+        return [hull(solid)]
+    return [solid] if solid.role in _OPAQUE and solid.form != "Polygon" else []
+
+
+def _whole_leaf(leaf: Leaf, position: float) -> Solid:
+    """A leaf with the strip that stays in the doorway, through which nobody sees either."""
+    pane = leaf.solid(position)
+    if not leaf.slides:
+        return pane
+    x, y = pane.x + JAMB / 2 * math.cos(pane.yaw), pane.y + JAMB / 2 * math.sin(pane.yaw)
+    return replace(pane, x=x, y=y, width=pane.width + JAMB)
