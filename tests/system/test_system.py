@@ -280,6 +280,58 @@ def test_whatever_is_killed_is_started_again(tmp_path: Path) -> None:
     asyncio.run(run())
 
 
+LATE_LAMP = """
+from somrs.errors import DeviceError
+from somrs.service_manager.sdk.device import Device, Situation, Task, service
+
+
+class Lamp(Device):
+    type = "Lamp"
+
+    async def open(self) -> None:
+        if not (self.data / "on").exists():
+            raise DeviceError("the lamp is not connected")
+
+    @service("MoveTo", duration="1 s")
+    async def move(self, task: Task) -> Situation:
+        return None
+"""
+
+
+def test_devices_that_share_a_process_come_back_with_it_and_one_that_does_not_start_holds_up_nobody(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "lamp.py").write_text(LATE_LAMP)
+    site = tmp_path / "site.yaml"
+    types = f"types:\n  Lamp: {{parent: StationaryDevice, driver: '{tmp_path / 'lamp.py'}:Lamp'}}\n"
+    lamp = "  Lamp001: {type: Lamp, at: [1, 7, 0], Shape: {Form: Box, Width: 0.1, Depth: 0.1, Height: 0.1}}\n"
+    site.write_text(SCENARIO_1.read_text().replace("objects:\n", f"{types}\nobjects:\n{lamp}", 1))
+    data = tmp_path / "run"
+
+    async def run() -> None:
+        async with (
+            System([site], data, speed="max", launcher=warm.launcher(), devices_per_process=10) as system,
+            Client(system.addresses) as client,
+        ):
+            assert "Lamp001 did not start: the lamp is not connected; it is tried again" in caplog.messages
+            addresses = {offer.provider: offer.address for offer in await client.services()}
+            assert set(addresses) == {"Robot1", "Robot2"}
+            notices: list[str] = []
+            supervisor = asyncio.create_task(system.keep_running(notices.append))
+            (data / "on").touch()
+            system.programs["devices-1"].process.kill()
+            async with asyncio.timeout(HANG_TIME):
+                while "devices-1 is back" not in notices:
+                    await asyncio.sleep(0.05)
+            offers = {offer.provider: offer.address for offer in await client.services()}
+            assert set(offers) == {"Robot1", "Robot2", "Lamp001"}
+            assert offers.items() >= addresses.items(), "coordinators find the devices where they were"
+            assert (await accomplish(client, "Jar002 isOn Platform001")).outcome is Outcome.ACCOMPLISHED
+            supervisor.cancel()
+
+    asyncio.run(run())
+
+
 def test_a_system_that_cannot_start_says_why_and_leaves_nothing_running(tmp_path: Path) -> None:
     site = tmp_path / "empty.yaml"
     site.write_text("ontology: empty\n")

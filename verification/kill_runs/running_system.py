@@ -48,7 +48,7 @@ class RunningSystem:
         self.data = data
         with resources.as_file(resources.files("somrs.demo") / "data" / "scenario-2.yaml") as site:
             loaded = load([site])
-            self.system = System([site], data, speed="max", launcher=launcher)
+            self.system = System([site], data, speed="max", launcher=launcher, devices_per_process=1)
         assert loaded.map is not None, "the site has a map"
         self.ontology: Ontology = loaded.ontology
         self._homes: Map = loaded.map

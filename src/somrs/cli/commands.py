@@ -79,7 +79,9 @@ def site_to_run(site: Sequence[Path], data: Path, *, fresh: bool) -> Sequence[Pa
     return site
 
 
-async def run_system(site: Sequence[Path], data: Path, speed: str, host: str, fresh: bool, launcher: Launcher) -> None:
+async def run_system(
+    site: Sequence[Path], data: Path, speed: str, host: str, fresh: bool, launcher: Launcher, devices_per_process: int | None
+) -> None:
     """Run a system until it is asked to stop."""
     from somrs.cli.import_commands import import_sources
     from somrs.deployment.programs import load_site, until_stopped
@@ -92,7 +94,7 @@ async def run_system(site: Sequence[Path], data: Path, speed: str, host: str, fr
     if fresh:
         load_site(files)  # so that a mistake in it deletes nothing
         discard(data, keep=files)
-    system = System(files, data, speed=speed, host=host, windows=True, launcher=launcher)
+    system = System(files, data, speed=speed, host=host, windows=True, launcher=launcher, devices_per_process=devices_per_process)
     try:
         with console.status("starting the Repository, the Registry, the Task Manager, the simulator and the devices ..."):
             await system.start()

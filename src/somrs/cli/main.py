@@ -90,6 +90,14 @@ def up(
     speed: Annotated[str, typer.Option(help="Speed of simulated time: 1 is real time, `max` is as fast as possible.")] = "1",
     host: HostOption = LOOPBACK,
     fresh: Annotated[bool, typer.Option("--fresh", help="Discard the map of an earlier run, and start with the site's map.")] = False,
+    devices_per_process: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            help="How many devices share a process; 1 gives each its own. By default, many devices with drivers of SO-MRS share a few.",
+            show_default=False,
+        ),
+    ] = None,
 ) -> None:
     """Start a system for a site, each component as a process. Ctrl-C stops it."""
     from somrs.cli.commands import run_system as run
@@ -98,7 +106,7 @@ def up(
 
     files = guarded(lambda: site_to_run(site or [], data, fresh=fresh))
     launcher_process = fork_launcher()
-    awaited(run(files, data, speed, host, fresh, Launcher(launcher_process)))
+    awaited(run(files, data, speed, host, fresh, Launcher(launcher_process), devices_per_process))
 
 
 @app.command()

@@ -123,3 +123,15 @@ def device(
     from somrs.deployment.device import run_driver
 
     guarded(lambda: run_driver(driver, name, data, host))
+
+
+@run_app.command()
+def devices(
+    devices: Annotated[list[str], typer.Argument(help="NAME=DRIVER for each device; a driver is `module:Class` or `file.py:Class`.")],
+    data: Data = DEFAULT_FOLDER,
+    host: HostOption = LOOPBACK,
+) -> None:
+    """The Service Managers of several devices, in one process."""
+    from somrs.deployment.device_host import parse_device, run_devices
+
+    guarded(lambda: run_devices(dict(map(parse_device, devices)), data, host))

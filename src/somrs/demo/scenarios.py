@@ -92,7 +92,8 @@ async def play(scenario: str, folder: Path, seed: int | None, console: Console |
         shutil.rmtree(folder)
     folder.mkdir(parents=True)
     site, distance = prepare(scenario, folder, seed)
-    system = System([site], folder / "run", speed=recovery_demo.SPEED if scenario == "2" else SPEED, launcher=launcher)
+    speed = recovery_demo.SPEED if scenario == "2" else SPEED
+    system = System([site], folder / "run", speed=speed, launcher=launcher, devices_per_process=1)
     try:
         with console.status("starting the Repository, the Registry, the Task Manager, the simulator and the Service Managers ..."):
             await system.start()

@@ -57,6 +57,26 @@ def device_journal(data: Path, name: str) -> Journal:
     return Journal(folder / f"{name}.sqlite", SCHEMA)
 
 
+def last_port(journal: Journal) -> int:
+    """The port of the device in its last run; 0 if there was none."""
+    return urlsplit(journal.address).port or 0
+
+
+async def listen(host: str, port: int, name: str) -> Host:
+    """Listen at the port of the last run if it is free: coordinators that have a contract know the device by that address."""
+    for candidate in dict.fromkeys((port, 0)):
+        runtime = Host(host, candidate)
+        try:
+            await runtime.start()
+        except (OSError, SystemExit, RemoteError, InputError):
+            if candidate == 0:
+                raise
+            log.warning("%s: port %d is taken, so clients have to look up its new address", name, candidate)
+        else:
+            return runtime
+    raise AssertionError("port 0 is always tried")
+
+
 class DeviceRunner:
     """Runs one device in this process: `start` joins the system, `stop` leaves it. `data` is the folder of its journal.
 
@@ -121,21 +141,38 @@ class DeviceRunner:
         assert isinstance(self._node.component, ServiceManager), "start adds a ServiceManager"
         return self._node.component
 
+    async def wait_broken(self) -> None:
+        """Return when the device cannot continue, because an input could not be stored."""
+        assert self._node is not None, "start was called"
+        await self._node.broken.wait()
+
     async def stop(self) -> None:
         """Leave the system: withdraw the offers, stop running services, and notify their coordinators."""
         if self._node is not None:
-            self._node.feed(Notified(DepartureRequested()))
-            end = asyncio.get_running_loop().time() + LEAVE_TIME
-            while not self.manager.idle and asyncio.get_running_loop().time() < end:
-                await asyncio.sleep(0.02)
-            await self._node.flush(2.0)
+            if not self._node.broken.is_set():
+                await self._leave(self._node)
             if isinstance(self._host, Host):
                 await self._host.remove(self._node)
         if self._runtime is not None and self._runtime is not self._host:
             await self._runtime.stop()
-        await self.device.close()
+        await self._close_device()
         if self._own_journal:
             self._journal.close()
+
+    async def _leave(self, node: Node) -> None:
+        node.feed(Notified(DepartureRequested()))
+        end = asyncio.get_running_loop().time() + LEAVE_TIME
+        while not self.manager.idle and asyncio.get_running_loop().time() < end:
+            await asyncio.sleep(0.02)
+        await node.flush(2.0)
+
+    async def _close_device(self) -> None:
+        """Release the hardware. An error of the author's code must not hide the one for which the device stops."""
+        try:
+            await self.device.close()
+        except Exception:
+            # A device that was not opened may have nothing to close.
+            log.log(logging.ERROR if self._node is not None else logging.DEBUG, "%s cannot be closed", self.device.name, exc_info=True)
 
     def _observed(self, situation: str | None, observation: Observation) -> None:
         assert self._runtime is not None, "devices observe after they listen"
@@ -150,21 +187,9 @@ class DeviceRunner:
             self._node.feed(Notified(ServicesChanged(self.device.profile())))
 
     async def _listen(self) -> Host:
-        """Listen at the port of the last run if it is free: coordinators that have a contract know the device by that address."""
         if isinstance(self._host, Host):
             return self._host
-        port = urlsplit(self._journal.address).port or 0
-        for candidate in dict.fromkeys((port, 0)):
-            runtime = Host(self._host, candidate)
-            try:
-                await runtime.start()
-            except (OSError, SystemExit, RemoteError, InputError):
-                if candidate == 0:
-                    raise
-                log.warning("%s: port %d is taken, so clients have to look up its new address", self.device.name, candidate)
-            else:
-                return runtime
-        raise AssertionError("port 0 is always tried")
+        return await listen(self._host, last_port(self._journal), self.device.name)
 
     async def _carry_out(self, task: object, report: Report) -> object:
         match task:

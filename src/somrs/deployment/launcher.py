@@ -32,7 +32,7 @@ from somrs.errors import RemoteError
 
 COMMON = (
     "somrs.cli.main",
-    "somrs.deployment.device",
+    "somrs.deployment.device_host",
     "somrs.deployment.programs",
     "somrs.ontology.files.loading",
     "somrs.storage.journal",

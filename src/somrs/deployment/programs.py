@@ -43,14 +43,22 @@ SWITCH_TIME = 0.0005
 """The interpreter's thread switch interval, in seconds."""
 
 
-class Ready(msgspec.Struct, frozen=True, kw_only=True):
-    """The line that a program prints when it is ready."""
+FIRST_PAUSE = 0.2
+"""Seconds before what has ended is started again. Each further pause is twice as long."""
+
+MOST_PAUSE = 10.0
+"""Longest such pause, in seconds."""
+
+
+class Ready(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """The line that a program prints when it is ready. `problems`: what does not work yet although it is ready, for people."""
 
     ready: str
     address: str = msgspec.field(name="at")
+    problems: tuple[str, ...] = ()
 
 
-async def until_stopped(name: str = "", address: str = "") -> None:
+async def until_stopped(name: str = "", address: str = "", problems: tuple[str, ...] = ()) -> None:
     """Wait until SIGTERM, SIGINT, or the end of the parent process.
 
     With `name`, print the ready line once the signal handlers are set: from then on the program ends in order.
@@ -61,14 +69,14 @@ async def until_stopped(name: str = "", address: str = "") -> None:
         loop.add_signal_handler(signal_number, stopped.set)
     parent = os.getppid()
     if name:
-        say_ready(name, address)
+        say_ready(name, address, problems)
     while not stopped.is_set() and os.getppid() == parent:
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(stopped.wait(), PARENT_CHECK)
 
 
-def say_ready(name: str, address: str) -> None:
-    print(msgspec.json.encode(Ready(ready=name, address=address)).decode(), flush=True)
+def say_ready(name: str, address: str, problems: tuple[str, ...] = ()) -> None:
+    print(msgspec.json.encode(Ready(ready=name, address=address, problems=problems)).decode(), flush=True)
 
 
 def load_site(site: Sequence[Path]) -> LoadedModel:

@@ -16,8 +16,9 @@ import msgspec
 from msgspec.structs import replace
 
 from somrs.client.client import SYSTEM_FILE, Addresses, Client
+from somrs.deployment.device_groups import DeviceGroup, group_devices
 from somrs.deployment.launcher import Launcher, Process
-from somrs.deployment.programs import Ready, has_windows
+from somrs.deployment.programs import FIRST_PAUSE, MOST_PAUSE, Ready, has_windows
 from somrs.errors import SomrsError, UsageError
 from somrs.ontology.objects import Map
 from somrs.ontology.types import Ontology
@@ -35,9 +36,6 @@ SITE_FILE = "site.json"
 LAST_FILE = "last.json"
 """File in the data folder: the addresses of the last run. Programs listen there again if they can, because parties to open
 contracts know each other by these addresses."""
-
-MOST_PAUSE = 10.0
-"""Longest pause, in seconds, before a program that ends repeatedly is started again."""
 
 STOP_TIME = 5.0
 """Seconds that a program has to end after SIGTERM before it is killed."""
@@ -92,6 +90,7 @@ class System:
 
     `world_address`: host:port of a simulator or a symbolic world that runs already; None: the system starts its own.
     `launcher`: starts the programs; None: the system makes its own. `stop` ends it in either case.
+    `devices_per_process`: how many devices share a process; None: as `group_devices` says.
     """
 
     def __init__(
@@ -104,10 +103,11 @@ class System:
         windows: bool = False,
         world_address: str | None = None,
         launcher: Launcher | None = None,
+        devices_per_process: int | None = None,
     ) -> None:
         self.site, self.data, self.speed, self.host = [path.resolve() for path in site], data, speed, host
         self.programs: dict[str, Program] = {}
-        self._windows, self._world_address = windows, world_address
+        self._windows, self._world_address, self._devices_per_process = windows, world_address, devices_per_process
         self.addresses = Addresses(repository="", registry="", task_manager="")
         self._listed = False
         self._reservation: Reservation | None = None
@@ -162,7 +162,7 @@ class System:
         if self._world_address is None:
             first.append(self._start("world" if bodiless else "simulator", "--port", str(ports[3]), "--speed", self.speed))
         await asyncio.gather(*first)
-        last_starts = [self._start("device", driver, "--name", name, label=name) for name, driver in driven]
+        last_starts = [self._start_devices(group) for group in group_devices(driven, self._devices_per_process)]
         last_starts += [self._start("scheduler", "--port", str(ports[6])), self._start("api", "--port", str(ports[5]))]
         if self.addresses.gui is not None:
             last_starts.append(self._start("gui", "--port", str(ports[4])))
@@ -187,6 +187,9 @@ class System:
             addresses.scheduler or "",
         )
         return [urlsplit(place).port or 0 for place in places]
+
+    async def _start_devices(self, group: DeviceGroup) -> Program:
+        return await self._start("devices", *(f"{name}={driver}" for name, driver in group.drivers.items()), label=group.name)
 
     async def _start(self, command: str, *arguments: str, label: str = "") -> Program:
         """Start a program, and wait until it is ready."""
@@ -215,7 +218,7 @@ class System:
             # In the order of their first start: several may have ended at once, and devices need the Repository.
             for program in [program for program in self.programs.values() if program.process.returncode is not None]:
                 report(f"{program.name} ended ({_describe_exit(program.process.returncode)}; see {program.log}); starting it again")
-                await asyncio.sleep(min(0.2 * 2**program.restarts, MOST_PAUSE))
+                await asyncio.sleep(min(FIRST_PAUSE * 2**program.restarts, MOST_PAUSE))
                 try:
                     await self.restart(program.name)
                 except SomrsError as error:
@@ -262,7 +265,10 @@ async def _ready(program: Program) -> None:
             output.seek(log_size)
             error_text = output.read().decode(errors="replace").strip()
         raise UsageError(error_text or f"{program.name} ended at once; see {program.log}")
-    program.address = msgspec.json.decode(ready_line, type=Ready).address
+    ready = msgspec.json.decode(ready_line, type=Ready)
+    program.address = ready.address
+    for problem in ready.problems:
+        log.warning("%s; it is tried again", problem)
 
 
 def _describe_exit(code: int | None) -> str:

@@ -95,6 +95,8 @@ class Node:
         self._inputs: deque[Input] = deque()
         self._handling = self._closed = False
         self._broken = ""
+        self.broken = asyncio.Event()
+        """Set when an input could not be stored: the component takes no more inputs."""
         self._timers: dict[Hashable, asyncio.TimerHandle] = {}
         self._work_tasks: dict[Hashable, asyncio.Task[None]] = {}
         self._pending_replies = PendingReplies()
@@ -250,6 +252,7 @@ class Node:
         if not self._broken:
             log.critical("%s", refusal)
         self._broken = str(refusal)
+        self.broken.set()
         self.output.drop(refusal)
         self._pending_replies.fail_all(refusal)
 

@@ -6,11 +6,11 @@ import math
 import time
 from collections.abc import Awaitable, Callable, Iterable
 
+from somrs.devices.simulator.battery import CHARGING
 from somrs.devices.simulator.drivers.looking import describe_things, point_at
 from somrs.devices.simulator.drivers.simulated import SimulatedDevice, number_of
 from somrs.devices.simulator.link.commands import CommandDone, ObjectState, RobotState
 from somrs.devices.simulator.link.connection import RobotGaveUp
-from somrs.devices.simulator.motion.robot import CHARGING
 from somrs.entish.formula import Formula, Name, Relation, conjuncts
 from somrs.errors import RemoteError, UsageError
 from somrs.protocol.messages.observations import Observation

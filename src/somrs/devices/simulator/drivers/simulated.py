@@ -65,8 +65,12 @@ class SimulatedDevice(Device):
         self._known_broken = await self.map.holds(f"{self.name}.Working = FALSE")
         self._link = RobotLink(host, int(port), self.name, silence=self.silence, on_state=self._notice_fault)
         await self._link.connect()
-        await self._link.status()
-        self.attributes = {name: value for name in self.features for value in await self._feature(name)}
+        try:
+            await self._link.status()
+            self.attributes = {name: value for name in self.features for value in await self._feature(name)}
+        except BaseException:  # also when cancelled: nothing else closes the link
+            await self._link.close()
+            raise
         self._noticing = asyncio.create_task(self._notice())
 
     async def close(self) -> None:

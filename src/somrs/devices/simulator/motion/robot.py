@@ -10,6 +10,7 @@ import math
 from collections import defaultdict
 from collections.abc import Generator, Iterator
 
+from somrs.devices.simulator.battery import CONSUMPTION
 from somrs.devices.simulator.link.commands import Fault, RobotState
 from somrs.devices.simulator.motion.traffic import GAP, Capsule
 from somrs.devices.simulator.world.joints import Joints
@@ -34,10 +35,6 @@ CELL = 1.5
 """Size of the squares by which robots near a place are found, m."""
 STANDING = 0.01
 """Speed below which the base counts as standing, m/s and rad/s."""
-CONSUMPTION = 0.02
-"""Charge that the base uses for a metre of driving, percent: a full battery lasts for 5 km."""
-CHARGING = 0.05
-"""Charge that a charger adds in a second, percent: an empty battery is full after 33 minutes."""
 _TOLERANCES = {"turret": 0.01, "lift": 0.006, "reach": 0.004, "wrist": 0.05, "left": 0.006, "right": 0.006}
 
 Routine = Generator[None, None, None]

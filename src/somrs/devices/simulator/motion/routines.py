@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from somrs.devices.simulator.battery import CHARGING
 from somrs.devices.simulator.link.commands import (
     Approach,
     Charge,
@@ -26,7 +27,7 @@ from somrs.devices.simulator.motion.driving import drive_to
 from somrs.devices.simulator.motion.handling import get_within_reach, pick, place, put_into, set_down, spots_on, top_of, weigh
 from somrs.devices.simulator.motion.leaves import move_leaves
 from somrs.devices.simulator.motion.placement import outline_spots
-from somrs.devices.simulator.motion.robot import CHARGING, GivenUp, Robot, Routine, stand
+from somrs.devices.simulator.motion.robot import GivenUp, Robot, Routine, stand
 from somrs.devices.simulator.motion.searching import Sought, look_around, look_at
 from somrs.devices.simulator.world.scene import Scene
 from somrs.errors import UsageError
