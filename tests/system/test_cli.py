@@ -24,6 +24,23 @@ from tests.support.paths import SCENARIO_1, SHARED
 from tests.unit.sites.test_openrmf import SMALL
 
 OFFICE = SHARED / "sites" / "office.building.yaml"
+TRACK = """\
+map: Depot
+objects:
+  Depot:
+    type: Building
+    parts:
+      Ground:
+        type: Storey
+        parts:
+          Floor1: {type: Floor, at: [5, 2, -0.1], Shape: {Form: Box, Width: 10, Depth: 4, Height: 0.1}}
+          Bay: {type: Place, at: [1, 2]}
+          Junction: {type: Waypoint, at: [5, 2]}
+          Lane1: {type: Lane}
+facts:
+  - Lane1 startsAt Bay
+  - Lane1 endsAt Junction
+"""
 COMMANDS = [
     "demo",
     "up",
@@ -154,3 +171,31 @@ def test_import_writes_a_map_that_passes_the_check(building: Path | None, tmp_pa
     result = somrs("import", building, "-o", "site.yaml", cwd=tmp_path)
     assert result.returncode == 0, result.stdout + result.stderr
     assert somrs("check", "site.yaml", cwd=tmp_path).returncode == 0
+
+
+def test_import_tells_each_kind_once_and_takes_sizes(tmp_path: Path) -> None:
+    building, sizes = tmp_path / "depot.building.yaml", tmp_path / "sizes.yaml"
+    building.write_text(SMALL)
+    sizes.write_text("furniture: {Contraption: {type: Table, size: [2, 1, 1]}}\n")
+    unknown = somrs("import", building, cwd=tmp_path).stdout
+    assert "Contraption: the size is not known" in unknown
+    assert unknown.index("Contraption") < unknown.index("moved out of a wall"), "what matters more comes first"
+    assert "Contraption" not in somrs("import", building, "--sizes", sizes, cwd=tmp_path).stdout
+    sizes.write_text("furniture: {Contraption: {type: Tabel, size: [2, 1, 1]}}\n")
+    mistaken = somrs("import", building, "--sizes", sizes, cwd=tmp_path)
+    assert mistaken.returncode != 0
+    assert "sizes.yaml:1" in mistaken.stderr
+    assert "Tabel is no type below Furniture" in mistaken.stderr
+
+
+def test_lanes_go_out_as_a_layout_and_come_back(tmp_path: Path) -> None:
+    (tmp_path / "track.yaml").write_text(TRACK)
+    exported = somrs("map", "export", "track.lif", "--from", "track.yaml", cwd=tmp_path)
+    assert exported.returncode == 0, exported.stdout + exported.stderr
+    assert [edge["edgeId"] for edge in json.loads((tmp_path / "track.lif").read_text())["layouts"][0]["edges"]] == ["Lane1"]
+    assert somrs("import", "track.lif", "-o", "again.yaml", cwd=tmp_path).returncode == 0
+    assert "Lane1 startsAt Bay" in (tmp_path / "again.yaml").read_text()
+    (tmp_path / "empty.yaml").write_text("map: m\nobjects:\n  B: {type: Site}\n")
+    refused = somrs("map", "export", "track.lif", "--from", "empty.yaml", cwd=tmp_path)
+    assert refused.returncode != 0
+    assert "no lanes to export" in refused.stderr

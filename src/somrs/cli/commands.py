@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Sequence
+from datetime import UTC, datetime
 from importlib import resources
 from pathlib import Path
 
@@ -202,13 +203,28 @@ async def update(situation: str, author: str, data: Path) -> None:
     print(f"the map is at version {updated.version}")
 
 
-async def export(output: Path, data: Path) -> None:
+async def export(output: Path, data: Path, sources: Sequence[Path] = ()) -> None:
+    """Write the map of the running system, or of the source files, in the format that the name of the output says."""
+    from somrs.ontology.files.loading import load
     from somrs.ontology.files.site import dump_site
 
-    async with Client(Addresses.read(data)) as client:
-        ontology, map = await client.ontology(), await client.map()
-    output.write_text(dump_site(ontology, map), encoding="utf-8")
-    print(f"{output}: {len(map.objects)} objects")
+    if sources:
+        loaded = load(sources)
+        if loaded.map is None:
+            raise UsageError(f"{', '.join(map(str, sources))}: there is no map in it")
+        ontology, site_map = loaded.ontology, loaded.map
+    else:
+        async with Client(Addresses.read(data)) as client:
+            ontology, site_map = await client.ontology(), await client.map()
+    if output.name.endswith((".lif", ".lif.json")):
+        from somrs.sites.lif import export_layouts
+
+        layouts = export_layouts(ontology, site_map, exported_at=datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z"))
+        output.write_bytes(layouts)
+        print(f"{output}: the lanes of the map, in the Layout Interchange Format")
+        return
+    output.write_text(dump_site(ontology, site_map), encoding="utf-8")
+    print(f"{output}: {len(site_map.objects)} objects")
 
 
 def _simulator(data: Path) -> tuple[str, int]:

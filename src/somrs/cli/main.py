@@ -222,7 +222,7 @@ def check(files: Annotated[list[Path], typer.Argument(help="Ontology and map fil
 
 @app.command(name="import")
 def import_(
-    source: Annotated[list[Path], typer.Argument(help="A building (Open-RMF's SITE.building.yaml), or a PDDL domain and its problem.")],
+    source: Annotated[list[Path], typer.Argument(help="A building (Open-RMF's *.building.yaml; *.lif), or a PDDL domain and its problem.")],
     output: Annotated[Path | None, typer.Option("--out", "-o", help="The map file to write.")] = None,
     sizes: Annotated[Path | None, typer.Option("--sizes", help="A YAML file that says what models stand for, and their sizes.")] = None,
     crowds: Annotated[bool, typer.Option("--crowds", help="Import the people of simulated crowds, too, and their lanes.")] = False,
@@ -356,11 +356,19 @@ def merge(
 
 
 @map_app.command()
-def export(out: Annotated[Path, typer.Argument(help="The YAML file to write.")], data: Data = DEFAULT_FOLDER) -> None:
-    """Export the site as it is now, with its map, as a YAML file."""
+def export(
+    out: Annotated[
+        Path, typer.Argument(help="The file to write: YAML, or the lanes in the Layout Interchange Format (*.lif, *.lif.json).")
+    ],
+    source: Annotated[
+        list[Path] | None, typer.Option("--from", help="Export the map in these files, not that of a running system.")
+    ] = None,
+    data: Data = DEFAULT_FOLDER,
+) -> None:
+    """Export the site as it is now, with its map, as a YAML file, or its lanes as a LIF file."""
     from somrs.cli.commands import export as run
 
-    awaited(run(out, data))
+    awaited(run(out, data, source or ()))
 
 
 @cache
